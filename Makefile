@@ -1,0 +1,34 @@
+# Everything runs in .venv, made from Python >= 3.11 and the locked requirements.txt.
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/ready
+
+.PHONY: fly test bench lock clean
+
+fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
+	$(BIN)/gcs fly scenarios/paper/scenario1.yaml
+
+test: $(READY)  ## everything that must pass: format, lint, types, tests
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/pytest -n auto --dist worksteal
+
+bench: $(READY)  ## the speed figures of the README
+	$(BIN)/python -m benchmarks
+
+lock:  ## choose new dependency versions (wants uv on the PATH)
+	uv pip compile pyproject.toml --group build --group test --universal --python-version 3.11 \
+	  --generate-hashes --no-emit-index-url --no-annotate --custom-compile-command "make lock" \
+	  --upgrade --quiet --output-file requirements.txt
+
+clean:  ## remove the environment and everything generated
+	rm -rf .venv build dist mavlink_defs/dialect.py
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
+	$(PYTHON) -c 'import sys; sys.exit("ftc-sitl needs Python 3.11 or newer, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	touch $@

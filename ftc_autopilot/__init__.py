@@ -1,0 +1,1 @@
+"""The mind: reference, formation, controllers, triggers, and the autopilot process."""

@@ -1,0 +1,178 @@
+"""One control step of one UAV: measured motion in, held actuator command out.
+
+The order within a step at time t is: read the reference, evaluate the law with its estimates
+as they stand, trigger, then advance estimates and filters by one explicit Euler step to
+t + dt.
+"""
+
+import numpy as np
+
+from ftc_autopilot.formation import formation_errors
+from ftc_autopilot.motion import Motion
+from ftc_autopilot.parameters import scheduled
+from ftc_autopilot.proposed import proposed_law
+from ftc_autopilot.reference import filter_reference, read_reference, start_filter
+from ftc_autopilot.trigger import CHANNELS, trigger
+from mavlink_defs.jit import compiled
+from sitl_plant.vec3 import Vec3, vec3
+
+__all__ = ["CONTROLLER", "NO_INTERVAL", "SIGNALS", "control_step", "new_controller"]
+
+NO_INTERVAL = 2**32 - 1
+"""Smallest interval of a channel with fewer than two events."""
+
+CONTROLLER = np.dtype(
+    [
+        ("Phi_v", "f8"),
+        ("g_v", "f8"),
+        ("beta_v", "f8"),
+        ("Phi_omega", "f8"),
+        ("beta_omega", "f8"),
+        ("omega_d_filtered", "f8", (3,)),  # rad/s
+        ("delta_filtered", "f8", (3,)),  # rad
+        ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
+        ("held", "f8", (CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
+        ("steps", "i8"),  # control steps made
+        ("messages", "i8"),  # steps in which at least one channel had an event
+        ("events", "i8", (CHANNELS,)),
+        ("last_event", "i8", (CHANNELS,)),  # control step of the channel's last event
+        ("min_interval", "i8", (CHANNELS,)),  # smallest interval between two events [steps]
+    ]
+)
+
+SIGNALS = np.dtype(
+    [
+        ("V", "f8"),  # m/s
+        ("V_dot", "f8"),  # m/s²
+        ("attitude", "f8", (3,)),  # rad
+        ("command", "f8", (4,)),  # unfiltered reference
+        ("reference", "f8", (4,)),  # filtered
+        ("reference_dot", "f8", (4,)),
+        ("error", "f8", (4,)),  # Ṽ and e
+        ("sync_error", "f8", (4,)),  # Ṽ' and e', eqs. (31), (32)
+        ("demand", "f8", (CHANNELS,)),  # δ̂ and T̂ before saturation
+        ("held", "f8", (CHANNELS,)),  # δ_0 and T_x0
+        ("events", "u1"),  # bit per channel
+        ("Phi_v", "f8"),
+        ("g_v", "f8"),
+        ("beta_v", "f8"),
+        ("Phi_omega", "f8"),
+        ("beta_omega", "f8"),
+        ("Phi_v_dot", "f8"),
+        ("g_v_dot", "f8"),
+        ("beta_v_dot", "f8"),
+        ("Phi_omega_dot", "f8"),
+        ("beta_omega_dot", "f8"),
+        ("basis", "f8"),  # ςᵀς
+        ("alpha_v", "f8"),
+        ("r_v", "f8"),
+        ("zeta_v", "f8"),
+        ("B_v", "f8"),
+        ("omega_d", "f8", (3,)),
+        ("omega_d_dot", "f8", (3,)),
+        ("e_omega", "f8", (3,)),
+        ("zeta_omega", "f8", (3,)),
+    ]
+)
+"""What one control step computed. Channels of references and errors: airspeed [m/s], roll,
+pitch, yaw [rad]; of commands: aileron, elevator, rudder [rad], thrust [N]."""
+
+
+def new_controller(parameters: np.void) -> np.void:
+    """A controller before its first step, dtype `CONTROLLER`; its reference is still unset."""
+    state = np.zeros(1, CONTROLLER)[0]
+    state["Phi_v"] = parameters["phi_v0"]
+    state["g_v"] = parameters["g_v0"]
+    state["beta_v"] = parameters["beta_v0"]
+    state["Phi_omega"] = parameters["phi_omega0"]
+    state["beta_omega"] = parameters["beta_omega0"]
+    state["min_interval"] = NO_INTERVAL
+    return state  # type: ignore[no-any-return]
+
+
+@compiled
+def control_step(
+    t: float,
+    dt: float,
+    motion: Motion,
+    command: np.ndarray,
+    neighbours: np.ndarray,
+    weights: np.ndarray,
+    aircraft: np.void,
+    parameters: np.void,
+    state: np.void,
+    controls: np.ndarray,
+    signals: np.void,
+) -> int:
+    """Make one control step.
+
+    Args:
+        t: Time that the parameters' schedules run on [s].
+        dt: Control period [s].
+        motion: Own motion.
+        command: Unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad], shape (4,).
+        neighbours: Last FTC_NEIGHBOUR payload of each neighbour, shape (degree,).
+        weights: a_ij of each neighbour, 0 while it is silent, shape (degree,).
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        parameters: Record of dtype `ftc_autopilot.parameters.PARAMETERS`.
+        state: Record of dtype `CONTROLLER`, updated in place.
+        controls: HIL_ACTUATOR_CONTROLS.controls, updated in place.
+        signals: Record of dtype `SIGNALS`, written.
+
+    Returns:
+        Bit mask of the channels that had an event, bit numbers as FTC_ACTUATOR; an actuator
+        message is due unless it is 0.
+    """
+    if state["steps"] == 0:
+        start_filter(command, state["reference"])
+    reference = read_reference(state["reference"])
+    errors = formation_errors(motion, reference, neighbours, weights, parameters)
+    proposed_law(t, dt, motion, reference, errors, aircraft, parameters, state, signals)
+    demand = signals["demand"]
+    mask = trigger(
+        vec3(demand),
+        demand[3],
+        state["held"],
+        state["steps"] == 0,
+        parameters["trigger_mode"],
+        (scheduled(parameters["a1"], t)[0], scheduled(parameters["a2"], t)[0]),
+        (scheduled(parameters["b1"], t)[0], scheduled(parameters["b2"], t)[0]),
+        aircraft,
+        controls,
+    )
+    _count(mask, state)
+
+    signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
+    _write(signals["reference"], reference.V, reference.phi)
+    _write(signals["reference_dot"], reference.V_dot, reference.phi_dot)
+    _write(signals["error"], errors.V_tilde, errors.e)
+    _write(signals["sync_error"], errors.V_tilde_prime, errors.e_prime)
+    for i in range(3):
+        signals["attitude"][i] = motion.phi[i]
+    for i in range(4):
+        signals["command"][i] = command[i]
+        signals["held"][i] = state["held"][i]
+
+    filter_reference(command, state["reference"], parameters["bandwidth"], dt)
+    return mask
+
+
+@compiled
+def _count(mask: int, state: np.void) -> None:
+    now = state["steps"]
+    for i in range(CHANNELS):
+        if mask & (1 << i):
+            if state["events"][i] > 0:
+                interval = now - state["last_event"][i]
+                state["min_interval"][i] = min(state["min_interval"][i], interval)
+            state["events"][i] += 1
+            state["last_event"][i] = now
+    if mask:
+        state["messages"] += 1
+    state["steps"] += 1
+
+
+@compiled
+def _write(row: np.ndarray, airspeed: float, attitude: Vec3) -> None:
+    row[0] = airspeed
+    row[1], row[2], row[3] = attitude

@@ -1,0 +1,78 @@
+"""Tracking and synchronisation errors within the formation, eqs. (31) and (32) of the paper."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_autopilot.motion import Motion
+from ftc_autopilot.reference import Reference, wrap
+from mavlink_defs.jit import compiled
+from sitl_plant.vec3 import Vec3, add, scale, sub, vec3
+
+__all__ = ["FormationErrors", "formation_errors"]
+
+
+class FormationErrors(NamedTuple):
+    """Errors of one UAV against the reference and against its neighbours."""
+
+    V_tilde: float  # Ṽ [m/s]
+    e: Vec3  # attitude error [rad]
+    V_tilde_prime: float  # Ṽ', eq. (31) [m/s]
+    e_prime: Vec3  # e', eq. (32) [rad]
+    lambda_v: float  # λ = λ1 + λ2 Σ a_ij
+    lambda_omega: float  # λ' = λ3 + λ4 Σ a_ij
+    V_tilde_dot_sum: float  # Σ a_ij Ṽ̇_j [m/s²], for r_v
+    e_dot_sum: Vec3  # Σ a_ij ė_j [rad/s], for eq. (57)
+
+
+@compiled
+def formation_errors(
+    motion: Motion,
+    reference: Reference,
+    neighbours: np.ndarray,
+    weights: np.ndarray,
+    parameters: np.void,
+) -> FormationErrors:
+    """Evaluate eqs. (31) and (32) and the neighbours' sums that r_v and (57) need.
+
+    Args:
+        motion: Own motion.
+        reference: Filtered reference.
+        neighbours: What each neighbour reported last, dtype `mavlink_defs.codec.NEIGHBOUR`,
+            shape (degree,).
+        weights: a_ij of each neighbour, shape (degree,); 0 while it is silent.
+        parameters: Record of dtype `ftc_autopilot.parameters.PARAMETERS`.
+    """
+    V_tilde = motion.V - reference.V
+    e = _attitude_error(motion.phi, reference.phi)
+    V_sum, a_sum, V_dot_sum = 0.0, 0.0, 0.0
+    e_sum, e_dot_sum = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for j in range(len(weights)):
+        a = weights[j]
+        if a == 0.0:
+            continue
+        other = neighbours[j]
+        e_j = _attitude_error(vec3(other["attitude"]), reference.phi)
+        e_dot_j = sub(vec3(other["attitude_rate"]), reference.phi_dot)
+        a_sum += a
+        V_sum += a * (V_tilde - (other["airspeed"] - reference.V))
+        V_dot_sum += a * (other["airspeed_rate"] - reference.V_dot)
+        e_sum = add(e_sum, scale(a, sub(e, e_j)))
+        e_dot_sum = add(e_dot_sum, scale(a, e_dot_j))
+    lambda1, lambda2 = parameters["lambda1"], parameters["lambda2"]
+    lambda3, lambda4 = parameters["lambda3"], parameters["lambda4"]
+    return FormationErrors(
+        V_tilde,
+        e,
+        lambda1 * V_tilde + lambda2 * V_sum,  # (31)
+        add(scale(lambda3, e), scale(lambda4, e_sum)),  # (32)
+        lambda1 + lambda2 * a_sum,
+        lambda3 + lambda4 * a_sum,
+        V_dot_sum,
+        e_dot_sum,
+    )
+
+
+@compiled
+def _attitude_error(phi: Vec3, phi_r: Vec3) -> Vec3:
+    return phi[0] - phi_r[0], phi[1] - phi_r[1], wrap(phi[2] - phi_r[2])

@@ -1,0 +1,349 @@
+"""The autopilot's hot path: the compiled loop from a received state to the datagrams it causes.
+
+For each running state: take the neighbours' words of the step before, make the control step,
+tell the neighbours, send an actuator message if a trigger fired (or if the plant shows that
+one was lost), and in lockstep report the step done. `run` comes back to Python between steps:
+for a datagram that is not hot, when it is time to look around, or when the simulation is over.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_autopilot.config import Neighbour
+from ftc_autopilot.controller import SIGNALS
+from ftc_autopilot.onboard import Crew, announce, onboard_step
+from mavlink_defs import codec
+from mavlink_defs.codec import (
+    FOREIGN,
+    ID_ACTUATORS,
+    ID_NEIGHBOUR,
+    ID_SIM_STATE,
+    ID_STEP_DONE,
+    NEIGHBOUR_SIZE,
+    SIGNED,
+    SIM_STATE_SIZE,
+    check,
+    expand,
+    pack,
+    system_of,
+)
+from mavlink_defs.dialect import (
+    FTC_SIM_FLAGS_ENDED,
+    FTC_SIM_FLAGS_LOCKSTEP,
+    FTC_SIM_FLAGS_RUNNING,
+    MAV_COMP_ID_AUTOPILOT1,
+)
+from mavlink_defs.endpoint import parse_address, sockaddr
+from mavlink_defs.jit import compiled
+from mavlink_defs.native import (
+    ADDRESS_SIZE,
+    monotonic_s,
+    receive,
+    receive_now,
+    send,
+    send_to,
+)
+
+__all__ = ["OVER", "SERVICE", "TICK", "AutopilotLink", "new_link", "run"]
+
+# what `run` comes back with
+SERVICE = 1  # link.received holds a datagram of clock["received"] bytes that is not hot
+TICK = 2  # the time or the step until which it should run has come
+OVER = 3  # the plant has ended the simulation
+
+_NEIGHBOUR_WAIT_S = 0.05
+"""How long a lockstep step waits for the word of a neighbour that was on time before."""
+_REPEAT_AFTER_STEPS = 10
+"""Real time: patience with the plant's acknowledgement [steps]. Lockstep needs none."""
+_NEVER_HEARD = -1
+
+CLOCK = np.dtype(
+    [
+        ("step", "i8"),  # last running step worked on, -1: none
+        ("step_us", "i8"),
+        ("flags", "i8"),  # FTC_SIM_FLAGS of the last state
+        ("heard_s", "f8"),  # wall-clock time of the last state [s], 0: none
+        ("sent_usec", "i8"),  # time_usec of the last actuator message, -1: none
+        ("sent_step", "i8"),
+        ("pending", "i8"),  # channels with an event that the plant has not yet acknowledged
+        ("repeated", "i8", (4,)),  # events sent again, per channel
+        ("edge_changes", "i8"),
+        ("timeout_steps", "i8"),  # silence after which a neighbour is dropped
+        ("sequence", "i8"),  # frames sent to the plant
+        ("formation_sequence", "i8"),
+        ("received", "i8"),  # length of the datagram in `received`
+    ]
+)
+
+
+class AutopilotLink(NamedTuple):
+    """Peers, counters and buffers of one autopilot."""
+
+    clock: np.ndarray  # (1,), dtype CLOCK
+    system: int
+    neighbours: np.ndarray  # (degree,), system ids
+    addresses: np.ndarray  # (degree, ADDRESS_SIZE), their sockaddr
+    weights: np.ndarray  # (degree,), a_ij as configured
+    heard_step: np.ndarray  # (degree,), step of each neighbour's word in use
+    early: np.ndarray  # (degree,), dtype NEIGHBOUR: its word of a step that is not over here
+    early_step: np.ndarray  # (degree,), the step of that word
+    late: np.ndarray  # (degree,), 1: not waited for any more
+    drops: np.ndarray  # (16,), datagrams dropped, by negated code of `codec.check`
+    sent: np.ndarray  # datagram buffer
+    received: np.ndarray  # datagram buffer
+    state: np.ndarray  # view of `received`
+    measured: np.ndarray  # (1,), dtype SIM_STATE: the last state, kept
+    word: np.ndarray  # datagram buffer of the formation link
+    report: np.ndarray  # view of `word`
+    step_done: np.ndarray  # (1,), payload
+    signals: np.ndarray  # (steps,), recorded; no steps: nothing is recorded
+
+
+def new_link(
+    system: int,
+    neighbours: Sequence[Neighbour],
+    step_us: int,
+    neighbour_timeout_s: float,
+    record_steps: int,
+) -> AutopilotLink:
+    """The link of an autopilot that has not heard of the plant.
+
+    Args:
+        system: Own system id.
+        neighbours: Neighbours with addresses and weights.
+        step_us: Control period [µs].
+        neighbour_timeout_s: Simulated silence after which a neighbour is dropped [s].
+        record_steps: Number of steps to keep signals of.
+    """
+    degree = len(neighbours)
+    clock = np.zeros(1, CLOCK)
+    clock["step"] = clock["sent_usec"] = -1
+    clock["step_us"] = step_us
+    clock["timeout_steps"] = round(neighbour_timeout_s * 1e6 / step_us)
+    addresses = np.zeros((degree, ADDRESS_SIZE), np.uint8)
+    for d, neighbour in enumerate(neighbours):
+        addresses[d] = sockaddr(parse_address(neighbour.address))
+    received, word = codec.new_buffer(), codec.new_buffer()
+    return AutopilotLink(
+        clock,
+        system,
+        np.array([neighbour.id for neighbour in neighbours], np.int64),
+        addresses,
+        np.array([neighbour.weight for neighbour in neighbours], np.float64),
+        np.full(degree, _NEVER_HEARD),
+        np.zeros(degree, codec.NEIGHBOUR),
+        np.full(degree, _NEVER_HEARD),
+        np.zeros(degree, np.int64),
+        np.zeros(16, np.int64),
+        codec.new_buffer(),
+        received,
+        codec.payload_view(received, codec.SIM_STATE),
+        np.zeros(1, codec.SIM_STATE),
+        word,
+        codec.payload_view(word, codec.NEIGHBOUR),
+        np.zeros(1, codec.STEP_DONE),
+        np.zeros(record_steps, SIGNALS),
+    )
+
+
+@compiled
+def run(
+    plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew, until_s: float, until_step: int
+) -> int:
+    """Work on states until something needs Python.
+
+    Args:
+        plant_fd: Socket connected to the plant; its receive timeout bounds how late `until_s`
+            is noticed.
+        formation_fd: Socket bound to the own formation port, with a short receive timeout.
+        link: The link.
+        crew: A crew of one.
+        until_s: Wall-clock time, as `monotonic_s` gives it, at which to come back [s].
+        until_step: Step after which to come back.
+
+    Returns:
+        SERVICE, TICK or OVER.
+    """
+    clock = link.clock[0]
+    while True:
+        length = receive(plant_fd, link.received)
+        if length >= 0:
+            code = check(link.received, length)
+            if code in (FOREIGN, SIGNED):
+                clock["received"] = length
+                return SERVICE
+            if code == ID_SIM_STATE and system_of(link.received) == link.system:
+                expand(link.received, SIM_STATE_SIZE)
+                _work(plant_fd, formation_fd, link, crew)
+                if clock["flags"] & FTC_SIM_FLAGS_ENDED:
+                    return OVER
+            elif code < 0:
+                link.drops[-code] += 1
+        if clock["step"] >= until_step or monotonic_s() >= until_s:
+            return TICK
+
+
+@compiled
+def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> None:
+    """Answer one received state."""
+    clock, state = link.clock[0], link.state[0]
+    step, flags = int(state["step"]), int(state["flags"])
+    clock["flags"] = flags
+    clock["heard_s"] = monotonic_s()
+    link.measured[0] = state
+    lockstep = flags & FTC_SIM_FLAGS_LOCKSTEP
+    if flags & FTC_SIM_FLAGS_RUNNING:
+        if step > clock["step"]:
+            if clock["step"] < 0:
+                announce(crew, 0, state)
+                _tell_neighbours(formation_fd, link, crew)
+            _collect_reports(formation_fd, link, crew, step, lockstep != 0)
+            mask = onboard_step(crew, 0, state, clock["step_us"])
+            _tell_neighbours(formation_fd, link, crew)
+            _send_actuators(plant_fd, link, crew, mask, lockstep != 0)
+            clock["step"] = step
+            if step < len(link.signals):
+                link.signals[step] = crew.signals[0]
+    elif not flags & FTC_SIM_FLAGS_ENDED:  # frozen: neighbours learn of each other
+        announce(crew, 0, state)
+        _tell_neighbours(formation_fd, link, crew)
+        _take_reports(formation_fd, link, crew, 0)
+    if lockstep or flags & FTC_SIM_FLAGS_ENDED:
+        link.step_done[0]["step"] = step
+        _send(plant_fd, link, link.step_done, ID_STEP_DONE)
+
+
+@compiled
+def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: int) -> None:
+    clock = link.clock[0]
+    length = pack(
+        link.sent, payload, message_id, link.system, MAV_COMP_ID_AUTOPILOT1, clock["sequence"]
+    )
+    clock["sequence"] += 1
+    send(plant_fd, link.sent, length)
+
+
+@compiled
+def _send_actuators(
+    plant_fd: int, link: AutopilotLink, crew: Crew, mask: int, lockstep: bool
+) -> None:
+    """Send the actuator message if there was an event, or again if the plant has missed one."""
+    clock, state = link.clock[0], link.state[0]
+    time_usec = int(state["time_usec"])
+    if clock["pending"] != 0 and int(np.int64(state["actuator_time_usec"])) == clock["sent_usec"]:
+        clock["pending"] = 0
+    patience = 1 if lockstep else _REPEAT_AFTER_STEPS
+    overdue = clock["pending"] != 0 and int(state["step"]) - clock["sent_step"] >= patience
+    if mask == 0 and not overdue:
+        return
+    if overdue:
+        for c in range(4):
+            if clock["pending"] & ~mask & (1 << c):
+                clock["repeated"][c] += 1
+    crew.actuators[0]["time_usec"] = time_usec
+    clock["sent_usec"] = time_usec
+    clock["sent_step"] = int(state["step"])
+    clock["pending"] |= mask
+    _send(plant_fd, link, crew.actuators, ID_ACTUATORS)
+
+
+@compiled
+def _tell_neighbours(formation_fd: int, link: AutopilotLink, crew: Crew) -> None:
+    clock = link.clock[0]
+    if len(link.neighbours) == 0:
+        return
+    length = pack(
+        link.sent, crew.reports, ID_NEIGHBOUR, link.system, MAV_COMP_ID_AUTOPILOT1,
+        clock["formation_sequence"],
+    )  # fmt: skip
+    clock["formation_sequence"] += 1
+    for d in range(len(link.neighbours)):
+        send_to(formation_fd, link.sent, length, link.addresses[d])
+
+
+@compiled
+def _collect_reports(
+    formation_fd: int, link: AutopilotLink, crew: Crew, step: int, lockstep: bool
+) -> None:
+    """Bring the neighbours' words up to date, and drop or take up edges, before a step.
+
+    A step uses words of the step before, never newer ones, so that it does not matter who of
+    the neighbours is faster. Lockstep waits for them: they were sent before the plant
+    advanced, so on a healthy link they are there already.
+    """
+    clock = link.clock[0]
+    newest = max(step - 1, 0)  # the first step uses the words of the frozen state
+    for d in range(len(link.neighbours)):
+        if link.heard_step[d] < link.early_step[d] <= newest:
+            crew.inboxes[0, d] = link.early[d]
+            link.heard_step[d] = link.early_step[d]
+    _take_reports(formation_fd, link, crew, newest)
+    if lockstep and _some_missing(link, newest):
+        end_s = monotonic_s() + _NEIGHBOUR_WAIT_S
+        while _some_missing(link, newest) and monotonic_s() < end_s:
+            length = receive(formation_fd, link.word)
+            if length >= 0:
+                _take_report(link, crew, length, newest)
+        for d in range(len(link.neighbours)):
+            if link.heard_step[d] < newest:
+                link.late[d] = 1
+    for d in range(len(link.neighbours)):
+        heard = link.heard_step[d] != _NEVER_HEARD
+        fresh = heard and step - link.heard_step[d] <= clock["timeout_steps"]
+        weight = link.weights[d] if fresh else 0.0
+        if weight != crew.weights[0, d]:
+            crew.weights[0, d] = weight
+            if step > 0:  # the first words are no change
+                clock["edge_changes"] += 1
+
+
+@compiled
+def _some_missing(link: AutopilotLink, newest: int) -> bool:
+    for d in range(len(link.neighbours)):
+        if link.late[d] == 0 and link.heard_step[d] < newest:
+            return True
+    return False
+
+
+@compiled
+def _take_reports(formation_fd: int, link: AutopilotLink, crew: Crew, newest: int) -> None:
+    while True:
+        length = receive_now(formation_fd, link.word)
+        if length < 0:
+            return
+        _take_report(link, crew, length, newest)
+
+
+@compiled
+def _take_report(link: AutopilotLink, crew: Crew, length: int, newest: int) -> None:
+    """Keep a neighbour's word: for use if its step is over here, for later if not."""
+    code = check(link.word, length)
+    if code < 0:
+        link.drops[-code] += 1
+    if code != ID_NEIGHBOUR:
+        return
+    expand(link.word, NEIGHBOUR_SIZE)
+    system = system_of(link.word)
+    report = link.report[0]
+    step = int(report["step"])
+    for d in range(len(link.neighbours)):
+        if link.neighbours[d] != system or not _is_sane(report):
+            continue
+        link.late[d] = 0
+        if step > newest:
+            link.early[d] = report
+            link.early_step[d] = step
+        elif step >= link.heard_step[d]:
+            crew.inboxes[0, d] = report
+            link.heard_step[d] = step
+
+
+@compiled
+def _is_sane(report: np.void) -> bool:
+    """Tell whether a report holds numbers only: one NaN would spread through the formation."""
+    total = report["airspeed"] + report["airspeed_rate"]
+    for i in range(3):
+        total += report["attitude"][i] + report["attitude_rate"][i]
+    return bool(np.isfinite(total))

@@ -1,0 +1,135 @@
+"""Everything aboard one or more UAVs between a received state and what has to be sent.
+
+The autopilot process holds a crew of one; the closed loop in one process holds a crew of all.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.controller import CONTROLLER, SIGNALS, control_step, new_controller
+from ftc_autopilot.motion import motion_of, report
+from ftc_autopilot.parameters import PARAMETERS, parameter_record
+from ftc_autopilot.reference import PROFILE, profile_value
+from ftc_autopilot.trigger import THROTTLE
+from mavlink_defs.codec import ACTUATORS, NEIGHBOUR
+from mavlink_defs.jit import compiled
+from sitl_plant.aircraft import AIRCRAFT, aircraft_record
+
+__all__ = ["GUIDANCE", "Crew", "announce", "new_crew", "onboard_step"]
+
+GUIDANCE = np.dtype(
+    [
+        ("active", "i8"),  # 1: armed, the controller runs
+        ("auto", "i8"),  # 1: fly the profile; 0: fly `command`
+        ("start_step", "i8"),  # step at which the mission started, -1: not yet
+        ("command", "f8", (4,)),  # airspeed [m/s], roll, pitch, yaw [rad]
+    ]
+)
+
+
+class Crew(NamedTuple):
+    """Arrays over n UAVs."""
+
+    aircraft: np.ndarray  # (n,), dtype AIRCRAFT, nominal
+    parameters: np.ndarray  # (n,), dtype PARAMETERS
+    controllers: np.ndarray  # (n,), dtype CONTROLLER
+    guidance: np.ndarray  # (n,), dtype GUIDANCE
+    profiles: np.ndarray  # (n,), dtype PROFILE
+    inboxes: np.ndarray  # (n, degree), dtype NEIGHBOUR: last word of each neighbour
+    weights: np.ndarray  # (n, degree), a_ij; 0 while a neighbour is silent
+    actuators: np.ndarray  # (n,), dtype ACTUATORS: the actuator message in force
+    reports: np.ndarray  # (n,), dtype NEIGHBOUR: own word to the neighbours
+    signals: np.ndarray  # (n,), dtype SIGNALS
+
+
+def new_crew(configs: Sequence[AutopilotConfig]) -> Crew:
+    """The crew of the given UAVs, before the first step: no profile, not active."""
+    n = len(configs)
+    degree = max((len(config.neighbours) for config in configs), default=0)
+    crew = Crew(
+        np.zeros(n, AIRCRAFT),
+        np.zeros(n, PARAMETERS),
+        np.zeros(n, CONTROLLER),
+        np.zeros(n, GUIDANCE),
+        np.zeros(n, PROFILE),
+        np.zeros((n, degree), NEIGHBOUR),
+        np.zeros((n, degree)),
+        np.zeros(n, ACTUATORS),
+        np.zeros(n, NEIGHBOUR),
+        np.zeros(n, SIGNALS),
+    )
+    for i, config in enumerate(configs):
+        crew.aircraft[i] = aircraft_record(config.aircraft)
+        crew.parameters[i] = parameter_record(config.controller, config.trigger)
+        crew.controllers[i] = new_controller(crew.parameters[i])
+    crew.guidance["start_step"] = -1
+    return crew
+
+
+@compiled
+def announce(crew: Crew, i: int, measured: np.void) -> None:
+    """Write what UAV i tells its neighbours about a measured state into its report.
+
+    Args:
+        crew: The crew.
+        i: Index of the UAV.
+        measured: FTC_SIM_STATE payload.
+    """
+    report(motion_of(measured, crew.aircraft[i]), measured["step"], crew.reports[i])
+
+
+@compiled
+def onboard_step(crew: Crew, i: int, measured: np.void, step_us: int) -> int:
+    """Work on one measured state: report, guidance, control step, actuator message.
+
+    Args:
+        crew: The crew; report, controller, actuator message and signals of UAV i are updated.
+        i: Index of the UAV.
+        measured: FTC_SIM_STATE payload.
+        step_us: Control period [µs].
+
+    Returns:
+        Bit mask of the channels that had an event; the actuator message is due unless it is 0.
+    """
+    motion = motion_of(measured, crew.aircraft[i])
+    report(motion, measured["step"], crew.reports[i])
+    guidance = crew.guidance[i]
+    if guidance["active"] == 0:
+        return _cut_thrust(crew, i, measured)
+    clock = 0.0  # schedules belong to the profile, so they run on the mission's clock
+    if guidance["start_step"] >= 0:
+        clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
+    if guidance["auto"] != 0:
+        profile_value(crew.profiles[i], clock, guidance["command"])
+    actuators = crew.actuators[i]
+    mask = control_step(
+        clock,
+        step_us / 1e6,
+        motion,
+        guidance["command"],
+        crew.inboxes[i],
+        crew.weights[i],
+        crew.aircraft[i],
+        crew.parameters[i],
+        crew.controllers[i],
+        actuators["controls"],
+        crew.signals[i],
+    )
+    if mask != 0:
+        actuators["time_usec"] = measured["time_usec"]
+    return mask
+
+
+@compiled
+def _cut_thrust(crew: Crew, i: int, measured: np.void) -> int:
+    """Disarmed: thrust goes to zero, the surfaces stay."""
+    actuators = crew.actuators[i]
+    if actuators["controls"][THROTTLE] == 0.0:
+        return 0
+    actuators["controls"][THROTTLE] = 0.0
+    actuators["time_usec"] = measured["time_usec"]
+    crew.controllers[i]["held"][THROTTLE] = 0.0
+    return 1 << THROTTLE

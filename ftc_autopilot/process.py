@@ -1,0 +1,205 @@
+"""The autopilot process of one UAV: ``ftc-autopilot CONFIG``.
+
+It registers with the plant by HEARTBEAT, talks to its neighbours and to the ground stations,
+and flies until the plant ends the simulation. Exit status: 0 the simulation ended or a signal
+stopped it, 1 the plant fell silent, 2 bad input.
+"""
+
+import argparse
+import socket
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.link import OVER, SERVICE, new_link, run
+from ftc_autopilot.onboard import new_crew
+from ftc_autopilot.vehicle import Vehicle
+from mavlink_defs import dialect
+from mavlink_defs.config import ConfigError, load
+from mavlink_defs.endpoint import (
+    EndpointError,
+    bind_udp,
+    connect_udp,
+    is_loopback,
+    parse_address,
+    set_receive_timeout,
+)
+from mavlink_defs.frames import Speaker, parse
+from mavlink_defs.lifetime import on_stop
+from sitl_plant.link import SIMULATOR_COMPONENT
+
+__all__ = ["main"]
+
+_TICK_S = 0.02
+_MAX_GCS_DATAGRAMS = 8
+"""Most datagrams of ground stations worked on between two steps."""
+_LONGEST_FRAME = 280
+
+
+class Autopilot:
+    """The autopilot's shell: sockets and the wall clock."""
+
+    def __init__(
+        self,
+        config: AutopilotConfig,
+        plant: socket.socket,
+        formation: socket.socket,
+        gcs: socket.socket,
+        record_steps: int,
+    ) -> None:
+        self._config = config
+        self._plant, self._formation, self._gcs = plant, formation, gcs
+        set_receive_timeout(plant, _TICK_S)
+        set_receive_timeout(formation, _TICK_S)
+        gcs.setblocking(False)
+        addresses = map(parse_address, config.gcs)
+        self._ground_stations = [(address.host, address.port) for address in addresses]
+        self._crew = new_crew([config])
+        self._link = new_link(
+            config.id, config.neighbours, config.step_us, config.neighbour_timeout_s, record_steps
+        )
+        self._clock = self._link.clock[0]
+        self._vehicle = Vehicle(config, self._link, self._crew)
+        component = dialect.MAV_COMP_ID_AUTOPILOT1
+        self._to_gcs = Speaker(config.id, component)
+        self._to_plant = Speaker(config.id, component, self._next_sequence)
+        self.stopping = False
+
+    def fly(self) -> str | None:
+        """Serve all links until the simulation is over; the reason if it ended otherwise."""
+        loss = None
+        plant_fd, formation_fd = self._plant.fileno(), self._formation.fileno()
+        while not self.stopping:
+            until_s = time.monotonic() + _TICK_S
+            outcome = run(
+                plant_fd, formation_fd, self._link, self._crew, until_s, self._next_telemetry_step()
+            )
+            if outcome == SERVICE:
+                self._hear_simulator()
+            elif outcome == OVER:
+                lost = self._clock["flags"] & dialect.FTC_SIM_FLAGS_LOST
+                how = "lost" if lost else "over"
+                self._vehicle.farewell(f"simulation {how} at {self._vehicle.time_s:.3f} s")
+                break
+            loss = self._silence()
+            if loss is not None:
+                self._vehicle.farewell(loss)
+                break
+            self._hear_ground_stations()
+            self._vehicle.tick(time.monotonic())
+            self._speak()
+        self._speak()
+        return loss
+
+    def recording(self) -> dict[str, Any]:
+        """Everything recorded, by name."""
+        return {
+            "signals": self._link.signals[: int(self._clock["step"]) + 1],
+            "repeats": self._clock["repeated"],
+        }
+
+    def _next_sequence(self) -> int:
+        self._clock["sequence"] += 1
+        return int(self._clock["sequence"]) - 1
+
+    def _next_telemetry_step(self) -> int:
+        if not self._vehicle.running:
+            return 2**62
+        due_s = self._vehicle.telemetry.next_due_s()
+        return round(min(due_s, 1e9) * 1e6 / self._config.step_us)
+
+    def _silence(self) -> str | None:
+        heard_s = float(self._clock["heard_s"])
+        limit_s = self._config.silence_timeout_s
+        if heard_s > 0.0 and time.monotonic() - heard_s > limit_s:
+            return f"the plant has been silent for {limit_s:g} s at {self._vehicle.time_s:.3f} s"
+        return None
+
+    def _hear_simulator(self) -> None:
+        message = parse(self._link.received[: int(self._clock["received"])].tobytes())
+        if (
+            message is not None
+            and message.get_srcSystem() == self._config.id
+            and message.get_srcComponent() == SIMULATOR_COMPONENT
+        ):
+            self._vehicle.receive_from_simulator(message, time.monotonic())
+
+    def _hear_ground_stations(self) -> None:
+        for _ in range(_MAX_GCS_DATAGRAMS):
+            try:
+                datagram = self._gcs.recv(_LONGEST_FRAME)
+            except (BlockingIOError, ConnectionRefusedError):
+                return
+            message = parse(datagram)
+            if message is not None:
+                self._vehicle.receive(message, time.monotonic())
+
+    def _speak(self) -> None:
+        for message in self._vehicle.simulator_messages():
+            _send(self._plant, self._to_plant.pack(message))
+        for message in self._vehicle.gcs_messages():
+            frame = self._to_gcs.pack(message)
+            for ground_station in self._ground_stations:
+                _send(self._gcs, frame, ground_station)
+
+
+def _send(sock: socket.socket, frame: bytes, address: tuple[str, int] | None = None) -> None:
+    """Send a frame if the link takes it now; losses are the microservices' business."""
+    try:
+        if address is None:
+            sock.send(frame, socket.MSG_DONTWAIT)
+        else:
+            sock.sendto(frame, address)
+    except OSError:
+        pass
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the autopilot process and exit."""
+    parser = argparse.ArgumentParser(
+        prog="ftc-autopilot",
+        description="Fly one UAV: controller, event trigger, MAVLink services.",
+        epilog="`gcs fly` writes such a CONFIG for each UAV of a scenario into its run folder.",
+    )
+    parser.add_argument("config", type=Path, help="autopilot configuration (YAML)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="write all signals as .npz")
+    parser.add_argument(
+        "--record-steps", type=int, default=0, metavar="N", help="number of steps to record"
+    )
+    parser.add_argument(
+        "--exit-with-parent", action="store_true", help="stop when the parent process is gone"
+    )
+    options = parser.parse_args(arguments)
+    try:
+        config = load(options.config, AutopilotConfig)
+        address = parse_address(config.formation_bind)
+        plant = connect_udp(parse_address(config.plant))
+        formation = bind_udp(
+            address,
+            f"formation link of UAV {config.id}",
+            "stop the other program, or change `formation_bind`",
+        )
+    except (ConfigError, EndpointError) as problem:
+        print(problem, file=sys.stderr)
+        sys.exit(2)
+    prefix = f"ftc-autopilot {config.id}"
+    if not is_loopback(address):
+        print(f"{prefix}: warning: {address} can be reached from other machines", file=sys.stderr)
+    gcs = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    autopilot = Autopilot(config, plant, formation, gcs, options.record_steps)
+
+    def stop() -> None:
+        autopilot.stopping = True
+
+    on_stop(stop, options.exit_with_parent)
+    with plant, formation, gcs:
+        loss = autopilot.fly()
+    if options.record:
+        np.savez(options.record, **autopilot.recording())
+    if loss is not None:
+        print(f"{prefix}: {loss}", file=sys.stderr)
+    sys.exit(0 if loss is None else 1)

@@ -1,0 +1,1 @@
+"""The hands and eyes: scenarios, launcher, ground-station client, command line, reports."""

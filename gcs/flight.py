@@ -1,0 +1,120 @@
+"""Flying a scenario with real processes, as an operator would: all by MAVLink.
+
+Upload the profile to every vehicle, set the faults, start the missions, arm. When the last
+vehicle is armed simulated time begins; when the plant ends, the flight is over.
+"""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from gcs.client import Client
+from gcs.errors import FlightLost
+from gcs.launcher import Fleet
+from gcs.recording import Mode, Recording
+from gcs.scenario import Scenario
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.endpoint import Address
+from mavlink_defs.faults import fault_to_params
+from mavlink_defs.tlog import TlogWriter
+
+__all__ = ["fly_over_udp"]
+
+_START_TIMEOUT_S = 60.0
+_LOOK_S = 0.05
+_END_TIMEOUT_S = 10.0
+
+
+async def fly_over_udp(
+    scenario: Scenario,
+    folder: Path,
+    speed: float | None = None,
+    on_progress: Callable[[float, np.ndarray], None] | None = None,
+) -> Recording:
+    """Fly a scenario with one plant and one autopilot process per UAV.
+
+    Args:
+        scenario: The scenario.
+        folder: Run folder, exists; gets `flight.tlog`, and `processes/` with the configuration
+            and the words of each process.
+        speed: Real-time factor; None for lockstep, as fast as the machine goes.
+        on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
+
+    Raises:
+        BadInput: A port is in use.
+        FlightLost: A process ended before simulated time began.
+        CommandRefused: A vehicle refused its profile, a fault, its mission or arming.
+        NoAnswer: A vehicle did not appear or did not answer.
+    """
+    events = np.zeros((len(scenario.uavs), 4), np.int64)
+    ids = [uav.id for uav in scenario.uavs]
+
+    def follow(message: MAVLink_message) -> None:
+        if isinstance(message, dialect.MAVLink_ftc_events_message) and on_progress is not None:
+            events[ids.index(message.get_srcSystem())] = message.events
+            on_progress(message.time_boot_ms / 1e3, events)
+
+    links = scenario.links
+    with TlogWriter(folder / "flight.tlog") as tlog:
+        async with Client(Address(links.host, links.gcs_port), tlog, follow) as client:
+            with Fleet(scenario, speed, folder / "processes") as fleet:
+                try:
+                    await _prepare(client, fleet, scenario)
+                    while fleet.plant_returncode is None:
+                        await asyncio.sleep(_LOOK_S)
+                    await asyncio.sleep(_LOOK_S)  # last words are on their way
+                finally:
+                    fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
+                return _collect(scenario, fleet, "real_time" if speed else "lockstep")
+
+
+async def _prepare(client: Client, fleet: Fleet, scenario: Scenario) -> None:
+    """Bring the fleet to the point where simulated time begins."""
+    ids = [uav.id for uav in scenario.uavs]
+    waiting = asyncio.create_task(client.wait_for(ids, _START_TIMEOUT_S))
+    while not waiting.done():
+        fleet.check()
+        await asyncio.wait([waiting], timeout=_LOOK_S)
+    await waiting
+    segments = scenario.segments()
+    await asyncio.gather(*(client.vehicle(i).upload(segments) for i in ids))
+    for uav_id, fault in scenario.fault_commands():
+        params = fault_to_params(fault)
+        await client.vehicle(uav_id).command(dialect.MAV_CMD_FTC_SET_FAULT, params)
+    for number, params in (
+        (dialect.MAV_CMD_MISSION_START, ()),
+        (dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,)),
+    ):
+        await asyncio.gather(*(client.vehicle(i).command(number, params) for i in ids))
+    fleet.check()
+
+
+def _collect(scenario: Scenario, fleet: Fleet, mode: Mode) -> Recording:
+    """Put together what the processes have recorded."""
+    ids = tuple(uav.id for uav in scenario.uavs)
+    try:
+        with np.load(fleet.recording_of("plant")) as plant:
+            states, applied = plant["states"], plant["applied"]
+            wall_s, loss = float(plant["wall_s"]), str(plant["loss"])
+        autopilots = [np.load(fleet.recording_of(f"uav{i}")) for i in ids]
+    except OSError as problem:
+        raise FlightLost(f"the flight left no complete recording: {problem}") from problem
+    steps = min(len(states), *(len(a["signals"]) for a in autopilots))
+    signals = np.stack([a["signals"][:steps] for a in autopilots], axis=1)
+    recording = Recording(
+        mode=mode,
+        step_us=scenario.step_us,
+        uav_ids=ids,
+        states=states[:steps],
+        applied=applied[:steps],
+        signals=signals,
+        repeats=np.stack([a["repeats"] for a in autopilots]),
+        wall_s=wall_s,
+        loss=loss or None,
+    )
+    for name in ("plant", *(f"uav{i}" for i in ids)):
+        fleet.recording_of(name).unlink()
+    return recording

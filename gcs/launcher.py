@@ -1,0 +1,153 @@
+"""Starting and stopping the processes of a fleet: one plant, one autopilot per UAV.
+
+Processes get a configuration file each on their command line; all else reaches them over the
+wire. They run in sessions of their own, so that Ctrl-C reaches only the ground station, which
+stops them in order; and they stop by themselves when it is gone.
+"""
+
+import contextlib
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from gcs.errors import BadInput, FlightLost
+from gcs.scenario import Scenario
+from mavlink_defs.config import dump
+from mavlink_defs.endpoint import free_ports
+
+__all__ = ["Fleet", "on_free_ports"]
+
+_STOP_S = 5.0
+_PLANT = "plant"
+
+
+@dataclass(frozen=True)
+class _Process:
+    name: str
+    popen: subprocess.Popen[bytes]
+    log: Path
+
+    def last_words(self) -> str:
+        """What it said last on standard error, or how it ended."""
+        lines = self.log.read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else f"{self.name} ended with status {self.popen.returncode}"
+
+
+def on_free_ports(scenario: Scenario) -> Scenario:
+    """The same scenario on UDP ports of its host that are free at this moment."""
+    highest = max(uav.id for uav in scenario.uavs)
+    while True:
+        gcs_port, plant_port, first = free_ports(3, scenario.links.host)
+        formation = range(first, first + highest)
+        if formation.stop <= 65536 and gcs_port not in formation and plant_port not in formation:
+            break
+    ports = {"gcs_port": gcs_port, "plant_port": plant_port, "formation_base_port": first - 1}
+    links = scenario.links.model_copy(update=ports)
+    return scenario.model_copy(update={"links": links})
+
+
+class Fleet:
+    """The processes of one scenario, as a context manager: on leaving it none is left.
+
+    Their configuration, what they print and what they record go into `folder`.
+    """
+
+    def __init__(self, scenario: Scenario, speed: float | None, folder: Path) -> None:
+        self._scenario = scenario
+        self._speed = speed
+        self._folder = folder
+        self._processes: list[_Process] = []
+
+    def __enter__(self) -> Self:
+        """Write the configurations and start all processes."""
+        scenario = self._scenario
+        steps = round(scenario.duration_s * 1e6 / scenario.step_us)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        dump(scenario.plant_config(self._speed), self._folder / f"{_PLANT}.yaml")
+        for uav in scenario.uavs:
+            dump(scenario.autopilot_config(uav.id), self._folder / f"uav{uav.id}.yaml")
+        try:
+            self._start(_PLANT, "sitl_plant.process", [])
+            for uav in scenario.uavs:
+                arguments = ["--record-steps", str(steps)]
+                self._start(f"uav{uav.id}", "ftc_autopilot.process", arguments)
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Stop whatever still runs."""
+        self.stop()
+
+    def recording_of(self, name: str) -> Path:
+        """Where a process ("plant", "uav3") writes what it recorded when it ends."""
+        return self._folder / f"{name}.npz"
+
+    @property
+    def plant_returncode(self) -> int | None:
+        """Exit status of the plant; None while it runs."""
+        return self._processes[0].popen.poll()
+
+    def check(self) -> None:
+        """Notice a process that ended before its time.
+
+        Raises:
+            BadInput: It could not start; its own words say why.
+            FlightLost: It ended in mid-flight.
+        """
+        for process in self._processes:
+            status = process.popen.poll()
+            if status == BadInput.exit_status:
+                raise BadInput(process.last_words())
+            if status:
+                raise FlightLost(process.last_words())
+
+    def wait(self, timeout_s: float) -> None:
+        """Give all processes time to end by themselves, then stop the rest."""
+        end = time.monotonic() + timeout_s
+        for process in self._processes:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.popen.wait(max(end - time.monotonic(), 0.0))
+        self.stop()
+
+    def stop(self) -> None:
+        """Ask every process to stop, and end those that do not."""
+        running = [p.popen for p in self._processes if p.popen.poll() is None]
+        for popen in running:
+            popen.terminate()
+        end = time.monotonic() + _STOP_S
+        for popen in running:
+            try:
+                popen.wait(max(end - time.monotonic(), 0.0))
+            except subprocess.TimeoutExpired:
+                popen.kill()
+                popen.wait()
+
+    def plant_words(self) -> str:
+        """What the plant said last."""
+        return self._processes[0].last_words()
+
+    def _start(self, name: str, module: str, arguments: list[str]) -> None:
+        config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
+        command = [sys.executable, "-c", f"from {module} import main; main()", str(config),
+                   "--record", str(self.recording_of(name)), "--exit-with-parent",
+                   *arguments]  # fmt: skip
+        with log.open("wb") as output:
+            popen = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self._processes.append(_Process(name, popen, log))

@@ -1,0 +1,162 @@
+"""UDP endpoints of the processes: addresses as text, as sockets and as libc's sockaddr_in.
+
+IPv4 only. All sockets are blocking (see `set_receive_timeout`), and none shares its port: a
+second program that wants the same port gets an `EndpointError`, not half of the datagrams.
+"""
+
+import errno
+import ipaddress
+import re
+import socket
+import struct
+import sys
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Address", "EndpointError", "address_of", "bind_udp", "connect_udp", "free_ports",
+           "is_loopback", "parse_address", "set_receive_timeout", "sockaddr"]  # fmt: skip
+
+_RECEIVE_BUFFER = 1 << 20  # bytes; the system may grant less
+_BSD_LAYOUT = sys.platform.startswith(("darwin", "freebsd", "netbsd", "openbsd"))
+_ENDPOINT = re.compile(r"(?:udp(?:in|out)?:(?://)?)?(?P<host>[^\s:/\[\]]+):(?P<port>[0-9]{1,5})")
+
+
+class EndpointError(Exception):
+    """An address cannot be used; the message says which, for what, and what to do."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """A UDP address: host name or IPv4 address, and port."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+def parse_address(text: str) -> Address:
+    """Read "host:port", also with "udp:", "udpin:" or "udpout:" before it, as MAVProxy has it.
+
+    Raises:
+        EndpointError: The text is something else.
+    """
+    match = _ENDPOINT.fullmatch(text.strip())
+    if match is None or not 1 <= int(match["port"]) <= 65535:
+        raise EndpointError(f"expected host:port with an IPv4 host and port 1-65535, got '{text}'")
+    return Address(match["host"], int(match["port"]))
+
+
+def sockaddr(address: Address) -> np.ndarray:
+    """The address as a struct sockaddr_in for `native.send_to`, uint8, shape (16,).
+
+    Raises:
+        EndpointError: The host's name cannot be resolved.
+    """
+    family = (
+        struct.pack("BB", 16, socket.AF_INET) if _BSD_LAYOUT else struct.pack("=H", socket.AF_INET)
+    )
+    raw = family + struct.pack("!H", address.port) + socket.inet_aton(_resolve(address)) + bytes(8)
+    return np.frombuffer(raw, np.uint8).copy()
+
+
+def address_of(raw: np.ndarray) -> Address:
+    """The address in a struct sockaddr_in, as `native.receive_from` leaves it."""
+    (port,) = struct.unpack("!H", raw[2:4].tobytes())
+    return Address(socket.inet_ntoa(raw[4:8].tobytes()), port)
+
+
+def is_loopback(address: Address) -> bool:
+    """Tell whether only this machine can reach the address.
+
+    Raises:
+        EndpointError: The host's name cannot be resolved.
+    """
+    return ipaddress.ip_address(_resolve(address)).is_loopback
+
+
+def bind_udp(address: Address, what: str, hint: str = "") -> socket.socket:
+    """Open a UDP socket that receives at an address.
+
+    Args:
+        address: Where to receive; port 0 lets the system choose.
+        what: Whose socket it is, for the error message: "ground station".
+        hint: What the user can do when the port is taken, such as "choose another port with
+            --gcs-port".
+
+    Raises:
+        EndpointError: The port is in use, or the address is not one of this machine's.
+    """
+    ip = _resolve(address)
+    sock = _udp_socket()
+    try:
+        sock.bind((ip, address.port))
+    except OSError as exc:
+        sock.close()
+        raise EndpointError(_why_not_bound(exc, address, what, hint)) from exc
+    return sock
+
+
+def connect_udp(address: Address) -> socket.socket:
+    """Open a UDP socket, on a port of the system's choice, that talks to one peer only.
+
+    Raises:
+        EndpointError: The host's name cannot be resolved, or no route leads there.
+    """
+    ip = _resolve(address)
+    sock = _udp_socket()
+    try:
+        sock.connect((ip, address.port))
+    except OSError as exc:
+        sock.close()
+        raise EndpointError(f"cannot reach {address} over UDP: {exc.strerror}") from exc
+    return sock
+
+
+def set_receive_timeout(sock: socket.socket, seconds: float) -> None:
+    """Let `native.receive` on this socket wait at most so long [s], > 0.
+
+    The kernel rounds up to its tick, up to 10 ms. Python's own ``recv`` then raises
+    BlockingIOError on a timeout.
+    """
+    sock.settimeout(None)  # with a timeout of Python's, the descriptor would not block
+    microseconds = max(1, round(seconds * 1e6))  # 0 would mean: for ever
+    timeval = struct.pack("@ll", *divmod(microseconds, 1_000_000))
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, timeval)
+
+
+def free_ports(n: int, host: str = "127.0.0.1") -> list[int]:
+    """Find n distinct UDP ports that are free at this moment."""
+    with ExitStack() as sockets:
+        ports = []
+        for _ in range(n):
+            sock = sockets.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            sock.bind((host, 0))
+            ports.append(int(sock.getsockname()[1]))
+        return ports
+
+
+def _udp_socket() -> socket.socket:
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with suppress(OSError):
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+    return sock
+
+
+def _resolve(address: Address) -> str:
+    try:
+        return socket.gethostbyname(address.host)
+    except OSError as exc:
+        raise EndpointError(f"unknown host '{address.host}': {exc.strerror}") from exc
+
+
+def _why_not_bound(exc: OSError, address: Address, what: str, hint: str) -> str:
+    if exc.errno == errno.EADDRINUSE:
+        advice = "stop the other program" + (f", or {hint}" if hint else "")
+        return f"UDP port {address.port} on {address.host} is in use ({what}); {advice}"
+    if exc.errno == errno.EADDRNOTAVAIL:
+        return f"{address.host} is not an address of this machine ({what}); use 127.0.0.1"
+    return f"cannot receive at {address} ({what}): {exc.strerror}" + (f"; {hint}" if hint else "")

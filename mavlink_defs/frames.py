@@ -1,0 +1,64 @@
+"""Everything that is not hot: messages of one component as frames, packed by pymavlink."""
+
+from collections.abc import Callable
+
+from mavlink_defs import dialect
+
+__all__ = ["Speaker", "parse", "text_chunks"]
+
+_TEXT_SIZE = 50  # of one STATUSTEXT
+
+
+class Speaker:
+    """Packs messages of one system and component.
+
+    Sequence numbers must be contiguous per component and link. A component whose hot messages
+    are packed elsewhere shares their counter by `next_sequence`.
+    """
+
+    def __init__(
+        self, system: int, component: int, next_sequence: Callable[[], int] | None = None
+    ) -> None:
+        self._mavlink = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._next_sequence = next_sequence
+
+    def pack(self, message: dialect.MAVLink_message) -> bytes:
+        """Give the frame of a message and count it as sent."""
+        if self._next_sequence is not None:
+            self._mavlink.seq = self._next_sequence() & 0xFF
+        frame = bytes(message.pack(self._mavlink))
+        self._mavlink.seq = (self._mavlink.seq + 1) & 0xFF
+        return frame
+
+
+_decoder = dialect.MAVLink(None)
+
+
+def parse(datagram: bytes) -> dialect.MAVLink_message | None:
+    """Decode a datagram that holds one MAVLink 2 frame of the dialect; None if it does not."""
+    try:
+        return _decoder.decode(bytearray(datagram))
+    except Exception:  # pymavlink raises struct.error, IndexError, … besides its MAVError
+        return None
+
+
+def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink_message]:
+    """Give the STATUSTEXT messages of a text, in chunks if it is longer than one holds.
+
+    Args:
+        severity: MAV_SEVERITY.
+        text: What to say; characters outside ASCII are replaced.
+        identity: Number that tells this text from others while its chunks arrive; 0 is raised
+            to 1, since 0 means a text of one chunk.
+    """
+    raw = text.encode("ascii", "replace")
+    chunks = [raw[i : i + _TEXT_SIZE] for i in range(0, len(raw), _TEXT_SIZE)] or [b""]
+    if len(chunks) == 1:
+        return [dialect.MAVLink_statustext_message(severity, chunks[0])]
+    if len(chunks[-1]) == _TEXT_SIZE:
+        chunks.append(b"")  # a chunk without a zero byte says that another one follows
+    number = identity % 65535 + 1
+    return [
+        dialect.MAVLink_statustext_message(severity, chunk, number, k)
+        for k, chunk in enumerate(chunks)
+    ]

@@ -1,0 +1,74 @@
+"""Compiled functions: numba, with one cache that can never be stale.
+
+Numba's own cache looks only at the file that a function stands in, so a caller goes on
+running the old code of a function that it calls from another file. Here the cache folder's
+name is a digest of every compiled source of the four packages, of the dialect and of the
+versions of numba and numpy, so that a change anywhere starts a new folder.
+
+The cache lies in ``$NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/ftc-sitl``, or
+``~/.cache/ftc-sitl``. With ``NUMBA_DISABLE_JIT=1`` the same functions run as plain Python.
+"""
+
+import hashlib
+import os
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar, cast
+
+import numba
+import numpy as np
+
+__all__ = ["cache_is_cold", "compiled", "mark_cache_warm"]
+
+_F = TypeVar("_F", bound=Callable[..., object])
+
+_PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs")
+_KEPT_DAYS = 14
+
+
+def compiled(function: _F) -> _F:
+    """Compile a function with numba on its first call, and keep the machine code on disk.
+
+    Floating-point rules stay strict (no ``fastmath``), so that the same inputs give the
+    same bits in every process and from every caller; division by zero gives inf or NaN as
+    in numpy.
+    """
+    return cast(_F, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
+
+
+def cache_is_cold() -> bool:
+    """Tell whether the next flight has to compile the numeric core first."""
+    return not numba.config.DISABLE_JIT and not (_cache_folder / "warm").exists()
+
+
+def mark_cache_warm() -> None:
+    """Note that every compiled function now lies in the cache; forget caches of old sources."""
+    if numba.config.DISABLE_JIT:
+        return
+    _cache_folder.mkdir(parents=True, exist_ok=True)
+    (_cache_folder / "warm").touch()
+    oldest = time.time() - _KEPT_DAYS * 86400
+    for other in _cache_folder.parent.glob("core-*"):
+        warm = other / "warm"
+        if other != _cache_folder and warm.exists() and warm.stat().st_mtime < oldest:
+            shutil.rmtree(other, ignore_errors=True)
+
+
+def _find_cache_folder() -> Path:
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    base = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(home) / "ftc-sitl")
+    digest = hashlib.sha256(f"{numba.__version__} {np.__version__}".encode())
+    root = Path(__file__).parent.parent
+    for package in _PACKAGES:
+        for source in sorted((root / package).rglob("*.py")):
+            text = source.read_bytes()
+            if b"@compiled" in text:
+                digest.update(source.name.encode() + text)
+    digest.update((root / "mavlink_defs" / "ftc.xml").read_bytes())
+    return base / f"core-{digest.hexdigest()[:16]}"
+
+
+_cache_folder = _find_cache_folder()
+numba.config.CACHE_DIR = str(_cache_folder)

@@ -1,0 +1,29 @@
+"""How a process of a fleet is asked to stop: a signal, or the loss of its parent."""
+
+import os
+import signal
+from collections.abc import Callable
+
+__all__ = ["on_stop"]
+
+_LOOK_S = 0.5
+
+
+def on_stop(stop: Callable[[], None], with_parent: bool) -> None:
+    """Call `stop` on SIGTERM or SIGINT, and if asked when the parent process is gone.
+
+    Args:
+        stop: Called from a signal handler; should only set a flag.
+        with_parent: Also stop when this process becomes an orphan, however its parent ended.
+    """
+    parent = os.getppid()
+
+    def handle(number: int, _: object) -> None:
+        if number != signal.SIGALRM or os.getppid() != parent:
+            stop()
+
+    signal.signal(signal.SIGTERM, handle)
+    signal.signal(signal.SIGINT, handle)
+    if with_parent:
+        signal.signal(signal.SIGALRM, handle)
+        signal.setitimer(signal.ITIMER_REAL, _LOOK_S, _LOOK_S)

@@ -1,0 +1,65 @@
+"""What all microservice machines have in common.
+
+A machine has no socket and no clock: messages and `now` go in; messages, events and the next
+deadline come out. After every call of any method, send `messages_to_send()`, read `events()`,
+then arm a timer at `deadline()` and call `handle_timer()` when it fires. The clock may be any
+that does not go backwards.
+"""
+
+from abc import ABC, abstractmethod
+from typing import Generic, NamedTuple, TypeVar
+
+from mavlink_defs.dialect import MAVLink_message
+
+__all__ = ["Address", "Machine", "is_for", "sender_of"]
+
+E = TypeVar("E")
+
+
+class Address(NamedTuple):
+    """System and component of one end of a conversation."""
+
+    system: int
+    component: int
+
+
+def sender_of(message: MAVLink_message) -> Address:
+    """Give the address that `message` came from."""
+    return Address(message.get_srcSystem(), message.get_srcComponent())
+
+
+def is_for(message: MAVLink_message, own: Address) -> bool:
+    """Tell whether a message is addressed to `own`, by name or as a broadcast (0)."""
+    return getattr(message, "target_system", 0) in {0, own.system} and getattr(
+        message, "target_component", 0
+    ) in {0, own.component}
+
+
+class Machine(ABC, Generic[E]):
+    """One side of a microservice; `E` is the type of its events."""
+
+    def __init__(self) -> None:
+        self._outbox: list[MAVLink_message] = []
+        self._happened: list[E] = []
+
+    @abstractmethod
+    def receive(self, message: MAVLink_message, now: float) -> None:
+        """Take in any received message; those of no concern are ignored."""
+
+    @abstractmethod
+    def handle_timer(self, now: float) -> None:
+        """Do what is due at `now` [s]; harmless when nothing is."""
+
+    @abstractmethod
+    def deadline(self) -> float | None:
+        """Give the time of the next `handle_timer()` [s]; None when nothing is awaited."""
+
+    def messages_to_send(self) -> list[MAVLink_message]:
+        """Hand over the messages to send, in order, once."""
+        messages, self._outbox = self._outbox, []
+        return messages
+
+    def events(self) -> list[E]:
+        """Hand over what has happened, in order, once."""
+        happened, self._happened = self._happened, []
+        return happened

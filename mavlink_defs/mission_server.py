@@ -1,0 +1,319 @@
+"""The mission microservice (https://mavlink.io/en/services/mission.html), vehicle side."""
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from mavlink_defs import dialect
+from mavlink_defs.dialect import (
+    MAVLink_message,
+    MAVLink_mission_ack_message,
+    MAVLink_mission_clear_all_message,
+    MAVLink_mission_count_message,
+    MAVLink_mission_current_message,
+    MAVLink_mission_item_int_message,
+    MAVLink_mission_item_message,
+    MAVLink_mission_request_int_message,
+    MAVLink_mission_request_list_message,
+    MAVLink_mission_request_message,
+    MAVLink_mission_request_partial_list_message,
+    MAVLink_mission_set_current_message,
+    MAVLink_mission_write_partial_list_message,
+)
+from mavlink_defs.machine import Address, Machine, is_for, sender_of
+from mavlink_defs.mission import ITEM_TIMEOUT_S, MAX_RETRIES, MissionItem, item_as_int
+from mavlink_defs.profile import MAX_ITEMS, ProfileError
+
+__all__ = [
+    "CurrentChanged",
+    "MissionAccepted",
+    "MissionEvent",
+    "MissionRefused",
+    "MissionServer",
+]
+
+_MISSION = dialect.MAV_MISSION_TYPE_MISSION
+_TYPES = (_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY)
+_NO_MISSION = 0xFFFF
+_MAX_READERS = 16
+
+
+@dataclass(frozen=True)
+class MissionAccepted:
+    """A new mission is in force; without items (or with home alone) it has been cleared."""
+
+    items: tuple[MissionItem, ...]
+
+
+@dataclass(frozen=True)
+class MissionRefused:
+    """Something was refused; the mission in force is as before.
+
+    Attributes:
+        result: MAV_MISSION_RESULT.
+        text: What to say about it in a STATUSTEXT.
+    """
+
+    result: int
+    text: str
+
+
+@dataclass(frozen=True)
+class CurrentChanged:
+    """The current item was set to `seq`; its MISSION_CURRENT is among the messages to send."""
+
+    seq: int
+
+
+MissionEvent: TypeAlias = MissionAccepted | MissionRefused | CurrentChanged
+
+
+@dataclass
+class _Upload:
+    """An upload, going on (`result` None) or over."""
+
+    sender: Address
+    mission_type: int
+    count: int
+    items: list[MissionItem] = field(default_factory=list)
+    retries: int = 0
+    deadline: float = 0.0
+    result: int | None = None
+
+
+class MissionServer(Machine[MissionEvent]):
+    """Holds the mission of one vehicle and answers every client.
+
+    A mission is replaced only when the new one is complete and valid. Geofences and rally
+    points are always empty. One client can upload at a time; any number can download, and a
+    download that a change of the mission overtakes is cancelled, so that none is a mixture.
+
+    The vehicle keeps `mission_state` (MISSION_STATE) and `mission_mode` (of MISSION_CURRENT)
+    up to date, and broadcasts `mission_current()` at its own rate besides.
+    """
+
+    def __init__(
+        self,
+        own: Address,
+        validate: Callable[[Sequence[MissionItem]], None],
+        max_items: int = MAX_ITEMS,
+    ) -> None:
+        """Start without a mission.
+
+        Args:
+            own: Address of the vehicle.
+            validate: Raises ProfileError for a mission that the vehicle cannot fly.
+            max_items: Most items that a mission may have, home included.
+        """
+        super().__init__()
+        self._own, self._validate, self._max_items = own, validate, max_items
+        self._items: tuple[MissionItem, ...] = ()
+        self._current = 0
+        self._upload: _Upload | None = None
+        self._revision = 0
+        self._readers: dict[Address, int] = {}  # downloads going on: revision that they read
+        self.mission_state = 0
+        self.mission_mode = 0
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """The mission in force, home included."""
+        return self._items
+
+    @property
+    def current(self) -> int:
+        """Number of the current item."""
+        return self._current
+
+    def set_current(self, seq: int) -> bool:
+        """Make `seq` the current item and announce it; False if there is no such item."""
+        if not 0 <= seq < len(self._items):
+            return False
+        self._current = seq
+        self._outbox.append(self.mission_current())
+        self._happened.append(CurrentChanged(seq))
+        return True
+
+    def mission_current(self) -> MAVLink_mission_current_message:
+        """Give the message that tells the current item; home does not count in its total."""
+        total = len(self._items) - 1 if len(self._items) > 1 else _NO_MISSION
+        return MAVLink_mission_current_message(
+            self._current, total, self.mission_state, self.mission_mode
+        )
+
+    def receive(self, message: MAVLink_message, now: float) -> None:
+        """Take in any message; those of the mission protocol that are for us are answered."""
+        if not is_for(message, self._own):
+            return
+        sender = sender_of(message)
+        match message:
+            case MAVLink_mission_count_message():
+                self._on_count(message, sender, now)
+            case MAVLink_mission_item_int_message() | MAVLink_mission_item_message():
+                self._on_item(message, sender, now)
+            case MAVLink_mission_request_list_message():
+                self._on_request_list(message, sender)
+            case MAVLink_mission_request_int_message() | MAVLink_mission_request_message():
+                self._on_request(message.seq, message.mission_type, sender)
+            case MAVLink_mission_clear_all_message():
+                self._on_clear(message, sender)
+            case MAVLink_mission_ack_message():
+                self._on_ack(message, sender)
+            case MAVLink_mission_set_current_message():
+                if not self.set_current(message.seq):
+                    text = f"Mission has no item {message.seq} to go to"
+                    refused = MissionRefused(dialect.MAV_MISSION_INVALID_SEQUENCE, text)
+                    self._happened.append(refused)
+            case (
+                MAVLink_mission_write_partial_list_message()
+                | MAVLink_mission_request_partial_list_message()
+            ):
+                self._ack(sender, message.mission_type, dialect.MAV_MISSION_UNSUPPORTED)
+
+    def handle_timer(self, now: float) -> None:
+        """Ask for the awaited item again, or cancel the upload."""
+        upload = self._going_on()
+        if upload is None or now < upload.deadline:
+            return
+        if upload.retries >= MAX_RETRIES:
+            text = f"Mission upload: item {len(upload.items)} did not come"
+            self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
+        else:
+            upload.retries += 1
+            self._request_item(upload, now)
+
+    def deadline(self) -> float | None:
+        """Give the time at which an awaited item is asked for again [s]."""
+        upload = self._going_on()
+        return None if upload is None else upload.deadline
+
+    def _going_on(self) -> _Upload | None:
+        upload = self._upload
+        return upload if upload is not None and upload.result is None else None
+
+    def _busy_for(self, sender: Address) -> bool:
+        upload = self._going_on()
+        return upload is not None and upload.sender != sender
+
+    def _on_count(
+        self, message: MAVLink_mission_count_message, sender: Address, now: float
+    ) -> None:
+        mission_type, count = message.mission_type, message.count
+        if self._busy_for(sender):
+            self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
+            return
+        # From the same sender it begins anew: it may be a restarted client's other mission.
+        self._upload = upload = _Upload(sender, mission_type, count)
+        if mission_type not in _TYPES or (mission_type != _MISSION and count > 0):
+            text = f"Mission type {mission_type} is not supported"
+            self._end_upload(upload, dialect.MAV_MISSION_UNSUPPORTED, text)
+        elif count > self._max_items:
+            text = f"Mission has {count} items, at most {self._max_items} fit"
+            self._end_upload(upload, dialect.MAV_MISSION_NO_SPACE, text)
+        elif count == 0:  # the same as clearing
+            self._replace(mission_type, ())
+            self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
+        else:
+            self._request_item(upload, now)
+
+    def _on_item(
+        self, item: MissionItem | MAVLink_mission_item_message, sender: Address, now: float
+    ) -> None:
+        upload = self._upload
+        if upload is None or (upload.sender, upload.mission_type) != (sender, item.mission_type):
+            self._ack(sender, item.mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
+        elif upload.result is not None:
+            # A last item that comes again asks for the answer that was lost; others are late.
+            if upload.result != dialect.MAV_MISSION_ACCEPTED or item.seq == upload.count - 1:
+                self._ack(sender, item.mission_type, upload.result)
+        elif item.seq == len(upload.items):
+            upload.items.append(item_as_int(item))
+            upload.retries = 0
+            if len(upload.items) < upload.count:
+                self._request_item(upload, now)
+            else:
+                self._complete(upload)
+        elif item.seq > len(upload.items):
+            self._request_item(upload, now)  # out of sequence: the expected one is asked for
+        # An item that we have came twice. To ask then would double all that follow.
+
+    def _complete(self, upload: _Upload) -> None:
+        try:
+            self._validate(upload.items)
+        except ProfileError as error:
+            self._end_upload(upload, error.mav_mission_result, error.text)
+        else:
+            self._replace(upload.mission_type, tuple(upload.items))
+            self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
+
+    def _on_request_list(
+        self, message: MAVLink_mission_request_list_message, sender: Address
+    ) -> None:
+        mission_type = message.mission_type
+        if mission_type not in _TYPES:
+            self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
+            return
+        count = 0
+        if mission_type == _MISSION:
+            count = len(self._items)
+            self._readers.pop(sender, None)
+            self._readers[sender] = self._revision
+            if len(self._readers) > _MAX_READERS:
+                del self._readers[next(iter(self._readers))]
+        self._outbox.append(MAVLink_mission_count_message(*sender, count, mission_type))
+
+    def _on_request(self, seq: int, mission_type: int, sender: Address) -> None:
+        if mission_type != _MISSION or seq >= len(self._items):
+            self._ack(sender, mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
+        elif self._readers.get(sender, self._revision) != self._revision:
+            # Until it asks for the list again: this answer can be lost, too.
+            self._ack(sender, mission_type, dialect.MAV_MISSION_OPERATION_CANCELLED)
+        else:
+            item = copy.copy(self._items[seq])
+            item.target_system, item.target_component = sender
+            item.current = int(seq == self._current)
+            self._outbox.append(item)
+
+    def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: Address) -> None:
+        mission_type = message.mission_type
+        if mission_type not in {*_TYPES, dialect.MAV_MISSION_TYPE_ALL}:
+            self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
+        elif self._busy_for(sender):
+            self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
+        else:
+            self._upload = None
+            self._replace(mission_type, ())
+            self._ack(sender, mission_type, dialect.MAV_MISSION_ACCEPTED)
+
+    def _on_ack(self, message: MAVLink_mission_ack_message, sender: Address) -> None:
+        self._readers.pop(sender, None)
+        upload = self._going_on()
+        if upload is None or message.type == dialect.MAV_MISSION_ACCEPTED:
+            return  # an acceptance ends a download
+        if (upload.sender, upload.mission_type) == (sender, message.mission_type):
+            upload.result = dialect.MAV_MISSION_OPERATION_CANCELLED  # the sender knows
+
+    def _replace(self, mission_type: int, items: tuple[MissionItem, ...]) -> None:
+        if mission_type not in {_MISSION, dialect.MAV_MISSION_TYPE_ALL}:
+            return  # geofence and rally points are empty as it is
+        self._items, self._current = items, 0
+        self._revision += 1
+        self._happened.append(MissionAccepted(items))
+
+    def _request_item(self, upload: _Upload, now: float) -> None:
+        upload.deadline = now + ITEM_TIMEOUT_S
+        request = MAVLink_mission_request_int_message(
+            *upload.sender, len(upload.items), upload.mission_type
+        )
+        self._outbox.append(request)
+
+    def _end_upload(self, upload: _Upload, result: int, text: str = "") -> None:
+        upload.result = result
+        upload.items = []
+        self._ack(upload.sender, upload.mission_type, result)
+        if result != dialect.MAV_MISSION_ACCEPTED:
+            self._happened.append(MissionRefused(result, text))
+
+    def _ack(self, sender: Address, mission_type: int, result: int) -> None:
+        self._outbox.append(MAVLink_mission_ack_message(*sender, result, mission_type))

@@ -1,0 +1,124 @@
+"""Actuators and their faults, eqs. (13) and (19) of the paper.
+
+Channels stand in the order of FTC_ACTUATOR: aileron, elevator, rudder [rad], throttle [N].
+A fault acts between the command that was received and the physics; the deflection or thrust
+that results is held to the actuator's physical stops.
+"""
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+
+from mavlink_defs.faults import Fault
+from mavlink_defs.jit import compiled
+
+__all__ = ["FAULT", "MAX_FAULTS", "Controls", "add_fault", "apply_faults", "clear_faults",
+           "no_faults"]  # fmt: skip
+
+MAX_FAULTS = 16
+"""Faults that one aircraft can hold at a time."""
+
+_THROTTLE = 3
+_EMPTY = -1
+
+FAULT = np.dtype(
+    [
+        ("actuator", "i8"),  # FTC_ACTUATOR, -1: slot empty (and every one behind it)
+        ("rho", "f8"),  # remaining effectiveness
+        ("value", "f8"),  # bias or stuck value [rad or N]
+        ("frequency", "f8"),  # of the value [Hz]
+        ("start", "f8"),  # exclusive, simulation time [s]
+        ("end", "f8"),  # inclusive, simulation time [s]
+    ]
+)
+
+Controls: TypeAlias = tuple[float, float, float, float]
+"""Aileron, elevator, rudder [rad], thrust [N]."""
+
+
+def no_faults(aircraft_count: int) -> np.ndarray:
+    """An empty fault table of dtype `FAULT`, shape (aircraft_count, MAX_FAULTS)."""
+    table = np.zeros((aircraft_count, MAX_FAULTS), FAULT)
+    table["actuator"] = _EMPTY
+    return table
+
+
+def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
+    """Put a fault into one aircraft's row; it replaces those that it overlaps on its actuator.
+
+    Args:
+        row: One aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
+        fault: As the wire carries it: surface values in deg, NaN start now, NaN end open.
+        now_s: Simulation time [s].
+
+    Raises:
+        OverflowError: All slots are taken by other faults.
+    """
+    start = now_s if math.isnan(fault.start_s) else fault.start_s
+    end = math.inf if math.isnan(fault.end_s) else fault.end_s
+    value = fault.value if fault.actuator == _THROTTLE else math.radians(fault.value)
+    kept = [
+        old.copy()
+        for old in row[row["actuator"] != _EMPTY]
+        if old["end"] > now_s
+        and (old["actuator"] != fault.actuator or old["end"] <= start or end <= old["start"])
+    ]
+    if len(kept) == MAX_FAULTS:
+        raise OverflowError(f"all {MAX_FAULTS} fault slots are in use; clear some first")
+    row["actuator"] = _EMPTY
+    for i, old in enumerate(kept):
+        row[i] = old
+    row[len(kept)] = (fault.actuator, fault.effectiveness, value, fault.frequency_hz, start, end)
+
+
+def clear_faults(row: np.ndarray, actuator: int) -> None:
+    """Remove the faults of one actuator (-1: of all) from one aircraft's row."""
+    keep = (row["actuator"] != _EMPTY) & (row["actuator"] != actuator) & (actuator != _EMPTY)
+    kept = row[keep].copy()
+    row["actuator"] = _EMPTY
+    row[: len(kept)] = kept
+
+
+@compiled
+def apply_faults(
+    commanded: Controls, t: float, interval_start: float, faults: np.ndarray, aircraft: np.void
+) -> Controls:
+    """What the actuators really do, eqs. (13) and (19): ρ · commanded + f(t).
+
+    A fault is switched on and off at the ends of integration intervals, so that no interval
+    contains a jump: it acts within the whole interval that begins at `interval_start` if its
+    window (start, end] contains the interval's interior.
+
+    Args:
+        commanded: Commands received last.
+        t: Time at which f is wanted [s], inside the interval.
+        interval_start: Begin of the integration interval [s].
+        faults: One aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
+        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+    """
+    da, de, dr, thrust = commanded
+    for i in range(len(faults)):
+        fault = faults[i]
+        actuator = fault["actuator"]
+        if actuator < 0:
+            break
+        if not fault["start"] <= interval_start < fault["end"]:
+            continue
+        rho = fault["rho"]
+        f = fault["value"] * math.cos(2.0 * math.pi * fault["frequency"] * (t - fault["start"]))
+        if actuator == 0:
+            da = rho * da + f
+        elif actuator == 1:
+            de = rho * de + f
+        elif actuator == 2:
+            dr = rho * dr + f
+        else:
+            thrust = rho * thrust + f
+    stop = aircraft["surface_limit"]
+    return (
+        min(max(da, -stop), stop),
+        min(max(de, -stop), stop),
+        min(max(dr, -stop), stop),
+        min(max(thrust, 0.0), aircraft["thrust_limit"]),
+    )

@@ -1,0 +1,66 @@
+"""The aircraft as the compiled code sees it: Table I of the paper as one flat record."""
+
+import numpy as np
+
+from sitl_plant.config import Aircraft
+
+__all__ = ["AIRCRAFT", "COEFFICIENTS", "aircraft_record"]
+
+COEFFICIENTS = (
+    "cL0", "cL_alpha", "cD0", "cY_beta",
+    "cl0", "cl_beta", "cl_p", "cl_r", "cl_da", "cl_dr",
+    "cm0", "cm_alpha", "cm_q", "cm_de",
+    "cn0", "cn_beta", "cn_p", "cn_r", "cn_da", "cn_dr",
+)  # fmt: skip
+"""Aerodynamic coefficients and derivatives, per rad."""
+
+AIRCRAFT = np.dtype(
+    [
+        ("m", "f8"),  # kg
+        ("S", "f8"),  # m²
+        ("b", "f8"),  # m
+        ("c_bar", "f8"),  # m
+        ("rho", "f8"),  # kg/m³
+        ("g", "f8"),  # m/s²
+        ("J", "f8", (3, 3)),  # kg m², eq. (5)
+        ("J_inv", "f8", (3, 3)),
+        *((name, "f8") for name in COEFFICIENTS),
+        ("per_rad_s", "i8"),  # 1: rate derivatives are per rad/s, as Table I's unit says
+        ("thrust_limit", "f8"),  # N
+        ("surface_limit", "f8"),  # rad
+    ]
+)
+
+
+def aircraft_record(aircraft: Aircraft) -> np.void:
+    """Turn an aircraft's configuration into the record that the equations read.
+
+    Args:
+        aircraft: The true aircraft for a plant, the nominal one for a controller.
+
+    Returns:
+        A record of dtype `AIRCRAFT`, SI units and radians.
+    """
+    record = np.zeros(1, AIRCRAFT)
+    inertia = aircraft.inertia_kg_m2
+    J = np.array(  # noqa: N806 - eq. (5)
+        [
+            [inertia.Jxx, 0.0, -inertia.Jxz],
+            [0.0, inertia.Jyy, 0.0],
+            [-inertia.Jxz, 0.0, inertia.Jzz],
+        ]
+    )
+    record["m"] = aircraft.mass_kg
+    record["S"] = aircraft.wing_area_m2
+    record["b"] = aircraft.wing_span_m
+    record["c_bar"] = aircraft.mean_chord_m
+    record["rho"] = aircraft.air_density_kg_m3
+    record["g"] = aircraft.gravity_m_s2
+    record["J"] = J
+    record["J_inv"] = np.linalg.inv(J)
+    for name in COEFFICIENTS:
+        record[name] = getattr(aircraft.coefficients, name)
+    record["per_rad_s"] = aircraft.rate_derivatives == "per_rad_s"
+    record["thrust_limit"] = aircraft.thrust_limit_n
+    record["surface_limit"] = np.radians(aircraft.surface_limit_deg)
+    return record[0]  # type: ignore[no-any-return]

@@ -1,0 +1,209 @@
+"""What the plant is told: the true aircraft, their initial states, disturbances, the link.
+
+Symbols are those of the paper's section II-A and Table I; every bound is declared here, once.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from mavlink_defs.config import HostPort, Model, Problems, SystemId, repeated, unknown_key
+from mavlink_defs.quantity import quantity, whole
+
+__all__ = [
+    "Aircraft", "Coefficients", "Disturbance", "Inertia", "InitialState", "PlantConfig",
+    "PlantUav", "Sinusoid", "Uncertainty", "true_aircraft",
+]  # fmt: skip
+
+
+class Inertia(Model):
+    """Moments and product of inertia, eq. (5); the other two products are zero."""
+
+    Jxx: float = quantity("kg m^2", gt=0.0, doc="Moment of inertia about x.")
+    Jyy: float = quantity("kg m^2", gt=0.0, doc="Moment of inertia about y.")
+    Jzz: float = quantity("kg m^2", gt=0.0, doc="Moment of inertia about z.")
+    Jxz: float = quantity("kg m^2", doc="Product of inertia.")
+
+    @model_validator(mode="after")
+    def _positive_definite(self) -> "Inertia":
+        if self.Jxx * self.Jzz <= self.Jxz**2:
+            limit = (self.Jxx * self.Jzz) ** 0.5
+            text = (
+                "not positive definite: expected |Jxz| < sqrt(Jxx Jzz) = "
+                f"{limit:.6g} kg m^2, got {self.Jxz!r}"
+            )
+            raise Problems([(("Jxz",), text)])
+        return self
+
+
+class Coefficients(Model):
+    """Aerodynamic coefficients and derivatives; angles in rad, names as in Table I."""
+
+    cL0: float = quantity("", doc="Lift at zero angle of attack.")  # noqa: N815
+    cL_alpha: float = quantity("1/rad", doc="Lift by angle of attack.")  # noqa: N815
+    cD0: float = quantity("", ge=0.0, doc="Drag.")  # noqa: N815
+    cY_beta: float = quantity("1/rad", doc="Side force by sideslip.")  # noqa: N815
+    cl0: float = quantity("", doc="Rolling moment.")
+    cl_beta: float = quantity("1/rad", doc="Rolling moment by sideslip.")
+    cl_p: float = quantity("1/rad", doc="Rolling moment by roll rate.")
+    cl_r: float = quantity("1/rad", doc="Rolling moment by yaw rate.")
+    cl_da: float = quantity("1/rad", doc="Rolling moment by aileron.")
+    cl_dr: float = quantity("1/rad", doc="Rolling moment by rudder.")
+    cm0: float = quantity("", doc="Pitching moment.")
+    cm_alpha: float = quantity("1/rad", doc="Pitching moment by angle of attack.")
+    cm_q: float = quantity("1/rad", doc="Pitching moment by pitch rate.")
+    cm_de: float = quantity("1/rad", doc="Pitching moment by elevator.")
+    cn0: float = quantity("", doc="Yawing moment.")
+    cn_beta: float = quantity("1/rad", doc="Yawing moment by sideslip.")
+    cn_p: float = quantity("1/rad", doc="Yawing moment by roll rate.")
+    cn_r: float = quantity("1/rad", doc="Yawing moment by yaw rate.")
+    cn_da: float = quantity("1/rad", doc="Yawing moment by aileron.")
+    cn_dr: float = quantity("1/rad", doc="Yawing moment by rudder.")
+
+
+class Aircraft(Model):
+    """One aircraft type; of a plant the true one, of a controller the nominal one."""
+
+    mass_kg: float = quantity("kg", gt=0.0, doc="Mass m.")
+    wing_area_m2: float = quantity("m^2", gt=0.0, doc="Reference area S.")
+    wing_span_m: float = quantity("m", gt=0.0, doc="Wing span b.")
+    mean_chord_m: float = quantity("m", gt=0.0, doc="Mean aerodynamic chord c.")
+    air_density_kg_m3: float = quantity("kg/m^3", gt=0.0, doc="Air density rho.")
+    gravity_m_s2: float = quantity("m/s^2", ge=0.0, doc="Acceleration of gravity g.")
+    inertia_kg_m2: Inertia = Field(description="Inertia J.")
+    coefficients: Coefficients
+    rate_derivatives: Literal["nondimensional", "per_rad_s"] = Field(
+        default="nondimensional",
+        description="Whether cl_p and the like are per p b/2V, or per rad/s.",
+    )
+    thrust_limit_n: float = quantity("N", gt=0.0, doc="Thrust is within 0 and this.")
+    surface_limit_deg: float = quantity("deg", gt=0.0, lt=90.0, doc="Symmetric surface stop.")
+    airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed to be asked for.")
+    airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed to be asked for.")
+
+    @model_validator(mode="after")
+    def _airspeeds_in_order(self) -> "Aircraft":
+        low, high = self.airspeed_min_m_s, self.airspeed_max_m_s
+        if high <= low:
+            text = f"expected > airspeed_min_m_s = {low!r} m/s, got {high!r}"
+            raise Problems([(("airspeed_max_m_s",), text)])
+        return self
+
+
+_Factor = Annotated[float, quantity("", doc="True value by nominal value.")]
+
+
+class Uncertainty(Model):
+    """Modelling uncertainty: true value = factor * nominal value, factors 1 unless given."""
+
+    mass: float = quantity("", gt=0.0, default=1.0, doc="Factor of the mass.")
+    inertia: dict[str, _Factor] = Field(default={}, description="Factors by name: Jxx, ...")
+    coefficients: dict[str, _Factor] = Field(default={}, description="Factors by name: cL0, ...")
+
+    @model_validator(mode="after")
+    def _names_known(self) -> "Uncertainty":
+        sections = {"inertia": Inertia.model_fields, "coefficients": Coefficients.model_fields}
+        Problems.check(
+            ((section, name), unknown_key(name, known))
+            for section, known in sections.items()
+            for name in getattr(self, section)
+            if name not in known
+        )
+        return self
+
+
+def true_aircraft(nominal: Aircraft, uncertainty: Uncertainty) -> Aircraft:
+    """The aircraft that really flies when the controller knows the nominal one.
+
+    Raises:
+        Problems: There is no such aircraft: its inertia is not positive definite.
+    """
+    true = nominal.model_dump()
+    true["mass_kg"] *= uncertainty.mass
+    for name, factor in uncertainty.inertia.items():
+        true["inertia_kg_m2"][name] *= factor
+    for name, factor in uncertainty.coefficients.items():
+        true["coefficients"][name] *= factor
+    try:
+        return Aircraft.model_validate(true)
+    except ValidationError as exc:
+        wrong = exc.errors()[0]
+        key = ".".join(map(str, wrong["loc"]))
+        text = f"makes a true aircraft that cannot be: {key}: {wrong['msg']}"
+        raise Problems([((), text)]) from exc
+
+
+class Sinusoid(Model):
+    """sin * sin(rate t) + cos * cos(rate t), in the unit of the disturbance it belongs to."""
+
+    sin: float = quantity("", default=0.0, doc="Amplitude of the sine.")
+    cos: float = quantity("", default=0.0, doc="Amplitude of the cosine.")
+    rate_rad_s: float = quantity("rad/s", ge=0.0, doc="Angular frequency; 0: constant.")
+
+
+_NONE = Sinusoid(rate_rad_s=0.0)
+
+
+class Axes(Model):
+    """One sinusoid for each body axis."""
+
+    x: Sinusoid = _NONE
+    y: Sinusoid = _NONE
+    z: Sinusoid = _NONE
+
+
+class Disturbance(Model):
+    """Disturbances d_v and d_omega of eqs. (2) and (4), functions of simulation time."""
+
+    acceleration_m_s2: Axes = Axes()
+    angular_acceleration_rad_s2: Axes = Axes()
+
+
+class InitialState(Model):
+    """State at t = 0: v = [V, 0, 0], no rotation."""
+
+    north_m: float = quantity("m", doc="North.")
+    east_m: float = quantity("m", doc="East.")
+    altitude_m: float = quantity("m", doc="Altitude, up.")
+    airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed V.")
+    roll_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Roll angle.")
+    pitch_deg: float = quantity("deg", gt=-89.0, lt=89.0, default=0.0, doc="Pitch angle.")
+    yaw_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Yaw angle.")
+
+
+class PlantUav(Model):
+    """One aircraft of the plant."""
+
+    id: SystemId
+    initial: InitialState
+    aircraft: Aircraft = Field(description="The true aircraft.")
+
+
+class PlantConfig(Model):
+    """All that the plant process needs."""
+
+    step_us: int = whole(
+        "us", ge=1, le=100_000, default=1000, doc="Control period, and step of the integration."
+    )
+    duration_s: float | None = quantity(
+        "s", gt=0.0, le=86_400.0, default=None, doc="Length of the flight; none: until stopped."
+    )
+    speed: float | None = quantity(
+        "", gt=0.0, default=None, doc="Real-time factor; none: lockstep."
+    )
+    bind: HostPort = Field(description="Where the simulator link is received.")
+    silence_timeout_s: float = quantity(
+        "s", gt=0.0, default=5.0, doc="Silence after which an autopilot counts as gone."
+    )
+    wait_for_restart: bool = Field(
+        default=False, strict=True, description="Wait for a silent autopilot instead of stopping."
+    )
+    disturbance: Disturbance = Disturbance()
+    uavs: tuple[PlantUav, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _ids_unique(self) -> "PlantConfig":
+        Problems.check(
+            (("uavs", i, "id"), text) for i, text in repeated([uav.id for uav in self.uavs])
+        )
+        return self

@@ -1,0 +1,127 @@
+"""All aircraft of a plant: their states, commands and faults as arrays."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs.codec import SIM_STATE
+from mavlink_defs.jit import compiled
+from sitl_plant.actuators import no_faults
+from sitl_plant.aircraft import AIRCRAFT, aircraft_record
+from sitl_plant.config import InitialState, PlantConfig
+from sitl_plant.disturbance import disturbance_table
+from sitl_plant.plant import is_lost, sense, step_aircraft, time_s
+
+__all__ = ["Fleet", "fly", "new_fleet", "observe", "receive_controls"]
+
+
+class Fleet(NamedTuple):
+    """Arrays over n aircraft, in the order of the configuration."""
+
+    states: np.ndarray  # (n, 12), see `sitl_plant.rigid_body.State`
+    controls: np.ndarray  # (n, 4) held commands: aileron, elevator, rudder [rad], thrust [N]
+    applied: np.ndarray  # (n, 4) what the actuators do at the present step
+    faults: np.ndarray  # (n, MAX_FAULTS), dtype FAULT
+    aircraft: np.ndarray  # (n,), dtype AIRCRAFT, the true ones
+    messages: np.ndarray  # (n,), dtype SIM_STATE: the present state as the wire carries it
+    disturbance: np.ndarray  # (6, 3)
+
+
+_NOTHING_APPLIED = np.uint64(2**64 - 1)
+
+
+def new_fleet(config: PlantConfig) -> Fleet:
+    """The fleet of a configuration, at its initial states."""
+    n = len(config.uavs)
+    aircraft = np.zeros(n, AIRCRAFT)
+    states = np.zeros((n, 12))
+    messages = np.zeros(n, SIM_STATE)
+    messages["actuator_time_usec"] = _NOTHING_APPLIED
+    for i, uav in enumerate(config.uavs):
+        aircraft[i] = aircraft_record(uav.aircraft)
+        states[i] = _initial_state(uav.initial)
+    return Fleet(
+        states,
+        np.zeros((n, 4)),
+        np.zeros((n, 4)),
+        no_faults(n),
+        aircraft,
+        messages,
+        disturbance_table(config.disturbance),
+    )
+
+
+def _initial_state(initial: InitialState) -> np.ndarray:
+    angles = np.radians([initial.roll_deg, initial.pitch_deg, initial.yaw_deg])
+    position = (initial.north_m, initial.east_m, -initial.altitude_m)
+    return np.array([*position, initial.airspeed_m_s, 0.0, 0.0, *angles, 0.0, 0.0, 0.0])
+
+
+@compiled
+def receive_controls(fleet: Fleet, i: int, actuators: np.void) -> bool:
+    """Take over an HIL_ACTUATOR_CONTROLS payload, unless it is not newer than the last one.
+
+    Args:
+        fleet: The fleet.
+        i: Index of the aircraft.
+        actuators: Payload of dtype `mavlink_defs.codec.ACTUATORS`.
+
+    Returns:
+        True if it was taken over; False if it is old, or holds a number that is no command.
+    """
+    message = fleet.messages[i]
+    last = message["actuator_time_usec"]
+    if last != _NOTHING_APPLIED and actuators["time_usec"] <= last:
+        return False
+    controls = actuators["controls"]
+    for c in range(4):
+        lowest = 0.0 if c == 3 else -1.0
+        if not lowest <= controls[c] <= 1.0:  # false for NaN, too
+            return False
+    aircraft = fleet.aircraft[i]
+    for c in range(3):
+        fleet.controls[i, c] = controls[c] * aircraft["surface_limit"]
+    fleet.controls[i, 3] = controls[3] * aircraft["thrust_limit"]
+    message["actuator_time_usec"] = actuators["time_usec"]
+    return True
+
+
+@compiled
+def observe(fleet: Fleet, step: int, step_us: int) -> None:
+    """Write every aircraft's state at a step into its FTC_SIM_STATE payload and `applied`."""
+    for i in range(len(fleet.states)):
+        sense(
+            fleet.states[i],
+            fleet.controls[i],
+            step,
+            step_us,
+            fleet.faults[i],
+            fleet.disturbance,
+            fleet.aircraft[i],
+            fleet.messages[i],
+            fleet.applied[i],
+        )
+
+
+@compiled
+def fly(fleet: Fleet, step: int, step_us: int) -> int:
+    """Advance every aircraft from a step to the next.
+
+    Returns:
+        Index of the first aircraft that left the model's range of validity, or -1.
+    """
+    t, dt = time_s(step, step_us), step_us / 1e6
+    lost = -1
+    for i in range(len(fleet.states)):
+        step_aircraft(
+            fleet.states[i],
+            fleet.controls[i],
+            t,
+            dt,
+            fleet.faults[i],
+            fleet.disturbance,
+            fleet.aircraft[i],
+        )
+        if lost < 0 and is_lost(fleet.states[i]):
+            lost = i
+    return lost

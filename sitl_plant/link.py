@@ -1,0 +1,292 @@
+"""The plant's side of the simulator link: the compiled loop between datagrams and physics.
+
+`run` moves simulated time on while it can, and comes back to Python only when a datagram is
+not one of the hot path's, when it is time to look around, or when the flight is over. Python
+code (`sitl_plant.process`) never runs while a step is half done.
+
+Lockstep: a step is ready when each autopilot has answered the state with FTC_STEP_DONE; a
+state without an answer is sent again. Real time: a step is ready when the wall clock says so,
+with the command received last.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs import codec
+from mavlink_defs.codec import (
+    ACTUATORS_SIZE,
+    FOREIGN,
+    ID_ACTUATORS,
+    ID_SIM_STATE,
+    ID_STEP_DONE,
+    SIGNED,
+    STEP_DONE_SIZE,
+    check,
+    expand,
+    pack,
+    system_of,
+)
+from mavlink_defs.dialect import (
+    FTC_SIM_FLAGS_ENDED,
+    FTC_SIM_FLAGS_LOCKSTEP,
+    FTC_SIM_FLAGS_LOST,
+    FTC_SIM_FLAGS_RUNNING,
+    MAV_COMP_ID_USER1,
+)
+from mavlink_defs.jit import compiled
+from mavlink_defs.native import (
+    ADDRESS_SIZE,
+    monotonic_s,
+    receive_from,
+    receive_from_now,
+    send_to,
+    sleep_until,
+)
+from sitl_plant.fleet import Fleet, fly, observe, receive_controls
+
+__all__ = ["LOST", "OVER", "SERVICE", "SIMULATOR_COMPONENT", "TICK", "PlantLink",
+           "new_link", "run", "send_states"]  # fmt: skip
+
+SIMULATOR_COMPONENT = MAV_COMP_ID_USER1
+"""Component id of an aircraft inside the plant; its system id is the UAV's."""
+
+# what `run` comes back with
+SERVICE = 1  # link.received holds a datagram of clock["received"] bytes that is not hot
+TICK = 2  # the time until which it should run has come
+OVER = 3  # clock["last_step"] is reached
+LOST = 4  # aircraft clock["lost"] left the model's range of validity
+
+_RESEND_S = 0.05
+_MAX_LAG_S = 0.1
+_UNKNOWN_SENDER = 0  # index into drops; others are the negated codes of `codec.check`
+
+CLOCK = np.dtype(
+    [
+        ("step", "i8"),
+        ("step_us", "i8"),
+        ("last_step", "i8"),
+        ("speed", "f8"),  # real-time factor, 0: lockstep
+        ("flags", "i8"),  # FTC_SIM_FLAGS
+        ("waiting", "i8"),  # 1: the states of `step` are sent
+        ("sent_s", "f8"),  # when [s]
+        ("origin_s", "f8"),  # wall-clock time that `origin_step` belongs to [s]
+        ("origin_step", "i8"),
+        ("lag_s", "f8"),  # wall-clock time given up because the machine was too slow [s]
+        ("received", "i8"),  # length of the datagram in `received`
+        ("lost", "i8"),  # index of a lost aircraft
+    ]
+)
+
+
+class PlantLink(NamedTuple):
+    """Sockets, peers and time of a plant of n aircraft."""
+
+    clock: np.ndarray  # (1,), dtype CLOCK
+    systems: np.ndarray  # (n,), system id of each aircraft
+    known: np.ndarray  # (n,), 1: an autopilot is registered
+    addresses: np.ndarray  # (n, ADDRESS_SIZE), its sockaddr
+    heard_s: np.ndarray  # (n,), wall-clock time of its last datagram [s]
+    done: np.ndarray  # (n,), last step that it has finished
+    sequences: np.ndarray  # (n,), frames sent by each simulator component
+    drops: np.ndarray  # (16,), datagrams dropped, by reason
+    sent: np.ndarray  # datagram buffer
+    received: np.ndarray  # datagram buffer
+    sender: np.ndarray  # (ADDRESS_SIZE,), where it came from
+    step_done: np.ndarray  # views of `received`
+    actuators: np.ndarray
+    states: np.ndarray  # (steps, n, 12), recorded; no steps: nothing is recorded
+    applied: np.ndarray  # (steps, n, 4), recorded
+
+
+def new_link(
+    systems: list[int], step_us: int, last_step: int, speed: float | None, record: bool
+) -> PlantLink:
+    """The link of a plant that has not heard of any autopilot.
+
+    Args:
+        systems: System id of each aircraft.
+        step_us: Control period [µs].
+        last_step: Step at which the simulation ends.
+        speed: Real-time factor; None for lockstep.
+        record: Keep states and applied controls of every step.
+    """
+    n = len(systems)
+    clock = np.zeros(1, CLOCK)
+    clock["step_us"] = step_us
+    clock["last_step"] = last_step
+    clock["speed"] = speed or 0.0
+    clock["flags"] = 0 if speed else FTC_SIM_FLAGS_LOCKSTEP
+    clock["lost"] = -1
+    received = codec.new_buffer()
+    rows = last_step if record else 0
+    return PlantLink(
+        clock,
+        np.array(systems),
+        np.zeros(n, np.int64),
+        np.zeros((n, ADDRESS_SIZE), np.uint8),
+        np.zeros(n),
+        np.full(n, -1),
+        np.zeros(n, np.int64),
+        np.zeros(16, np.int64),
+        codec.new_buffer(),
+        received,
+        np.zeros(ADDRESS_SIZE, np.uint8),
+        codec.payload_view(received, codec.STEP_DONE),
+        codec.payload_view(received, codec.ACTUATORS),
+        np.zeros((rows, n, 12)),
+        np.zeros((rows, n, 4)),
+    )
+
+
+@compiled
+def send_states(fd: int, link: PlantLink, fleet: Fleet, unfinished_only: bool) -> None:
+    """Send the present state to every registered autopilot, or to those that have not answered.
+
+    Args:
+        fd: The plant's socket.
+        link: The link.
+        fleet: The fleet.
+        unfinished_only: Leave out those that have finished the present step.
+    """
+    clock = link.clock[0]
+    if not unfinished_only:
+        observe(fleet, clock["step"], clock["step_us"])
+    for i in range(len(link.systems)):
+        if link.known[i] == 0 or (unfinished_only and link.done[i] >= clock["step"]):
+            continue
+        fleet.messages[i]["flags"] = clock["flags"]
+        payload = fleet.messages[i : i + 1]
+        length = pack(
+            link.sent, payload, ID_SIM_STATE, link.systems[i], SIMULATOR_COMPONENT,
+            link.sequences[i],
+        )  # fmt: skip
+        link.sequences[i] += 1
+        send_to(fd, link.sent, length, link.addresses[i])
+    clock["sent_s"] = monotonic_s()
+
+
+@compiled
+def run(fd: int, link: PlantLink, fleet: Fleet, until_s: float) -> int:
+    """Move simulated time on, if it runs, until something needs Python.
+
+    Args:
+        fd: The plant's socket; its receive timeout bounds how late `until_s` is noticed.
+        link: The link.
+        fleet: The fleet.
+        until_s: Wall-clock time, as `monotonic_s` gives it, at which to come back [s].
+
+    Returns:
+        SERVICE, TICK, OVER or LOST.
+    """
+    clock = link.clock[0]
+    while True:
+        running = clock["flags"] & FTC_SIM_FLAGS_RUNNING
+        if running and clock["waiting"] == 0:
+            send_states(fd, link, fleet, False)
+            clock["waiting"] = 1
+        outcome = _wait(fd, link, fleet, until_s)
+        if outcome != 0:
+            return outcome
+        step = clock["step"]
+        if step < len(link.states):
+            link.states[step] = fleet.states
+            link.applied[step] = fleet.applied
+        lost = fly(fleet, step, clock["step_us"])
+        clock["step"] = step + 1
+        clock["waiting"] = 0
+        if lost >= 0:
+            clock["lost"] = lost
+            return LOST
+        if clock["step"] >= clock["last_step"]:
+            return OVER
+
+
+@compiled
+def _wait(fd: int, link: PlantLink, fleet: Fleet, until_s: float) -> int:
+    """Receive until the step is ready (0), or Python is needed (SERVICE, TICK)."""
+    clock = link.clock[0]
+    running = clock["flags"] & FTC_SIM_FLAGS_RUNNING
+    real_time = running and clock["speed"] > 0.0
+    while True:
+        if real_time:
+            due_s = _due_s(link)
+            sleep_until(min(due_s, until_s))
+            length = receive_from_now(fd, link.received, link.sender)
+            if length < 0 and monotonic_s() >= due_s:
+                return 0
+        else:
+            if running and _all_done(link):
+                return 0
+            length = receive_from(fd, link.received, link.sender)
+        if length >= 0 and _take(link, fleet, length):
+            clock["received"] = length
+            return SERVICE
+        now_s = monotonic_s()
+        if running and not real_time and now_s - clock["sent_s"] > _RESEND_S:
+            send_states(fd, link, fleet, True)
+        if now_s >= until_s:
+            if running and not real_time and _all_done(link):
+                return 0
+            return TICK
+
+
+@compiled
+def _due_s(link: PlantLink) -> float:
+    """Wall-clock time at which the present step ends; a machine too slow shifts the origin."""
+    clock = link.clock[0]
+    periods = clock["step"] + 1 - clock["origin_step"]
+    due_s = clock["origin_s"] + periods * clock["step_us"] / 1e6 / clock["speed"]
+    late_s = monotonic_s() - due_s
+    if late_s > _MAX_LAG_S:
+        clock["origin_s"] += late_s
+        clock["lag_s"] += late_s
+    value: float = due_s
+    return value
+
+
+@compiled
+def _all_done(link: PlantLink) -> bool:
+    step = link.clock[0]["step"]
+    for i in range(len(link.done)):
+        if link.done[i] < step:
+            return False
+    return True
+
+
+@compiled
+def _take(link: PlantLink, fleet: Fleet, length: int) -> bool:
+    """Work on a received datagram; True if it is for Python."""
+    code = check(link.received, length)
+    if code in (FOREIGN, SIGNED):
+        return True
+    if code < 0:
+        link.drops[-code] += 1
+        return False
+    i = _index_of_sender(link)
+    if i < 0:
+        link.drops[_UNKNOWN_SENDER] += 1
+        return False
+    link.heard_s[i] = monotonic_s()
+    if code == ID_STEP_DONE:
+        expand(link.received, STEP_DONE_SIZE)
+        step = link.step_done[0]["step"]
+        if step <= link.clock[0]["step"]:
+            link.done[i] = max(link.done[i], step)
+    elif code == ID_ACTUATORS:
+        expand(link.received, ACTUATORS_SIZE)
+        receive_controls(fleet, i, link.actuators[0])
+    return False
+
+
+@compiled
+def _index_of_sender(link: PlantLink) -> int:
+    """Index of the aircraft whose registered autopilot sent the datagram, or -1."""
+    system = system_of(link.received)
+    for i in range(len(link.systems)):
+        if link.systems[i] == system and link.known[i] == 1:
+            for k in range(2, 8):  # port and IPv4 address
+                if link.addresses[i, k] != link.sender[k]:
+                    return -1
+            return i
+    return -1

@@ -1,0 +1,173 @@
+"""One aircraft of the plant over one control period.
+
+The actuator command is held over the period (zero-order hold); eqs. (1) to (4) are integrated
+by the classical Runge-Kutta method of fourth order with the period as its step.
+"""
+
+import math
+
+import numpy as np
+
+from mavlink_defs.jit import compiled
+from sitl_plant.actuators import Controls, apply_faults
+from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.disturbance import disturbances
+from sitl_plant.rigid_body import State, advance, load_state, state_derivative, store_state
+from sitl_plant.vec3 import add, norm, scale, vec3
+
+__all__ = ["AIRSPEED_MAX_M_S", "AIRSPEED_MIN_M_S", "PITCH_MAX_RAD", "describe_loss",
+           "is_lost", "rk4_step", "sense", "step_aircraft", "time_s"]  # fmt: skip
+
+PITCH_MAX_RAD = math.radians(89.0)
+AIRSPEED_MIN_M_S = 3.0
+AIRSPEED_MAX_M_S = 300.0
+
+
+@compiled
+def time_s(step: int, step_us: int) -> float:
+    """Simulation time of a step [s]: the double nearest to the decimal number."""
+    return step * step_us / 1e6
+
+
+@compiled
+def rk4_step(
+    state: State,
+    commanded: Controls,
+    t: float,
+    dt: float,
+    faults: np.ndarray,
+    disturbance: np.ndarray,
+    aircraft: np.void,
+) -> State:
+    """Integrate eqs. (1) to (4) from t to t + dt [s].
+
+    Args:
+        state: State at t.
+        commanded: Actuator commands held over the interval.
+        t: Begin of the interval [s].
+        dt: Its length [s].
+        faults: The aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
+        disturbance: As `disturbance_table` returns it.
+        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+    """
+    middle = t + 0.5 * dt
+    k1 = _slope(state, commanded, t, t, faults, disturbance, aircraft)
+    k2 = _slope(
+        advance(state, 0.5 * dt, k1), commanded, middle, t, faults, disturbance, aircraft
+    )
+    k3 = _slope(
+        advance(state, 0.5 * dt, k2), commanded, middle, t, faults, disturbance, aircraft
+    )
+    k4 = _slope(advance(state, dt, k3), commanded, t + dt, t, faults, disturbance, aircraft)
+    state = advance(advance(state, dt / 6.0, k1), dt / 3.0, k2)
+    return advance(advance(state, dt / 3.0, k3), dt / 6.0, k4)
+
+
+@compiled
+def _slope(
+    state: State,
+    commanded: Controls,
+    t: float,
+    interval_start: float,
+    faults: np.ndarray,
+    disturbance: np.ndarray,
+    aircraft: np.void,
+) -> State:
+    da, de, dr, thrust = apply_faults(commanded, t, interval_start, faults, aircraft)
+    d_v, d_omega = disturbances(disturbance, t)
+    return state_derivative(state, thrust, (da, de, dr), d_v, d_omega, aircraft)
+
+
+@compiled
+def step_aircraft(
+    x: np.ndarray,
+    controls: np.ndarray,
+    t: float,
+    dt: float,
+    faults: np.ndarray,
+    disturbance: np.ndarray,
+    aircraft: np.void,
+) -> None:
+    """Advance one aircraft in place by one control period.
+
+    Args:
+        x: State, shape (12,), in the order of `State`.
+        controls: Aileron, elevator, rudder [rad], thrust [N] as commanded, shape (4,).
+        t: Begin of the period [s].
+        dt: Control period [s].
+        faults: The aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
+        disturbance: As `disturbance_table` returns it.
+        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+    """
+    commanded = (controls[0], controls[1], controls[2], controls[3])
+    store_state(rk4_step(load_state(x), commanded, t, dt, faults, disturbance, aircraft), x)
+
+
+@compiled
+def sense(
+    x: np.ndarray,
+    controls: np.ndarray,
+    step: int,
+    step_us: int,
+    faults: np.ndarray,
+    disturbance: np.ndarray,
+    aircraft: np.void,
+    message: np.void,
+    applied: np.ndarray,
+) -> None:
+    """Fill the FTC_SIM_STATE payload with the state at a step.
+
+    The specific force is that of the actuators as they stand at this instant: still under the
+    command of the period that ends here.
+
+    Args:
+        x: State, shape (12,).
+        controls: Commands of the period that ends here, shape (4,).
+        step: Step number.
+        step_us: Control period [µs].
+        faults: The aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
+        disturbance: As `disturbance_table` returns it.
+        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        message: Payload of dtype `mavlink_defs.codec.SIM_STATE`; its time, step, motion and
+            specific force are set.
+        applied: What the actuators really do now, shape (4,), is written here.
+    """
+    t = time_s(step, step_us)
+    _, v, _, omega = load_state(x)
+    commanded = (controls[0], controls[1], controls[2], controls[3])
+    real = apply_faults(commanded, t, time_s(step - 1, step_us), faults, aircraft)
+    air = aerodynamics(v, omega, aircraft)
+    d_v, _ = disturbances(disturbance, t)
+    f = add(scale(1.0 / aircraft["m"], (air.F[0] + real[3], air.F[1], air.F[2])), d_v)
+    message["time_usec"] = step * step_us
+    message["step"] = step
+    for i in range(3):
+        message["position"][i] = x[i]
+        message["velocity"][i] = x[3 + i]
+        message["attitude"][i] = x[6 + i]
+        message["rates"][i] = x[9 + i]
+        message["specific_force"][i] = f[i]
+    for i in range(4):
+        applied[i] = real[i]
+
+
+@compiled
+def is_lost(x: np.ndarray) -> bool:
+    """Tell whether a state, shape (12,), has left the range in which the model means anything.
+
+    That is: a number is not finite, the pitch angle is beyond ±89° (Euler angles), or the
+    airspeed is outside 3 to 300 m/s.
+    """
+    for i in range(12):
+        if not math.isfinite(x[i]):
+            return True
+    V = norm(vec3(x[3:6]))
+    return abs(x[7]) > PITCH_MAX_RAD or V < AIRSPEED_MIN_M_S or V > AIRSPEED_MAX_M_S
+
+
+def describe_loss(x: np.ndarray) -> str:
+    """Say in words in what way a state, shape (12,), is lost."""
+    if not np.isfinite(x).all():
+        return "its state is not finite"
+    pitch_deg, V = math.degrees(x[7]), norm(vec3(x[3:6]))
+    return f"pitch {pitch_deg:.1f}° (limit ±89°), airspeed {V:.1f} m/s (limits 3 to 300 m/s)"

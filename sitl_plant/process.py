@@ -1,0 +1,256 @@
+"""The plant process: ``sitl-plant CONFIG``.
+
+It binds the simulator link's port, waits until an autopilot has registered and armed for every
+aircraft, flies, and says at the end why it stopped. Exit status: 0 flown to the end or stopped
+by a signal, 1 the flight was lost or an autopilot fell silent, 2 bad input.
+"""
+
+import argparse
+import socket
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mavlink_defs.config import ConfigError, load
+from mavlink_defs.dialect import (
+    FTC_SIM_FLAGS_ENDED,
+    FTC_SIM_FLAGS_LOST,
+    FTC_SIM_FLAGS_RUNNING,
+    MAV_COMP_ID_AUTOPILOT1,
+)
+from mavlink_defs.endpoint import (
+    EndpointError,
+    address_of,
+    bind_udp,
+    is_loopback,
+    parse_address,
+    set_receive_timeout,
+)
+from mavlink_defs.faults import FaultLimits
+from mavlink_defs.frames import Speaker, parse
+from mavlink_defs.lifetime import on_stop
+from sitl_plant.config import PlantConfig
+from sitl_plant.fleet import new_fleet
+from sitl_plant.link import (
+    LOST,
+    OVER,
+    SERVICE,
+    SIMULATOR_COMPONENT,
+    new_link,
+    run,
+    send_states,
+)
+from sitl_plant.plant import describe_loss, time_s
+from sitl_plant.service import AircraftService
+
+__all__ = ["main"]
+
+_TICK_S = 0.02
+_FAREWELL_S = 1.0
+_STEPS_MAX = 2**31  # 24 days at 1 kHz
+
+
+class Plant:
+    """The plant's shell: socket, wall clock, registration."""
+
+    def __init__(self, config: PlantConfig, sock: socket.socket, record: bool) -> None:
+        self._config = config
+        self._sock = sock
+        self._fd = sock.fileno()
+        set_receive_timeout(sock, _TICK_S)
+        last_step = _STEPS_MAX
+        if config.duration_s is not None:
+            last_step = round(config.duration_s * 1e6 / config.step_us)
+        systems = [uav.id for uav in config.uavs]
+        self._fleet = new_fleet(config)
+        self._link = new_link(systems, config.step_us, last_step, config.speed, record)
+        self._clock = self._link.clock[0]
+        self._services = [
+            AircraftService(
+                uav.id,
+                SIMULATOR_COMPONENT,
+                self._fleet.faults[i],
+                self._fleet.applied[i],
+                FaultLimits(uav.aircraft.surface_limit_deg, uav.aircraft.thrust_limit_n),
+            )
+            for i, uav in enumerate(config.uavs)
+        ]
+        self._speakers = [
+            Speaker(uav.id, SIMULATOR_COMPONENT, self._counter(i))
+            for i, uav in enumerate(config.uavs)
+        ]
+        self._begin_s = 0.0
+        self.wall_s = 0.0
+        self.stopping = False
+
+    def fly(self) -> str | None:
+        """Serve the link until the flight is over; the reason if it ended before its end."""
+        loss, outcome = None, 0
+        while not self.stopping:
+            outcome = run(self._fd, self._link, self._fleet, time.monotonic() + _TICK_S)
+            if outcome == SERVICE:
+                self._serve()
+            elif outcome == OVER:
+                break
+            elif outcome == LOST:
+                i = int(self._clock["lost"])
+                why = describe_loss(self._fleet.states[i])
+                loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
+                break
+            else:
+                loss = self._look_around()
+                if loss is not None:
+                    break
+        if self._running:
+            self.wall_s = time.monotonic() - self._begin_s
+        self._say_goodbye(lost=outcome == LOST)
+        return loss
+
+    @property
+    def time_s(self) -> float:
+        """Simulation time [s]."""
+        return time_s(int(self._clock["step"]), self._config.step_us)
+
+    def recording(self) -> dict[str, Any]:
+        """Everything recorded, by name."""
+        steps = int(self._clock["step"])
+        return {
+            "states": self._link.states[:steps],
+            "applied": self._link.applied[:steps],
+            "steps": steps,
+            "wall_s": self.wall_s,
+            "lag_s": float(self._clock["lag_s"]),
+        }
+
+    @property
+    def _running(self) -> bool:
+        return bool(self._clock["flags"] & FTC_SIM_FLAGS_RUNNING)
+
+    def _counter(self, i: int) -> Callable[[], int]:
+        def next_sequence() -> int:
+            self._link.sequences[i] += 1
+            return int(self._link.sequences[i]) - 1
+
+        return next_sequence
+
+    def _serve(self) -> None:
+        datagram = self._link.received[: int(self._clock["received"])].tobytes()
+        message = parse(datagram)
+        systems = list(self._link.systems)
+        if (
+            message is None
+            or message.get_srcComponent() != MAV_COMP_ID_AUTOPILOT1
+            or message.get_srcSystem() not in systems
+        ):
+            return
+        i = systems.index(message.get_srcSystem())
+        now = time.monotonic()
+        if not self._register(i, now):
+            return
+        service = self._services[i]
+        service.receive(message, self.time_s, now)
+        for answer in service.messages_to_send():
+            host = address_of(self._link.addresses[i])
+            self._sock.sendto(self._speakers[i].pack(answer), (host.host, host.port))
+        if not self._running and self._link.known.all() and all(s.armed for s in self._services):
+            self._start()
+
+    def _register(self, i: int, now: float) -> bool:
+        """Note who flies aircraft i; a second claimant is ignored while the first is heard."""
+        link = self._link
+        same = np.array_equal(link.addresses[i], link.sender)
+        if not same and link.known[i] and now - link.heard_s[i] < 1.0:
+            return False
+        if not same or not link.known[i]:
+            link.addresses[i] = link.sender
+            link.known[i] = 1
+            if self._running:
+                _say(f"the autopilot of UAV {link.systems[i]} is back at {self.time_s:.3f} s")
+                send_states(self._fd, link, self._fleet, True)
+        link.heard_s[i] = now
+        return True
+
+    def _start(self) -> None:
+        self._clock["flags"] |= FTC_SIM_FLAGS_RUNNING
+        self._begin_s = self._clock["origin_s"] = time.monotonic()
+        self._clock["origin_step"] = self._clock["step"]
+
+    def _look_around(self) -> str | None:
+        """Between datagrams: keep frozen aircraft alive, notice silence."""
+        link, now = self._link, time.monotonic()
+        silent = link.known & (now - link.heard_s > self._config.silence_timeout_s)
+        if not self._running:
+            link.known[silent.astype(bool)] = 0  # it may register again
+            send_states(self._fd, link, self._fleet, False)
+            return None
+        for i in np.flatnonzero(silent):
+            text = (
+                f"the autopilot of UAV {link.systems[i]} has been silent for "
+                f"{self._config.silence_timeout_s:g} s at {self.time_s:.3f} s of simulated time"
+            )
+            if not self._config.wait_for_restart:
+                return text
+            link.known[i] = 0
+            _say(f"{text}; holding its last command and waiting for it to come back")
+        return None
+
+    def _say_goodbye(self, lost: bool) -> None:
+        """Tell every autopilot that the simulation is over, until each has answered."""
+        self._clock["flags"] |= FTC_SIM_FLAGS_ENDED | (FTC_SIM_FLAGS_LOST if lost else 0)
+        self._clock["flags"] &= ~FTC_SIM_FLAGS_RUNNING
+        end = time.monotonic() + _FAREWELL_S
+        send_states(self._fd, self._link, self._fleet, False)
+        while time.monotonic() < end and self._unfinished():
+            run(self._fd, self._link, self._fleet, time.monotonic() + _TICK_S)
+            send_states(self._fd, self._link, self._fleet, True)
+
+    def _unfinished(self) -> bool:
+        link = self._link
+        return bool(((link.done < self._clock["step"]) & (link.known == 1)).any())
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the plant process and exit."""
+    parser = argparse.ArgumentParser(
+        prog="sitl-plant",
+        description="Simulate the aircraft of one fleet; autopilots connect over MAVLink.",
+        epilog="`gcs fly` writes such a CONFIG for a scenario into its run folder.",
+    )
+    parser.add_argument("config", type=Path, help="plant configuration (YAML)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="write all steps as .npz")
+    parser.add_argument(
+        "--exit-with-parent", action="store_true", help="stop when the parent process is gone"
+    )
+    options = parser.parse_args(arguments)
+    try:
+        config = load(options.config, PlantConfig)
+        if options.record and config.duration_s is None:
+            raise ConfigError(options.config, ["duration_s: missing; --record needs an end"])
+        address = parse_address(config.bind)
+        sock = bind_udp(address, "plant", "stop the other program, or change `bind`")
+    except (ConfigError, EndpointError) as problem:
+        print(problem, file=sys.stderr)
+        sys.exit(2)
+    if not is_loopback(address):
+        _say(f"warning: {address} can be reached from other machines")
+    plant = Plant(config, sock, record=options.record is not None)
+
+    def stop() -> None:
+        plant.stopping = True
+
+    on_stop(stop, options.exit_with_parent)
+    with sock:
+        loss = plant.fly()
+    if options.record:
+        np.savez(options.record, loss=loss or "", **plant.recording())
+    if loss is not None:
+        _say(loss)
+    sys.exit(0 if loss is None else 1)
+
+
+def _say(text: str) -> None:
+    print(f"sitl-plant: {text}", file=sys.stderr, flush=True)

@@ -1,0 +1,145 @@
+"""What an aircraft inside the plant does besides flying: registration and fault commands.
+
+No socket and no clock: messages and the time go in, messages to send come out.
+"""
+
+import math
+
+import numpy as np
+
+from mavlink_defs import dialect
+from mavlink_defs.command import CommandMessage, CommandServer, command_params
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.faults import (
+    ACTUATORS,
+    Fault,
+    FaultLimits,
+    InvalidParam,
+    fault_from_params,
+)
+from mavlink_defs.frames import text_chunks
+from mavlink_defs.machine import Address
+from sitl_plant.actuators import add_fault, clear_faults
+
+__all__ = ["AircraftService"]
+
+_SURFACES = {0: (0, 1, 2), 1: (0,), 2: (1,), 3: (2,)}  # MAV_CMD_INJECT_FAILURE servo instance
+_MOTORS = {0: (3,), 1: (3,)}
+_OPEN = math.nan
+
+
+class AircraftService:
+    """The simulator component of one aircraft.
+
+    Attributes:
+        armed: Whether its autopilot's last HEARTBEAT said so.
+    """
+
+    def __init__(
+        self, system: int, component: int, faults: np.ndarray, applied: np.ndarray,
+        limits: FaultLimits,
+    ) -> None:  # fmt: skip
+        self.armed = False
+        self._faults = faults  # the aircraft's row of the fault table
+        self._applied = applied  # what its actuators do now [rad, rad, rad, N]
+        self._limits = limits
+        self._commands = CommandServer(Address(system, component))
+        self._outbox: list[MAVLink_message] = []
+        self._texts = 0
+
+    def receive(self, message: MAVLink_message, time_s: float, now: float) -> None:
+        """Take in a message of the aircraft's autopilot.
+
+        Args:
+            message: Any message; those of no concern are ignored.
+            time_s: Simulation time [s].
+            now: Wall-clock time [s].
+        """
+        if isinstance(message, dialect.MAVLink_heartbeat_message):
+            self.armed = bool(message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+        self._commands.receive(message, now)
+        for command in self._commands.events():
+            result = self._execute(command.message, time_s)
+            self._commands.finish(command.token, result, now=now)
+
+    def messages_to_send(self) -> list[MAVLink_message]:
+        """Hand over what is to be sent to the autopilot."""
+        messages, self._outbox = self._outbox + self._commands.messages_to_send(), []
+        return messages
+
+    def _execute(self, message: CommandMessage, time_s: float) -> int:
+        params = command_params(message)
+        try:
+            match message.command:
+                case dialect.MAV_CMD_FTC_SET_FAULT:
+                    add_fault(self._faults, fault_from_params(params, self._limits), time_s)
+                case dialect.MAV_CMD_FTC_CLEAR_FAULTS:
+                    self._clear(params[0])
+                case dialect.MAV_CMD_INJECT_FAILURE:
+                    return self._inject(params, time_s)
+                case dialect.MAV_CMD_REQUEST_MESSAGE:
+                    self._list_faults(time_s)
+                case _:
+                    return dialect.MAV_RESULT_UNSUPPORTED
+        except (InvalidParam, OverflowError) as problem:
+            self._say(str(problem))
+            return dialect.MAV_RESULT_DENIED
+        return dialect.MAV_RESULT_ACCEPTED
+
+    def _clear(self, actuator: float) -> None:
+        if actuator not in {-1.0, *range(len(ACTUATORS))}:
+            text = f"Clear faults: Actuator is {actuator:g}, must be -1 to 3"
+            raise InvalidParam(1, "Actuator", text)
+        clear_faults(self._faults, int(actuator))
+
+    def _inject(self, params: tuple[float, ...], time_s: float) -> int:
+        """MAV_CMD_INJECT_FAILURE: servos and the motor, failing OFF or STUCK, or OK again."""
+        unit, kind, instance = params[:3]
+        units = {
+            dialect.FAILURE_UNIT_SYSTEM_SERVO: _SURFACES,
+            dialect.FAILURE_UNIT_SYSTEM_MOTOR: _MOTORS,
+        }
+        if unit not in units:
+            return dialect.MAV_RESULT_UNSUPPORTED
+        if instance not in units[int(unit)]:
+            text = f"Failure: Instance is {instance:g}, must be 0 to {len(units[int(unit)]) - 1}"
+            raise InvalidParam(3, "Instance", text)
+        for actuator in units[int(unit)][int(instance)]:
+            if kind == dialect.FAILURE_TYPE_OK:
+                clear_faults(self._faults, actuator)
+            elif kind == dialect.FAILURE_TYPE_OFF:
+                self._stick(actuator, 0.0, time_s)
+            elif kind == dialect.FAILURE_TYPE_STUCK:
+                applied = float(self._applied[actuator])
+                self._stick(actuator, applied if actuator == 3 else math.degrees(applied), time_s)
+            else:
+                return dialect.MAV_RESULT_UNSUPPORTED
+        return dialect.MAV_RESULT_ACCEPTED
+
+    def _stick(self, actuator: int, value: float, time_s: float) -> None:
+        add_fault(self._faults, Fault(actuator, 0.0, value, 0.0, _OPEN, _OPEN), time_s)
+
+    def _list_faults(self, time_s: float) -> None:
+        rows = self._faults[self._faults["actuator"] >= 0]
+        if len(rows) == 0:
+            self._outbox.append(dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0))
+        for i, row in enumerate(rows):
+            actuator = int(row["actuator"])
+            value = float(row["value"])
+            self._outbox.append(
+                dialect.MAVLink_ftc_fault_message(
+                    effectiveness=float(row["rho"]),
+                    value=value if actuator == 3 else math.degrees(value),
+                    frequency=float(row["frequency"]),
+                    start=float(row["start"]),
+                    end=float(row["end"]),
+                    index=i,
+                    count=len(rows),
+                    actuator=actuator,
+                    active=int(row["start"] < time_s <= row["end"]),
+                )
+            )
+
+    def _say(self, text: str) -> None:
+        self._texts += 1
+        self._outbox += text_chunks(dialect.MAV_SEVERITY_WARNING, text, self._texts)

@@ -1,0 +1,90 @@
+"""Vectors of three and 3×3 matrices as tuples.
+
+Compiled code keeps tuples in registers, where small numpy arrays would be allocated one by
+one; the compiled step spends no time in the allocator. Matrices are tuples of rows.
+"""
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+
+from mavlink_defs.jit import compiled
+
+__all__ = ["Mat3", "Vec3", "add", "cross", "dot", "mat3", "mul", "mul_t", "norm", "scale", "sub",
+           "vec3"]  # fmt: skip
+
+Vec3: TypeAlias = tuple[float, float, float]
+Mat3: TypeAlias = tuple[Vec3, Vec3, Vec3]
+
+
+@compiled
+def vec3(a: np.ndarray) -> Vec3:
+    """The three elements of an array of shape (3,)."""
+    return a[0], a[1], a[2]
+
+
+@compiled
+def mat3(a: np.ndarray) -> Mat3:
+    """The rows of an array of shape (3, 3)."""
+    return (
+        (a[0, 0], a[0, 1], a[0, 2]),
+        (a[1, 0], a[1, 1], a[1, 2]),
+        (a[2, 0], a[2, 1], a[2, 2]),
+    )
+
+
+@compiled
+def add(a: Vec3, b: Vec3) -> Vec3:
+    """Sum a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@compiled
+def sub(a: Vec3, b: Vec3) -> Vec3:
+    """Difference a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@compiled
+def scale(k: float, a: Vec3) -> Vec3:
+    """Product k a."""
+    return k * a[0], k * a[1], k * a[2]
+
+
+@compiled
+def dot(a: Vec3, b: Vec3) -> float:
+    """Scalar product aᵀb."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def norm(a: Vec3) -> float:
+    """Euclidean length of a."""
+    return math.sqrt(dot(a, a))
+
+
+@compiled
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    """Vector product a × b, the paper's S(a) b."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@compiled
+def mul(m: Mat3, a: Vec3) -> Vec3:
+    """Product of a matrix and a column, m a."""
+    return dot(m[0], a), dot(m[1], a), dot(m[2], a)
+
+
+@compiled
+def mul_t(m: Mat3, a: Vec3) -> Vec3:
+    """Product of a transposed matrix and a column, mᵀ a."""
+    return (
+        m[0][0] * a[0] + m[1][0] * a[1] + m[2][0] * a[2],
+        m[0][1] * a[0] + m[1][1] * a[1] + m[2][1] * a[2],
+        m[0][2] * a[0] + m[1][2] * a[1] + m[2][2] * a[2],
+    )

@@ -1,0 +1,29 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs.scenario import Scenario, load_scenario
+from sitl_plant.aircraft import aircraft_record
+
+DATA = Path(__file__).parent / "data"
+SCENARIO_1 = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
+
+
+@pytest.fixture(scope="session")
+def vectors() -> dict[str, Any]:
+    vectors: dict[str, Any] = json.loads((DATA / "vectors.json").read_text())
+    return vectors
+
+
+@pytest.fixture(scope="session")
+def scenario1() -> Scenario:
+    return load_scenario(SCENARIO_1)
+
+
+@pytest.fixture(scope="session")
+def nominal(scenario1: Scenario) -> np.void:
+    """The paper's aircraft, Table I."""
+    return aircraft_record(scenario1.aircraft)

@@ -1,0 +1,119 @@
+import math
+from dataclasses import astuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lossy_network import GCS, over_the_wire
+
+from mavlink_defs import dialect
+from mavlink_defs.command import command_params
+from mavlink_defs.dialect import MAVLink_command_long_message
+from mavlink_defs.faults import (
+    ACTUATORS,
+    Fault,
+    FaultLimits,
+    InvalidParam,
+    fault_from_params,
+    fault_to_params,
+)
+
+LIMITS = FaultLimits(surface_deg=25.0, thrust_n=4000.0)
+NAN, INF = math.nan, math.inf
+
+
+def same(a: Fault, b: Fault) -> bool:
+    return all(
+        x == y or (math.isnan(x) and math.isnan(y))
+        for x, y in zip(astuple(a), astuple(b), strict=True)
+    )
+
+
+def decimals(low: float, high: float, places: int) -> st.SearchStrategy[float]:
+    scale = 10**places
+    return st.integers(round(low * scale), round(high * scale)).map(lambda n: n / scale)
+
+
+@st.composite
+def faults(draw: st.DrawFn) -> Fault:
+    actuator = draw(st.integers(0, 3))
+    effectiveness = draw(decimals(0.0, 1.0, 4))
+    limit = 4000.0 if actuator == 3 else 25.0
+    low = 0.0 if actuator == 3 and effectiveness == 0.0 else -limit
+    start = draw(st.just(NAN) | decimals(0.0, 500.0, 2))
+    earliest = 0.0 if math.isnan(start) else start
+    return Fault(
+        actuator,
+        effectiveness,
+        draw(decimals(low, limit, 2)),
+        draw(decimals(0.0, 500.0, 2)),
+        start,
+        draw(st.just(NAN) | decimals(earliest + 0.01, 1000.0, 2)),
+    )
+
+
+@given(faults())
+def test_fault_crosses_the_wire_unchanged(fault: Fault) -> None:
+    command = dialect.MAV_CMD_FTC_SET_FAULT
+    message = MAVLink_command_long_message(1, 1, command, 0, *fault_to_params(fault))
+    received = over_the_wire(message, GCS)
+    assert same(fault_from_params(command_params(received), LIMITS), fault)
+
+
+@given(st.lists(st.floats(width=32), min_size=7, max_size=7))
+def test_any_parameters_give_a_fault_within_limits_or_are_refused(params: list[float]) -> None:
+    try:
+        fault = fault_from_params(params, LIMITS)
+    except InvalidParam:
+        return
+    assert fault.actuator in range(len(ACTUATORS))
+    assert 0.0 <= fault.effectiveness <= 1.0
+    assert abs(fault.value) <= (4000.0 if fault.actuator == 3 else 25.0)
+
+
+@pytest.mark.parametrize(
+    ("params", "index", "text"),
+    [
+        ((4, 1, 0, 0, 0, NAN, 0), 1, "Fault: Actuator is 4, must be 0, 1, 2 or 3"),
+        ((-1, 1, 0, 0, 0, NAN, 0), 1, "Fault: Actuator is -1, must be 0, 1, 2 or 3"),
+        ((0.5, 1, 0, 0, 0, NAN, 0), 1, "Fault: Actuator is 0.5, must be 0, 1, 2 or 3"),
+        ((NAN, 1, 0, 0, 0, NAN, 0), 1, "Fault: Actuator is nan, must be 0, 1, 2 or 3"),
+        ((0, 1.1, 0, 0, 0, NAN, 0), 2, "Fault: Effectiveness is 1.1, must be 0 to 1"),
+        ((0, -0.1, 0, 0, 0, NAN, 0), 2, "Fault: Effectiveness is -0.1, must be 0 to 1"),
+        ((0, NAN, 0, 0, 0, NAN, 0), 2, "Fault: Effectiveness is nan, must be 0 to 1"),
+        ((2, 1, 25.1, 0, 0, NAN, 0), 3, "Fault: Value is 25.1 deg, must be -25 to 25 deg"),
+        ((2, 0, -26, 0, 0, NAN, 0), 3, "Fault: Value is -26 deg, must be -25 to 25 deg"),
+        ((3, 1, -4001, 0, 0, NAN, 0), 3, "Fault: Value is -4001 N, must be -4000 to 4000 N"),
+        ((3, 0, -1, 0, 0, NAN, 0), 3, "Fault: Value is -1 N, must be 0 to 4000 N"),
+        ((3, 0, NAN, 0, 0, NAN, 0), 3, "Fault: Value is nan N, must be 0 to 4000 N"),
+        ((0, 1, 1, 501, 0, NAN, 0), 4, "Fault: Frequency is 501 Hz, must be 0 to 500 Hz"),
+        ((0, 1, 1, -1, 0, NAN, 0), 4, "Fault: Frequency is -1 Hz, must be 0 to 500 Hz"),
+        ((0, 1, 1, INF, 0, NAN, 0), 4, "Fault: Frequency is inf Hz, must be 0 to 500 Hz"),
+        ((0, 1, 1, 0, -1, NAN, 0), 5, "Fault: Start is -1 s, must be NaN or at least 0 s"),
+        ((0, 1, 1, 0, INF, NAN, 0), 5, "Fault: Start is inf s, must be NaN or at least 0 s"),
+        ((0, 1, 1, 0, 5, 5, 0), 6, "Fault: End is 5 s, must be NaN or more than 5 s"),
+        ((0, 1, 1, 0, NAN, 0, 0), 6, "Fault: End is 0 s, must be NaN or more than 0 s"),
+    ],
+)
+def test_bad_parameter_is_named(params: tuple[float, ...], index: int, text: str) -> None:
+    with pytest.raises(InvalidParam) as caught:
+        fault_from_params(params, LIMITS)
+    assert caught.value.index == index
+    assert str(caught.value) == caught.value.text == text
+
+
+def test_limit_that_went_through_radians_does_not_refuse_itself() -> None:
+    for degrees in range(1, 90):
+        limits = FaultLimits(math.degrees(math.radians(degrees)), 1.0)
+        fault = fault_from_params((0, 1, float(degrees), 0, NAN, NAN, 0), limits)
+        assert fault.value == degrees
+
+
+def test_negative_thrust_bias_is_a_fault() -> None:
+    fault = fault_from_params((3, 1, -4000, 0, NAN, INF, 0), LIMITS)
+    assert (fault.value, fault.end_s) == (-4000.0, INF)
+
+
+def test_actuators_are_in_the_order_of_the_dialect() -> None:
+    names = [f"FTC_ACTUATOR_{name.upper()}" for name in ACTUATORS]
+    assert [getattr(dialect, name) for name in names] == [0, 1, 2, 3]

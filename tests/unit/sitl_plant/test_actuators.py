@@ -1,0 +1,105 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavlink_defs.faults import Fault
+from sitl_plant.actuators import MAX_FAULTS, add_fault, apply_faults, clear_faults, no_faults
+
+COMMAND = (0.1, -0.2, 0.3, 150.0)
+NAN = math.nan
+RUDDER, THROTTLE = 2, 3
+
+
+def row_with(*faults: Fault, now_s: float = 0.0) -> np.ndarray:
+    row: np.ndarray = no_faults(1)[0]
+    for fault in faults:
+        add_fault(row, fault, now_s)
+    return row
+
+
+def applied(row: np.ndarray, t: float, aircraft: np.void) -> tuple[float, ...]:
+    return apply_faults(COMMAND, t, t, row, aircraft)
+
+
+def test_without_faults_commands_are_applied(nominal: np.void) -> None:
+    assert applied(row_with(), 1.0, nominal) == COMMAND
+
+
+def test_partial_loss_scales_one_actuator(nominal: np.void) -> None:
+    row = row_with(Fault(RUDDER, 0.9, 0.0, 0.0, 0.0, NAN))
+    assert applied(row, 1.0, nominal) == (0.1, -0.2, 0.9 * 0.3, 150.0)
+
+
+def test_loss_and_bias_come_together(nominal: np.void) -> None:
+    row = row_with(Fault(RUDDER, 0.9, 1.0, 0.0, 0.0, NAN))
+    assert applied(row, 1.0, nominal)[2] == 0.9 * 0.3 + math.radians(1.0)
+
+
+def test_bias_of_the_throttle_is_in_newton(nominal: np.void) -> None:
+    row = row_with(Fault(THROTTLE, 1.0, -20.0, 0.0, 0.0, NAN))
+    assert applied(row, 1.0, nominal)[3] == 130.0
+
+
+def test_a_stuck_actuator_does_not_listen(nominal: np.void) -> None:
+    row = row_with(Fault(RUDDER, 0.0, 5.0, 0.0, 0.0, NAN))
+    assert applied(row, 1.0, nominal)[2] == math.radians(5.0)
+
+
+@given(t=st.floats(2.0, 9.0), frequency=st.floats(0.1, 5.0))
+def test_a_stuck_value_can_vary_in_time(t: float, frequency: float, nominal: np.void) -> None:
+    row = row_with(Fault(RUDDER, 0.0, 5.0, frequency, 2.0, 10.0))
+    expected = math.radians(5.0) * math.cos(2.0 * math.pi * frequency * (t - 2.0))
+    assert applied(row, t, nominal)[2] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("interval_start", "active"), [(18.999, False), (19.0, True), (21.999, True), (22.0, False)]
+)
+def test_a_window_begins_after_its_start_and_holds_to_its_end(
+    interval_start: float, active: bool, nominal: np.void
+) -> None:
+    row = row_with(Fault(RUDDER, 0.5, 0.0, 0.0, 19.0, 22.0))
+    rudder = apply_faults(COMMAND, interval_start, interval_start, row, nominal)[2]
+    assert (rudder == 0.15) is active
+
+
+def test_an_overlapping_fault_replaces_the_old_one(nominal: np.void) -> None:
+    row = row_with(Fault(RUDDER, 0.9, 0.0, 0.0, NAN, NAN), Fault(RUDDER, 0.5, 0.0, 0.0, NAN, NAN))
+    assert np.count_nonzero(row["actuator"] >= 0) == 1
+    assert applied(row, 1.0, nominal)[2] == 0.15
+
+
+def test_faults_of_other_actuators_and_other_times_stay() -> None:
+    row = row_with(
+        Fault(RUDDER, 0.9, 0.0, 0.0, 1.0, 2.0),
+        Fault(RUDDER, 0.5, 0.0, 0.0, 2.0, 3.0),
+        Fault(THROTTLE, 0.5, 0.0, 0.0, 1.0, NAN),
+    )
+    assert np.count_nonzero(row["actuator"] >= 0) == 3
+
+
+def test_clearing_one_actuator_leaves_the_others() -> None:
+    row = row_with(
+        Fault(RUDDER, 0.9, 0.0, 0.0, 1.0, NAN), Fault(THROTTLE, 0.5, 0.0, 0.0, 1.0, NAN)
+    )
+    clear_faults(row, RUDDER)
+    assert list(row["actuator"][:2]) == [THROTTLE, -1]
+    clear_faults(row, -1)
+    assert row["actuator"][0] == -1
+
+
+def test_a_full_table_refuses_another_fault() -> None:
+    row = row_with(*(Fault(RUDDER, 0.9, 0.0, 0.0, k, k + 1.0) for k in range(MAX_FAULTS)))
+    with pytest.raises(OverflowError, match="16 fault slots"):
+        add_fault(row, Fault(THROTTLE, 0.5, 0.0, 0.0, 1.0, NAN), 0.0)
+
+
+def test_actuators_stop_at_their_stops(nominal: np.void) -> None:
+    limit = nominal["surface_limit"]
+    row = row_with(Fault(RUDDER, 1.0, 30.0, 0.0, 0.0, NAN))
+    assert apply_faults((0.0, 0.0, limit, 0.0), 1.0, 1.0, row, nominal)[2] == limit
+    row = row_with(Fault(THROTTLE, 1.0, -500.0, 0.0, 0.0, NAN))
+    assert applied(row, 1.0, nominal)[3] == 0.0
