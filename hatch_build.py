@@ -5,6 +5,7 @@ pymavlink's generator wants the included definitions beside the including one, h
 the temporary folder.
 """
 
+import py_compile
 import shutil
 import tempfile
 from pathlib import Path
@@ -44,6 +45,8 @@ def generate(package: Path) -> None:
         if not mavgen.mavgen(options, [str(work / "ftc.xml")]):
             raise RuntimeError("pymavlink's generator refused mavlink_defs/ftc.xml")
         shutil.copy(work / "dialect.py", package / "dialect.py")
+    # the module is large: every process of a fleet would parse it anew if none may write bytecode
+    py_compile.compile(str(package / "dialect.py"), doraise=True)
 
 
 if __name__ == "__main__":

@@ -194,7 +194,8 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> 
     clock["heard_s"] = monotonic_s()
     link.measured[0] = state
     lockstep = flags & FTC_SIM_FLAGS_LOCKSTEP
-    if flags & FTC_SIM_FLAGS_RUNNING:
+    running, ended = flags & FTC_SIM_FLAGS_RUNNING, flags & FTC_SIM_FLAGS_ENDED
+    if running:
         if step > clock["step"]:
             if clock["step"] < 0:
                 announce(crew, 0, state)
@@ -206,11 +207,11 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> 
             clock["step"] = step
             if step < len(link.signals):
                 link.signals[step] = crew.signals[0]
-    elif not flags & FTC_SIM_FLAGS_ENDED:  # frozen: neighbours learn of each other
+    elif not ended:  # frozen: neighbours learn of each other
         announce(crew, 0, state)
         _tell_neighbours(formation_fd, link, crew)
         _take_reports(formation_fd, link, crew, 0)
-    if lockstep or flags & FTC_SIM_FLAGS_ENDED:
+    if ended or (running and lockstep):
         link.step_done[0]["step"] = step
         _send(plant_fd, link, link.step_done, ID_STEP_DONE)
 

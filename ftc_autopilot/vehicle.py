@@ -66,6 +66,7 @@ class Vehicle:
         self._gcs_outbox: list[MAVLink_message] = []
         self._simulator_outbox: list[MAVLink_message] = []
         self._next_heartbeat = -math.inf
+        self._told = (-1, False, -1)
         self._texts = 0
         self._edges = crew.weights[0] > 0.0
         self._edge_changes = 0
@@ -98,8 +99,9 @@ class Vehicle:
         """
         for machine in (self._commands, self._mission, self._simulator):
             machine.handle_timer(now)
-        if now >= self._next_heartbeat:
-            self._next_heartbeat = now + _HEARTBEAT_S
+        news = (self._status, self.armed, self.mode)
+        if now >= self._next_heartbeat or news != self._told:
+            self._next_heartbeat, self._told = now + _HEARTBEAT_S, news
             self._gcs_outbox.append(self._heartbeat())
             self._simulator_outbox.append(self._heartbeat())
         self._follow_mission()
@@ -144,6 +146,13 @@ class Vehicle:
         """Simulation time of the last state [s]."""
         return float(self._link.measured[0]["time_usec"]) * 1e-6
 
+    @property
+    def _status(self) -> int:
+        """MAV_STATE: BOOT until the simulator is heard."""
+        if self._link.clock[0]["heard_s"] == 0.0:
+            return dialect.MAV_STATE_BOOT
+        return dialect.MAV_STATE_ACTIVE if self.armed else dialect.MAV_STATE_STANDBY
+
     # inside
 
     def _work(self, now: float) -> None:
@@ -175,7 +184,7 @@ class Vehicle:
             dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
             flags,
             self.mode,
-            dialect.MAV_STATE_ACTIVE if self.armed else dialect.MAV_STATE_STANDBY,
+            self._status,
             3,
         )
 
@@ -220,8 +229,9 @@ class Vehicle:
         if params[0] not in {0.0, 1.0}:
             return self._refuse(f"Arm: param 1 is {params[0]:g}, must be 0 or 1")
         if params[0] == 1.0:
-            if self._link.clock[0]["heard_s"] == 0.0:
-                return self._refuse("Arm: no state from the simulator yet")
+            if self._status == dialect.MAV_STATE_BOOT:
+                self._refuse("Arm: no state from the simulator yet")
+                return dialect.MAV_RESULT_TEMPORARILY_REJECTED
             if not self.armed:
                 self.armed = True
                 self._crew.actuators[0]["mode"] = dialect.MAV_MODE_FLAG_SAFETY_ARMED
@@ -232,7 +242,6 @@ class Vehicle:
                 return self._refuse("Disarm: refused in flight; force it with param 2 = 21196")
             self.armed = False
             self._guidance["active"] = 0
-        self._next_heartbeat = -math.inf  # tell it at once
         return _ACCEPTED
 
     def _start_mission(self, _: tuple[float, ...]) -> int:
@@ -265,7 +274,6 @@ class Vehicle:
             self._guidance["command"] = (airspeed, 0.0, 0.0, float(state["attitude"][2]))
         if mode != self.mode:
             self.mode = mode
-            self._next_heartbeat = -math.inf
             self.say(dialect.MAV_SEVERITY_INFO, f"mode {MODE_NAMES[mode]}")
 
     def _change_speed(self, params: tuple[float, ...]) -> int:

@@ -66,6 +66,15 @@ class Vehicle:
         self._commands = CommandClient(_OWN)
 
     @property
+    def is_ready(self) -> bool:
+        """Whether it can be armed, or is: its HEARTBEAT says STANDBY or ACTIVE."""
+        heartbeat = self.latest.get(dialect.MAVLINK_MSG_ID_HEARTBEAT)
+        return heartbeat is not None and heartbeat.system_status in {
+            dialect.MAV_STATE_STANDBY,
+            dialect.MAV_STATE_ACTIVE,
+        }
+
+    @property
     def _address(self) -> Address:
         return Address(self.system, dialect.MAV_COMP_ID_AUTOPILOT1)
 
@@ -139,7 +148,7 @@ class Client(asyncio.DatagramProtocol):
         self._vehicles: dict[int, Vehicle] = {}
         self._peers: dict[int, tuple[str, int]] = {}
         self._machines: dict[Machine[Any], tuple[type, asyncio.Future[Any]]] = {}
-        self._arrival = asyncio.Condition()
+        self._heard = asyncio.Event()  # something has come from a vehicle
         self._timer: asyncio.TimerHandle | None = None
         self._transport: asyncio.DatagramTransport | None = None
         self._heartbeats: asyncio.Task[None] | None = None
@@ -186,19 +195,26 @@ class Client(asyncio.DatagramProtocol):
         return self._vehicles[system]
 
     async def wait_for(self, systems: Iterable[int], timeout_s: float) -> None:
-        """Wait until every one of these vehicles has been heard.
+        """Wait until every one of these vehicles has been heard and is ready to be armed.
 
         Raises:
-            NoAnswer: Some have not; they are named.
+            NoAnswer: Some are not; they are named.
         """
-        wanted = set(systems)
-        try:
-            async with asyncio.timeout(timeout_s), self._arrival:
-                await self._arrival.wait_for(lambda: wanted <= self._vehicles.keys())
-        except TimeoutError:
-            missing = ", ".join(map(str, sorted(wanted - self._vehicles.keys())))
-            text = f"no HEARTBEAT from UAV {missing} within {timeout_s:g} s on {self._address}"
-            raise NoAnswer(text) from None
+        missing = set(systems)
+        end = time.monotonic() + timeout_s
+        while missing := {i for i in missing if not self._is_ready(i)}:
+            self._heard.clear()
+            try:
+                async with asyncio.timeout(end - time.monotonic()):
+                    await self._heard.wait()
+            except TimeoutError:
+                names = ", ".join(map(str, sorted(missing)))
+                text = f"UAV {names} not ready within {timeout_s:g} s on {self._address}"
+                raise NoAnswer(text) from None
+
+    def _is_ready(self, system: int) -> bool:
+        vehicle = self._vehicles.get(system)
+        return vehicle is not None and vehicle.is_ready
 
     async def run(self, machine: Machine[Any], finished: type) -> Any:
         """Drive a machine that has been started until its event of type `finished`."""
@@ -221,12 +237,12 @@ class Client(asyncio.DatagramProtocol):
         self._peers[system] = addr
         if system not in self._vehicles and message.get_msgId() == dialect.MAVLINK_MSG_ID_HEARTBEAT:
             self._vehicles[system] = Vehicle(self, system)
-            asyncio.get_running_loop().create_task(self._announce_arrival())
         vehicle = self._vehicles.get(system)
         if vehicle is not None:
             vehicle.latest[message.get_msgId()] = message
             if isinstance(message, dialect.MAVLink_statustext_message):
                 vehicle.texts.append(str(message.text))
+        self._heard.set()
         now = time.monotonic()
         for machine in list(self._machines):
             machine.receive(message, now)
@@ -234,10 +250,6 @@ class Client(asyncio.DatagramProtocol):
             self._pump()
         if self._on_message is not None:
             self._on_message(message)
-
-    async def _announce_arrival(self) -> None:
-        async with self._arrival:
-            self._arrival.notify_all()
 
     async def _beat(self) -> None:
         while True:

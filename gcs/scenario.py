@@ -131,7 +131,8 @@ class ScenarioFault(Model):
     @property
     def window(self) -> str:
         """When it acts, in words."""
-        return f"({self.start_s:g}, {'...' if self.end_s is None else f'{self.end_s:g}]'} s"
+        end = "...)" if self.end_s is None else f"{self.end_s:g}]"
+        return f"({self.start_s:g}, {end} s"
 
     def overlaps(self, other: "ScenarioFault") -> bool:
         """Tell whether both act on the same actuator at some time."""

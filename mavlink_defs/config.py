@@ -38,7 +38,8 @@ from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.quantity import describe, whole
 
 __all__ = ["ConfigError", "HostPort", "Loc", "Model", "Port", "Problems", "SystemId", "dump",
-           "load", "read", "repeated", "shown", "unknown_key", "validate"]  # fmt: skip
+           "load", "problems_of", "read", "repeated", "shown", "unknown_key",
+           "validate"]  # fmt: skip
 
 Loc: TypeAlias = tuple[str | int, ...]
 """Where a value stands: keys and list indices from the outside in."""
@@ -136,8 +137,14 @@ def validate(path: Path | str, data: dict[Any, Any], model: type[M]) -> M:
     try:
         return model.model_validate(data)
     except ValidationError as exc:
-        errors = exc.errors(include_url=False)
-    raise ConfigError(path, [line for error in errors for line in _lines(model, error)])
+        problems = problems_of(model, exc)
+    raise ConfigError(path, problems)
+
+
+def problems_of(model: type[BaseModel], exc: ValidationError) -> list[str]:
+    """Say in our words what pydantic found wrong with the data of a model, one line each."""
+    errors = exc.errors(include_url=False)
+    return [line for error in errors for line in _lines(model, error)]
 
 
 def dump(model: BaseModel, path: Path | str) -> None:
@@ -150,8 +157,11 @@ def dump(model: BaseModel, path: Path | str) -> None:
 
 def unknown_key(key: object, known: Iterable[str]) -> str:
     """Say that a key is unknown, and which one of the known ones was probably meant."""
-    close = difflib.get_close_matches(str(key), list(known), n=1)
-    return f"unknown key; did you mean '{close[0]}'?" if close else "unknown key"
+    names = list(known)
+    close = difflib.get_close_matches(str(key), names, n=1)
+    words = {word for word in str(key).split("_") if len(word) > 2}
+    alike = close or [name for name in names if words & set(name.split("_"))]
+    return f"unknown key; did you mean '{alike[0]}'?" if alike else "unknown key"
 
 
 def repeated(values: Sequence[object]) -> list[tuple[int, str]]:
@@ -231,6 +241,7 @@ class _Place:
         self.field: FieldInfo | None = None
         self.siblings: list[str] = []
         self._type: Any = model
+        self._key: Any = None
         for part in loc:
             self._descend(part)
         self._strip()
@@ -245,7 +256,8 @@ class _Place:
             if chosen:  # pydantic puts the tag of a union's member into the location
                 self._type = chosen[0]
                 return
-        if part == "[key]":
+        if part == "[key]":  # pydantic's way to say that not the value is meant
+            self._type = self._key
             return
         if isinstance(here, type) and issubclass(here, BaseModel):
             self.siblings = list(here.model_fields)
@@ -256,8 +268,10 @@ class _Place:
         origin, inner = get_origin(here), get_args(here)
         if origin is tuple and isinstance(part, int) and ... not in inner and part < len(inner):
             self._type = inner[part]
+        elif origin is dict:
+            self._key, self._type = inner
         else:
-            self._type = inner[1 if origin is dict else 0] if inner else None
+            self._type = inner[0] if inner else None
         self.path += f"[{part}]" if isinstance(part, int) and origin is not dict else f".{part}"
 
     def _strip(self) -> None:
@@ -345,6 +359,13 @@ class _Dumper(yaml.SafeDumper):
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
+
+    def represent_str(self, data: str) -> Any:
+        style = None if data.isprintable() else '"'  # PyYAML's other styles lose U+0085
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style)
+
+
+_Dumper.add_representer(str, _Dumper.represent_str)
 
 
 _SCALARS = {  # tag: pattern, characters that it can begin with

@@ -7,7 +7,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from mavlink_defs.config import HostPort, Model, Problems, SystemId, repeated, unknown_key
+from mavlink_defs.config import (
+    HostPort,
+    Model,
+    Problems,
+    SystemId,
+    problems_of,
+    repeated,
+    unknown_key,
+)
 from mavlink_defs.quantity import quantity, whole
 
 __all__ = [
@@ -26,8 +34,8 @@ class Inertia(Model):
 
     @model_validator(mode="after")
     def _positive_definite(self) -> "Inertia":
-        if self.Jxx * self.Jzz <= self.Jxz**2:
-            limit = (self.Jxx * self.Jzz) ** 0.5
+        limit = self.Jxx**0.5 * self.Jzz**0.5
+        if abs(self.Jxz) >= limit:
             text = (
                 "not positive definite: expected |Jxz| < sqrt(Jxx Jzz) = "
                 f"{limit:.6g} kg m^2, got {self.Jxz!r}"
@@ -127,10 +135,9 @@ def true_aircraft(nominal: Aircraft, uncertainty: Uncertainty) -> Aircraft:
     try:
         return Aircraft.model_validate(true)
     except ValidationError as exc:
-        wrong = exc.errors()[0]
-        key = ".".join(map(str, wrong["loc"]))
-        text = f"makes a true aircraft that cannot be: {key}: {wrong['msg']}"
-        raise Problems([((), text)]) from exc
+        text = "makes a true aircraft that cannot be"
+        lines = problems_of(Aircraft, exc)
+        raise Problems([((), f"{text}: {line}") for line in lines]) from exc
 
 
 class Sinusoid(Model):

@@ -178,6 +178,7 @@ class Plant:
         self._clock["flags"] |= FTC_SIM_FLAGS_RUNNING
         self._begin_s = self._clock["origin_s"] = time.monotonic()
         self._clock["origin_step"] = self._clock["step"]
+        _say(f"all armed, simulated time starts at Unix time {time.time():.3f}")
 
     def _look_around(self) -> str | None:
         """Between datagrams: keep frozen aircraft alive, notice silence."""

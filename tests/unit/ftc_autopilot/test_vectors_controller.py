@@ -43,7 +43,7 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     """Signals of UAV i's first-window control step, all three UAVs' reports at hand."""
     parameters = parameter_record(scenario.controller, scenario.trigger)
     motions = [
-        motion_of(measured(case["states"][k], case["V_dot"][k], nominal), nominal)
+        motion_of(measured(case["states"][k], case["filters"]["V_dot"][k], nominal), nominal)
         for k in range(3)
     ]
     reports = np.zeros(3, NEIGHBOUR)

@@ -1,0 +1,74 @@
+"""``make bench``: the speed figures of the README, measured in one run.
+
+Timing is noisy on shared machines: what counts are the medians and, for the codec, the ratio
+to pymavlink, measured in alternating rounds.
+"""
+
+import json
+import os
+import platform
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks import codec
+
+SCENARIO = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
+ROUNDS = 5
+
+
+def main() -> None:
+    print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}\n")
+    with tempfile.TemporaryDirectory() as folder:
+        cold_s = [first_step_s(Path(folder) / "cold", new_cache=True)]
+        warm_s = [first_step_s(Path(folder) / "warm") for _ in range(ROUNDS)]
+        lockstep, in_process = [], []
+        for _ in range(ROUNDS):  # in turn, so that both see the same machine
+            lockstep.append(real_time_factor(Path(folder) / "run"))
+            in_process.append(real_time_factor(Path(folder) / "run", "--in-process"))
+    row("real-time factor, lockstep over UDP, 3 UAVs at 1 kHz", lockstep, "×", wanted="≥ 10")
+    row("real-time factor, in process, 3 UAVs at 1 kHz", in_process, "×", wanted="≥ 30")
+    row("gcs fly to first simulated step, compile cache cold", cold_s, "s")
+    row("gcs fly to first simulated step, compile cache warm", warm_s, "s", wanted="< 4")
+    print()
+    codec.main()
+
+
+def real_time_factor(folder: Path, *options: str) -> float:
+    """Fly scenario 1 once; its own account of simulated over wall-clock time."""
+    command = ["fly", str(SCENARIO), "--json", "--free-ports", "--out", str(folder), *options]
+    output = subprocess.run(gcs(*command), check=True, capture_output=True).stdout
+    shutil.rmtree(folder)
+    return float(json.loads(output)["real_time_factor"])
+
+
+def first_step_s(folder: Path, new_cache: bool = False) -> float:
+    """Time from starting `gcs fly` to the first simulated step, as the plant's log dates it."""
+    environment = dict(os.environ)
+    if new_cache:
+        environment["NUMBA_CACHE_DIR"] = str(folder.with_name("numba"))
+    options = ["--quiet", "--free-ports", "--out", str(folder)]
+    begin = time.time()
+    subprocess.run(gcs("fly", str(SCENARIO), *options), check=True, env=environment)
+    with (folder / "processes" / "plant.log").open() as log:
+        started = next(line for line in log if "simulated time starts" in line)
+    shutil.rmtree(folder)
+    return float(started.rsplit(maxsplit=1)[1]) - begin
+
+
+def gcs(*arguments: str) -> list[str]:
+    return [sys.executable, "-c", "from gcs.cli import main; main()", *arguments]
+
+
+def row(name: str, values: list[float], unit: str, wanted: str = "") -> None:
+    spread = f"{min(values):.1f} to {max(values):.1f}"
+    target = f"  (wanted {wanted})" if wanted else ""
+    print(f"{name:55s} {statistics.median(values):7.1f} {unit}  {spread:>14s}{target}")
+
+
+if __name__ == "__main__":
+    main()
