@@ -42,6 +42,7 @@ from mavlink_defs.native import (
     monotonic_s,
     receive,
     receive_now,
+    receive_soon,
     send,
     send_to,
 )
@@ -150,7 +151,12 @@ def new_link(
 
 @compiled
 def run(
-    plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew, until_s: float, until_step: int
+    plant_fd: int,
+    formation_fd: int,
+    link: AutopilotLink,
+    crew: Crew,
+    until_s: float,
+    until_step: int,
 ) -> int:
     """Work on states until something needs Python.
 
@@ -168,7 +174,10 @@ def run(
     """
     clock = link.clock[0]
     while True:
-        length = receive(plant_fd, link.received)
+        if clock["flags"] == FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP:
+            length = receive_soon(plant_fd, link.received)
+        else:
+            length = receive(plant_fd, link.received)
         if length >= 0:
             code = check(link.received, length)
             if code in (FOREIGN, SIGNED):
@@ -187,33 +196,38 @@ def run(
 
 @compiled
 def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> None:
-    """Answer one received state."""
+    """Answer one received state.
+
+    The plant is served first, the neighbours after it: they need these words only for their
+    next step, and by then the plant has been at work.
+    """
     clock, state = link.clock[0], link.state[0]
     step, flags = int(state["step"]), int(state["flags"])
     clock["flags"] = flags
     clock["heard_s"] = monotonic_s()
     link.measured[0] = state
-    lockstep = flags & FTC_SIM_FLAGS_LOCKSTEP
     running, ended = flags & FTC_SIM_FLAGS_RUNNING, flags & FTC_SIM_FLAGS_ENDED
-    if running:
-        if step > clock["step"]:
-            if clock["step"] < 0:
-                announce(crew, 0, state)
-                _tell_neighbours(formation_fd, link, crew)
-            _collect_reports(formation_fd, link, crew, step, lockstep != 0)
-            mask = onboard_step(crew, 0, state, clock["step_us"])
-            _tell_neighbours(formation_fd, link, crew)
-            _send_actuators(plant_fd, link, crew, mask, lockstep != 0)
-            clock["step"] = step
-            if step < len(link.signals):
-                link.signals[step] = crew.signals[0]
-    elif not ended:  # frozen: neighbours learn of each other
+    lockstep = (flags & FTC_SIM_FLAGS_LOCKSTEP) != 0
+    if running and clock["step"] < 0:  # the first step needs words of the same state
         announce(crew, 0, state)
         _tell_neighbours(formation_fd, link, crew)
-        _take_reports(formation_fd, link, crew, 0)
+    fresh = running and step > clock["step"]
+    if fresh:
+        _collect_reports(formation_fd, link, crew, step, lockstep)
+        mask = onboard_step(crew, 0, state, clock["step_us"])
+        _send_actuators(plant_fd, link, crew, mask, lockstep)
+        clock["step"] = step
     if ended or (running and lockstep):
         link.step_done[0]["step"] = step
         _send(plant_fd, link, link.step_done, ID_STEP_DONE)
+    if fresh:
+        _tell_neighbours(formation_fd, link, crew)
+        if step < len(link.signals):
+            link.signals[step] = crew.signals[0]
+    elif not running and not ended:  # frozen: neighbours learn of each other
+        announce(crew, 0, state)
+        _tell_neighbours(formation_fd, link, crew)
+        _take_reports(formation_fd, link, crew, 0)
 
 
 @compiled
@@ -271,8 +285,7 @@ def _collect_reports(
     """Bring the neighbours' words up to date, and drop or take up edges, before a step.
 
     A step uses words of the step before, never newer ones, so that it does not matter who of
-    the neighbours is faster. Lockstep waits for them: they were sent before the plant
-    advanced, so on a healthy link they are there already.
+    the neighbours is faster. Lockstep takes no more than it needs, and waits for that.
     """
     clock = link.clock[0]
     newest = max(step - 1, 0)  # the first step uses the words of the frozen state
@@ -280,11 +293,12 @@ def _collect_reports(
         if link.heard_step[d] < link.early_step[d] <= newest:
             crew.inboxes[0, d] = link.early[d]
             link.heard_step[d] = link.early_step[d]
-    _take_reports(formation_fd, link, crew, newest)
-    if lockstep and _some_missing(link, newest):
+    if not lockstep:
+        _take_reports(formation_fd, link, crew, newest)
+    elif _some_missing(link, newest):
         end_s = monotonic_s() + _NEIGHBOUR_WAIT_S
         while _some_missing(link, newest) and monotonic_s() < end_s:
-            length = receive(formation_fd, link.word)
+            length = receive_soon(formation_fd, link.word)
             if length >= 0:
                 _take_report(link, crew, length, newest)
         for d in range(len(link.neighbours)):

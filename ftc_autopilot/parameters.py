@@ -5,15 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from ftc_autopilot.config import ControllerParameters, Schedule, Trigger
+from ftc_autopilot.config import MAX_NEURONS, MAX_WINDOWS, ControllerParameters, Schedule, Trigger
 from ftc_autopilot.trigger import JOINT, PER_CHANNEL
 from mavlink_defs.jit import compiled
 from sitl_plant.vec3 import Vec3
 
 __all__ = ["PARAMETERS", "parameter_record", "scheduled"]
 
-MAX_NEURONS = 64
-MAX_WINDOWS = 8
 
 _SCHEDULE = (MAX_WINDOWS, 4)  # per window: last time [s], then the value, one number or three
 
@@ -49,7 +47,7 @@ PARAMETERS = np.dtype(
 
 def parameter_record(controller: ControllerParameters, trigger: Trigger) -> np.void:
     """Turn a controller's and its trigger's configuration into a record of `PARAMETERS`."""
-    record = np.zeros(1, PARAMETERS)[0]
+    record: np.void = np.zeros(1, PARAMETERS)[0]
     for name in _PLAIN:
         record[name] = getattr(controller, name)
     record["tau_omega_d"] = controller.tau_omega_d_s

@@ -109,8 +109,7 @@ class Autopilot:
     def _next_telemetry_step(self) -> int:
         if not self._vehicle.running:
             return 2**62
-        due_s = self._vehicle.telemetry.next_due_s()
-        return round(min(due_s, 1e9) * 1e6 / self._config.step_us)
+        return -(-self._vehicle.telemetry.next_due_us() // self._config.step_us)
 
     def _silence(self) -> str | None:
         heard_s = float(self._clock["heard_s"])

@@ -15,9 +15,7 @@ __all__ = ["basis_norm"]
 
 
 @compiled
-def basis_norm(
-    v: Vec3, phi: Vec3, omega: Vec3, delta_filtered: Vec3, parameters: np.void
-) -> float:
+def basis_norm(v: Vec3, phi: Vec3, omega: Vec3, delta_filtered: Vec3, parameters: np.void) -> float:
     """ςᵀς for Θ = [v, ϕ, ω, δ_0 low-pass filtered], with centres on the diagonal of the cube.
 
     Args:

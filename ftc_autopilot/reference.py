@@ -37,7 +37,7 @@ PROFILE = np.dtype(
 
 def profile_record(segments: tuple[Segment, ...]) -> np.void:
     """Turn checked segments into a record of dtype `PROFILE`, SI units and radians."""
-    record = np.zeros(1, PROFILE)[0]
+    record: np.void = np.zeros(1, PROFILE)[0]
     record["count"] = len(segments)
     for i, segment in enumerate(segments):
         angles = (segment.roll_deg, segment.pitch_deg, segment.yaw_deg)

@@ -16,21 +16,22 @@ from ftc_autopilot.reference import wrap
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from sitl_plant.rigid_body import R1
+from sitl_plant.vec3 import Vec3, mul, vec3
 
-__all__ = ["DEFAULT_INTERVALS_S", "Telemetry"]
+__all__ = ["DEFAULT_INTERVALS_US", "Telemetry"]
 
-DEFAULT_INTERVALS_S = {
-    dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
-    dialect.MAVLINK_MSG_ID_ATTITUDE: 0.1,
-    dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.1,
-    dialect.MAVLINK_MSG_ID_VFR_HUD: 0.2,
-    dialect.MAVLINK_MSG_ID_FTC_TRACKING: 0.1,
-    dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,
-    dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 0.5,
+DEFAULT_INTERVALS_US = {
+    dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1_000_000,
+    dialect.MAVLINK_MSG_ID_ATTITUDE: 100_000,
+    dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 100_000,
+    dialect.MAVLINK_MSG_ID_VFR_HUD: 200_000,
+    dialect.MAVLINK_MSG_ID_FTC_TRACKING: 100_000,
+    dialect.MAVLINK_MSG_ID_FTC_EVENTS: 200_000,
+    dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 500_000,
 }
-"""Message ids that are streamed from the start, and their intervals [s]."""
+"""Message ids that are streamed from the start, and their intervals [µs]."""
 
-_MIN_INTERVAL_S = 0.02
+_MIN_INTERVAL_US = 20_000
 
 
 class Telemetry:
@@ -48,45 +49,41 @@ class Telemetry:
             dialect.MAVLINK_MSG_ID_FTC_EVENTS: self._events,
             dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: self._adaptation,
         }
-        self._intervals_s = dict(DEFAULT_INTERVALS_S)
-        self._next_s = dict.fromkeys(DEFAULT_INTERVALS_S, 0.0)
+        self._intervals_us = dict(DEFAULT_INTERVALS_US)
+        self._due_us = dict.fromkeys(DEFAULT_INTERVALS_US, 0)
 
     def knows(self, message_id: int) -> bool:
         """Tell whether a message id can be streamed and requested."""
         return message_id in self._makers
 
-    def interval_s(self, message_id: int) -> float | None:
-        """Interval of a streamed message [s]; None if it is not streamed."""
-        return self._intervals_s.get(message_id)
-
     def set_interval(self, message_id: int, interval_us: float) -> None:
         """Set an interval [µs]: 0 restores the default, a negative one stops the message."""
-        interval_s: float | None = max(interval_us * 1e-6, _MIN_INTERVAL_S)
+        wanted: int | None = max(round(interval_us), _MIN_INTERVAL_US)
         if interval_us == 0.0:
-            interval_s = DEFAULT_INTERVALS_S.get(message_id)
-        if interval_s is None or interval_us < 0.0:
-            self._intervals_s.pop(message_id, None)
+            wanted = DEFAULT_INTERVALS_US.get(message_id)
+        if wanted is None or interval_us < 0.0:
+            self._intervals_us.pop(message_id, None)
             return
-        self._intervals_s[message_id] = interval_s
-        self._next_s[message_id] = 0.0
+        self._intervals_us[message_id] = wanted
+        self._due_us[message_id] = 0
 
     def make(self, message_id: int) -> MAVLink_message:
         """Make one message now; its id must be one that `knows` knows."""
         return self._makers[message_id]()
 
-    def due(self, clock_s: float) -> list[MAVLink_message]:
-        """Make the messages whose interval has passed on the given clock [s]."""
+    def due(self, clock_us: int) -> list[MAVLink_message]:
+        """Make the messages whose interval has passed on the given clock [µs]."""
         messages = []
-        for message_id, interval_s in self._intervals_s.items():
-            next_s = self._next_s[message_id]
-            if clock_s >= next_s or next_s > clock_s + interval_s:  # or the clock was changed
-                self._next_s[message_id] = clock_s + interval_s
+        for message_id, interval_us in self._intervals_us.items():
+            due_us = self._due_us[message_id]
+            if clock_us >= due_us or due_us > clock_us + interval_us:  # or the clock was changed
+                self._due_us[message_id] = clock_us + interval_us
                 messages.append(self._makers[message_id]())
         return messages
 
-    def next_due_s(self) -> float:
-        """When the next message is due, on the clock of `due` [s]."""
-        return min((self._next_s[i] for i in self._intervals_s), default=math.inf)
+    def next_due_us(self) -> int:
+        """When the next message is due, on the clock of `due` [µs]; far away if none is."""
+        return min((self._due_us[i] for i in self._intervals_us), default=2**62)
 
     @property
     def _time_ms(self) -> int:
@@ -99,15 +96,13 @@ class Telemetry:
         state = self._link.measured[0]
         roll, pitch, yaw = map(float, state["attitude"])
         rates = map(float, state["rates"])
-        return dialect.MAVLink_attitude_message(
-            self._time_ms, wrap(roll), pitch, wrap(yaw), *rates
-        )
+        return dialect.MAVLink_attitude_message(self._time_ms, wrap(roll), pitch, wrap(yaw), *rates)
 
     def _local_position(self) -> MAVLink_message:
         state = self._link.measured[0]
-        velocity = _velocity_ned(state)
+        north, east, down = map(float, state["position"])
         return dialect.MAVLink_local_position_ned_message(
-            self._time_ms, *map(float, state["position"]), *velocity
+            self._time_ms, north, east, down, *_velocity_ned(state)
         )
 
     def _vfr_hud(self) -> MAVLink_message:
@@ -161,7 +156,5 @@ def _degrees(values: np.ndarray) -> list[float]:
     return [float(values[0]), *(math.degrees(wrap(float(angle))) for angle in values[1:4])]
 
 
-def _velocity_ned(state: np.void) -> tuple[float, float, float]:
-    rotation = np.array(R1(tuple(map(float, state["attitude"]))))
-    north, east, down = rotation @ state["velocity"]
-    return float(north), float(east), float(down)
+def _velocity_ned(state: np.void) -> Vec3:
+    return mul(R1(vec3(state["attitude"])), vec3(state["velocity"]))

@@ -107,9 +107,9 @@ class Vehicle:
         self._follow_mission()
         self._report_edges()
         if self._link.clock[0]["heard_s"] > 0.0:
-            running = self.running
-            clock_s = self.time_s if running else now
-            self._gcs_outbox += self.telemetry.due(clock_s)
+            time_us = int(self._link.measured[0]["time_usec"])
+            clock_us = time_us if self.running else round(now * 1e6)
+            self._gcs_outbox += self.telemetry.due(clock_us)
         self._work(now)
 
     def farewell(self, text: str) -> None:
@@ -357,11 +357,12 @@ def _whole(value: float) -> int:
 
 def _readdressed(message: CommandMessage, own: Address) -> CommandMessage:
     """The same command for the own simulator component."""
+    target = (own.system, SIMULATOR_COMPONENT)
+    p1, p2, p3, p4, p5, p6, p7 = command_params(message)
     if isinstance(message, dialect.MAVLink_command_int_message):
         return dialect.MAVLink_command_int_message(
-            own.system, SIMULATOR_COMPONENT, message.frame, message.command, 0, 0,
-            *command_params(message)[:4], message.x, message.y, message.z,
-        )  # fmt: skip
+            *target, message.frame, message.command, 0, 0, p1, p2, p3, p4, message.x, message.y, p7
+        )
     return dialect.MAVLink_command_long_message(
-        own.system, SIMULATOR_COMPONENT, message.command, 0, *command_params(message)
+        *target, message.command, 0, p1, p2, p3, p4, p5, p6, p7
     )

@@ -101,7 +101,9 @@ class Vehicle:
         if done.result != dialect.MAV_RESULT_ACCEPTED:
             reason = "".join(f": {text}" for text in self.texts[heard:])
             answer = _enum_name("MAV_RESULT", done.result)
-            raise CommandRefused(f"UAV {self.system} refused {name} ({answer}){reason}", done.result)
+            raise CommandRefused(
+                f"UAV {self.system} refused {name} ({answer}){reason}", done.result
+            )
 
     async def upload(self, segments: Sequence[Segment]) -> None:
         """Upload a reference profile by the mission protocol.
@@ -274,7 +276,7 @@ class Client(asyncio.DatagramProtocol):
         deadline = math.inf
         for machine, (finished, future) in list(self._machines.items()):
             for message in machine.messages_to_send():
-                peer = self._peers.get(message.target_system)
+                peer = self._peers.get(getattr(message, "target_system", 0))
                 self._send(message, [peer] if peer else [])
             for event in machine.events():
                 if isinstance(event, finished) and not future.done():

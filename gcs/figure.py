@@ -80,9 +80,7 @@ def _draw_intervals(axis: "Axes", recording: Recording, channel: str) -> None:
     for i in range(len(recording.uav_ids)):
         at = np.flatnonzero(recording.signals["events"][:, i] & (1 << c))
         seconds = at * recording.step_us / 1e6
-        axis.plot(
-            seconds[1:], 1e3 * np.diff(seconds), ".", ms=2, color=_colour(i), alpha=0.6
-        )
+        axis.plot(seconds[1:], 1e3 * np.diff(seconds), ".", ms=2, color=_colour(i), alpha=0.6)
     axis.set_yscale("log")
     axis.set_title(f"{channel}: time since the event before")
     axis.set_ylabel("interval [ms]")

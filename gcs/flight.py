@@ -64,7 +64,9 @@ async def fly_over_udp(
                 try:
                     await _prepare(client, fleet, scenario)
                     while fleet.plant_returncode is None:
+                        fleet.check()
                         await asyncio.sleep(_LOOK_S)
+                    fleet.check()
                     await asyncio.sleep(_LOOK_S)  # last words are on their way
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)

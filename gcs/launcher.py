@@ -33,8 +33,10 @@ class _Process:
 
     def last_words(self) -> str:
         """What it said last on standard error, or how it ended."""
+        if self.popen.returncode is not None and self.popen.returncode < 0:
+            return f"ended by signal {-self.popen.returncode}"
         lines = self.log.read_text(errors="replace").strip().splitlines()
-        return lines[-1] if lines else f"{self.name} ended with status {self.popen.returncode}"
+        return lines[-1] if lines else f"ended with status {self.popen.returncode}"
 
 
 def on_free_ports(scenario: Scenario) -> Scenario:
@@ -101,16 +103,18 @@ class Fleet:
     def check(self) -> None:
         """Notice a process that ended before its time.
 
+        The plant may have ended because the flight was lost, which is its business to record.
+
         Raises:
-            BadInput: It could not start; its own words say why.
-            FlightLost: It ended in mid-flight.
+            BadInput: A process could not start; its own words say why.
+            FlightLost: An autopilot ended in mid-flight, or the plant without a recording.
         """
         for process in self._processes:
             status = process.popen.poll()
             if status == BadInput.exit_status:
                 raise BadInput(process.last_words())
-            if status:
-                raise FlightLost(process.last_words())
+            if status and not self.recording_of(process.name).exists():
+                raise FlightLost(f"{process.name}: {process.last_words()}")
 
     def wait(self, timeout_s: float) -> None:
         """Give all processes time to end by themselves, then stop the rest."""
@@ -132,10 +136,6 @@ class Fleet:
             except subprocess.TimeoutExpired:
                 popen.kill()
                 popen.wait()
-
-    def plant_words(self) -> str:
-        """What the plant said last."""
-        return self._processes[0].last_words()
 
     def _start(self, name: str, module: str, arguments: list[str]) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"

@@ -45,13 +45,17 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
 def save_flight(recording: Recording, summary: dict[str, Any], folder: Path) -> None:
     """Write `summary.json`, `events.npz` and `trajectory.npz`."""
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-    np.savez(folder / "events.npz", **event_table(recording))
+    _save(folder / "events.npz", event_table(recording))
     signals = recording.signals
-    np.savez(
-        folder / "trajectory.npz",
-        uav=np.array(recording.uav_ids),
-        time_s=recording.time_s,
-        state=recording.states,
-        applied=recording.applied,
-        **{name: signals[name] for name in (signals.dtype.names or ())},
-    )
+    trajectory = {
+        "uav": np.array(recording.uav_ids),
+        "time_s": recording.time_s,
+        "state": recording.states,
+        "applied": recording.applied,
+    }
+    trajectory |= {name: signals[name] for name in (signals.dtype.names or ())}
+    _save(folder / "trajectory.npz", trajectory)
+
+
+def _save(path: Path, arrays: dict[str, Any]) -> None:
+    np.savez(path, **arrays)

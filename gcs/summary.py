@@ -44,7 +44,7 @@ def summarise(recording: Recording, scenario_name: str) -> dict[str, Any]:
 
 def _summarise_uav(recording: Recording, i: int) -> dict[str, Any]:
     signals = recording.signals[:, i]
-    channels = {}
+    channels: dict[str, Any] = {}
     for name in CHANNELS:
         c = ACTUATORS.index(name)
         at = np.flatnonzero(signals["events"] & (1 << c))
@@ -91,18 +91,18 @@ def _saving(sent: int, periodic: int) -> float | None:
 
 
 def _error(actual: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    error = actual - wanted
+    error: np.ndarray = actual - wanted
     error[:, 3] = [wrap(angle) for angle in error[:, 3]]
     return error
 
 
 def _integral(recording: Recording, error: np.ndarray) -> np.ndarray:
-    return np.abs(error).sum(axis=0) * recording.step_us / 1e6
+    return np.asarray(np.abs(error).sum(axis=0) * recording.step_us / 1e6)
 
 
 def _largest(recording: Recording, error: np.ndarray) -> np.ndarray:
     settled = np.abs(error[recording.time_s > _SETTLING_S])
-    return settled.max(axis=0) if len(settled) else np.full(len(QUANTITIES), np.nan)
+    return np.asarray(settled.max(axis=0)) if len(settled) else np.full(len(QUANTITIES), np.nan)
 
 
 def _by_quantity(values: np.ndarray) -> dict[str, float | None]:

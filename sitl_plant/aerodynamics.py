@@ -56,13 +56,9 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: np.void) -> Aerodynamics:
     C_D = aircraft["cD0"]
     C_Y = aircraft["cY_beta"] * beta
     C_L = aircraft["cL0"] + aircraft["cL_alpha"] * alpha
-    C_l = (
-        aircraft["cl0"] + aircraft["cl_beta"] * beta + aircraft["cl_p"] * p + aircraft["cl_r"] * r
-    )
+    C_l = aircraft["cl0"] + aircraft["cl_beta"] * beta + aircraft["cl_p"] * p + aircraft["cl_r"] * r
     C_M = aircraft["cm0"] + aircraft["cm_alpha"] * alpha + aircraft["cm_q"] * q
-    C_n = (
-        aircraft["cn0"] + aircraft["cn_beta"] * beta + aircraft["cn_p"] * p + aircraft["cn_r"] * r
-    )
+    C_n = aircraft["cn0"] + aircraft["cn_beta"] * beta + aircraft["cn_p"] * p + aircraft["cn_r"] * r
 
     F = scale(qS, mul_t(R3(alpha, beta), (-C_D, C_Y, -C_L)))  # (7)
     N = scale(qS, (b * C_l, c_bar * C_M, b * C_n))  # (8)

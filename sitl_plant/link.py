@@ -28,9 +28,7 @@ from mavlink_defs.codec import (
     system_of,
 )
 from mavlink_defs.dialect import (
-    FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOCKSTEP,
-    FTC_SIM_FLAGS_LOST,
     FTC_SIM_FLAGS_RUNNING,
     MAV_COMP_ID_USER1,
 )
@@ -40,6 +38,7 @@ from mavlink_defs.native import (
     monotonic_s,
     receive_from,
     receive_from_now,
+    receive_from_soon,
     send_to,
     sleep_until,
 )
@@ -218,7 +217,10 @@ def _wait(fd: int, link: PlantLink, fleet: Fleet, until_s: float) -> int:
         else:
             if running and _all_done(link):
                 return 0
-            length = receive_from(fd, link.received, link.sender)
+            if running:
+                length = receive_from_soon(fd, link.received, link.sender)
+            else:
+                length = receive_from(fd, link.received, link.sender)
         if length >= 0 and _take(link, fleet, length):
             clock["received"] = length
             return SERVICE

@@ -52,12 +52,8 @@ def rk4_step(
     """
     middle = t + 0.5 * dt
     k1 = _slope(state, commanded, t, t, faults, disturbance, aircraft)
-    k2 = _slope(
-        advance(state, 0.5 * dt, k1), commanded, middle, t, faults, disturbance, aircraft
-    )
-    k3 = _slope(
-        advance(state, 0.5 * dt, k2), commanded, middle, t, faults, disturbance, aircraft
-    )
+    k2 = _slope(advance(state, 0.5 * dt, k1), commanded, middle, t, faults, disturbance, aircraft)
+    k3 = _slope(advance(state, 0.5 * dt, k2), commanded, middle, t, faults, disturbance, aircraft)
     k4 = _slope(advance(state, dt, k3), commanded, t + dt, t, faults, disturbance, aircraft)
     state = advance(advance(state, dt / 6.0, k1), dt / 3.0, k2)
     return advance(advance(state, dt / 3.0, k3), dt / 6.0, k4)

@@ -117,7 +117,7 @@ def state_derivative(
 
 @compiled
 def advance(state: State, h: float, derivative: State) -> State:
-    """state + h · derivative: one explicit Euler step, the building block of RK4; h in s."""
+    """State + h · derivative: one explicit Euler step, the building block of RK4; h in s."""
     return (
         add(state[0], scale(h, derivative[0])),
         add(state[1], scale(h, derivative[1])),

@@ -4,6 +4,7 @@ No socket and no clock: messages and the time go in, messages to send come out.
 """
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,8 +24,14 @@ from sitl_plant.actuators import add_fault, clear_faults
 
 __all__ = ["AircraftService"]
 
-_SURFACES = {0: (0, 1, 2), 1: (0,), 2: (1,), 3: (2,)}  # MAV_CMD_INJECT_FAILURE servo instance
-_MOTORS = {0: (3,), 1: (3,)}
+_Instances: TypeAlias = dict[int, tuple[int, ...]]
+_SURFACES: _Instances = {
+    0: (0, 1, 2),
+    1: (0,),
+    2: (1,),
+    3: (2,),
+}  # MAV_CMD_INJECT_FAILURE servo instance
+_MOTORS: _Instances = {0: (3,), 1: (3,)}
 _OPEN = math.nan
 
 
@@ -95,16 +102,16 @@ class AircraftService:
     def _inject(self, params: tuple[float, ...], time_s: float) -> int:
         """MAV_CMD_INJECT_FAILURE: servos and the motor, failing OFF or STUCK, or OK again."""
         unit, kind, instance = params[:3]
-        units = {
+        units: dict[float, _Instances] = {
             dialect.FAILURE_UNIT_SYSTEM_SERVO: _SURFACES,
             dialect.FAILURE_UNIT_SYSTEM_MOTOR: _MOTORS,
         }
         if unit not in units:
             return dialect.MAV_RESULT_UNSUPPORTED
-        if instance not in units[int(unit)]:
-            text = f"Failure: Instance is {instance:g}, must be 0 to {len(units[int(unit)]) - 1}"
+        if instance not in units[unit]:
+            text = f"Failure: Instance is {instance:g}, must be 0 to {max(units[unit])}"
             raise InvalidParam(3, "Instance", text)
-        for actuator in units[int(unit)][int(instance)]:
+        for actuator in units[unit][int(instance)]:
             if kind == dialect.FAILURE_TYPE_OK:
                 clear_faults(self._faults, actuator)
             elif kind == dialect.FAILURE_TYPE_OFF:

@@ -82,9 +82,7 @@ def test_faults_of_other_actuators_and_other_times_stay() -> None:
 
 
 def test_clearing_one_actuator_leaves_the_others() -> None:
-    row = row_with(
-        Fault(RUDDER, 0.9, 0.0, 0.0, 1.0, NAN), Fault(THROTTLE, 0.5, 0.0, 0.0, 1.0, NAN)
-    )
+    row = row_with(Fault(RUDDER, 0.9, 0.0, 0.0, 1.0, NAN), Fault(THROTTLE, 0.5, 0.0, 0.0, 1.0, NAN))
     clear_faults(row, RUDDER)
     assert list(row["actuator"][:2]) == [THROTTLE, -1]
     clear_faults(row, -1)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sitl_plant.aircraft import AIRCRAFT
 from sitl_plant.actuators import no_faults
+from sitl_plant.aircraft import AIRCRAFT
 from sitl_plant.plant import rk4_step
 from sitl_plant.rigid_body import R1, R2, R2_inv, load_state
 from sitl_plant.vec3 import Vec3
@@ -78,7 +78,8 @@ def test_R2_inv_is_the_inverse_of_R2(phi: Vec3) -> None:  # noqa: N802
 @settings(deadline=None, max_examples=30)
 @given(st.tuples(rate, rate, rate), inertias())
 def test_torque_free_tumbling_conserves_energy_and_angular_momentum(
-    omega: Vec3, J: np.ndarray  # noqa: N803
+    omega: Vec3,
+    J: np.ndarray,  # noqa: N803
 ) -> None:
     """Over 2 s at 1 ms, to 1e-10 relative."""
     rates = tumble(omega, J, steps=2000, dt=1e-3)
