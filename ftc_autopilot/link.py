@@ -39,6 +39,7 @@ from mavlink_defs.endpoint import parse_address, sockaddr
 from mavlink_defs.jit import compiled
 from mavlink_defs.native import (
     ADDRESS_SIZE,
+    give_way,
     monotonic_s,
     receive,
     receive_now,
@@ -221,6 +222,8 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> 
         link.step_done[0]["step"] = step
         _send(plant_fd, link, link.step_done, ID_STEP_DONE)
     if fresh:
+        if lockstep:
+            give_way()  # to an autopilot that the plant still waits for
         _tell_neighbours(formation_fd, link, crew)
         if step < len(link.signals):
             link.signals[step] = crew.signals[0]

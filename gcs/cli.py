@@ -28,7 +28,7 @@ app = typer.Typer(
     help="Ground station of ftc-sitl: fly a UAV formation over real MAVLink.",
     no_args_is_help=True,
     add_completion=True,
-    rich_markup_mode="rich",
+    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
 
@@ -42,11 +42,9 @@ def gcs() -> None:
     epilog="""
 Examples:
 
-gcs fly scenarios/paper/scenario1.yaml
-
-gcs fly scenarios/paper/scenario1.yaml --in-process --json | jq .saving
-
-gcs fly my.yaml --speed 1 --out runs/demo
+- gcs fly scenarios/paper/scenario1.yaml
+- gcs fly scenarios/paper/scenario1.yaml --in-process --json | jq .saving
+- gcs fly my.yaml --speed 1 --out runs/demo
 
 Exit status: 0 flown to its end, 1 lost or stopped early, 2 bad input, 130 Ctrl-C.
 """
@@ -55,7 +53,7 @@ def fly(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", metavar="SCENARIO")],
     out: Annotated[
         Path | None,
-        typer.Option(help="Run folder, new or empty. [default: runs/NAME-DATE-TIME]"),
+        typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default."),
     ] = None,
     speed: Annotated[
         float | None,

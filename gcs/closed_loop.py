@@ -94,8 +94,8 @@ def _brief(scenario: Scenario, fleet: Fleet, crew: Crew, ids: tuple[int, ...]) -
 
 @compiled
 def _exchange_initial_reports(fleet: Fleet, crew: Crew, sources: np.ndarray, step_us: int) -> None:
-    observe(fleet, 0, step_us)
     for i in range(len(sources)):
+        observe(fleet, i, 0, step_us)
         announce(crew, i, fleet.messages[i])
     _deliver(crew, sources)
 
@@ -115,8 +115,8 @@ def _run(
     n = len(sources)
     lost = -1
     while step < last and lost < 0:
-        observe(fleet, step, step_us)
         for i in range(n):
+            observe(fleet, i, step, step_us)
             mask = onboard_step(crew, i, fleet.messages[i], step_us)
             if mask != 0:
                 receive_controls(fleet, i, crew.actuators[i])

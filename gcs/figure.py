@@ -58,7 +58,8 @@ def _draw_quantity(
     for i, uav_id in enumerate(recording.uav_ids):
         actual = signals["V"][:, i] if column == 0 else signals["attitude"][:, i, column - 1]
         label = f"UAV {uav_id} ({names[uav_id]})"
-        axis.plot(t, _shown(actual, column), color=_colour(i), lw=1.0, label=label)
+        width = max(3.0 - i, 1.0)  # lines that coincide stay visible below each other
+        axis.plot(t, _shown(actual, column), color=_colour(i), lw=width, label=label)
     reference = _shown(signals["reference"][:, 0, column], column)
     axis.plot(t, reference, "k--", lw=1.0, label="reference")
     axis.set_title(quantity)
@@ -89,7 +90,8 @@ def _draw_intervals(axis: "Axes", recording: Recording, channel: str) -> None:
 def _shade_faults(axis: "Axes", scenario: Scenario, duration_s: float) -> None:
     for fault in scenario.faults:
         end = duration_s if fault.end_s is None else min(fault.end_s, duration_s)
-        axis.axvspan(fault.start_s, end, color="0.85", zorder=0, lw=0)
+        label = f"fault: {fault.actuator} of UAV {fault.uav}"
+        axis.axvspan(fault.start_s, end, color="0.85", zorder=0, lw=0, label=label)
 
 
 def _shown(values: np.ndarray, column: int) -> np.ndarray:

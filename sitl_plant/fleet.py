@@ -87,20 +87,19 @@ def receive_controls(fleet: Fleet, i: int, actuators: np.void) -> bool:
 
 
 @compiled
-def observe(fleet: Fleet, step: int, step_us: int) -> None:
-    """Write every aircraft's state at a step into its FTC_SIM_STATE payload and `applied`."""
-    for i in range(len(fleet.states)):
-        sense(
-            fleet.states[i],
-            fleet.controls[i],
-            step,
-            step_us,
-            fleet.faults[i],
-            fleet.disturbance,
-            fleet.aircraft[i],
-            fleet.messages[i],
-            fleet.applied[i],
-        )
+def observe(fleet: Fleet, i: int, step: int, step_us: int) -> None:
+    """Write aircraft i's state at a step into its FTC_SIM_STATE payload and `applied`."""
+    sense(
+        fleet.states[i],
+        fleet.controls[i],
+        step,
+        step_us,
+        fleet.faults[i],
+        fleet.disturbance,
+        fleet.aircraft[i],
+        fleet.messages[i],
+        fleet.applied[i],
+    )
 
 
 @compiled

@@ -149,9 +149,9 @@ def send_states(fd: int, link: PlantLink, fleet: Fleet, unfinished_only: bool) -
         unfinished_only: Leave out those that have finished the present step.
     """
     clock = link.clock[0]
-    if not unfinished_only:
-        observe(fleet, clock["step"], clock["step_us"])
     for i in range(len(link.systems)):
+        if not unfinished_only:
+            observe(fleet, i, clock["step"], clock["step_us"])
         if link.known[i] == 0 or (unfinished_only and link.done[i] >= clock["step"]):
             continue
         fleet.messages[i]["flags"] = clock["flags"]

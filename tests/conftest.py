@@ -4,9 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from gcs.scenario import Scenario, load_scenario
 from sitl_plant.aircraft import aircraft_record
+
+# the first call of a function compiles it; the same examples in every run
+settings.register_profile("ftc-sitl", deadline=None, derandomize=True)
+settings.load_profile("ftc-sitl")
 
 DATA = Path(__file__).parent / "data"
 SCENARIO_1 = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"

@@ -10,7 +10,7 @@ NOT_DEFINITE = "so L + H is not positive definite (Lemma 1)"
 
 
 def test_matrices_of_the_papers_graph() -> None:
-    A = adjacency([1, 2, 3], [(1, 2, 1.0), (1, 3, 1.0)])  # noqa: N806
+    A = adjacency([1, 2, 3], [(1, 2, 1.0), (1, 3, 1.0)])
     assert A.tolist() == [[0, 1, 1], [1, 0, 0], [1, 0, 0]]
     assert laplacian(A).tolist() == [[2, -1, -1], [-1, 1, 0], [-1, 0, 1]]
     assert check_lemma1([1, 2, 3], A, np.array([1.0, 0.0, 0.0])) is None
@@ -69,7 +69,7 @@ def test_reachability_is_positive_definiteness(
     edges: set[tuple[int, int]], access: set[int], weight: float
 ) -> None:
     ids = list(range(6))
-    A = adjacency(ids, [(i, j, weight) for i, j in edges])  # noqa: N806
+    A = adjacency(ids, [(i, j, weight) for i, j in edges])
     h = np.array([float(i in access) for i in ids])
     smallest = np.linalg.eigvalsh(laplacian(A) + np.diag(h))[0]
     assert (check_lemma1(ids, A, h) is None) == (smallest > 1e-9)

@@ -28,7 +28,7 @@ def close(ours: object, expected: object) -> bool:
     return bool(np.max(np.abs(np.asarray(ours) - expected)) <= 1e-9 * scale)
 
 
-def measured(state: list[float], V_dot: float, nominal: np.void) -> np.void:  # noqa: N803
+def measured(state: list[float], V_dot: float, nominal: np.void) -> np.void:
     """The FTC_SIM_STATE whose accelerometer gives the wanted V̇."""
     message = np.zeros(1, SIM_STATE)[0]
     x = np.array(state)

@@ -26,7 +26,7 @@ attitude = st.tuples(angle, pitch, angle)
 rate = st.floats(-2.0, 2.0)
 
 
-def in_vacuum(J: np.ndarray) -> np.void:  # noqa: N803
+def in_vacuum(J: np.ndarray) -> np.void:
     """A body on which neither air nor gravity acts."""
     record = np.zeros(1, AIRCRAFT)[0]
     record["m"] = record["S"] = record["b"] = record["c_bar"] = 1.0
@@ -35,7 +35,7 @@ def in_vacuum(J: np.ndarray) -> np.void:  # noqa: N803
     return record
 
 
-def tumble(omega: Vec3, J: np.ndarray, steps: int, dt: float) -> np.ndarray:  # noqa: N803
+def tumble(omega: Vec3, J: np.ndarray, steps: int, dt: float) -> np.ndarray:
     """Angular velocity at each step of a torque-free tumble, shape (steps + 1, 3)."""
     body, faults = in_vacuum(J), no_faults(1)[0]
     x = np.zeros(12)
@@ -58,19 +58,19 @@ def inertias(draw: st.DrawFn) -> np.ndarray:
     principal = np.diag([b + c, a + c, a + b])
     turn = draw(st.floats(-0.5, 0.5))
     c_, s_ = math.cos(turn), math.sin(turn)
-    R = np.array([[c_, 0.0, s_], [0.0, 1.0, 0.0], [-s_, 0.0, c_]])  # noqa: N806
+    R = np.array([[c_, 0.0, s_], [0.0, 1.0, 0.0], [-s_, 0.0, c_]])
     return np.asarray(R @ principal @ R.T)
 
 
 @given(attitude)
-def test_R1_is_a_rotation(phi: Vec3) -> None:  # noqa: N802
-    R = np.array(R1(phi))  # noqa: N806
+def test_R1_is_a_rotation(phi: Vec3) -> None:
+    R = np.array(R1(phi))
     assert np.allclose(R @ R.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-14)
 
 
 @given(attitude)
-def test_R2_inv_is_the_inverse_of_R2(phi: Vec3) -> None:  # noqa: N802
+def test_R2_inv_is_the_inverse_of_R2(phi: Vec3) -> None:
     product = np.array(R2(phi)) @ np.array(R2_inv(phi))
     assert np.allclose(product, np.eye(3), atol=1e-13)
 
@@ -79,7 +79,7 @@ def test_R2_inv_is_the_inverse_of_R2(phi: Vec3) -> None:  # noqa: N802
 @given(st.tuples(rate, rate, rate), inertias())
 def test_torque_free_tumbling_conserves_energy_and_angular_momentum(
     omega: Vec3,
-    J: np.ndarray,  # noqa: N803
+    J: np.ndarray,
 ) -> None:
     """Over 2 s at 1 ms, to 1e-10 relative."""
     rates = tumble(omega, J, steps=2000, dt=1e-3)
@@ -90,7 +90,7 @@ def test_torque_free_tumbling_conserves_energy_and_angular_momentum(
 
 
 def test_the_integrator_converges_with_fourth_order() -> None:
-    J = np.array([[1.607, 0.0, -0.59], [0.0, 7.51, 0.0], [-0.59, 0.0, 7.18]])  # noqa: N806
+    J = np.array([[1.607, 0.0, -0.59], [0.0, 7.51, 0.0], [-0.59, 0.0, 7.18]])
     omega = (1.5, -1.0, 2.0)
     truth = tumble(omega, J, 4096, 2.0 / 4096)[-1]
     errors = [np.linalg.norm(tumble(omega, J, n, 2.0 / n)[-1] - truth) for n in (16, 32, 64, 128)]
@@ -102,7 +102,7 @@ def test_tumbling_brick_agrees_with_nesc_to_1e_6_deg_per_second() -> None:
     """NESC 6-DOF check case 2, Atmos_02, simulation 04: body rates over 30 s."""
     with DATA.open() as file:
         rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
-    J = np.diag([0.001894220, 0.006211019, 0.007194665]) * SLUG_FT2  # noqa: N806
+    J = np.diag([0.001894220, 0.006211019, 0.007194665]) * SLUG_FT2
     omega = (math.radians(10.0), math.radians(20.0), math.radians(30.0))
     ours = np.degrees(tumble(omega, J, 30_000, 1e-3))
     for row in rows:

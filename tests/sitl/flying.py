@@ -1,0 +1,159 @@
+"""What the whole-process tests share: scenario files, running commands, looking for leftovers."""
+
+import contextlib
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+BIN = Path(sys.executable).parent
+SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml"
+TIMEOUT_S = 120.0
+CHANNELS = ("throttle", "aileron", "elevator", "rudder")
+RESULTS = {"summary.json", "flight.tlog", "events.npz", "trajectory.npz", "flight.png"}
+
+
+def scenario_tree(**changes: Any) -> dict[str, Any]:
+    """Scenario 1 as a tree, with top-level keys replaced."""
+    tree: dict[str, Any] = yaml.safe_load(SCENARIO_1.read_text())
+    return tree | changes
+
+
+def write_scenario(folder: Path, tree: dict[str, Any] | None = None, **changes: Any) -> Path:
+    path = folder / "scenario.yaml"
+    path.write_text(yaml.safe_dump((tree or scenario_tree()) | changes, sort_keys=False))
+    return path
+
+
+def free_links(uavs: int = 3) -> dict[str, Any]:
+    """The links section of a scenario, on ports that are free at this moment.
+
+    They lie below those that systems give to sockets that do not ask for a port, so that no
+    socket of any process takes one of them in between.
+    """
+    while True:
+        first = random.randrange(10_000, 32_000)
+        gcs, plant, base = first, first + 1, first + 1
+        with contextlib.ExitStack() as sockets:
+            try:
+                for port in range(first, first + 2 + uavs):
+                    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                    sockets.enter_context(sock).bind(("127.0.0.1", port))
+            except OSError:
+                continue
+        return {"gcs_port": gcs, "plant_port": plant, "formation_base_port": base}
+
+
+def environment(**changes: str) -> dict[str, str]:
+    return os.environ | {"COLUMNS": "1000", "NO_COLOR": "1"} | changes
+
+
+def run(
+    program: str, *arguments: str | Path, env: dict[str, str] | None = None, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run one of the console scripts to its end."""
+    return subprocess.run(
+        [BIN / program, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        env=env or environment(),
+        cwd=cwd,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+
+
+def fly(*arguments: str | Path, **changes: str) -> subprocess.CompletedProcess[str]:
+    return run("gcs", "fly", *arguments, env=environment(**changes))
+
+
+def fly_well(*arguments: str | Path, **changes: str) -> subprocess.CompletedProcess[str]:
+    done = fly(*arguments, **changes)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    summary: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    return summary
+
+
+def arrays_of(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path) as arrays:
+        return dict(arrays)
+
+
+def processes_of(folder: Path) -> dict[int, str]:
+    """Processes with this folder, or one of its files, on their command line, by process id."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        with contextlib.suppress(OSError):
+            command = (entry / "cmdline").read_bytes().decode(errors="replace")
+            state = (entry / "stat").read_text().rpartition(")")[2].split()[0]
+            paths = command.split("\0")
+            ours = any(path == str(folder) or path.startswith(f"{folder}/") for path in paths)
+            if ours and state != "Z":
+                found[int(entry.name)] = command.replace("\0", " ")
+    return found
+
+
+def process_of(folder: Path, name: str) -> int:
+    """Process id of "plant" or "uav3" of a run."""
+    config = f"{folder / 'processes' / name}.yaml"
+    (pid,) = [pid for pid, command in processes_of(folder).items() if config in command]
+    return pid
+
+
+def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = TIMEOUT_S) -> None:
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, f"waited {timeout_s:g} s for this in vain: {what}"
+        time.sleep(0.02)
+
+
+def assert_one_message(text: str) -> None:
+    """There is something on standard error, and it is meant for people."""
+    assert text.strip()
+    assert "Traceback" not in text
+    assert "defect of ftc-sitl" not in text
+
+
+@contextlib.contextmanager
+def flying(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """``gcs fly --out folder`` in mid-flight; whatever is left of it in the end is killed."""
+    popen = subprocess.Popen(
+        [BIN / "gcs", "fly", *arguments, "--free-ports", "--out", folder],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    )
+    log = folder / "processes" / "plant.log"
+
+    def begun() -> bool:
+        assert popen.poll() is None, popen.communicate()
+        return log.exists() and "simulated time starts" in log.read_text()
+
+    try:
+        wait_until(begun, "simulated time starts")
+        yield popen
+    finally:
+        for pid in {popen.pid, *processes_of(folder)}:
+            with contextlib.suppress(ProcessLookupError):
+                if pid != popen.pid or popen.returncode is None:
+                    os.kill(pid, signal.SIGKILL)
+        popen.communicate(timeout=TIMEOUT_S)

@@ -1,0 +1,57 @@
+"""A lockstep flight over UDP and the same flight in one process are the same bit for bit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flying import arrays_of, fly_well, summary_of, write_scenario
+
+pytestmark = pytest.mark.sitl
+
+FAULTS = [
+    {"uav": 3, "actuator": "rudder", "effectiveness": 0.9, "start_s": 1.0, "end_s": 3.0},
+    {"uav": 3, "actuator": "elevator", "stuck_deg": 1.0, "frequency_hz": 2.0, "start_s": 4.5,
+     "end_s": 4.7},
+    {"uav": 2, "actuator": "aileron", "effectiveness": 0.9, "bias_deg": 1.5, "start_s": 2.0},
+    {"uav": 1, "actuator": "throttle", "effectiveness": 0.8, "bias_n": 20.0, "start_s": 3.5,
+     "end_s": 5.0},
+]  # fmt: skip
+
+
+def assert_equal_bit_for_bit(udp: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
+    assert udp.keys() == other.keys()
+    for key, array in udp.items():
+        assert (array.dtype, array.shape) == (other[key].dtype, other[key].shape), key
+        numeric = array.dtype.kind in "fc"
+        assert np.array_equal(array, other[key], equal_nan=numeric), key
+
+
+def assert_worth_comparing(folder: Path) -> None:
+    """Every channel of every UAV had events, and every fault acted."""
+    events, flight = (arrays_of(folder / name) for name in ("events.npz", "trajectory.npz"))
+    assert len(events["step"]) > 1000
+    assert len({*zip(events["uav"].tolist(), events["channel"].tolist(), strict=True)}) == 12
+    assert len(flight["time_s"]) == 6000
+    differs = flight["applied"] != flight["held"]
+    assert not differs[:1000].any()
+    for fault in FAULTS:
+        uav = [1, 2, 3].index(int(str(fault["uav"])))
+        channel = ("aileron", "elevator", "rudder", "throttle").index(str(fault["actuator"]))
+        begin = round(float(str(fault["start_s"])) * 1000)
+        assert differs[begin + 2 : begin + 100, uav, channel].all(), fault
+
+
+def test_flights_are_equal_bit_for_bit(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, duration_s=6.0, faults=FAULTS)
+    folders = udp, in_process = tmp_path / "udp", tmp_path / "in_process"
+    fly_well(scenario, "--quiet", "--free-ports", "--out", udp)
+    fly_well(scenario, "--quiet", "--in-process", "--out", in_process)
+    for name in ("events.npz", "trajectory.npz"):
+        assert_equal_bit_for_bit(*(arrays_of(folder / name) for folder in folders))
+    assert_worth_comparing(udp)
+    summaries = [summary_of(folder) for folder in folders]
+    assert [summary.pop("mode") for summary in summaries] == ["lockstep", "in_process"]
+    for summary in summaries:
+        assert summary.pop("wall_s") > 0.0
+        assert summary.pop("real_time_factor") > 0.0
+    assert summaries[0] == summaries[1]

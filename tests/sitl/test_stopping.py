@@ -1,0 +1,94 @@
+"""However a flight ends, it says why, keeps what was recorded, and leaves no process behind."""
+
+import os
+import re
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from flying import (
+    TIMEOUT_S,
+    arrays_of,
+    assert_one_message,
+    flying,
+    process_of,
+    processes_of,
+    run,
+    wait_until,
+    write_scenario,
+)
+
+pytestmark = pytest.mark.sitl
+
+GONE_S = 15.0  # the processes look for their parent twice a second
+
+
+def words_at_end(popen: subprocess.Popen[str], exit_status: int) -> str:
+    _, stderr = popen.communicate(timeout=TIMEOUT_S)
+    assert popen.returncode == exit_status, stderr
+    assert_one_message(stderr)
+    return stderr
+
+
+def assert_all_gone(folder: Path) -> None:
+    wait_until(lambda: not processes_of(folder), "no process is left", GONE_S)
+
+
+def assert_readable_log(folder: Path) -> None:
+    done = run("mavlogdump.py", "--types", "COMMAND_ACK,MISSION_ITEM_INT", folder / "flight.tlog")
+    assert done.returncode == 0, done.stderr
+    assert "COMMAND_ACK" in done.stdout
+    assert "MISSION_ITEM_INT" in done.stdout
+
+
+def test_interrupt(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with flying(folder, write_scenario(tmp_path), "--quiet", "--speed", "1") as popen:
+        assert len(processes_of(folder)) == 5  # the ground station, the plant, three autopilots
+        os.kill(popen.pid, signal.SIGINT)
+        words = words_at_end(popen, 130)
+        assert str(folder) in words
+        assert not processes_of(folder)
+    assert_readable_log(folder)
+    kept = {name: arrays_of(folder / "processes" / f"{name}.npz") for name in
+            ("plant", "uav1", "uav2", "uav3")}  # fmt: skip
+    steps = int(kept["plant"]["steps"])
+    assert steps == len(kept["plant"]["states"])
+    assert not kept["plant"]["loss"].item()
+
+
+def test_death_of_the_ground_station(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with flying(folder, write_scenario(tmp_path), "--quiet", "--speed", "1") as popen:
+        assert len(processes_of(folder)) == 5
+        os.kill(popen.pid, signal.SIGKILL)
+        popen.communicate(timeout=TIMEOUT_S)
+        assert popen.returncode == -signal.SIGKILL
+        assert_all_gone(folder)
+    # what the ground station had not written yet is lost, but the rest can be read
+    assert run("mavlogdump.py", folder / "flight.tlog").returncode == 0
+
+
+@pytest.mark.parametrize("mode", [(), ("--speed", "1")], ids=["lockstep", "real_time"])
+def test_death_of_an_autopilot(tmp_path: Path, mode: tuple[str, ...]) -> None:
+    folder = tmp_path / "run"
+    scenario = write_scenario(tmp_path, duration_s=600.0)
+    with flying(folder, scenario, "--quiet", *mode) as popen:
+        os.kill(process_of(folder, "uav2"), signal.SIGKILL)
+        words = words_at_end(popen, 1)
+        assert set(re.findall(r"uav ?(\d+)", words.lower())) == {"2"}
+        assert not processes_of(folder)
+    assert_readable_log(folder)
+
+
+@pytest.mark.parametrize("mode", [(), ("--speed", "1")], ids=["lockstep", "real_time"])
+def test_death_of_the_plant(tmp_path: Path, mode: tuple[str, ...]) -> None:
+    folder = tmp_path / "run"
+    scenario = write_scenario(tmp_path, duration_s=600.0)
+    with flying(folder, scenario, "--quiet", *mode) as popen:
+        os.kill(process_of(folder, "plant"), signal.SIGKILL)
+        words = words_at_end(popen, 1)
+        assert "plant" in words
+        assert not processes_of(folder)
+    assert_readable_log(folder)

@@ -1,0 +1,209 @@
+"""The vehicle's services, message by message: no socket, no sleep."""
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ftc_autopilot.link import AutopilotLink, new_link
+from ftc_autopilot.onboard import Crew, new_crew
+from ftc_autopilot.vehicle import AUTO, GUIDED, LOITER, Vehicle
+from gcs.scenario import Scenario
+from mavlink_defs import dialect
+from mavlink_defs.frames import Speaker, parse
+from mavlink_defs.profile import segments_to_items
+from sitl_plant.link import SIMULATOR_COMPONENT
+
+GCS = Speaker(255, 190)
+UAV = 1
+
+
+class Bench:
+    """A vehicle whose aircraft flies at 40 m/s to the North, and a ground station."""
+
+    def __init__(self, scenario: Scenario, heard: bool = True) -> None:
+        config = scenario.autopilot_config(UAV)
+        self.crew: Crew = new_crew([config])
+        self.link: AutopilotLink = new_link(UAV, config.neighbours, config.step_us, 0.25, 0)
+        self.link.measured[0]["velocity"] = (40.0, 0.0, 0.0)
+        self.link.clock["heard_s"] = float(heard)
+        self.vehicle = Vehicle(config, self.link, self.crew)
+        self.now = 0.0
+
+    def run(self, flags: int = dialect.FTC_SIM_FLAGS_RUNNING) -> None:
+        self.link.clock["flags"] = flags
+
+    def say(self, message: Any) -> list[Any]:
+        """Send a message as the ground station; what the vehicle answers."""
+        self.now += 2.0
+        received = parse(GCS.pack(message))
+        assert received is not None
+        self.vehicle.receive(received, self.now)
+        return self.vehicle.gcs_messages()
+
+    def command(self, number: int, *params: float) -> int:
+        seven = (*params, *[0.0] * 7)[:7]
+        answers = self.say(dialect.MAVLink_command_long_message(UAV, 1, number, 0, *seven))
+        (ack,) = of_type(answers, "COMMAND_ACK")
+        assert ack.command == number
+        return int(ack.result)
+
+    def upload(self, scenario: Scenario) -> int:
+        items = segments_to_items(scenario.segments(), UAV, 1)
+        answers = self.say(dialect.MAVLink_mission_count_message(UAV, 1, len(items), 0))
+        while requests := of_type(answers, "MISSION_REQUEST_INT"):
+            answers = self.say(items[requests[0].seq])
+        (ack,) = of_type(answers, "MISSION_ACK")
+        return int(ack.type)
+
+
+def of_type(messages: Iterable[Any], name: str) -> list[Any]:
+    return [message for message in messages if message.get_type() == name]
+
+
+ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
+START = dialect.MAV_CMD_MISSION_START
+ACCEPTED, DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
+
+
+def test_arming_waits_for_the_simulator(scenario1: Scenario) -> None:
+    bench = Bench(scenario1, heard=False)
+    assert bench.command(ARM, 1.0) == dialect.MAV_RESULT_TEMPORARILY_REJECTED
+    assert not bench.vehicle.armed
+
+
+def test_after_arming_it_loiters_level_at_the_present_speed(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    assert bench.command(ARM, 1.0) == ACCEPTED
+    assert bench.vehicle.mode == LOITER
+    assert list(bench.crew.guidance[0]["command"]) == [40.0, 0.0, 0.0, 0.0]
+    assert bench.crew.guidance[0]["active"] == 1
+
+
+def test_a_mission_cannot_start_without_a_profile(scenario1: Scenario) -> None:
+    assert Bench(scenario1).command(START) == DENIED
+
+
+def test_a_started_mission_flies_the_uploaded_profile(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    assert bench.upload(scenario1) == dialect.MAV_MISSION_ACCEPTED
+    assert bench.command(START) == ACCEPTED
+    guidance = bench.crew.guidance[0]
+    assert bench.vehicle.mode == AUTO
+    assert (guidance["auto"], guidance["start_step"]) == (1, 0)
+    assert bench.crew.profiles[0]["count"] == 3
+
+
+def test_a_mission_started_in_flight_begins_with_the_next_step(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    bench.command(ARM, 1.0)
+    bench.run()
+    bench.link.clock["step"] = 500
+    bench.command(START)
+    assert bench.crew.guidance[0]["start_step"] == 501
+
+
+def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    bench.command(START)
+    bench.run()
+    bench.link.clock["step"] = 4001
+    bench.vehicle.tick(bench.now)
+    said = bench.vehicle.gcs_messages()
+    assert [m.seq for m in of_type(said, "MISSION_ITEM_REACHED")] == [1]
+    assert of_type(said, "MISSION_CURRENT")[-1].seq == 2
+
+
+def test_disarming_in_flight_must_be_forced(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.command(ARM, 1.0)
+    bench.run()
+    assert bench.command(ARM, 0.0) == DENIED
+    assert bench.command(ARM, 0.0, 21196.0) == ACCEPTED
+    assert bench.crew.guidance[0]["active"] == 0
+
+
+@pytest.mark.parametrize("mode", [0.0, 5.0, 11.0, math.nan])
+def test_other_modes_are_refused(mode: float, scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    assert bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, mode) == DENIED
+    assert bench.vehicle.mode == LOITER
+
+
+def test_guided_follows_set_points(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, GUIDED)
+    half = math.radians(10.0) / 2.0
+    q = [math.cos(half), math.sin(half), 0.0, 0.0]
+    bench.say(dialect.MAVLink_set_attitude_target_message(0, UAV, 1, 0b111, q, 0, 0, 0, 0.0))
+    assert bench.crew.guidance[0]["command"][1] == pytest.approx(math.radians(10.0))
+    assert bench.command(dialect.MAV_CMD_DO_CHANGE_SPEED, 0.0, 45.0) == ACCEPTED
+    assert bench.crew.guidance[0]["command"][0] == 45.0
+    assert bench.command(dialect.MAV_CMD_DO_CHANGE_SPEED, 0.0, 450.0) == DENIED
+
+
+def test_fault_commands_go_to_the_simulator_unread_and_its_answer_comes_back(
+    scenario1: Scenario,
+) -> None:
+    bench = Bench(scenario1)
+    params = (2.0, 0.9, 0.0, 0.0, math.nan, math.nan, 0.0)
+    number = dialect.MAV_CMD_FTC_SET_FAULT
+    answers = bench.say(dialect.MAVLink_command_long_message(UAV, 1, number, 0, *params))
+    assert not of_type(answers, "COMMAND_ACK")
+    (forwarded,) = of_type(bench.vehicle.simulator_messages(), "COMMAND_LONG")
+    assert forwarded.target_component == SIMULATOR_COMPONENT
+    assert (forwarded.command, forwarded.param2) == (number, pytest.approx(0.9))
+    ack = dialect.MAVLink_command_ack_message(number, DENIED, 0, 0, UAV, 1)
+    answer = parse(Speaker(UAV, SIMULATOR_COMPONENT).pack(ack))
+    assert answer is not None
+    bench.vehicle.receive_from_simulator(answer, bench.now)
+    (result,) = of_type(bench.vehicle.gcs_messages(), "COMMAND_ACK")
+    assert (result.result, result.target_system) == (DENIED, 255)
+
+
+def test_unknown_commands_are_unsupported_never_silence(scenario1: Scenario) -> None:
+    assert Bench(scenario1).command(31000) == dialect.MAV_RESULT_UNSUPPORTED
+
+
+@pytest.mark.parametrize("message_id", [dialect.MAVLINK_MSG_ID_ATTITUDE,
+                                        dialect.MAVLINK_MSG_ID_FTC_EVENTS])  # fmt: skip
+def test_messages_come_on_request(message_id: int, scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    request = dialect.MAVLink_command_long_message(
+        UAV, 1, dialect.MAV_CMD_REQUEST_MESSAGE, 0, message_id, 0, 0, 0, 0, 0, 0
+    )
+    answers = bench.say(request)
+    assert [m for m in answers if m.get_msgId() == message_id]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0, 1e9])
+def test_strange_parameters_are_refused_without_harm(value: float, scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    for number in (dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, ARM):
+        assert bench.command(number, value, value) != ACCEPTED
+
+
+def test_telemetry_keeps_its_interval_in_simulated_time(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.run()
+    counts = 0
+    for step in range(0, 1001, 20):
+        bench.link.measured[0]["time_usec"] = step * 1000
+        bench.vehicle.tick(0.0)
+        counts += len(of_type(bench.vehicle.gcs_messages(), "ATTITUDE"))
+    assert counts == 11
+
+
+def test_a_dropped_neighbour_is_announced(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.crew.weights[0] = np.array([1.0, 1.0])
+    bench.vehicle._edges = bench.crew.weights[0] > 0.0
+    bench.crew.weights[0, 1] = 0.0
+    bench.link.clock["edge_changes"] = 1
+    bench.vehicle.tick(0.0)
+    texts = [m.text for m in of_type(bench.vehicle.gcs_messages(), "STATUSTEXT")]
+    assert any("neighbour 3 silent, edge dropped" in str(text) for text in texts)
