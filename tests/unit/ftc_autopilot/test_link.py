@@ -1,0 +1,208 @@
+"""The autopilot's hot path over real loopback sockets, one state at a time."""
+
+import math
+import socket
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from ftc_autopilot.link import OVER, SERVICE, TICK, new_link, run
+from ftc_autopilot.onboard import new_crew
+from ftc_autopilot.reference import profile_record
+from gcs.scenario import Scenario
+from mavlink_defs import codec
+from mavlink_defs.dialect import (
+    FTC_SIM_FLAGS_ENDED,
+    FTC_SIM_FLAGS_LOCKSTEP,
+    FTC_SIM_FLAGS_RUNNING,
+)
+from mavlink_defs.endpoint import set_receive_timeout
+
+UAV, NEIGHBOUR = 2, 1  # follower 1 has one neighbour, the leader
+LOCKSTEP = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
+NOTHING_APPLIED = 2**64 - 1
+TIMEOUT_STEPS = 250
+
+
+class Rig:
+    """One autopilot's link between a plant and a neighbour that the test plays."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.plant, self.neighbour, self.own, self.formation = (
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(4)
+        )
+        for sock in (self.plant, self.neighbour, self.own, self.formation):
+            sock.bind(("127.0.0.1", 0))
+        self.own.connect(self.plant.getsockname())
+        set_receive_timeout(self.own, 0.05)
+        set_receive_timeout(self.formation, 0.005)
+        self.plant.setblocking(False)
+        self.neighbour.setblocking(False)
+        address = "{}:{}".format(*self.neighbour.getsockname())
+        config = scenario.autopilot_config(UAV)
+        others = tuple(n.model_copy(update={"address": address}) for n in config.neighbours)
+        self.crew = new_crew([config])
+        self.crew.profiles[0] = profile_record(scenario.segments())
+        for key, value in (("active", 1), ("auto", 1), ("start_step", 0)):
+            self.crew.guidance[0][key] = value
+        self.link = new_link(UAV, others, 1000, TIMEOUT_STEPS / 1000, 0)
+
+    def close(self) -> None:
+        for sock in (self.plant, self.neighbour, self.own, self.formation):
+            sock.close()
+
+    def state(self, step: int, flags: int = LOCKSTEP, applied_usec: int | None = None) -> int:
+        """Send a state; by default the plant has applied all that it was sent."""
+        sent = int(self.link.clock[0]["sent_usec"])
+        state = np.zeros(1, codec.SIM_STATE)
+        state["step"], state["time_usec"], state["flags"] = step, step * 1000, flags
+        state["velocity"], state["attitude"] = (40.0, 0.0, 0.5), (0.0, math.radians(1.0), 0.0)
+        applied = sent if applied_usec is None else applied_usec
+        state["actuator_time_usec"] = NOTHING_APPLIED if applied < 0 else applied
+        datagram = codec.new_buffer()
+        length = codec.pack(datagram, state, codec.ID_SIM_STATE, UAV, 25, step)
+        self.plant.sendto(datagram[:length].tobytes(), self.own.getsockname())
+        return self.run()
+
+    def run(self) -> int:
+        fds = self.own.fileno(), self.formation.fileno()
+        return run(*fds, self.link, self.crew, time.monotonic(), 2**62)
+
+    def word(self, step: int, airspeed: float = 41.0, system: int = NEIGHBOUR) -> None:
+        word = np.zeros(1, codec.NEIGHBOUR)
+        word["step"], word["airspeed"] = step, airspeed
+        datagram = codec.new_buffer()
+        length = codec.pack(datagram, word, codec.ID_NEIGHBOUR, system, 1, step)
+        self.neighbour.sendto(datagram[:length].tobytes(), self.formation.getsockname())
+
+    def heard(self, sock: socket.socket) -> list[int]:
+        """Ids of the hot messages that have arrived."""
+        ids, datagram = [], codec.new_buffer()
+        while True:
+            try:
+                length = sock.recv_into(datagram)
+            except BlockingIOError:
+                return ids
+            ids.append(codec.check(datagram, length))
+
+
+@pytest.fixture
+def rig(scenario1: Scenario) -> Iterator[Rig]:
+    rig = Rig(scenario1)
+    yield rig
+    rig.close()
+
+
+def test_a_lockstep_step_is_answered_with_actuators_then_step_done(rig: Rig) -> None:
+    rig.word(0)
+    assert rig.state(0) == TICK
+    assert rig.heard(rig.plant) == [codec.ID_ACTUATORS, codec.ID_STEP_DONE]
+    assert set(rig.heard(rig.neighbour)) == {codec.ID_NEIGHBOUR}
+
+
+def test_real_time_has_no_step_done(rig: Rig) -> None:
+    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+    assert rig.heard(rig.plant) == [codec.ID_ACTUATORS]
+
+
+def test_a_frozen_aircraft_sends_the_plant_nothing(rig: Rig) -> None:
+    rig.state(0, FTC_SIM_FLAGS_LOCKSTEP)
+    assert rig.heard(rig.plant) == []
+    assert rig.heard(rig.neighbour) == [codec.ID_NEIGHBOUR]
+
+
+def test_without_an_event_only_step_done_is_sent(rig: Rig) -> None:
+    silent = 0
+    for step in range(200):
+        rig.word(step)
+        rig.state(step)
+        silent += rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+    assert silent > 0
+
+
+def test_the_same_state_again_is_answered_but_not_worked_on_again(rig: Rig) -> None:
+    rig.word(0)
+    rig.state(0)
+    rig.heard(rig.plant)
+    rig.state(0)
+    assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+    assert rig.crew.controllers[0]["steps"] == 1
+
+
+def test_a_lost_actuator_message_is_sent_again_and_counted_apart(rig: Rig) -> None:
+    rig.word(0)
+    rig.state(0)
+    events = rig.crew.controllers[0]["events"].copy()
+    rig.crew.parameters["a2"] = rig.crew.parameters["b2"] = 1e9  # no more events
+    rig.heard(rig.plant)
+    rig.word(1)
+    rig.state(1, applied_usec=-1)
+    assert rig.heard(rig.plant) == [codec.ID_ACTUATORS, codec.ID_STEP_DONE]
+    assert list(rig.link.clock[0]["repeated"]) == [1, 1, 1, 1]
+    assert np.array_equal(rig.crew.controllers[0]["events"], events)
+    rig.word(2)
+    rig.state(2)
+    assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+
+
+def test_a_step_uses_the_words_of_the_step_before_however_early_newer_ones_come(rig: Rig) -> None:
+    for step in range(3):
+        rig.word(step, airspeed=40.0 + step)
+    rig.state(0)
+    assert rig.crew.inboxes[0, 0]["step"] == 0
+    rig.state(1)
+    assert rig.crew.inboxes[0, 0]["step"] == 0
+    rig.state(2)
+    assert rig.crew.inboxes[0, 0]["step"] == 1
+    assert rig.crew.inboxes[0, 0]["airspeed"] == 41.0
+
+
+def test_a_silent_neighbour_is_dropped_and_taken_up_again(rig: Rig) -> None:
+    rig.word(0)
+    for step in range(TIMEOUT_STEPS + 1):
+        rig.state(step, FTC_SIM_FLAGS_RUNNING)
+    assert rig.crew.weights[0, 0] == 1.0
+    rig.state(TIMEOUT_STEPS + 1, FTC_SIM_FLAGS_RUNNING)
+    assert rig.crew.weights[0, 0] == 0.0
+    assert rig.link.clock[0]["edge_changes"] == 1
+    rig.word(TIMEOUT_STEPS + 1)
+    rig.state(TIMEOUT_STEPS + 2, FTC_SIM_FLAGS_RUNNING)
+    assert rig.crew.weights[0, 0] == 1.0
+    assert rig.link.clock[0]["edge_changes"] == 2
+
+
+def test_words_of_strangers_and_words_that_are_no_numbers_are_ignored(rig: Rig) -> None:
+    rig.word(0, system=77)
+    rig.word(0, airspeed=math.nan)
+    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+    assert rig.crew.weights[0, 0] == 0.0
+
+
+def test_noise_changes_nothing_and_is_counted(rig: Rig) -> None:
+    for noise in (b"", b"noise", bytes(300), b"\xfd" + bytes(11)):
+        rig.plant.sendto(noise, rig.own.getsockname())
+        assert rig.run() in {TICK, SERVICE}
+    assert rig.link.clock[0]["step"] == -1
+    assert rig.link.drops.sum() >= 3
+
+
+def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:
+    assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED) == OVER
+    assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+
+
+def test_disarmed_in_flight_thrust_goes_to_zero_once(rig: Rig) -> None:
+    rig.word(0)
+    rig.state(0)
+    assert rig.crew.actuators[0]["controls"][3] > 0.0
+    rig.crew.guidance[0]["active"] = 0
+    rig.heard(rig.plant)
+    rig.word(1)
+    rig.state(1)
+    assert rig.heard(rig.plant) == [codec.ID_ACTUATORS, codec.ID_STEP_DONE]
+    assert rig.crew.actuators[0]["controls"][3] == 0.0
+    rig.word(2)
+    rig.state(2)
+    assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
