@@ -18,13 +18,15 @@ from mavlink_defs.codec import ACTUATORS, NEIGHBOUR
 from mavlink_defs.jit import compiled
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 
-__all__ = ["GUIDANCE", "Crew", "announce", "new_crew", "onboard_step"]
+__all__ = ["GUIDANCE", "NOT_STARTED", "Crew", "announce", "new_crew", "onboard_step"]
+
+NOT_STARTED = -(2**62)
 
 GUIDANCE = np.dtype(
     [
         ("active", "i8"),  # 1: armed, the controller runs
         ("auto", "i8"),  # 1: fly the profile; 0: fly `command`
-        ("start_step", "i8"),  # step at which the mission started, -1: not yet
+        ("start_step", "i8"),  # step at which the mission's clock is 0, or NOT_STARTED
         ("command", "f8", (4,)),  # airspeed [m/s], roll, pitch, yaw [rad]
     ]
 )
@@ -65,7 +67,7 @@ def new_crew(configs: Sequence[AutopilotConfig]) -> Crew:
         crew.aircraft[i] = aircraft_record(config.aircraft)
         crew.parameters[i] = parameter_record(config.controller, config.trigger)
         crew.controllers[i] = new_controller(crew.parameters[i])
-    crew.guidance["start_step"] = -1
+    crew.guidance["start_step"] = NOT_STARTED
     return crew
 
 
@@ -100,7 +102,7 @@ def onboard_step(crew: Crew, i: int, measured: np.void, step_us: int) -> int:
     if guidance["active"] == 0:
         return _cut_thrust(crew, i, measured)
     clock = 0.0  # schedules belong to the profile, so they run on the mission's clock
-    if guidance["start_step"] >= 0:
+    if guidance["start_step"] != NOT_STARTED:
         clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
     if guidance["auto"] != 0:
         profile_value(crew.profiles[i], clock, guidance["command"])
@@ -125,11 +127,16 @@ def onboard_step(crew: Crew, i: int, measured: np.void, step_us: int) -> int:
 
 @compiled
 def _cut_thrust(crew: Crew, i: int, measured: np.void) -> int:
-    """Disarmed: thrust goes to zero, the surfaces stay."""
-    actuators = crew.actuators[i]
-    if actuators["controls"][THROTTLE] == 0.0:
-        return 0
-    actuators["controls"][THROTTLE] = 0.0
-    actuators["time_usec"] = measured["time_usec"]
-    crew.controllers[i]["held"][THROTTLE] = 0.0
-    return 1 << THROTTLE
+    """Disarmed: thrust goes to zero, the surfaces stay; nothing else is an event."""
+    actuators, signals = crew.actuators[i], crew.signals[i]
+    mask = 0
+    if actuators["controls"][THROTTLE] != 0.0:
+        actuators["controls"][THROTTLE] = 0.0
+        actuators["time_usec"] = measured["time_usec"]
+        crew.controllers[i]["held"][THROTTLE] = 0.0
+        crew.controllers[i]["events"][THROTTLE] += 1
+        crew.controllers[i]["messages"] += 1
+        signals["held"][THROTTLE] = 0.0
+        mask = 1 << THROTTLE
+    signals["events"] = mask
+    return mask

@@ -9,7 +9,7 @@ from collections import deque
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.link import AutopilotLink
-from ftc_autopilot.onboard import Crew
+from ftc_autopilot.onboard import NOT_STARTED, Crew
 from ftc_autopilot.reference import profile_record
 from ftc_autopilot.telemetry import Telemetry
 from mavlink_defs import dialect
@@ -24,7 +24,12 @@ from mavlink_defs.command import (
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.frames import text_chunks
 from mavlink_defs.machine import Address
-from mavlink_defs.mission_server import MissionAccepted, MissionRefused, MissionServer
+from mavlink_defs.mission_server import (
+    CurrentChanged,
+    MissionAccepted,
+    MissionRefused,
+    MissionServer,
+)
 from mavlink_defs.profile import AirspeedLimits, check_mission, items_to_segments
 from sitl_plant.link import SIMULATOR_COMPONENT
 
@@ -160,6 +165,8 @@ class Vehicle:
             match event:
                 case MissionAccepted(items):
                     self._accept_mission(items)
+                case CurrentChanged(seq):
+                    self._jump_to(seq)
                 case MissionRefused(_, text) if text:
                     self.say(dialect.MAV_SEVERITY_WARNING, text)
         for command in self._commands.events():
@@ -191,7 +198,7 @@ class Vehicle:
     def _accept_mission(self, items: tuple[dialect.MAVLink_mission_item_int_message, ...]) -> None:
         if len(items) < 2:  # home alone: no profile
             self._crew.profiles[0]["count"] = 0
-            self._guidance["start_step"] = -1
+            self._guidance["start_step"] = NOT_STARTED
             if self.mode == AUTO:
                 self._enter(LOITER)
             return
@@ -241,6 +248,7 @@ class Vehicle:
             if self.running and params[1] != _FORCE_DISARM:
                 return self._refuse("Disarm: refused in flight; force it with param 2 = 21196")
             self.armed = False
+            self._crew.actuators[0]["mode"] = 0
             self._guidance["active"] = 0
         return _ACCEPTED
 
@@ -265,7 +273,7 @@ class Vehicle:
 
     def _enter(self, mode: int) -> None:
         """Change the mode; whatever does not fly the profile goes on level and straight."""
-        started = self._guidance["start_step"] >= 0
+        started = self._guidance["start_step"] != NOT_STARTED
         self._guidance["auto"] = int(mode == AUTO and started)
         if not self._guidance["auto"]:
             state = self._link.measured[0]
@@ -321,6 +329,14 @@ class Vehicle:
             return dialect.MAV_RESULT_UNSUPPORTED
         return _ACCEPTED
 
+    def _jump_to(self, seq: int) -> None:
+        """Let a running mission go on with item seq, as if its segment began now."""
+        if self._guidance["start_step"] != NOT_STARTED and seq >= 1:
+            start_s = float(self._crew.profiles[0]["start"][seq - 1])
+            clock = self._link.clock[0]
+            steps = math.ceil(start_s * 1e6 / int(clock["step_us"]))
+            self._guidance["start_step"] = int(clock["step"]) - steps
+
     def _follow_mission(self) -> None:
         """Let MISSION_CURRENT and MISSION_ITEM_REACHED follow the profile."""
         if not self._guidance["auto"] or not self.running:
@@ -335,7 +351,6 @@ class Vehicle:
             for seq in range(max(self._mission.current, 1), current):
                 self._gcs_outbox.append(dialect.MAVLink_mission_item_reached_message(seq))
             self._mission.set_current(current)
-            self._gcs_outbox.append(self._mission.mission_current())
 
     def _report_edges(self) -> None:
         """Announce every neighbour that was dropped or taken up again."""

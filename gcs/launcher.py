@@ -17,7 +17,7 @@ from typing import Self
 from gcs.errors import BadInput, FlightLost
 from gcs.scenario import Scenario
 from mavlink_defs.config import dump
-from mavlink_defs.endpoint import free_ports
+from mavlink_defs.endpoint import Address, EndpointError, bind_udp, free_ports
 
 __all__ = ["Fleet", "on_free_ports"]
 
@@ -41,13 +41,21 @@ class _Process:
 
 def on_free_ports(scenario: Scenario) -> Scenario:
     """The same scenario on UDP ports of its host that are free at this moment."""
-    highest = max(uav.id for uav in scenario.uavs)
+    ids = [uav.id for uav in scenario.uavs]
+    host = scenario.links.host
     while True:
-        gcs_port, plant_port, first = free_ports(3, scenario.links.host)
-        formation = range(first, first + highest)
-        if formation.stop <= 65536 and gcs_port not in formation and plant_port not in formation:
+        gcs_port, plant_port, first = free_ports(3, host)
+        base = first - min(ids)
+        formation = [base + i for i in ids]
+        if base < 1 or max(formation) > 65535 or {gcs_port, plant_port} & set(formation):
+            continue
+        try:
+            for port in formation:
+                bind_udp(Address(host, port), "formation link").close()
             break
-    ports = {"gcs_port": gcs_port, "plant_port": plant_port, "formation_base_port": first - 1}
+        except EndpointError:
+            continue
+    ports = {"gcs_port": gcs_port, "plant_port": plant_port, "formation_base_port": base}
     links = scenario.links.model_copy(update=ports)
     return scenario.model_copy(update={"links": links})
 

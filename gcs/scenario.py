@@ -16,7 +16,7 @@ from ftc_autopilot.config import AutopilotConfig, ControllerParameters, Neighbou
 from ftc_autopilot.network import formation_problems
 from mavlink_defs.config import HostPort, Loc, Model, Port, Problems, SystemId, load, repeated
 from mavlink_defs.endpoint import EndpointError, parse_address
-from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
+from mavlink_defs.faults import ACTUATORS, MAX_FAULTS, MAX_FREQUENCY_HZ, Fault
 from mavlink_defs.profile import MAX_SEGMENTS, Segment
 from mavlink_defs.quantity import quantity, whole
 from sitl_plant.config import (
@@ -327,6 +327,9 @@ class Scenario(Model):
             "stuck_n": (0.0, thrust, "N"),
         }
         for i, fault in enumerate(self.faults):
+            if sum(other.uav == fault.uav for other in self.faults[:i]) == MAX_FAULTS:
+                text = f"UAV {fault.uav} has more than {MAX_FAULTS} faults, as many as fit"
+                yield ("faults", i, "uav"), text
             if fault.uav not in self._ids:
                 ids = ", ".join(map(str, self._ids))
                 yield ("faults", i, "uav"), f"expected one of the UAVs {ids}, got {fault.uav}"

@@ -14,6 +14,7 @@ from mavlink_defs.values import decimal_of_float32
 
 __all__ = [
     "ACTUATORS",
+    "MAX_FAULTS",
     "MAX_FREQUENCY_HZ",
     "Fault",
     "FaultLimits",
@@ -26,6 +27,9 @@ ACTUATORS = ("aileron", "elevator", "rudder", "throttle")
 """Names, in the order of FTC_ACTUATOR."""
 
 MAX_FREQUENCY_HZ = 500.0
+
+MAX_FAULTS = 16
+"""Faults that one aircraft can hold at a time."""
 
 _TOLERANCE = 1.0 + 1e-9  # a limit kept in radians may come back as 24.999999999999996 deg
 

@@ -10,14 +10,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.jit import compiled
 
-__all__ = ["FAULT", "MAX_FAULTS", "Controls", "add_fault", "apply_faults", "clear_faults",
+__all__ = ["FAULT", "Controls", "add_fault", "apply_faults", "clear_faults",
            "no_faults"]  # fmt: skip
-
-MAX_FAULTS = 16
-"""Faults that one aircraft can hold at a time."""
 
 _THROTTLE = 3
 _EMPTY = -1

@@ -79,7 +79,11 @@ class AircraftService:
         try:
             match message.command:
                 case dialect.MAV_CMD_FTC_SET_FAULT:
-                    add_fault(self._faults, fault_from_params(params, self._limits), time_s)
+                    fault = fault_from_params(params, self._limits)
+                    if math.isnan(fault.start_s) and fault.end_s <= time_s:
+                        text = f"Fault: End is {fault.end_s:g} s, it is {time_s:g} s already"
+                        raise InvalidParam(6, "End", text)
+                    add_fault(self._faults, fault, time_s)
                 case dialect.MAV_CMD_FTC_CLEAR_FAULTS:
                     self._clear(params[0])
                 case dialect.MAV_CMD_INJECT_FAILURE:

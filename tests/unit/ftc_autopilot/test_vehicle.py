@@ -118,6 +118,19 @@ def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
     assert of_type(said, "MISSION_CURRENT")[-1].seq == 2
 
 
+def test_setting_the_current_item_jumps_in_the_profile(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    bench.command(START)
+    bench.run()
+    bench.link.clock["step"] = 1000
+    bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 3))
+    assert bench.crew.guidance[0]["start_step"] == 1000 - 15000
+    bench.link.clock["step"] = 1001
+    bench.vehicle.tick(bench.now)
+    assert not of_type(bench.vehicle.gcs_messages(), "MISSION_ITEM_REACHED")
+
+
 def test_disarming_in_flight_must_be_forced(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     bench.command(ARM, 1.0)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_defs.faults import Fault
-from sitl_plant.actuators import MAX_FAULTS, add_fault, apply_faults, clear_faults, no_faults
+from mavlink_defs.faults import MAX_FAULTS, Fault
+from sitl_plant.actuators import add_fault, apply_faults, clear_faults, no_faults
 
 COMMAND = (0.1, -0.2, 0.3, 150.0)
 NAN = math.nan
