@@ -39,7 +39,6 @@ from mavlink_defs.endpoint import parse_address, sockaddr
 from mavlink_defs.jit import compiled
 from mavlink_defs.native import (
     ADDRESS_SIZE,
-    give_way,
     monotonic_s,
     receive,
     receive_now,
@@ -56,7 +55,7 @@ TICK = 2  # the time or the step until which it should run has come
 OVER = 3  # the plant has ended the simulation
 
 _NEIGHBOUR_WAIT_S = 0.05
-"""How long a lockstep step waits for the word of a neighbour that was on time before."""
+"""How long a lockstep step waits for a word that is under way: over a relay, say, that delays."""
 _REPEAT_AFTER_STEPS = 10
 """Real time: patience with the plant's acknowledgement [steps]. Lockstep needs none."""
 _NEVER_HEARD = -1
@@ -197,10 +196,9 @@ def run(
 
 @compiled
 def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> None:
-    """Answer one received state.
+    """Answer one received state; in lockstep nothing is left to send after FTC_STEP_DONE.
 
-    The plant is served first, the neighbours after it: they need these words only for their
-    next step, and by then the plant has been at work.
+    So when the next state comes, the words of this step lie at every neighbour already.
     """
     clock, state = link.clock[0], link.state[0]
     step, flags = int(state["step"]), int(state["flags"])
@@ -217,20 +215,17 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> 
         _collect_reports(formation_fd, link, crew, step, lockstep)
         mask = onboard_step(crew, 0, state, clock["step_us"])
         _send_actuators(plant_fd, link, crew, mask, lockstep)
-        clock["step"] = step
-    if ended or (running and lockstep):
-        link.step_done[0]["step"] = step
-        _send(plant_fd, link, link.step_done, ID_STEP_DONE)
-    if fresh:
-        if lockstep:
-            give_way()  # to an autopilot that the plant still waits for
         _tell_neighbours(formation_fd, link, crew)
+        clock["step"] = step
         if step < len(link.signals):
             link.signals[step] = crew.signals[0]
     elif not running and not ended:  # frozen: neighbours learn of each other
         announce(crew, 0, state)
         _tell_neighbours(formation_fd, link, crew)
         _take_reports(formation_fd, link, crew, 0)
+    if ended or (running and lockstep):
+        link.step_done[0]["step"] = step
+        _send(plant_fd, link, link.step_done, ID_STEP_DONE)
 
 
 @compiled

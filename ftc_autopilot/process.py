@@ -180,7 +180,7 @@ def main(arguments: list[str] | None = None) -> None:
         formation = bind_udp(
             address,
             f"formation link of UAV {config.id}",
-            "stop the other program, or change `formation_bind`",
+            "change `formation_bind`",
         )
     except (ConfigError, EndpointError) as problem:
         print(problem, file=sys.stderr)

@@ -331,22 +331,26 @@ class Vehicle:
 
     def _jump_to(self, seq: int) -> None:
         """Let a running mission go on with item seq, as if its segment began now."""
-        if self._guidance["start_step"] != NOT_STARTED and seq >= 1:
+        if self._guidance["start_step"] != NOT_STARTED and 1 <= seq != self._item_in_force():
             start_s = float(self._crew.profiles[0]["start"][seq - 1])
             clock = self._link.clock[0]
             steps = math.ceil(start_s * 1e6 / int(clock["step_us"]))
             self._guidance["start_step"] = int(clock["step"]) - steps
 
+    def _item_in_force(self) -> int:
+        """Number of the mission item whose segment the mission's clock stands in."""
+        clock, profile = self._link.clock[0], self._crew.profiles[0]
+        steps = int(clock["step"]) - int(self._guidance["start_step"])
+        elapsed_s = steps * int(clock["step_us"]) / 1e6
+        return 1 + sum(
+            elapsed_s > float(start) for start in profile["start"][1 : int(profile["count"])]
+        )
+
     def _follow_mission(self) -> None:
         """Let MISSION_CURRENT and MISSION_ITEM_REACHED follow the profile."""
         if not self._guidance["auto"] or not self.running:
             return
-        clock, profile = self._link.clock[0], self._crew.profiles[0]
-        steps = int(clock["step"]) - int(self._guidance["start_step"])
-        elapsed_s = steps * int(clock["step_us"]) / 1e6
-        current = 1 + sum(
-            elapsed_s > float(start) for start in profile["start"][1 : int(profile["count"])]
-        )
+        current = self._item_in_force()
         if current != self._mission.current:
             for seq in range(max(self._mission.current, 1), current):
                 self._gcs_outbox.append(dialect.MAVLink_mission_item_reached_message(seq))

@@ -24,7 +24,7 @@ from numba import types
 
 from mavlink_defs.jit import compiled
 
-__all__ = ["ADDRESS_SIZE", "give_way", "monotonic_s", "receive", "receive_from", "receive_from_now",
+__all__ = ["ADDRESS_SIZE", "monotonic_s", "receive", "receive_from", "receive_from_now",
            "receive_from_soon", "receive_now", "receive_soon", "send", "send_to",
            "sleep_until"]  # fmt: skip
 
@@ -150,12 +150,6 @@ def send_to(fd: int, buffer: np.ndarray, length: int, address: np.ndarray) -> in
     if sent < 0:
         sent = _sendto(fd, data, length, _NOW, address.ctypes.data, ADDRESS_SIZE)
     return sent
-
-
-@compiled
-def give_way() -> None:
-    """Let another process that is ready run first on this processor."""
-    _sched_yield()
 
 
 @compiled

@@ -232,7 +232,7 @@ def main(arguments: list[str] | None = None) -> None:
         if options.record and config.duration_s is None:
             raise ConfigError(options.config, ["duration_s: missing; --record needs an end"])
         address = parse_address(config.bind)
-        sock = bind_udp(address, "plant", "stop the other program, or change `bind`")
+        sock = bind_udp(address, "plant", "change `bind`")
     except (ConfigError, EndpointError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
