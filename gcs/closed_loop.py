@@ -121,10 +121,10 @@ def _run(
             if mask != 0:
                 receive_controls(fleet, i, crew.actuators[i])
             states[step, i] = fleet.states[i]
-            applied[step, i] = fleet.applied[i]
             signals[step, i] = crew.signals[i]
         _deliver(crew, sources)
         lost = fly(fleet, step, step_us)
+        applied[step] = fleet.applied
         step += 1
     return step, lost
 

@@ -19,7 +19,8 @@ class Recording:
         step_us: Control period [µs].
         uav_ids: System ids, length n.
         states: Shape (steps, n, 12), at the begin of each step; see `sitl_plant.rigid_body.State`.
-        applied: Shape (steps, n, 4), what the actuators did: aileron, elevator, rudder, thrust.
+        applied: Shape (steps, n, 4), what the actuators did as each period began: aileron,
+            elevator, rudder, thrust.
         signals: Shape (steps, n), dtype `ftc_autopilot.controller.SIGNALS`.
         repeats: Shape (n, 4), events sent again because the plant had not applied them.
         wall_s: Wall-clock time that the simulated time took [s].

@@ -20,7 +20,7 @@ class Fleet(NamedTuple):
 
     states: np.ndarray  # (n, 12), see `sitl_plant.rigid_body.State`
     controls: np.ndarray  # (n, 4) held commands: aileron, elevator, rudder [rad], thrust [N]
-    applied: np.ndarray  # (n, 4) what the actuators do at the present step
+    applied: np.ndarray  # (n, 4) what the actuators did as the last period began
     faults: np.ndarray  # (n, MAX_FAULTS), dtype FAULT
     aircraft: np.ndarray  # (n,), dtype AIRCRAFT, the true ones
     messages: np.ndarray  # (n,), dtype SIM_STATE: the present state as the wire carries it
@@ -88,7 +88,7 @@ def receive_controls(fleet: Fleet, i: int, actuators: np.void) -> bool:
 
 @compiled
 def observe(fleet: Fleet, i: int, step: int, step_us: int) -> None:
-    """Write aircraft i's state at a step into its FTC_SIM_STATE payload and `applied`."""
+    """Write aircraft i's state at a step into its FTC_SIM_STATE payload."""
     sense(
         fleet.states[i],
         fleet.controls[i],
@@ -98,7 +98,6 @@ def observe(fleet: Fleet, i: int, step: int, step_us: int) -> None:
         fleet.disturbance,
         fleet.aircraft[i],
         fleet.messages[i],
-        fleet.applied[i],
     )
 
 
@@ -120,6 +119,7 @@ def fly(fleet: Fleet, step: int, step_us: int) -> int:
             fleet.faults[i],
             fleet.disturbance,
             fleet.aircraft[i],
+            fleet.applied[i],
         )
         if lost < 0 and is_lost(fleet.states[i]):
             lost = i

@@ -190,8 +190,9 @@ def run(fd: int, link: PlantLink, fleet: Fleet, until_s: float) -> int:
         step = clock["step"]
         if step < len(link.states):
             link.states[step] = fleet.states
-            link.applied[step] = fleet.applied
         lost = fly(fleet, step, clock["step_us"])
+        if step < len(link.applied):
+            link.applied[step] = fleet.applied
         clock["step"] = step + 1
         clock["waiting"] = 0
         if lost >= 0:

@@ -83,6 +83,7 @@ def step_aircraft(
     faults: np.ndarray,
     disturbance: np.ndarray,
     aircraft: np.void,
+    applied: np.ndarray,
 ) -> None:
     """Advance one aircraft in place by one control period.
 
@@ -94,8 +95,12 @@ def step_aircraft(
         faults: The aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
         disturbance: As `disturbance_table` returns it.
         aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        applied: What the actuators really do as the period begins, shape (4,), is written here.
     """
     commanded = (controls[0], controls[1], controls[2], controls[3])
+    real = apply_faults(commanded, t, t, faults, aircraft)
+    for i in range(4):
+        applied[i] = real[i]
     store_state(rk4_step(load_state(x), commanded, t, dt, faults, disturbance, aircraft), x)
 
 
@@ -109,7 +114,6 @@ def sense(
     disturbance: np.ndarray,
     aircraft: np.void,
     message: np.void,
-    applied: np.ndarray,
 ) -> None:
     """Fill the FTC_SIM_STATE payload with the state at a step.
 
@@ -126,7 +130,6 @@ def sense(
         aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
         message: Payload of dtype `mavlink_defs.codec.SIM_STATE`; its time, step, motion and
             specific force are set.
-        applied: What the actuators really do now, shape (4,), is written here.
     """
     t = time_s(step, step_us)
     _, v, _, omega = load_state(x)
@@ -143,8 +146,6 @@ def sense(
         message["attitude"][i] = x[6 + i]
         message["rates"][i] = x[9 + i]
         message["specific_force"][i] = f[i]
-    for i in range(4):
-        applied[i] = real[i]
 
 
 @compiled
