@@ -85,12 +85,14 @@ def fly(
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
     if speed is not None and in_process:
         raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
-    from gcs.launcher import on_free_ports  # noqa: PLC0415 - numba comes with it
+    from gcs.launcher import check_ports, on_free_ports  # noqa: PLC0415 - numba comes with it
     from gcs.run_folder import make_run_folder  # noqa: PLC0415
 
     loaded = load_scenario(scenario)
     if free_ports:
         loaded = on_free_ports(loaded)
+    elif not in_process:
+        check_ports(loaded)
     folder = make_run_folder(out, loaded.name)
     console = Console(stderr=True, quiet=quiet or as_json)
     try:
@@ -180,7 +182,8 @@ def main() -> None:
         _complain(str(problem))
         sys.exit(BadInput.exit_status)
     except GcsError as problem:
-        _complain(f"error: {problem}", problem.hint)
+        prefix = "" if isinstance(problem, Interrupted) else "error: "
+        _complain(f"{prefix}{problem}", problem.hint)
         sys.exit(problem.exit_status)
     except BrokenPipeError:  # the reader of our output has gone: nothing left to say
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

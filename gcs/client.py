@@ -162,9 +162,7 @@ class Client(asyncio.DatagramProtocol):
             BadInput: It is in use, or not one of this machine's.
         """
         try:
-            sock: socket.socket = bind_udp(
-                self._address, "ground station", "stop the program that uses it, or choose another"
-            )
+            sock: socket.socket = bind_udp(self._address, "ground station", "choose another port")
         except EndpointError as problem:
             raise BadInput(str(problem)) from problem
         sock.setblocking(False)

@@ -19,7 +19,7 @@ from gcs.scenario import Scenario
 from mavlink_defs.config import dump
 from mavlink_defs.endpoint import Address, EndpointError, bind_udp, free_ports
 
-__all__ = ["Fleet", "on_free_ports"]
+__all__ = ["Fleet", "check_ports", "on_free_ports"]
 
 _STOP_S = 5.0
 _PLANT = "plant"
@@ -58,6 +58,27 @@ def on_free_ports(scenario: Scenario) -> Scenario:
     ports = {"gcs_port": gcs_port, "plant_port": plant_port, "formation_base_port": base}
     links = scenario.links.model_copy(update=ports)
     return scenario.model_copy(update={"links": links})
+
+
+def check_ports(scenario: Scenario) -> None:
+    """Make sure that every port can be had, before any process starts.
+
+    Raises:
+        BadInput: A port is in use, or the host is not this machine.
+    """
+    links = scenario.links
+    ports = {"gcs_port": links.gcs_port, "plant_port": links.plant_port}
+    ports |= {f"formation_base_port + {u.id}": links.formation_base_port + u.id
+              for u in scenario.uavs}  # fmt: skip
+    for key, port in ports.items():
+        try:
+            bind_udp(
+                Address(links.host, port),
+                f"links.{key} of the scenario",
+                "let `gcs fly --free-ports` choose others",
+            ).close()
+        except EndpointError as problem:
+            raise BadInput(str(problem)) from None
 
 
 class Fleet:
