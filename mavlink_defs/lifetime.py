@@ -1,5 +1,6 @@
 """How a process of a fleet is asked to stop: a signal, or the loss of its parent."""
 
+import atexit
 import os
 import signal
 from collections.abc import Callable
@@ -27,3 +28,5 @@ def on_stop(stop: Callable[[], None], with_parent: bool) -> None:
     if with_parent:
         signal.signal(signal.SIGALRM, handle)
         signal.setitimer(signal.ITIMER_REAL, _LOOK_S, _LOOK_S)
+        # while the interpreter shuts down the handler is gone, and the alarm would kill
+        atexit.register(signal.setitimer, signal.ITIMER_REAL, 0.0)
