@@ -1,0 +1,54 @@
+"""What several subcommands show: the compiler at work, a flight's progress."""
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from gcs.scenario import Scenario
+from mavlink_defs.jit import cache_is_cold, mark_cache_warm
+
+__all__ = ["flight_progress", "warm_up"]
+
+
+def warm_up(scenario: Scenario, console: Console) -> None:
+    """Compile the numeric core before processes need it, if that was not done before."""
+    if not cache_is_cold():
+        return
+    from gcs.warm_up import compile_everything  # noqa: PLC0415
+
+    message = "compiling the numeric core (only the first run after an install pays this)"
+    console.print(message)
+    with console.status(message):
+        compile_everything(scenario)
+    mark_cache_warm()
+
+
+@contextlib.contextmanager
+def flight_progress(
+    scenario: Scenario, console: Console
+) -> Iterator[Callable[[float, np.ndarray], None]]:
+    """A progress bar with simulated time, real-time factor and event counts."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:5.1f} / {task.total:g} s"),
+        TextColumn("{task.fields[factor]:5.1f}× real time"),
+        TextColumn("{task.fields[events]} events"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(scenario.name, total=scenario.duration_s, factor=0.0, events=0)
+        begin = time.monotonic()
+
+        def show(time_s: float, events: np.ndarray) -> None:
+            nonlocal begin
+            if time_s <= 0.0:
+                begin = time.monotonic()
+            factor = time_s / max(time.monotonic() - begin, 1e-3)
+            progress.update(task, completed=time_s, factor=factor, events=int(events.sum()))
+
+        yield show

@@ -1,0 +1,110 @@
+"""``gcs fly``: fly one scenario to its end."""
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from gcs.commands.common import flight_progress, warm_up
+from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.scenario import Scenario, load_scenario
+
+__all__ = ["EPILOG", "fly"]
+
+EPILOG = """
+Examples:
+
+- gcs fly scenarios/paper/scenario1.yaml
+- gcs fly scenarios/paper/scenario1.yaml --in-process --json | jq .saving
+- gcs fly my.yaml --speed 1 --out runs/demo
+
+Exit status: 0 flown to its end, 1 lost or stopped early, 2 bad input, 130 Ctrl-C.
+"""
+
+
+def fly(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", metavar="SCENARIO")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default."),
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            help="Real-time factor: 1 is real time, 0.5 half of it. "
+            "Without it: lockstep, as fast as the machine goes.",
+            metavar="FACTOR",
+        ),
+    ] = None,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="Plant and controllers in one process, no wire.")
+    ] = False,
+    free_ports: Annotated[
+        bool,
+        typer.Option("--free-ports", help="Use free UDP ports instead of the scenario's."),
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print summary.json on standard output instead.")
+    ] = False,
+) -> None:
+    """Fly a scenario to its end and write down everything.
+
+    Starts one plant and one autopilot process per UAV, uploads the profiles, sets the faults,
+    starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,
+    flight.tlog (the GCS link), events.npz, trajectory.npz and flight.png.
+    """
+    if speed is not None and not 0.0 < speed < float("inf"):
+        raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
+    if speed is not None and in_process:
+        raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
+    from gcs.launcher import check_ports, on_free_ports  # noqa: PLC0415 - numba comes with it
+    from gcs.run_folder import make_run_folder  # noqa: PLC0415
+
+    loaded = load_scenario(scenario)
+    if free_ports:
+        loaded = on_free_ports(loaded)
+    elif not in_process:
+        check_ports(loaded)
+    folder = make_run_folder(out, loaded.name)
+    console = Console(stderr=True, quiet=quiet or as_json)
+    try:
+        _fly(loaded, folder, speed, in_process, console, as_json)
+    except KeyboardInterrupt:
+        raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
+
+
+def _fly(
+    scenario: Scenario,
+    folder: Path,
+    speed: float | None,
+    in_process: bool,
+    console: Console,
+    as_json: bool,
+) -> None:
+    from gcs.closed_loop import fly_in_process  # noqa: PLC0415 - numba comes with it
+    from gcs.figure import draw_flight  # noqa: PLC0415
+    from gcs.flight import fly_over_udp  # noqa: PLC0415
+    from gcs.report import flight_tables  # noqa: PLC0415
+    from gcs.run_folder import save_flight  # noqa: PLC0415
+    from gcs.summary import summarise  # noqa: PLC0415
+
+    warm_up(scenario, console)
+    with flight_progress(scenario, console) as on_progress:
+        if in_process:
+            recording = fly_in_process(scenario, on_progress)
+        else:
+            recording = asyncio.run(fly_over_udp(scenario, folder, speed, on_progress))
+    summary = summarise(recording, scenario.name)
+    save_flight(recording, summary, folder)
+    with console.status("drawing flight.png"):
+        draw_flight(recording, scenario, folder / "flight.png")
+    console.print(*flight_tables(summary, scenario), sep="\n")
+    console.print(f"results in [bold]{folder}[/bold]", highlight=False)
+    if as_json:
+        print(json.dumps(summary, indent=2))
+    if recording.loss is not None:
+        raise FlightLost(recording.loss, f"what was recorded is in {folder}")
