@@ -26,7 +26,7 @@ class AttitudeLaw(NamedTuple):
 
 @compiled
 def virtual_control(
-    errors: FormationErrors, motion: Motion, reference: Reference, K1: Vec3, parameters: np.void
+    errors: FormationErrors, motion: Motion, reference: Reference, K1: Vec3
 ) -> Vec3:
     """The virtual control ω_d, eq. (57) [rad/s].
 
@@ -35,13 +35,12 @@ def virtual_control(
         motion: Own motion.
         reference: Filtered reference.
         K1: Diagonal of K1.
-        parameters: Record of dtype `ftc_autopilot.parameters.PARAMETERS`.
     """
     lam = errors.lambda_omega
     e_prime = errors.e_prime
     rates = add(
         (-K1[0] * e_prime[0], -K1[1] * e_prime[1], -K1[2] * e_prime[2]),
-        add(scale(lam, reference.phi_dot), scale(parameters["lambda4"], errors.e_dot_sum)),
+        add(scale(lam, reference.phi_dot), errors.e_dot_sum),
     )
     return scale(1.0 / lam, mul(R2(motion.phi), rates))
 
@@ -57,7 +56,7 @@ def attitude_law(
     beta_omega: float,
     K2: Vec3,
     aircraft: np.void,
-    parameters: np.void,
+    gains: np.void,
 ) -> AttitudeLaw:
     """Evaluate eqs. (37), (38) and (39).
 
@@ -71,11 +70,11 @@ def attitude_law(
         beta_omega: Estimate β̂_ω.
         K2: Diagonal of K2.
         aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
-        parameters: Record of dtype `ftc_autopilot.parameters.PARAMETERS`.
+        gains: Parameters, record made of `ftc_autopilot.laws.proposed.Proposed`.
     """
     J_inv = mat3(aircraft["J_inv"])
-    h1_sq = parameters["h_omega1"] ** 2
-    h2_sq = parameters["h_omega2"] ** 2
+    h1_sq = gains["h_omega1"] ** 2
+    h2_sq = gains["h_omega2"] ** 2
 
     Xi = scale(basis, e_omega)
     zeta = (K2[0] * e_omega[0], K2[1] * e_omega[1], K2[2] * e_omega[2])
@@ -86,13 +85,12 @@ def attitude_law(
     zeta = sub(zeta, omega_d_dot)
 
     b2_z2 = beta_omega * beta_omega * dot(zeta, zeta)
-    gain = -b2_z2 / math.sqrt(b2_z2 * dot(e_omega, e_omega) + parameters["eps_omega"])
+    gain = -b2_z2 / math.sqrt(b2_z2 * dot(e_omega, e_omega) + gains["eps_omega"])
     Gt_e = mul_t(motion.air.C, mul_t(J_inv, e_omega))  # Gᵀ e_ω with G = J0⁻¹ C0
     return AttitudeLaw(
         scale(gain, Gt_e),  # (37)
-        parameters["gamma_omega1"] * dot(e_omega, Xi) / (2.0 * h1_sq)
-        - parameters["sigma_omega1"] * Phi_omega,  # (38)
-        parameters["gamma_omega2"] * dot(e_omega, zeta)
-        - parameters["sigma_omega2"] * beta_omega,  # (39)
+        gains["gamma_omega1"] * dot(e_omega, Xi) / (2.0 * h1_sq)
+        - gains["sigma_omega1"] * Phi_omega,  # (38)
+        gains["gamma_omega2"] * dot(e_omega, zeta) - gains["sigma_omega2"] * beta_omega,  # (39)
         zeta,
     )

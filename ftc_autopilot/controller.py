@@ -5,31 +5,49 @@ as they stand, advance the estimates by one explicit Euler step to t + dt, trigg
 reference filter.
 """
 
+import math
+
 import numpy as np
 
+from ftc_autopilot.config import Controller, Trigger
 from ftc_autopilot.formation import formation_errors
+from ftc_autopilot.laws import KINDS, LAWS, evaluate
+from ftc_autopilot.laws.base import Instant, LawParameters
 from ftc_autopilot.motion import Motion
-from ftc_autopilot.parameters import scheduled
-from ftc_autopilot.proposed import proposed_law
+from ftc_autopilot.parameters import fill, record_dtype
 from ftc_autopilot.reference import filter_reference, read_reference, start_filter
+from ftc_autopilot.schedule import scheduled
 from ftc_autopilot.trigger import CHANNELS, trigger
 from mavlink_defs.jit import compiled
-from sitl_plant.vec3 import Vec3, vec3
+from sitl_plant.vec3 import Vec3
 
-__all__ = ["CONTROLLER", "NO_INTERVAL", "SIGNALS", "control_step", "new_controller"]
+__all__ = [
+    "CONTROLLER",
+    "NO_INTERVAL",
+    "PARAMETERS",
+    "SIGNALS",
+    "control_step",
+    "new_controller",
+    "parameter_record",
+]
+
+_DEGREE = math.radians(1.0)
 
 NO_INTERVAL = 2**32 - 1
 """Smallest interval of a channel with fewer than two events."""
 
+PARAMETERS = np.dtype(
+    [
+        ("law", "i8"),  # index in KINDS
+        ("common", record_dtype(LawParameters)),
+        ("trigger", record_dtype(Trigger)),
+        *((kind, record_dtype(law, LawParameters)) for kind, law in LAWS.items()),
+    ]
+)
+
 CONTROLLER = np.dtype(
     [
-        ("Phi_v", "f8"),
-        ("g_v", "f8"),
-        ("beta_v", "f8"),
-        ("Phi_omega", "f8"),
-        ("beta_omega", "f8"),
-        ("omega_d_filtered", "f8", (3,)),  # rad/s
-        ("delta_filtered", "f8", (3,)),  # rad
+        *((kind, law.STATE) for kind, law in LAWS.items()),
         ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
         ("held", "f8", (CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
         ("steps", "i8"),  # control steps made
@@ -78,16 +96,21 @@ SIGNALS = np.dtype(
 pitch, yaw [rad]; of commands: aileron, elevator, rudder [rad], thrust [N]."""
 
 
-def new_controller(parameters: np.void) -> np.void:
-    """A controller before its first step, dtype `CONTROLLER`; its reference is still unset."""
-    state = np.zeros(1, CONTROLLER)[0]
-    state["Phi_v"] = parameters["phi_v0"]
-    state["g_v"] = parameters["g_v0"]
-    state["beta_v"] = parameters["beta_v0"]
-    state["Phi_omega"] = parameters["phi_omega0"]
-    state["beta_omega"] = parameters["beta_omega0"]
+def parameter_record(controller: Controller, trigger: Trigger) -> np.void:
+    """Turn a controller's and its trigger's configuration into a record of `PARAMETERS`."""
+    record: np.void = np.zeros(1, PARAMETERS)[0]
+    record["law"] = KINDS.index(controller.kind)
+    fill(record["common"], controller)
+    fill(record["trigger"], trigger)
+    fill(record[controller.kind], controller)
+    return record
+
+
+def new_controller() -> np.void:
+    """A controller before its first step, dtype `CONTROLLER`."""
+    state: np.void = np.zeros(1, CONTROLLER)[0]
     state["min_interval"] = NO_INTERVAL
-    return state  # type: ignore[no-any-return]
+    return state
 
 
 @compiled
@@ -114,7 +137,7 @@ def control_step(
         neighbours: Last FTC_NEIGHBOUR payload of each neighbour, shape (degree,).
         weights: a_ij of each neighbour, 0 while it is silent, shape (degree,).
         aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
-        parameters: Record of dtype `ftc_autopilot.parameters.PARAMETERS`.
+        parameters: Record of dtype `PARAMETERS`.
         state: Record of dtype `CONTROLLER`, updated in place.
         controls: HIL_ACTUATOR_CONTROLS.controls, updated in place.
         signals: Record of dtype `SIGNALS`, written.
@@ -123,20 +146,24 @@ def control_step(
         Bit mask of the channels that had an event, bit numbers as FTC_ACTUATOR; an actuator
         message is due unless it is 0.
     """
-    if state["steps"] == 0:
+    first = state["steps"] == 0
+    if first:
         start_filter(command, state["reference"])
     reference = read_reference(state["reference"])
-    errors = formation_errors(motion, reference, neighbours, weights, parameters)
-    proposed_law(t, dt, motion, reference, errors, aircraft, parameters, state, signals)
-    demand = signals["demand"]
+    errors = formation_errors(motion, reference, neighbours, weights, parameters["common"])
+    thresholds = parameters["trigger"]
+    a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
+    b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_deg"], t)[0] * _DEGREE
+    now = Instant(t, dt, first, motion, reference, errors, state["held"], a[0])
+    demand = evaluate(now, aircraft, parameters, state, signals)
     mask = trigger(
-        vec3(demand),
-        demand[3],
+        demand.delta_hat,
+        demand.T_hat,
         state["held"],
-        state["steps"] == 0,
-        parameters["trigger_mode"],
-        (scheduled(parameters["a1"], t)[0], scheduled(parameters["a2"], t)[0]),
-        (scheduled(parameters["b1"], t)[0], scheduled(parameters["b2"], t)[0]),
+        first,
+        thresholds["mode"],
+        a,
+        b,
         aircraft,
         controls,
     )
@@ -149,11 +176,15 @@ def control_step(
     _write(signals["sync_error"], errors.V_tilde_prime, errors.e_prime)
     for i in range(3):
         signals["attitude"][i] = motion.phi[i]
+        signals["demand"][i] = demand.delta_hat[i]
+    signals["demand"][3] = demand.T_hat
     for i in range(4):
         signals["command"][i] = command[i]
         signals["held"][i] = state["held"][i]
 
-    filter_reference(command, state["reference"], parameters["bandwidth"], dt)
+    filter_reference(
+        command, state["reference"], parameters["common"]["reference_bandwidth_rad_s"], dt
+    )
     return mask
 
 

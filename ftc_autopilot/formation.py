@@ -21,8 +21,8 @@ class FormationErrors(NamedTuple):
     e_prime: Vec3  # e', eq. (32) [rad]
     lambda_v: float  # λ = λ1 + λ2 Σ a_ij
     lambda_omega: float  # λ' = λ3 + λ4 Σ a_ij
-    V_tilde_dot_sum: float  # Σ a_ij Ṽ̇_j [m/s²], for r_v
-    e_dot_sum: Vec3  # Σ a_ij ė_j [rad/s], for eq. (57)
+    V_tilde_dot_sum: float  # λ2 Σ a_ij Ṽ̇_j [m/s²], for r_v
+    e_dot_sum: Vec3  # λ4 Σ a_ij ė_j [rad/s], for eq. (57)
 
 
 @compiled
@@ -31,7 +31,7 @@ def formation_errors(
     reference: Reference,
     neighbours: np.ndarray,
     weights: np.ndarray,
-    parameters: np.void,
+    weighting: np.void,
 ) -> FormationErrors:
     """Evaluate eqs. (31) and (32) and the neighbours' sums that r_v and (57) need.
 
@@ -41,7 +41,7 @@ def formation_errors(
         neighbours: What each neighbour reported last, dtype `mavlink_defs.codec.NEIGHBOUR`,
             shape (degree,).
         weights: a_ij of each neighbour, shape (degree,); 0 while it is silent.
-        parameters: Record of dtype `ftc_autopilot.parameters.PARAMETERS`.
+        weighting: Record made of `ftc_autopilot.laws.base.LawParameters`.
     """
     V_tilde = motion.V - reference.V
     e = _attitude_error(motion.phi, reference.phi)
@@ -59,8 +59,8 @@ def formation_errors(
         V_dot_sum += a * (other["airspeed_rate"] - reference.V_dot)
         e_sum = add(e_sum, scale(a, sub(e, e_j)))
         e_dot_sum = add(e_dot_sum, scale(a, e_dot_j))
-    lambda1, lambda2 = parameters["lambda1"], parameters["lambda2"]
-    lambda3, lambda4 = parameters["lambda3"], parameters["lambda4"]
+    lambda1, lambda2 = weighting["lambda1"], weighting["lambda2"]
+    lambda3, lambda4 = weighting["lambda3"], weighting["lambda4"]
     return FormationErrors(
         V_tilde,
         e,
@@ -68,8 +68,8 @@ def formation_errors(
         add(scale(lambda3, e), scale(lambda4, e_sum)),  # (32)
         lambda1 + lambda2 * a_sum,
         lambda3 + lambda4 * a_sum,
-        V_dot_sum,
-        e_dot_sum,
+        lambda2 * V_dot_sum,
+        scale(lambda4, e_dot_sum),
     )
 
 

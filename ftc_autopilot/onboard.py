@@ -9,9 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.controller import CONTROLLER, SIGNALS, control_step, new_controller
+from ftc_autopilot.controller import (
+    CONTROLLER,
+    PARAMETERS,
+    SIGNALS,
+    control_step,
+    new_controller,
+    parameter_record,
+)
 from ftc_autopilot.motion import motion_of, report
-from ftc_autopilot.parameters import PARAMETERS, parameter_record
 from ftc_autopilot.reference import PROFILE, profile_value
 from ftc_autopilot.trigger import THROTTLE
 from mavlink_defs.codec import ACTUATORS, NEIGHBOUR
@@ -66,7 +72,7 @@ def new_crew(configs: Sequence[AutopilotConfig]) -> Crew:
     for i, config in enumerate(configs):
         crew.aircraft[i] = aircraft_record(config.aircraft)
         crew.parameters[i] = parameter_record(config.controller, config.trigger)
-        crew.controllers[i] = new_controller(crew.parameters[i])
+        crew.controllers[i] = new_controller()
     crew.guidance["start_step"] = NOT_STARTED
     return crew
 

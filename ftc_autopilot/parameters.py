@@ -1,85 +1,58 @@
-"""A controller's parameters as the compiled code sees them: one flat record."""
+"""Parameters as compiled code sees them: records whose fields are those of the models.
 
-import math
-from typing import Any
+Numbers stay in the unit that the field's name says.
+"""
+
+import types
+from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
+from pydantic import BaseModel
 
-from ftc_autopilot.config import MAX_NEURONS, MAX_WINDOWS, ControllerParameters, Schedule, Trigger
-from ftc_autopilot.trigger import JOINT, PER_CHANNEL
-from mavlink_defs.jit import compiled
-from sitl_plant.vec3 import Vec3
+from ftc_autopilot.schedule import TABLE, Schedule, schedule_table
 
-__all__ = ["PARAMETERS", "parameter_record", "scheduled"]
+__all__ = ["fill", "record_dtype"]
 
 
-_SCHEDULE = (MAX_WINDOWS, 4)  # per window: last time [s], then the value, one number or three
+def record_dtype(model: type[BaseModel], base: type[BaseModel] = BaseModel) -> np.dtype:
+    """The record that holds the numbers which a model has beyond those of a base class.
 
-_PLAIN = (
-    "lambda1", "lambda2", "lambda3", "lambda4",
-    "c_v", "eps_v", "gamma_v1", "gamma_v2", "gamma_v3", "sigma_v1", "sigma_v2", "sigma_v3",
-    "h_v1", "h_v2",
-    "eps_omega", "gamma_omega1", "gamma_omega2", "sigma_omega1", "sigma_omega2",
-    "h_omega1", "h_omega2",
-    "phi_v0", "g_v0", "beta_v0", "phi_omega0", "beta_omega0",
-)  # fmt: skip
-
-PARAMETERS = np.dtype(
-    [
-        *((name, "f8") for name in _PLAIN),
-        ("tau_omega_d", "f8"),  # s
-        ("tau_delta", "f8"),  # s
-        ("bandwidth", "f8"),  # of the reference filter [rad/s]
-        ("a1", "f8", _SCHEDULE),
-        ("a2", "f8", _SCHEDULE),  # N
-        ("b1", "f8", _SCHEDULE),
-        ("b2", "f8", _SCHEDULE),  # rad
-        ("K1", "f8", _SCHEDULE),
-        ("K2", "f8", _SCHEDULE),
-        ("neurons", "i8"),
-        ("centres", "f8", (MAX_NEURONS,)),
-        ("rbf_width", "f8"),
-        ("speed_scale", "f8"),  # s/m
-        ("trigger_mode", "i8"),
-    ]
-)
+    A number is a number, a choice of texts its index, three numbers an array, a schedule its
+    table, a model a record. A text without a choice is left out.
+    """
+    own = {n: f for n, f in model.model_fields.items() if n not in base.model_fields}
+    fields = ((name, _dtype(field.annotation)) for name, field in own.items())
+    return np.dtype([(name, *dtype) for name, dtype in fields if dtype is not None])
 
 
-def parameter_record(controller: ControllerParameters, trigger: Trigger) -> np.void:
-    """Turn a controller's and its trigger's configuration into a record of `PARAMETERS`."""
-    record: np.void = np.zeros(1, PARAMETERS)[0]
-    for name in _PLAIN:
-        record[name] = getattr(controller, name)
-    record["tau_omega_d"] = controller.tau_omega_d_s
-    record["tau_delta"] = controller.tau_delta_s
-    record["bandwidth"] = controller.reference_bandwidth_rad_s
-    record["a1"] = _schedule_table(trigger.a1)
-    record["a2"] = _schedule_table(trigger.a2_n)
-    record["b1"] = _schedule_table(trigger.b1)
-    record["b2"] = _schedule_table(trigger.b2_deg, math.radians(1.0))
-    record["K1"] = _schedule_table(controller.K1)
-    record["K2"] = _schedule_table(controller.K2)
-    rbf = controller.rbf
-    record["neurons"] = rbf.neurons
-    record["centres"][: rbf.neurons] = np.linspace(-rbf.span, rbf.span, rbf.neurons)
-    record["rbf_width"] = rbf.width
-    record["speed_scale"] = rbf.speed_scale
-    record["trigger_mode"] = {"per_channel": PER_CHANNEL, "joint": JOINT}[trigger.mode]
-    return record
+def _dtype(annotation: Any) -> tuple[Any, ...] | None:
+    if get_origin(annotation) is Literal:
+        return ("i8",) if len(get_args(annotation)) > 1 else None
+    if get_origin(annotation) is tuple:
+        return ("f8", (len(get_args(annotation)),))
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        if issubclass(annotation, Schedule):
+            return ("f8", TABLE)
+        if issubclass(annotation, BaseModel):
+            return (record_dtype(annotation),)
+        if annotation is str:
+            return None
+        if annotation in {int, bool}:
+            return ("i8",)
+        if annotation is float:
+            return ("f8",)
+    raise TypeError(f"a compiled law cannot have a parameter of type {annotation}")
 
 
-def _schedule_table(schedule: Schedule[Any], unit: float = 1.0) -> np.ndarray:
-    table = np.full(_SCHEDULE, math.inf)
-    for i, (until, value) in enumerate(schedule.windows()):
-        table[i, 0] = until
-        table[i, 1:] = np.asarray(value) * unit
-    return table
-
-
-@compiled
-def scheduled(table: np.ndarray, t: float) -> Vec3:
-    """The value of a schedule at time t [s]; each window includes its last instant."""
-    i = 0
-    while table[i, 0] < t:
-        i += 1
-    return table[i, 1], table[i, 2], table[i, 3]
+def fill(record: np.void, model: BaseModel) -> None:
+    """Write a model's numbers into a record of `record_dtype` of its class."""
+    for name in record.dtype.names or ():
+        value, annotation = getattr(model, name), type(model).model_fields[name].annotation
+        if isinstance(value, Schedule):
+            record[name] = schedule_table(value)
+        elif isinstance(value, BaseModel):
+            fill(record[name], value)
+        elif isinstance(value, str):
+            record[name] = get_args(annotation).index(value)
+        else:
+            record[name] = value

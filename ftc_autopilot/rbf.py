@@ -8,14 +8,27 @@ import math
 
 import numpy as np
 
+from mavlink_defs.config import Model
 from mavlink_defs.jit import compiled
+from mavlink_defs.quantity import quantity, whole
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["basis_norm"]
+__all__ = ["Rbf", "basis_norm"]
+
+
+class Rbf(Model):
+    """Radial basis functions (23), (24): centres on a diagonal, one width for all."""
+
+    neurons: int = whole("", ge=1, le=64, default=15, doc="Number M of neurons.")
+    span: float = quantity("", gt=0.0, default=1.5, doc="Centres span -span to span.")
+    width: float = quantity("", gt=0.0, default=2.0, doc="Width kappa.")
+    speed_scale: float = quantity(
+        "s/m", gt=0.0, default=0.025, doc="Factor of the velocity in the network's input."
+    )
 
 
 @compiled
-def basis_norm(v: Vec3, phi: Vec3, omega: Vec3, delta_filtered: Vec3, parameters: np.void) -> float:
+def basis_norm(v: Vec3, phi: Vec3, omega: Vec3, delta_filtered: Vec3, rbf: np.void) -> float:
     """ςᵀς for Θ = [v, ϕ, ω, δ_0 low-pass filtered], with centres on the diagonal of the cube.
 
     Args:
@@ -23,13 +36,13 @@ def basis_norm(v: Vec3, phi: Vec3, omega: Vec3, delta_filtered: Vec3, parameters
         phi: Roll, pitch, yaw [rad].
         omega: Angular velocity, body axes [rad/s].
         delta_filtered: Held surface commands behind the filter τ_δ [rad].
-        parameters: Record of dtype `ftc_autopilot.parameters.PARAMETERS`.
+        rbf: Record made of `Rbf`.
     """
-    k = parameters["speed_scale"]
-    kappa = parameters["rbf_width"]
+    k, kappa, span, M = rbf["speed_scale"], rbf["width"], rbf["span"], rbf["neurons"]
+    spacing = 2.0 * span / max(M - 1, 1)
     total = 0.0
-    for index in range(parameters["neurons"]):
-        centre = parameters["centres"][index]
+    for index in range(M):
+        centre = index * spacing - span
         d2 = 0.0
         for j in range(3):
             d2 += (k * v[j] - centre) ** 2

@@ -38,7 +38,7 @@ def speed_law(
     beta_v: float,
     a1: float,
     m: float,
-    parameters: np.void,
+    gains: np.void,
 ) -> SpeedLaw:
     """Evaluate eqs. (33) to (36).
 
@@ -52,21 +52,21 @@ def speed_law(
         beta_v: Estimate β̂_v.
         a1: Relative threshold of the thrust trigger (25).
         m: Nominal mass [kg].
-        parameters: Record of dtype `ftc_autopilot.parameters.PARAMETERS`.
+        gains: Parameters, record made of `ftc_autopilot.laws.proposed.Proposed`.
     """
     v, V = motion.v, motion.V
     lam = errors.lambda_v
     V_tp = errors.V_tilde_prime
-    h1_sq = parameters["h_v1"] ** 2
-    eps = parameters["eps_v"]
+    h1_sq = gains["h_v1"] ** 2
+    eps = gains["eps_v"]
 
     known = dot(v, add(motion.gravity, scale(1.0 / m, motion.air.F))) / V
     zeta_v = v[0] * lam / (m * V)
-    r_v = lam * reference.V_dot + parameters["lambda2"] * errors.V_tilde_dot_sum
+    r_v = lam * reference.V_dot + errors.V_tilde_dot_sum
     vXi = V_tp * basis * dot(v, v) / V  # vᵀΞ_v
     approximation = vXi / (2.0 * h1_sq * V)
-    alpha_v = parameters["c_v"] * V_tp + lam * (
-        known + Phi_v * approximation + V_tp / (2.0 * parameters["h_v2"] ** 2)
+    alpha_v = gains["c_v"] * V_tp + lam * (
+        known + Phi_v * approximation + V_tp / (2.0 * gains["h_v2"] ** 2)
     )
     drive = (alpha_v - r_v) * beta_v
     B_v = drive * math.tanh(V_tp * drive / eps) + g_v * zeta_v * math.tanh(
@@ -74,10 +74,9 @@ def speed_law(
     )
     return SpeedLaw(
         -(1.0 + a1) * B_v / zeta_v,  # (33)
-        lam * parameters["gamma_v1"] * V_tp * approximation
-        - parameters["sigma_v1"] * Phi_v,  # (34)
-        parameters["gamma_v2"] * abs(V_tp) * zeta_v - parameters["sigma_v2"] * g_v,  # (35)
-        parameters["gamma_v3"] * V_tp * (alpha_v - r_v) - parameters["sigma_v3"] * beta_v,  # (36)
+        lam * gains["gamma_v1"] * V_tp * approximation - gains["sigma_v1"] * Phi_v,  # (34)
+        gains["gamma_v2"] * abs(V_tp) * zeta_v - gains["sigma_v2"] * g_v,  # (35)
+        gains["gamma_v3"] * V_tp * (alpha_v - r_v) - gains["sigma_v3"] * beta_v,  # (36)
         alpha_v,
         r_v,
         zeta_v,

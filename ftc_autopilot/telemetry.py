@@ -144,7 +144,7 @@ class Telemetry:
         )
 
     def _adaptation(self) -> MAVLink_message:
-        c = self._crew.controllers[0]
+        c = self._crew.controllers[0]["proposed"]
         names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
         return dialect.MAVLink_ftc_adaptation_message(
             self._time_ms, *(float(c[name]) for name in names)

@@ -11,13 +11,23 @@ import numpy as np
 from mavlink_defs.jit import compiled
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["CHANNELS", "JOINT", "PER_CHANNEL", "THROTTLE", "fires", "on_wire", "trigger"]
+__all__ = [
+    "CHANNELS",
+    "JOINT",
+    "PERIODIC",
+    "PER_CHANNEL",
+    "THROTTLE",
+    "fires",
+    "on_wire",
+    "trigger",
+]
 
 CHANNELS = 4
 THROTTLE = 3
 
 PER_CHANNEL = 0
 JOINT = 1
+PERIODIC = 2
 
 
 @compiled
@@ -58,7 +68,7 @@ def trigger(
         T_hat: Thrust that the law asks for [N].
         held: Held commands [rad, rad, rad, N], shape (4,); updated where a channel transmits.
         first: True for the very first command, which is always sent.
-        mode: `PER_CHANNEL` or `JOINT`.
+        mode: `PER_CHANNEL`, `JOINT`, or `PERIODIC`: no trigger, every channel transmits.
         a: Thresholds a1 [-], a2 [N] of (25).
         b: Thresholds b1 [-], b2 [rad] of (29).
         aircraft: Nominal aircraft, whose limits saturate the command.
@@ -67,14 +77,15 @@ def trigger(
     Returns:
         Bit mask of the channels that transmit, bit numbers as FTC_ACTUATOR.
     """
+    everything = first or mode == PERIODIC
     stop, T_max = aircraft["surface_limit"], aircraft["thrust_limit"]
     mask = 0
     for i in range(3):
-        if first or fires(min(max(delta_hat[i], -stop), stop), held[i], b[0], b[1]):
+        if everything or fires(min(max(delta_hat[i], -stop), stop), held[i], b[0], b[1]):
             mask |= 1 << i
     if mode == JOINT and mask != 0:
         mask = 0b0111
-    if first or fires(min(max(T_hat, 0.0), T_max), held[THROTTLE], a[0], a[1]):
+    if everything or fires(min(max(T_hat, 0.0), T_max), held[THROTTLE], a[0], a[1]):
         mask |= 1 << THROTTLE
     for i in range(3):
         if mask & (1 << i):

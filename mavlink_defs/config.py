@@ -198,6 +198,10 @@ def _lines(model: type[BaseModel], error: ErrorDetails) -> list[str]:
     if error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]:
         return []  # pydantic does not count entries that have problems of their own
     place = _Place(model, error["loc"])
+    if error["type"] == "union_tag_invalid":  # our unions of models are told apart by `kind`
+        path = _Place(model, (*error["loc"], "kind")).path
+        return [f"{path}expected one of {error['ctx']['expected_tags']}, "
+                f"got {shown(error['ctx']['tag'])}"]  # fmt: skip
     return [place.path + _problem(place, error)]
 
 

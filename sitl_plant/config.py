@@ -5,7 +5,7 @@ Symbols are those of the paper's section II-A and Table I; every bound is declar
 
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from mavlink_defs.config import (
     HostPort,
@@ -99,14 +99,31 @@ class Aircraft(Model):
 
 
 _Factor = Annotated[float, quantity("", doc="True value by nominal value.")]
+_Scale = Annotated[float, quantity("", gt=0.0, doc="True value by nominal value.")]
+_ByName = Annotated[dict[str, _Factor], Tag("<names>")]
+
+
+def _form(value: object) -> str | None:
+    """Tell one factor for all from factors by name."""
+    if isinstance(value, dict):
+        return "<names>"
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return "<all>" if number else None
 
 
 class Uncertainty(Model):
-    """Modelling uncertainty: true value = factor * nominal value, factors 1 unless given."""
+    """Modelling uncertainty: true value = factor * nominal value, factors 1 unless given.
+
+    One factor of the inertia scales it as a whole, so that it stays positive definite.
+    """
 
     mass: float = quantity("", gt=0.0, default=1.0, doc="Factor of the mass.")
-    inertia: dict[str, _Factor] = Field(default={}, description="Factors by name: Jxx, ...")
-    coefficients: dict[str, _Factor] = Field(default={}, description="Factors by name: cL0, ...")
+    inertia: Annotated[Annotated[_Scale, Tag("<all>")] | _ByName, Discriminator(_form)] = Field(
+        default={}, description="One factor, or factors by name: Jxx, ..."
+    )
+    coefficients: Annotated[Annotated[_Factor, Tag("<all>")] | _ByName, Discriminator(_form)] = (
+        Field(default={}, description="One factor, or factors by name: cL0, ...")
+    )
 
     @model_validator(mode="after")
     def _names_known(self) -> "Uncertainty":
@@ -114,7 +131,8 @@ class Uncertainty(Model):
         Problems.check(
             ((section, name), unknown_key(name, known))
             for section, known in sections.items()
-            for name in getattr(self, section)
+            if isinstance(factors := getattr(self, section), dict)
+            for name in factors
             if name not in known
         )
         return self
@@ -124,20 +142,24 @@ def true_aircraft(nominal: Aircraft, uncertainty: Uncertainty) -> Aircraft:
     """The aircraft that really flies when the controller knows the nominal one.
 
     Raises:
-        Problems: There is no such aircraft: its inertia is not positive definite.
+        Problems: There is no such aircraft: its inertia is not positive definite, say.
     """
     true = nominal.model_dump()
     true["mass_kg"] *= uncertainty.mass
-    for name, factor in uncertainty.inertia.items():
-        true["inertia_kg_m2"][name] *= factor
-    for name, factor in uncertainty.coefficients.items():
-        true["coefficients"][name] *= factor
+    _scale(true["inertia_kg_m2"], uncertainty.inertia)
+    _scale(true["coefficients"], uncertainty.coefficients)
     try:
         return Aircraft.model_validate(true)
     except ValidationError as exc:
         text = "makes a true aircraft that cannot be"
         lines = problems_of(Aircraft, exc)
         raise Problems([((), f"{text}: {line}") for line in lines]) from exc
+
+
+def _scale(values: dict[str, float], by: float | dict[str, float]) -> None:
+    factors = by if isinstance(by, dict) else dict.fromkeys(values, by)
+    for name, factor in factors.items():
+        values[name] *= factor
 
 
 class Sinusoid(Model):

@@ -135,7 +135,8 @@ def test_a_lost_actuator_message_is_sent_again_and_counted_apart(rig: Rig) -> No
     rig.word(0)
     rig.state(0)
     events = rig.crew.controllers[0]["events"].copy()
-    rig.crew.parameters["a2"] = rig.crew.parameters["b2"] = 1e9  # no more events
+    thresholds = rig.crew.parameters["trigger"]
+    thresholds["a2_n"] = thresholds["b2_deg"] = 1e9  # no more events
     rig.heard(rig.plant)
     rig.word(1)
     rig.state(1, applied_usec=-1)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.config import ControllerParameters, Trigger
-from ftc_autopilot.parameters import parameter_record, scheduled
+from ftc_autopilot.config import Trigger
+from ftc_autopilot.laws.proposed import Proposed
 from ftc_autopilot.reference import (
     filter_reference,
     profile_record,
@@ -14,6 +14,7 @@ from ftc_autopilot.reference import (
     start_filter,
     wrap,
 )
+from ftc_autopilot.schedule import schedule_table, scheduled
 from mavlink_defs.profile import Segment
 
 PROFILE = profile_record(
@@ -68,6 +69,5 @@ def test_the_filter_settles_on_the_command_without_overshoot() -> None:
                         (15.001, 1.0, 40.0), (1e6, 1.0, 40.0)]
 )  # fmt: skip
 def test_schedules_hold_to_the_end_of_their_windows(t: float, a2: float, K1: float) -> None:
-    record = parameter_record(ControllerParameters(), Trigger())
-    assert scheduled(record["a2"], t)[0] == a2
-    assert scheduled(record["K1"], t)[0] == K1
+    assert scheduled(schedule_table(Trigger().a2_n), t)[0] == a2
+    assert scheduled(schedule_table(Proposed().K1), t)[0] == K1

@@ -5,10 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ftc_autopilot.config import ControllerParameters, Trigger
-from ftc_autopilot.controller import CONTROLLER, SIGNALS, control_step, new_controller
+from ftc_autopilot.config import Trigger
+from ftc_autopilot.controller import (
+    CONTROLLER,
+    SIGNALS,
+    control_step,
+    new_controller,
+    parameter_record,
+)
+from ftc_autopilot.laws.proposed import Proposed
 from ftc_autopilot.motion import motion_of, report
-from ftc_autopilot.parameters import parameter_record
 from gcs.scenario import Scenario
 from mavlink_defs.codec import NEIGHBOUR, SIM_STATE
 from sitl_plant.rigid_body import gravity_body
@@ -51,13 +57,14 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
         report(motions[k], 0, reports[k])
     weights = np.array(vectors["adjacency"][i])
 
-    state = new_controller(parameters)
+    state = new_controller()
+    estimates = state["proposed"]
     adaptive, filters, reference = case["adaptive"], case["filters"], case["reference"]
     for ours, theirs in (("Phi_v", "Phi_v"), ("g_v", "g_v"), ("beta_v", "beta_v"),
                          ("Phi_omega", "Phi_w"), ("beta_omega", "beta_w")):  # fmt: skip
-        state[ours] = adaptive[theirs][i]
-    state["omega_d_filtered"] = filters["omega_d_filtered"][i]
-    state["delta_filtered"] = filters["surface_filtered_rad"][i]
+        estimates[ours] = adaptive[theirs][i]
+    estimates["omega_d_filtered"] = filters["omega_d_filtered"][i]
+    estimates["delta_filtered"] = filters["surface_filtered_rad"][i]
     state["held"][:3] = filters["surface_filtered_rad"][i]  # the filter rests
     state["reference"][0, :2] = reference["V"], reference["V_dot"]
     state["reference"][1:, 0] = reference["attitude_rad"]
@@ -89,20 +96,25 @@ def test_control_step_agrees_with_the_worked_values(
 
 def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, Any]) -> None:
     p = vectors["controller_parameters"]
-    record = parameter_record(ControllerParameters(), Trigger())
+    record = parameter_record(Proposed(), Trigger())
     renamed = {
         "c": "c_v", "gamma_w1": "gamma_omega1", "gamma_w2": "gamma_omega2",
         "sigma_w1": "sigma_omega1", "sigma_w2": "sigma_omega2", "h_w1": "h_omega1",
-        "h_w2": "h_omega2", "eps_w": "eps_omega",
+        "h_w2": "h_omega2", "eps_w": "eps_omega", "tau_omega_d": "tau_omega_d_s",
+        "tau_delta": "tau_delta_s", "rbf_width": "width", "a2": "a2_n", "b2": "b2_deg",
     }  # fmt: skip
+    proposed = record["proposed"]
+    parts = (record["common"], record["trigger"], proposed, proposed["rbf"])
+    ours = {name: part[name] for part in parts for name in part.dtype.names}
     for name, value in p.items():
         if name == "rbf_scale":
-            assert record["speed_scale"] == value[0]
+            assert ours["speed_scale"] == value[0]
         elif name in {"K1", "K2"}:
-            assert list(record[name][0, 1:]) == value
+            assert list(ours[name][0, 1:]) == value
         else:
-            ours = np.ravel(record[renamed.get(name, name)])
-            assert close(ours[1] if len(ours) > 1 else ours[0], value), name
+            number = np.ravel(ours[renamed.get(name, name)])  # of a schedule the first value
+            unit = np.degrees(1.0) if name == "b2" else 1.0
+            assert close(number[1] if len(number) > 1 else number[0], value * unit), name
 
 
 def test_controller_record_is_flat() -> None:

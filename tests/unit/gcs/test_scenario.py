@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 import yaml
 
-from ftc_autopilot.config import AutopilotConfig, ControllerParameters, Trigger
+from ftc_autopilot.config import AutopilotConfig, Trigger
+from ftc_autopilot.laws.proposed import Proposed
 from gcs.scenario import Scenario, load_scenario
 from mavlink_defs.config import ConfigError, Model, dump, load
 from mavlink_defs.faults import Fault
@@ -91,8 +92,8 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
         "links.host: expected an IPv4 address or a host name, got 'my host'",
     ),
     (
-        {"controller.kind": "pid"},
-        "controller.kind: expected 'proposed', got 'pid'",
+        {"controller.kind": "lqr"},
+        "controller.kind: expected one of 'proposed', 'backstepping', 'pid', got 'lqr'",
     ),
     (
         {"trigger.a2_n.1.value": "1 N"},
@@ -326,7 +327,7 @@ def test_faults_that_follow_each_other_or_differ_in_actuator_do_not_overlap(
 
 
 def test_scenario_1_is_the_papers(scenario1: Scenario) -> None:
-    assert scenario1.controller == ControllerParameters()
+    assert scenario1.controller == Proposed()
     assert scenario1.trigger == Trigger()
     assert scenario1.trigger.a2_n.windows() == ((14.0, 0.5), (math.inf, 1.0))
     assert scenario1.segments()[1:] == (
