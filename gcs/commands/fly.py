@@ -86,7 +86,7 @@ def _fly(
     as_json: bool,
 ) -> None:
     from gcs.closed_loop import fly_in_process  # noqa: PLC0415 - numba comes with it
-    from gcs.figure import draw_flight  # noqa: PLC0415
+    from gcs.figures.overview import draw_flight  # noqa: PLC0415
     from gcs.flight import fly_over_udp  # noqa: PLC0415
     from gcs.report import flight_tables  # noqa: PLC0415
     from gcs.run_folder import save_flight  # noqa: PLC0415

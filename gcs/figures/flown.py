@@ -1,0 +1,134 @@
+"""A flight as figures show it: m/s and degrees, names instead of numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.recording import Recording
+from gcs.scenario import Scenario
+from gcs.scenario_parts import ScenarioFault
+from gcs.summary import CHANNELS
+from mavlink_defs.faults import ACTUATORS
+
+__all__ = ["Flight", "Window", "degrees", "fault_windows", "wrapped"]
+
+
+@dataclass(frozen=True)
+class Window:
+    """Time in which faults act [s], and what they are."""
+
+    start_s: float
+    end_s: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A flight and what to call it in a legend, such as the controller."""
+
+    label: str
+    scenario: Scenario
+    recording: Recording
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the UAVs, in the order of the recording."""
+        names = {uav.id: uav.name for uav in self.scenario.uavs}
+        return tuple(names[uav_id] for uav_id in self.recording.uav_ids)
+
+    @property
+    def title(self) -> str:
+        """The label, and when the flight was lost, if it was."""
+        return self.label if self.recording.loss is None else f"{self.label} ({self.lost})"
+
+    @property
+    def lost(self) -> str:
+        """When the flight was lost."""
+        return f"lost at {self.recording.duration_s:.2f} s"
+
+    def response(self, i: int) -> np.ndarray:
+        """Airspeed [m/s], roll, pitch, yaw [deg, wrapped] of the i-th UAV, shape (steps, 4)."""
+        signals = self.recording.signals[:, i]
+        return wrapped(degrees(np.column_stack([signals["V"], signals["attitude"]])))
+
+    def reference(self, i: int = 0) -> np.ndarray:
+        """What the i-th UAV tracks, as `response`."""
+        return wrapped(degrees(self.recording.signals["reference"][:, i]))
+
+    def error(self, i: int) -> np.ndarray:
+        """Tracking errors of the i-th UAV against the reference [m/s, deg], shape (steps, 4)."""
+        return degrees(self.recording.signals["error"][:, i])
+
+    def sync_error(self, i: int) -> np.ndarray:
+        """Synchronisation errors (31), (32) of the i-th UAV [m/s, deg], shape (steps, 4)."""
+        return degrees(self.recording.signals["sync_error"][:, i])
+
+    def event_times(self, i: int, channel: str) -> np.ndarray:
+        """Times at which a channel of the i-th UAV had an event [s]."""
+        bit = 1 << ACTUATORS.index(channel)
+        return np.flatnonzero(self.recording.signals["events"][:, i] & bit) * self.step_s
+
+    def event_counts(self, i: int) -> list[int]:
+        """Events of each channel of the i-th UAV, in the order of `CHANNELS`."""
+        return [len(self.event_times(i, channel)) for channel in CHANNELS]
+
+    @property
+    def step_s(self) -> float:
+        """Control period [s]."""
+        return self.recording.step_us / 1e6
+
+
+def degrees(channels: np.ndarray) -> np.ndarray:
+    """Turn columns m/s, rad, rad, rad into m/s, deg, deg, deg."""
+    return np.column_stack([channels[:, 0], np.degrees(channels[:, 1:])])
+
+
+def wrapped(channels: np.ndarray) -> np.ndarray:
+    """Wrap the angles of columns m/s, deg, deg, deg to [-180, 180)."""
+    return np.column_stack([channels[:, 0], (channels[:, 1:] + 180.0) % 360.0 - 180.0])
+
+
+def fault_windows(flights: Sequence[Flight], uav_id: int | None = None) -> list[Window]:
+    """When faults act in some of the flights, on one UAV or on any, in order of time.
+
+    Faults that act at the same time share a window; if they are not the same, it only says
+    whom they strike.
+    """
+    faults: dict[tuple[float, float], dict[str, str]] = {}
+    for flight in flights:
+        names = {uav.id: uav.name for uav in flight.scenario.uavs}
+        duration_s = flight.scenario.duration_s
+        for fault in flight.scenario.faults:
+            if uav_id in {None, fault.uav} and fault.start_s < duration_s:
+                end_s = duration_s if fault.end_s is None else min(fault.end_s, duration_s)
+                found = faults.setdefault((fault.start_s, end_s), {})
+                found[_text(fault, names[fault.uav])] = names[fault.uav]
+    return [
+        Window(start_s, end_s, f"{_summary(found)}, {start_s:g} s to {end_s:g} s")
+        for (start_s, end_s), found in sorted(faults.items())
+    ]
+
+
+def _summary(found: dict[str, str]) -> str:
+    if len(found) == 1:
+        return f"fault: {next(iter(found))}"
+    return f"faults of {' and '.join(dict.fromkeys(found.values()))}"
+
+
+def _text(fault: ScenarioFault, name: str) -> str:
+    """What a fault does to its actuator, as in ``rudder of leader at 90 % + 1°``."""
+    text = f"{fault.actuator} of {name}"
+    if fault.effectiveness is not None:
+        text += f" at {100.0 * fault.effectiveness:g} %"
+    if fault.value_key is not None:
+        kind, _, unit = fault.value_key.partition("_")
+        value = getattr(fault, fault.value_key)
+        size = f"{abs(value):g}" + {"deg": "°", "n": " N"}[unit]
+        if kind == "bias":
+            text += f" {'−' if value < 0.0 else '+'} {size}"
+        else:
+            text += f" stuck at {'−' if value < 0.0 else ''}{size}"
+    if fault.frequency_hz:
+        text += f", {fault.frequency_hz:g} Hz"
+    return text

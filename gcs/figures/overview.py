@@ -1,0 +1,71 @@
+"""One flight at a glance: tracking, held commands, intervals between events."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.figures.flown import Flight
+from gcs.figures.style import (
+    draw_curve,
+    draw_legend,
+    mark_loss,
+    new_figure,
+    shade_faults,
+    style,
+    tidy,
+)
+from gcs.figures.tracking import draw_tracking
+from gcs.recording import Recording
+from gcs.scenario import Scenario
+from gcs.summary import CHANNELS
+from mavlink_defs.faults import ACTUATORS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["draw_flight"]
+
+
+def draw_flight(recording: Recording, scenario: Scenario, path: Path) -> None:
+    """Draw a flight into an image file (its suffix tells the format).
+
+    Rows: airspeed and attitude of all UAVs against the filtered reference (dashed); held
+    actuator commands; intervals between two events of a channel. Fault windows are shaded.
+    """
+    flight = Flight(scenario.name, scenario, recording)
+    figure = new_figure(6.6)
+    axes = figure.subplots(3, 4, sharex=True)
+    draw_tracking(axes[0], flight)
+    for column, channel in enumerate(CHANNELS):
+        _draw_command(axes[1, column], flight, channel)
+        _draw_intervals(axes[2, column], flight, channel)
+    for axis in axes.flat:
+        shade_faults(axis, [flight])
+        mark_loss(axis, flight)
+        tidy(axis, scenario.duration_s)
+    for axis in axes[2]:
+        axis.set_xlabel("time [s]")
+    draw_legend(figure)
+    figure.savefig(path, dpi=150)
+
+
+def _draw_command(axis: "Axes", flight: Flight, channel: str) -> None:
+    c = ACTUATORS.index(channel)
+    for i in range(len(flight.names)):
+        held = flight.recording.signals["held"][:, i, c]
+        shown = held if channel == "throttle" else np.degrees(held)
+        line = style(i).line | {"lw": 0.7, "alpha": 0.8}
+        draw_curve(axis, flight.recording.time_s, shown, drawstyle="steps-post", **line)
+    axis.set_ylabel("thrust [N]" if channel == "throttle" else f"{channel} [deg]")
+
+
+def _draw_intervals(axis: "Axes", flight: Flight, channel: str) -> None:
+    for i in range(len(flight.names)):
+        times = flight.event_times(i, channel)
+        intervals = 1e3 * np.diff(times)
+        axis.plot(times[1:], intervals, ".", ms=2.2, mew=0, color=style(i).colour, alpha=0.6,
+                  rasterized=True)  # fmt: skip
+    axis.set_yscale("log")
+    axis.minorticks_off()
+    axis.set_ylabel(f"{channel} interval [ms]")

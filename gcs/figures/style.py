@@ -1,0 +1,207 @@
+"""What all figures share: page, palette, lines, fault windows, files.
+
+A figure is 10 inches wide with text of 8 to 10 points; set across a page of A4 or letter, text
+has 6 to 7 points. Lines that coincide lie as bands in each other, the widest and lightest at
+the bottom, so they are told apart without colour too.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from string import ascii_lowercase
+from threading import Lock
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+
+from gcs.figures.flown import Flight, fault_windows
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "GREY", "REFERENCE", "SMALL", "STYLES", "Flight", "Style", "decimated", "draw_curve",
+    "draw_legend", "frame", "letter", "mark_loss", "new_figure", "note", "save", "shade_faults",
+    "style", "tidy",
+]  # fmt: skip
+
+WIDTH_IN = 10.0
+"""Width of a figure [in]."""
+
+SMALL = 8.0
+"""Size of what is read on second look [pt]."""
+
+GREY = "0.35"
+"""Colour of notes."""
+
+Layout: TypeAlias = Literal["constrained"]
+Dashes: TypeAlias = str | tuple[float, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Style:
+    """How one UAV or one controller is drawn: colour, dashes, line width [pt]."""
+
+    colour: str
+    dashes: Dashes
+    width: float
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """The style of a curve, as arguments of matplotlib."""
+        return {"color": self.colour, "ls": self.dashes, "lw": self.width}
+
+
+STYLES = (
+    Style("#56B4E9", "-", 3.6),
+    Style("#D55E00", "-", 1.9),
+    Style("#0072B2", "-", 0.8),
+    Style("#009E73", "-.", 1.4),
+    Style("#CC79A7", ":", 1.8),
+    Style("#E69F00", (0.0, (7.0, 2.0)), 1.2),
+)
+"""Okabe and Ito's palette, told apart with any colour vision, and lines to tell in grey."""
+
+REFERENCE: dict[str, Any] = {"color": "black", "ls": (0.0, (4.0, 3.0)), "lw": 0.9, "zorder": 3.0}
+"""The line of the reference."""
+
+_BUCKETS = 600  # of a curve; a panel has fewer pixels
+_SHADE = "0.88"
+_HANDLE_IN = 0.6  # of an entry of a legend, with the space around it
+_LETTER_IN = 0.066  # of its text, on the average
+_saving = Lock()
+
+
+def style(i: int) -> Style:
+    """The style of the i-th UAV or controller."""
+    return STYLES[i % len(STYLES)]
+
+
+def new_figure(height_in: float, layout: Layout | None = "constrained") -> "Figure":
+    """An empty figure over the width of the page, which lays out its axes itself, or not."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - takes a second
+
+    return Figure(figsize=(WIDTH_IN, height_in), layout=layout)
+
+
+def decimated(t: np.ndarray, y: np.ndarray, buckets: int = _BUCKETS) -> tuple[np.ndarray, ...]:
+    """Thin out a curve that is denser than what can be seen, but keep its extremes.
+
+    Keeps the first and the last sample, and of every bucket of neighbouring samples the least
+    and the greatest; a curve without more samples than that stays as it is.
+    """
+    if len(y) <= 2 * buckets:
+        return t, y
+    size = -(-len(y) // buckets)
+    starts = np.arange(0, len(y), size)
+    rows = np.pad(y, (0, len(starts) * size - len(y)), mode="edge").reshape(-1, size)
+    extremes = [starts + rows.argmin(axis=1), starts + rows.argmax(axis=1)]
+    kept = np.unique(np.concatenate([[0, len(y) - 1], *extremes]))
+    return t[kept], y[kept]
+
+
+def draw_curve(axis: "Axes", t: np.ndarray, y: np.ndarray, **properties: Any) -> None:
+    """Draw a curve, decimated; where a wrapped angle [deg] jumps, the line breaks."""
+    t, y = decimated(t, y)
+    jumps = np.flatnonzero(np.abs(np.diff(y)) > 180.0) + 1
+    axis.plot(np.insert(t, jumps, np.nan), np.insert(y, jumps, np.nan), **properties)
+
+
+def frame(axis: "Axes", curves: Sequence[np.ndarray], low: float, high: float) -> None:
+    """Limit an axis to what curves take up of [low, high]; say how far they go beyond."""
+    values = np.concatenate(curves)
+    values = values[np.isfinite(values)]
+    if len(values) == 0:
+        return
+    least, most = float(values.min()), float(values.max())
+    low, high = max(low, least), min(high, most)
+    if low >= high:
+        low, high = least, most
+    margin = 0.06 * (high - low) or 1.0
+    axis.set_ylim(low - margin, high + margin)
+    beyond = []
+    if least < low - margin:
+        beyond.append(f"min {_number(least)}")
+    if most > high + margin:
+        beyond.append(f"max {_number(most)}")
+    note(axis, ", ".join(beyond))
+
+
+def note(axis: "Axes", text: str) -> None:
+    """Write a note above the right corner of a panel."""
+    axis.set_title(text, loc="right", size=SMALL, color=GREY, pad=3.0)
+
+
+def _number(value: float) -> str:
+    text = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}"
+    return text.replace("-", "−")
+
+
+def shade_faults(axis: "Axes", flights: Sequence[Flight], uav_id: int | None = None) -> None:
+    """Shade the time in which faults act, on one UAV or on any, and name them."""
+    for window in fault_windows(flights, uav_id):
+        axis.axvspan(window.start_s, window.end_s, color=_SHADE, lw=0, zorder=-1, label=window.text)
+
+
+def mark_loss(axis: "Axes", flight: Flight) -> None:
+    """Mark the end of a flight that was lost."""
+    if flight.recording.loss is not None:
+        t = flight.recording.duration_s
+        axis.axvline(t, color=GREY, ls=":", lw=1.2, label=f"flight {flight.lost}")
+
+
+def tidy(axis: "Axes", duration_s: float | None = None) -> None:
+    """Take away ink: no box, a faint grid; a time axis from 0 s to the end."""
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.grid(color="0.9", lw=0.6)
+    axis.set_axisbelow(True)
+    axis.tick_params(labelsize=SMALL)
+    if duration_s is not None:
+        axis.set_xlim(0.0, duration_s)
+
+
+def letter(axis: "Axes", k: int) -> None:
+    """Write the k-th panel's letter above its corner."""
+    text = ascii_lowercase[k % 26] * (k // 26 + 1)
+    axis.set_title(f"({text})", loc="left", size=SMALL + 1.0, pad=3.0)
+
+
+def draw_legend(figure: "Figure") -> None:
+    """Put one legend over a figure: what is named in any panel, once."""
+    named: dict[str, Any] = {}
+    for axis in figure.axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    if named:
+        figure.legend(
+            list(named.values()), list(named), frameon=False,
+            loc="outside upper center" if figure.get_layout_engine() else "upper center",
+            ncols=_columns(list(named)), fontsize=SMALL + 1.0, handlelength=2.6,
+        )  # fmt: skip
+
+
+def _columns(labels: list[str]) -> int:
+    """In how many columns a legend fits over the page."""
+    widths = [_HANDLE_IN + _LETTER_IN * len(label) for label in labels]
+    fits = [
+        n
+        for n in range(1, len(labels) + 1)
+        if sum(column.max() for column in np.array_split(widths, n)) < WIDTH_IN
+    ]
+    return max(fits, default=1)
+
+
+def save(figure: "Figure", folder: Path, stem: str) -> None:
+    """Write a figure as PNG and SVG, the same bytes for the same figure, and clear it."""
+    import matplotlib as mpl  # noqa: PLC0415
+
+    folder.mkdir(parents=True, exist_ok=True)
+    if (layout := figure.get_layout_engine()) is not None:
+        layout.execute(figure)
+        figure.set_layout_engine("none")  # not once more for each file
+    # the salt of an SVG's ids is a global setting only
+    with _saving, mpl.rc_context({"svg.hashsalt": stem, "svg.fonttype": "path"}):
+        figure.savefig(folder / f"{stem}.png", dpi=150)
+        figure.savefig(folder / f"{stem}.svg", dpi=200, metadata={"Date": None})
+    figure.clear()

@@ -1,0 +1,173 @@
+"""Figures 6, 10 and 11: responses and errors of airspeed and attitude."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.figures.flown import Flight, fault_windows
+from gcs.figures.style import (
+    REFERENCE,
+    draw_curve,
+    draw_legend,
+    frame,
+    letter,
+    mark_loss,
+    new_figure,
+    shade_faults,
+    style,
+    tidy,
+)
+from gcs.summary import QUANTITIES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["UNITS", "draw_tracking", "fig6", "fig10", "fig11"]
+
+UNITS = {"airspeed": "m/s", "roll": "deg", "pitch": "deg", "yaw": "deg"}
+"""Of `gcs.summary.QUANTITIES`."""
+
+_SETTLING_S = 1.0  # panels of errors are for what follows; what was before may leave them
+_BEYOND = 10.0  # m/s or deg of a response outside the reference's range that a panel shows
+_ASTRAY = 5.0  # m/s or deg of an error that a panel shows
+_AROUND_S = 1.0  # shown before and after a fault
+
+
+@dataclass(frozen=True)
+class _Curves:
+    """Curves of all four quantities: times [s], shape (steps,), and values, shape (steps, 4)."""
+
+    name: str
+    t: np.ndarray
+    values: np.ndarray
+
+
+def fig6(flight: Flight) -> "Figure":
+    """Draw how all UAVs track airspeed and attitude.
+
+    Panels: responses (a) to (d), tracking errors (e) to (h), synchronisation errors (i) to (l).
+    Errors are framed as they are after the first second, and within ±5 m/s or deg; a note over
+    a panel tells the extremes of what leaves it.
+    """
+    figure = new_figure(6.6)
+    axes = figure.subplots(3, len(QUANTITIES), sharex=True)
+    t = flight.recording.time_s
+    uavs = list(enumerate(flight.names))
+    draw_tracking(axes[0], flight)
+    _draw_errors(axes[1], [_Curves(name, t, flight.error(i)) for i, name in uavs], "error")
+    synchronisation = [_Curves(name, t, flight.sync_error(i)) for i, name in uavs]
+    _draw_errors(axes[2], synchronisation, "sync. error")
+    _finish(figure, axes, [flight])
+    for axis in axes.flat:
+        mark_loss(axis, flight)
+    draw_legend(figure)
+    return figure
+
+
+def draw_tracking(axes: Sequence["Axes"], flight: Flight) -> None:
+    """Draw the responses of all UAVs, and the reference, into four panels."""
+    t = flight.recording.time_s
+    responses = [_Curves(name, t, flight.response(i)) for i, name in enumerate(flight.names)]
+    _draw_responses(axes, responses, _Curves("reference", t, flight.reference()))
+
+
+def fig10(flights: Sequence[Flight], uav_id: int = 3) -> "Figure":
+    """Draw how one UAV tracks under several controllers.
+
+    Panels: responses (a) to (d), tracking errors (e) to (h), framed as in `fig6`.
+    """
+    return _compare(flights, uav_id, None)
+
+
+def fig11(flights: Sequence[Flight], uav_id: int = 3) -> "Figure":
+    """Draw how one UAV tracks under several faults.
+
+    Panels: responses (a) to (d), tracking errors while the faults act (e) to (h).
+    """
+    windows = fault_windows(flights, uav_id)
+    if not windows:
+        return _compare(flights, uav_id, None)
+    start_s = min(window.start_s for window in windows) - _AROUND_S
+    end_s = max(window.end_s for window in windows) + _AROUND_S
+    return _compare(flights, uav_id, (max(start_s, 0.0), min(end_s, _duration_s(flights))))
+
+
+def _compare(
+    flights: Sequence[Flight], uav_id: int, seen_s: tuple[float, float] | None
+) -> "Figure":
+    """Compare flights of one UAV; their errors in the times from and to [s], or in all."""
+    figure = new_figure(4.9)
+    axes = figure.subplots(2, len(QUANTITIES), sharex="row")
+    responses, errors, references = [], [], []
+    for flight in flights:
+        t, i = flight.recording.time_s, flight.recording.uav_ids.index(uav_id)
+        responses.append(_Curves(flight.title, t, flight.response(i)))
+        errors.append(_Curves(flight.title, t, flight.error(i)))
+        references.append(_Curves("reference", t, flight.reference(i)))
+    _draw_responses(axes[0], responses, max(references, key=lambda curves: len(curves.t)))
+    if seen_s is None:
+        _draw_errors(axes[1], errors, "error")
+    else:
+        _draw_errors(axes[1], _during(errors, *seen_s), "error", zoom=True)
+    _finish(figure, axes, flights, uav_id)
+    if seen_s is not None:
+        axes[1, 0].set_xlim(*seen_s)
+    draw_legend(figure)
+    return figure
+
+
+def _draw_responses(axes: Sequence["Axes"], curves: Sequence[_Curves], reference: _Curves) -> None:
+    for k, quantity in enumerate(QUANTITIES):
+        for i, one in enumerate(curves):
+            draw_curve(axes[k], one.t, one.values[:, k], label=one.name, **style(i).line)
+        wanted = reference.values[:, k]
+        draw_curve(axes[k], reference.t, wanted, label=reference.name, **REFERENCE)
+        shown = [wanted, *(one.values[:, k] for one in curves)]
+        if len(wanted):
+            frame(axes[k], shown, wanted.min() - _BEYOND, wanted.max() + _BEYOND)
+        axes[k].set_ylabel(f"{quantity} [{UNITS[quantity]}]")
+
+
+def _draw_errors(
+    axes: Sequence["Axes"], curves: Sequence[_Curves], name: str, zoom: bool = False
+) -> None:
+    for k, quantity in enumerate(QUANTITIES):
+        settled = [np.zeros(0 if zoom else 1)]
+        for i, one in enumerate(curves):
+            line = style(i).line
+            if zoom:
+                line["lw"] *= 0.6
+            draw_curve(axes[k], one.t, one.values[:, k], label=one.name, **line)
+            settled.append(one.values[one.t >= _SETTLING_S, k])
+        if len(usual := np.concatenate(settled)):
+            low, high = max(usual.min(), -_ASTRAY), min(usual.max(), _ASTRAY)
+            frame(axes[k], [*settled, *(one.values[:, k] for one in curves)], low, high)
+        if not zoom:
+            axes[k].axhline(0.0, color="black", lw=0.5)
+        axes[k].set_ylabel(f"{quantity} {name} [{UNITS[quantity]}]")
+
+
+def _during(curves: Sequence[_Curves], start_s: float, end_s: float) -> list[_Curves]:
+    seen = [(one.t >= start_s) & (one.t <= end_s) for one in curves]
+    return [
+        _Curves(one.name, one.t[at], one.values[at]) for one, at in zip(curves, seen, strict=True)
+    ]
+
+
+def _finish(
+    figure: "Figure", axes: np.ndarray, flights: Sequence[Flight], uav_id: int | None = None
+) -> None:
+    for k, axis in enumerate(axes.flat):
+        letter(axis, k)
+        shade_faults(axis, flights, uav_id)
+        tidy(axis, _duration_s(flights))
+    for axis in axes[-1]:
+        axis.set_xlabel("time [s]")
+    figure.align_ylabels()
+
+
+def _duration_s(flights: Sequence[Flight]) -> float:
+    return max(flight.scenario.duration_s for flight in flights)
