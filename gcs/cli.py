@@ -5,7 +5,7 @@ import sys
 
 import typer
 
-from gcs.commands import fly
+from gcs.commands import fly, reproduce, sweep
 from gcs.errors import BadInput, GcsError, Interrupted
 from mavlink_defs.config import ConfigError
 
@@ -28,6 +28,8 @@ def gcs() -> None:
 
 
 app.command(epilog=fly.EPILOG)(fly.fly)
+app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
+app.command(epilog=sweep.EPILOG)(sweep.sweep)
 
 
 def main() -> None:

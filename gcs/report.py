@@ -22,7 +22,13 @@ def flight_tables(summary: dict[str, Any], scenario: Scenario) -> list[Table | s
         f"{summary['mode'].replace('_', ' ')}); saved {_percent(summary['saving'])} of "
         "periodic transmissions"
     )
-    return [_transmissions(summary, names), _tracking(summary, names), total]
+    departed = [
+        f"[bold red]UAV {uav['id']} departed[/]: its attitude was more than 90° off first at "
+        f"{uav['departed_at_s']:.3f} s"
+        for uav in summary["uavs"]
+        if uav["departed_at_s"] is not None
+    ]
+    return [_transmissions(summary, names), _tracking(summary, names), *departed, total]
 
 
 def _transmissions(summary: dict[str, Any], names: dict[int, str]) -> Table:

@@ -7,6 +7,7 @@ import numpy as np
 from ftc_autopilot.reference import wrap
 from gcs.recording import Recording
 from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.jit import compiled
 
 __all__ = ["CHANNELS", "QUANTITIES", "event_table", "summarise"]
 
@@ -16,6 +17,8 @@ QUANTITIES = ("airspeed", "roll", "pitch", "yaw")
 """What is tracked: m/s and deg."""
 
 _SETTLING_S = 1.0  # the largest error counts after this time
+_FINAL_S = 1.0  # the final error is the largest one of this long before the end
+_DEPARTED = np.pi / 2.0  # attitude error beyond which an aircraft has departed [rad]
 
 
 def summarise(recording: Recording, scenario_name: str) -> dict[str, Any]:
@@ -64,7 +67,11 @@ def _summarise_uav(recording: Recording, i: int) -> dict[str, Any]:
         "actuator_messages": int(np.count_nonzero(signals["events"])),
         "iae": _by_quantity(_integral(recording, _error(actual, signals["command"]))),
         "iae_filtered": _by_quantity(_integral(recording, signals["error"])),
-        "max_error": _by_quantity(_largest(recording, signals["error"])),
+        "max_error": _by_quantity(_largest(recording.time_s > _SETTLING_S, signals["error"])),
+        "final_error": _by_quantity(
+            _largest(recording.time_s >= recording.duration_s - _FINAL_S, signals["error"])
+        ),
+        "departed_at_s": _departure(recording, i),
     }
 
 
@@ -92,17 +99,30 @@ def _saving(sent: int, periodic: int) -> float | None:
 
 def _error(actual: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     error: np.ndarray = actual - wanted
-    error[:, 3] = [wrap(angle) for angle in error[:, 3]]
+    _wrap_all(error[:, 3])
     return error
+
+
+@compiled
+def _wrap_all(angles: np.ndarray) -> None:
+    for k in range(len(angles)):
+        angles[k] = wrap(angles[k])
 
 
 def _integral(recording: Recording, error: np.ndarray) -> np.ndarray:
     return np.asarray(np.abs(error).sum(axis=0) * recording.step_us / 1e6)
 
 
-def _largest(recording: Recording, error: np.ndarray) -> np.ndarray:
-    settled = np.abs(error[recording.time_s > _SETTLING_S])
-    return np.asarray(settled.max(axis=0)) if len(settled) else np.full(len(QUANTITIES), np.nan)
+def _largest(when: np.ndarray, error: np.ndarray) -> np.ndarray:
+    counted = np.abs(error[when])
+    return np.asarray(counted.max(axis=0)) if len(counted) else np.full(len(QUANTITIES), np.nan)
+
+
+def _departure(recording: Recording, i: int) -> float | None:
+    """When roll, pitch or yaw first was more than 90° off [s]; None if never."""
+    attitude_error = np.abs(recording.signals["error"][:, i, 1:])
+    beyond = np.flatnonzero((attitude_error > _DEPARTED).any(axis=1))
+    return float(recording.time_s[beyond[0]]) if len(beyond) else None
 
 
 def _by_quantity(values: np.ndarray) -> dict[str, float | None]:

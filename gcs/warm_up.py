@@ -8,6 +8,7 @@ from ftc_autopilot.telemetry import DEFAULT_INTERVALS_US, Telemetry
 from gcs.closed_loop import fly_in_process
 from gcs.scenario import Scenario
 from gcs.summary import summarise
+from gcs.theory import check_theory
 from mavlink_defs.endpoint import set_receive_timeout
 from sitl_plant import link as plant_link
 from sitl_plant.fleet import new_fleet
@@ -22,7 +23,9 @@ def compile_everything(scenario: Scenario) -> None:
         scenario: Any scenario; a few steps of it are flown in process.
     """
     short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
-    summarise(fly_in_process(short), "warm-up")
+    flight = fly_in_process(short)
+    summarise(flight, "warm-up")
+    check_theory(flight, short)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         set_receive_timeout(sock, 1e-3)
         fd = sock.fileno()

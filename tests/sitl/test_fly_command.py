@@ -37,6 +37,7 @@ SUMMARY_KEYS = {
 }  # fmt: skip
 UAV_KEYS = {
     "id", "saving", "channels", "actuator_messages", "iae", "iae_filtered", "max_error",
+    "final_error", "departed_at_s",
 }  # fmt: skip
 QUANTITIES = {"airspeed", "roll", "pitch", "yaw"}
 
@@ -90,7 +91,7 @@ def test_summary_has_the_promised_keys(flown: tuple[Path, str]) -> None:
         assert set(uav["channels"]) == set(CHANNELS)
         for channel in uav["channels"].values():
             assert channel.keys() >= {"events", "repeats", "min_interval_s"}
-        for figure in ("iae", "iae_filtered", "max_error"):
+        for figure in ("iae", "iae_filtered", "max_error", "final_error"):
             assert set(uav[figure]) == QUANTITIES
 
 

@@ -1,0 +1,110 @@
+"""``gcs reproduce``: the paper's scenarios, tables and figures."""
+
+import asyncio
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from gcs.commands.common import warm_up
+from gcs.errors import FlightLost, Interrupted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gcs.recording import Recording
+    from gcs.scenario import Scenario
+
+__all__ = ["EPILOG", "reproduce"]
+
+EPILOG = """
+Examples:
+
+- gcs reproduce
+- gcs reproduce --out results && xdg-open results/report.html
+- gcs reproduce --over-wire
+
+Exit status: 0 everything flown to its end, 1 a flight was lost (the report says which), 2 bad
+input, 130 Ctrl-C.
+"""
+
+_SCENARIOS = Path(__file__).parents[2] / "scenarios" / "paper"
+
+
+def reproduce(
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder, new or empty; runs/reproduce-DATE-TIME by default."),
+    ] = None,
+    over_wire: Annotated[
+        bool,
+        typer.Option("--over-wire", help="Fly with processes over MAVLink, one after the other."),
+    ] = False,
+    scenarios: Annotated[
+        Path, typer.Option(help="Folder with the paper's scenario files.", show_default=False)
+    ] = _SCENARIOS,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+) -> None:
+    """Fly the paper's scenarios and hold its tables and figures beside ours.
+
+    Writes one folder: report.html (self-contained) and report.md, figures/ (Fig. 5 to 11 as PNG
+    and SVG), data/ (each flight as .npz and .csv, its summary, theory.json).
+    """
+    from gcs import reproduce as work  # noqa: PLC0415 - numba and matplotlib come with it
+    from gcs.run_folder import make_run_folder  # noqa: PLC0415
+
+    loaded = work.load_all(scenarios)
+    folder = make_run_folder(out, "reproduce")
+    console = Console(stderr=True, quiet=quiet)
+    warm_up(loaded["scenario1"], console)
+    begin = time.monotonic()
+    columns = (
+        TextColumn("{task.description:40}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    try:
+        with Progress(*columns, console=console, transient=True) as progress:
+            task = progress.add_task("flying", total=work.STEPS)
+            summaries = work.reproduce(
+                loaded,
+                _over_wire(folder) if over_wire else _in_process,
+                1 if over_wire else os.cpu_count() or 1,
+                folder,
+                lambda done: progress.update(task, advance=1, description=done),
+            )
+    except KeyboardInterrupt:
+        raise Interrupted(f"interrupted; what was finished is in {folder}") from None
+    seconds = time.monotonic() - begin
+    console.print(
+        f"{len(summaries)} flights in {seconds:.1f} s; open [bold]{folder}/report.html[/bold]",
+        highlight=False,
+    )
+    lost = [f"{summary['scenario']}: {summary['loss']}" for summary in summaries.values()
+            if summary["loss"]]  # fmt: skip
+    if lost:
+        raise FlightLost("; ".join(lost), f"the report is in {folder}")
+
+
+def _in_process(file: str, scenario: "Scenario") -> "Recording":
+    from gcs.closed_loop import fly_in_process  # noqa: PLC0415
+
+    return fly_in_process(scenario)
+
+
+def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
+    """Fly with processes; each flight's tlog and words go into a folder of its own."""
+    from gcs.flight import fly_over_udp  # noqa: PLC0415
+    from gcs.launcher import on_free_ports  # noqa: PLC0415
+
+    def fly(file: str, scenario: "Scenario") -> "Recording":
+        own = folder / "wire" / file
+        own.mkdir(parents=True)
+        return asyncio.run(fly_over_udp(on_free_ports(scenario), own))
+
+    return fly

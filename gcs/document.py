@@ -1,0 +1,63 @@
+"""A report as Markdown, and the same as one HTML file with its pictures inside."""
+
+import base64
+import html
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+__all__ = ["bullets", "html_of", "table"]
+
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
+       max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+h1, h2, h3 { line-height: 1.2; margin-top: 2em; } h1 { margin-top: 0; }
+img { max-width: 100%; height: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.9rem; }
+th, td { padding: 0.25rem 0.7rem; border-bottom: 1px solid #ccc; text-align: right; }
+th:first-child, td:first-child { text-align: left; } th { border-bottom: 2px solid #666; }
+code { background: #f2f2f2; padding: 0 0.2em; }
+div.wide { overflow-x: auto; }
+@media print { body { max-width: none; font-size: 11pt; } h2 { break-after: avoid; }
+               img, table { break-inside: avoid; } }
+"""
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table; the first column to the left, the others to the right."""
+    rule = ["---", *["---:"] * (len(header) - 1)]
+    lines = [header, rule, *rows]
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines) + "\n"
+
+
+def bullets(sentences: Iterable[str]) -> str:
+    """A Markdown list."""
+    return "".join(f"- {sentence}\n" for sentence in sentences)
+
+
+def html_of(markdown: str, folder: Path) -> str:
+    """The report as one page that needs no other file.
+
+    Args:
+        markdown: The report; its first line is its title.
+        folder: Where its pictures lie.
+    """
+    from markdown_it import MarkdownIt  # noqa: PLC0415 - only reports need it
+
+    body = MarkdownIt("commonmark").enable("table").render(markdown)
+    body = body.replace("<table>", '<div class="wide"><table>').replace(
+        "</table>", "</table></div>"
+    )
+    body = re.sub(r'src="([^"]+\.png)"', lambda found: _embedded(folder / found[1]), body)
+    title = markdown.partition("\n")[0].lstrip("# ")
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f"<title>{html.escape(title)}</title>\n"
+        f'<meta name="viewport" content="width=device-width">\n<style>{_STYLE}</style>\n</head>\n'
+        f"<body>\n{body}</body>\n</html>\n"
+    )
+
+
+def _embedded(path: Path) -> str:
+    data = base64.b64encode(path.read_bytes()).decode()
+    return f'src="data:image/png;base64,{data}"'

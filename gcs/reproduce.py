@@ -1,0 +1,161 @@
+"""Flying the paper's scenarios and writing everything down in one folder."""
+
+import csv
+import json
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gcs.document import html_of
+from gcs.errors import BadInput
+from gcs.export import export_flight
+from gcs.figures.flown import Flight
+from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
+from gcs.figures.style import save
+from gcs.paper_report import CONTROLLERS, MODES, Results, paper_report
+from gcs.printed import FIG_9
+from gcs.recording import Recording
+from gcs.scenario import Scenario, load_scenario
+from gcs.summary import CHANNELS, QUANTITIES, summarise
+from gcs.theory_report import theory_section
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["FILES", "STEPS", "load_all", "reproduce"]
+
+FILES = ("scenario1", *CONTROLLERS, *MODES)
+"""Scenario files that are flown, without suffix."""
+
+_CAPTIONS = {
+    "fig5": "Fig. 5: trajectories of the formation in scenario 1, attitude at 0, 15 and 24 s.",
+    "fig6": "Fig. 6: responses (a)-(d), tracking errors (e)-(h) and synchronisation errors (31), "
+    "(32) (i)-(l) in scenario 1. What leaves a panel in the first second is noted over its corner.",
+    "fig7": "Fig. 7: intervals between events of every channel and UAV in scenario 1.",
+    "fig8": "Fig. 8: times of the events in scenario 1.",
+    "fig9": "Fig. 9: number of events in scenario 1, beside the numbers printed in the paper.",
+    "fig10": "Fig. 10: follower 2 in scenario 2 under the controllers compared; below, the errors.",
+    "fig11": "Fig. 11: follower 2 in scenario 3 under four fault modes; below, the errors, around "
+    "the time of the faults.",
+}
+
+STEPS = len(FILES) + len(_CAPTIONS) + 2
+"""Calls of `on_step` in one reproduction."""
+
+
+def load_all(folder: Path) -> dict[str, Scenario]:
+    """The scenarios by file name.
+
+    Raises:
+        BadInput: The folder is not there.
+        ConfigError: A file is missing or wrong.
+    """
+    if not folder.is_dir():
+        raise BadInput(
+            f"there is no folder {folder}, expected the paper's scenario files there",
+            "run in a clone of the project, or name the folder with --scenarios",
+        )
+    return {file: load_scenario(folder / f"{file}.yaml") for file in FILES}
+
+
+def reproduce(
+    scenarios: Mapping[str, Scenario],
+    fly: Callable[[str, Scenario], Recording],
+    jobs: int,
+    out: Path,
+    on_step: Callable[[str], None],
+) -> dict[str, Any]:
+    """Fly everything, and write report, data and figures.
+
+    Args:
+        scenarios: By file name, as of `load_all`.
+        fly: Flies one of them.
+        jobs: How many flights at once.
+        out: Empty folder.
+        on_step: Called with the name of each finished step, `STEPS` times.
+
+    Returns:
+        The summary of each flight, by file name.
+    """
+
+    def fly_and_export(file: str) -> Recording:
+        recording = fly(file, scenarios[file])
+        folder = out / "data" / file
+        folder.mkdir(parents=True, exist_ok=True)
+        export_flight(recording, folder)
+        on_step(f"flew {scenarios[file].name}")
+        return recording
+
+    with ThreadPoolExecutor(jobs) as pool:
+        recordings = dict(zip(FILES, pool.map(fly_and_export, FILES), strict=True))
+    summaries = {f: summarise(r, scenarios[f].name) for f, r in recordings.items()}
+    for file, summary in summaries.items():
+        (out / "data" / file / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    _write_table(out / "data" / "summary.csv", summaries)
+
+    theory = theory_section(scenarios, recordings, out / "data" / "theory.json")
+    on_step("checked the theory")
+    _draw(scenarios, recordings, out / "figures", on_step)
+    results = Results(
+        summaries=summaries,
+        reference_lag=_reference_lag(recordings["scenario2_proposed"]),
+        theory=theory,
+        figures=_CAPTIONS,
+    )
+    text = paper_report(results)
+    (out / "report.md").write_text(text)
+    (out / "report.html").write_text(html_of(text, out))
+    on_step("wrote the report")
+    return summaries
+
+
+def _draw(
+    scenarios: Mapping[str, Scenario],
+    recordings: Mapping[str, Recording],
+    folder: Path,
+    on_step: Callable[[str], None],
+) -> None:
+    folder.mkdir()
+    one = Flight("scenario 1", scenarios["scenario1"], recordings["scenario1"])
+    compared, modes = (
+        [Flight(label, scenarios[file], recordings[file]) for file, label in labels.items()]
+        for labels in (CONTROLLERS, MODES)
+    )
+    drawings: dict[str, Callable[[], Figure]] = {
+        "fig5": lambda: fig5(one),
+        "fig6": lambda: fig6(one),
+        "fig7": lambda: fig7(one),
+        "fig8": lambda: fig8(one),
+        "fig9": lambda: fig9(one, FIG_9),
+        "fig10": lambda: fig10(compared),
+        "fig11": lambda: fig11(modes),
+    }
+    for name, draw in drawings.items():
+        save(draw(), folder, name)
+        on_step(f"drew {name}")
+
+
+def _reference_lag(recording: Recording) -> dict[str, float]:
+    """IAE between follower 2's commands and its filtered reference [m, deg s]."""
+    last = recording.signals[:, -1]
+    area = np.abs(last["command"] - last["reference"]).sum(axis=0) * recording.step_us / 1e6
+    return dict(zip(QUANTITIES, [area[0], *np.degrees(area[1:])], strict=True))
+
+
+def _write_table(path: Path, summaries: Mapping[str, dict[str, Any]]) -> None:
+    """One line per flight and UAV."""
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        iae = [f"iae_{q}_{'m' if q == 'airspeed' else 'deg_s'}" for q in QUANTITIES]
+        events = [f"events_{c}" for c in CHANNELS]
+        writer.writerow(["scenario", "uav", "completed", "saving", *iae, *events])
+        for name, summary in summaries.items():
+            for uav in summary["uavs"]:
+                counts = [uav["channels"][c]["events"] for c in CHANNELS]
+                areas = [uav["iae"][q] for q in QUANTITIES]
+                writer.writerow(
+                    [name, uav["id"], summary["completed"], uav["saving"], *areas, *counts]
+                )

@@ -1,0 +1,53 @@
+"""Size of the set in which each error ends, per segment of the profile."""
+
+from typing import Any
+
+import numpy as np
+
+from gcs.recording import Recording
+from gcs.scenario import Scenario
+
+__all__ = ["residual_sets"]
+
+_WINDOW_S = 3.0
+_ERRORS = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
+
+
+def residual_sets(recording: Recording, i: int, scenario: Scenario) -> list[dict[str, Any]]:
+    """Largest |error| of UAV index i over the last 3 s of each segment that was flown.
+
+    A segment that the flight's end cuts off counts to there; of one shorter than 3 s all counts.
+
+    Returns:
+        Per segment `start_s`, `end_s` (as flown), `from_s` (begin of the window), `tracking`
+        (Ṽ, e) and `synchronisation` (Ṽ', e' of (31), (32): weighted by λ1 to λ4), each by
+        `airspeed_m_s`, `roll_deg`, `pitch_deg`, `yaw_deg`.
+    """
+    time_s = recording.time_s
+    starts = [segment.start_s for segment in scenario.profile]
+    sets = []
+    for start_s, next_s in zip(starts, [*starts[1:], recording.duration_s], strict=True):
+        end_s = min(next_s, recording.duration_s)
+        from_s = max(start_s, end_s - _WINDOW_S)
+        begun = (time_s > from_s) | ((from_s == 0.0) & (time_s == 0.0))
+        counted = recording.signals[begun & (time_s <= end_s), i]
+        if len(counted):
+            sets.append(
+                {
+                    "start_s": start_s,
+                    "end_s": end_s,
+                    "from_s": from_s,
+                    "tracking": _largest(counted["error"]),
+                    "synchronisation": _largest(counted["sync_error"]),
+                }
+            )
+    return sets
+
+
+def _largest(errors: np.ndarray) -> dict[str, float | None]:
+    largest = np.abs(errors).max(axis=0)
+    shown = [largest[0], *np.degrees(largest[1:])]
+    return {
+        name: float(value) if np.isfinite(value) else None
+        for name, value in zip(_ERRORS, shown, strict=True)
+    }

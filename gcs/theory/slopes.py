@@ -1,0 +1,49 @@
+"""Right-hand sides of the equations of motion along a recorded flight, one UAV at a time."""
+
+import numpy as np
+
+from mavlink_defs.jit import compiled
+from sitl_plant.disturbance import disturbances
+from sitl_plant.rigid_body import R2_inv, load_state, state_derivative
+from sitl_plant.vec3 import mul, vec3
+
+__all__ = ["euler_rates", "slopes"]
+
+
+@compiled
+def slopes(
+    states: np.ndarray,
+    applied: np.ndarray,
+    time_s: np.ndarray,
+    disturbance: np.ndarray,
+    aircraft: np.void,
+) -> np.ndarray:
+    """v̇ [m/s²] and ω̇ [rad/s²] of (2) and (4) at each step, shape (steps, 6), body axes.
+
+    Args:
+        states: Shape (steps, 12).
+        applied: What the actuators did: aileron, elevator, rudder [rad], thrust [N]; (steps, 4).
+        time_s: Shape (steps,).
+        disturbance: As `sitl_plant.disturbance.disturbance_table` returns it.
+        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+    """
+    out = np.empty((len(states), 6))
+    for k in range(len(states)):
+        d_v, d_omega = disturbances(disturbance, time_s[k])
+        thrust, delta = applied[k, 3], vec3(applied[k, 0:3])
+        slope = state_derivative(load_state(states[k]), thrust, delta, d_v, d_omega, aircraft)
+        for j in range(3):
+            out[k, j] = slope[1][j]
+            out[k, 3 + j] = slope[3][j]
+    return out
+
+
+@compiled
+def euler_rates(attitude: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """R2⁻¹ ω [rad/s] of each row; attitude [rad] and ω [rad/s] of shape (steps, 3)."""
+    out = np.empty((len(attitude), 3))
+    for k in range(len(attitude)):
+        rates = mul(R2_inv(vec3(attitude[k])), vec3(omega[k]))
+        for j in range(3):
+            out[k, j] = rates[j]
+    return out

@@ -1,0 +1,114 @@
+"""`gcs reproduce` as a user runs it, on the paper's scenarios cut short."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flying import SCENARIO_1, assert_one_message, run
+
+from gcs.reproduce import FILES
+
+pytestmark = pytest.mark.sitl
+
+FIGURES = [f"fig{number}" for number in range(5, 12)]
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The paper's scenario files, 0.4 s long; in the last one the throttle of UAV 3 runs wild."""
+    folder = tmp_path_factory.mktemp("scenarios")
+    for file in FILES:
+        base = SCENARIO_1.with_name(f"{file}.yaml")
+        text = f"extends: {base}\nduration_s: 0.4\n"
+        if file == "scenario3_mode4":
+            text += "aircraft: {thrust_limit_n: 100000}\n"
+            text += "faults: [{uav: 3, actuator: throttle, stuck_n: 100000, start_s: 0.1}]\n"
+        (folder / f"{file}.yaml").write_text(text)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def out(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("reproduced")
+    done = run("gcs", "reproduce", "--scenarios", short, "--out", out)
+    assert done.returncode == 1, done.stderr
+    assert_one_message(done.stderr)
+    assert f"{len(FILES)} flights" in done.stderr
+    assert "fault mode 4: UAV 3 was lost" in done.stderr
+    return out
+
+
+def test_everything_is_there(out: Path) -> None:
+    assert {path.name for path in out.iterdir()} == {"report.html", "report.md", "figures", "data"}
+    drawn = {path.name for path in (out / "figures").iterdir()}
+    assert drawn == {f"{name}.{suffix}" for name in FIGURES for suffix in ("png", "svg")}
+    for file in FILES:
+        written = {path.name for path in (out / "data" / file).iterdir()}
+        assert written == {"summary.json", "events.npz", "events.csv", "trajectory.npz",
+                           "trajectory.csv"}  # fmt: skip
+
+
+def test_the_page_needs_no_other_file(out: Path) -> None:
+    page = (out / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == len(FIGURES)
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)
+
+
+def test_the_report_shows_what_was_flown(out: Path) -> None:
+    report = (out / "report.md").read_text()
+    summary = json.loads((out / "data" / "scenario2_proposed" / "summary.json").read_text())
+    follower = summary["uavs"][2]
+    row = next(line for line in report.splitlines() if line.startswith("| proposed | 17.8"))
+    assert f"17.8 / {follower['iae']['airspeed']:.2f} /" in row
+    row = next(line for line in report.splitlines() if line.startswith("| proposed | 2146"))
+    assert f"2575 / {follower['channels']['rudder']['events']} /" in row
+    assert "**Lost flights: Paper, scenario 3, fault mode 4: UAV 3 was lost" in report
+    for words in ("Where ours differs", "Smallest interval", "Residual sets", "(53), (69)"):
+        assert words in report
+
+
+def test_laws_and_triggers_are_those_of_the_files(out: Path) -> None:
+    with (out / "data" / "summary.csv").open() as file:
+        rows = {row["scenario"]: row for row in csv.DictReader(file) if row["uav"] == "3"}
+    assert set(rows) == set(FILES)
+    for file in ("scenario2_periodic", "scenario2_backstepping", "scenario2_pid"):
+        assert rows[file]["events_rudder"] == "400"
+    assert int(rows["scenario2_proposed"]["events_rudder"]) < 400
+    errors = {}
+    for file in FILES:
+        with np.load(out / "data" / file / "trajectory.npz") as arrays:
+            errors[file] = arrays["error"]
+    assert np.array_equal(errors["scenario1"], errors["scenario2_proposed"])
+    assert not np.allclose(errors["scenario2_backstepping"], errors["scenario2_pid"])
+
+
+def test_theory_stands_in_a_file(out: Path) -> None:
+    theory = json.loads((out / "data" / "theory.json").read_text())
+    assert set(theory) == set(FILES)
+    assert theory["scenario1"]["uavs"][2]["lyapunov"]["speed"]["contradicted"] is False
+    assert theory["scenario2_pid"]["uavs"][2]["lyapunov"] is None
+
+
+def test_over_the_wire_it_is_the_same(out: Path, short: Path, tmp_path: Path) -> None:
+    done = run("gcs", "reproduce", "--over-wire", "--scenarios", short, "--out", tmp_path / "wire")
+    assert done.returncode == 1, done.stderr
+    ours, theirs = (folder / "data" / "summary.csv" for folder in (out, tmp_path / "wire"))
+    assert ours.read_text() == theirs.read_text()
+    assert (tmp_path / "wire" / "wire" / "scenario1" / "flight.tlog").stat().st_size > 0
+
+
+def test_a_folder_without_scenarios_is_refused(tmp_path: Path) -> None:
+    done = run("gcs", "reproduce", "--scenarios", tmp_path / "none", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "there is no folder" in done.stderr
+    assert "--scenarios" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_scenario_is_refused(tmp_path: Path) -> None:
+    done = run("gcs", "reproduce", "--scenarios", tmp_path, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "scenario1.yaml: no such file" in done.stderr

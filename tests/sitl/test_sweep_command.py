@@ -1,0 +1,201 @@
+"""``gcs sweep`` from outside: exit status, outputs, and going on after any end."""
+
+import contextlib
+import csv
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from flying import (
+    BIN,
+    TIMEOUT_S,
+    assert_one_message,
+    environment,
+    run,
+    scenario_tree,
+    wait_until,
+    write_scenario,
+)
+
+pytestmark = pytest.mark.sitl
+
+OUTPUTS = {"sweep.json", "runs", "table.csv", "table.md", "sweep.png", "sweep.svg"}
+MANY = ("--set", f"trigger.b2_deg={','.join(str(0.1 * k) for k in range(1, 16))}")
+
+
+def sweep(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return run("gcs", "sweep", *arguments, env=environment(), cwd=cwd)
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    with (folder / "table.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def kept(folder: Path) -> dict[str, int]:
+    """Finished runs and when they were written [ns]."""
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "runs").glob("*.json")}
+
+
+@contextlib.contextmanager
+def sweeping(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """A sweep that has finished some of its runs and flies on; in the end it is killed."""
+    popen = subprocess.Popen(
+        [BIN / "gcs", "sweep", *arguments, "--out", folder],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    )
+    try:
+        wait_until(lambda: len(list(folder.glob("runs/*.json"))) >= 2, "two runs are finished")
+        yield popen
+    finally:
+        popen.kill()
+        popen.communicate(timeout=TIMEOUT_S)
+
+
+def test_every_run_is_in_the_tables(tmp_path: Path) -> None:
+    """Flown, lost, and impossible runs."""
+    tree = scenario_tree(duration_s=2.0)
+    tree["aircraft"]["thrust_limit_n"] = 1e5  # beyond 300 m/s, where the model ends
+    tree["faults"] = [{"uav": 2, "actuator": "throttle", "stuck_n": 900.0, "start_s": 0.5}]
+    scenario = write_scenario(tmp_path, tree)
+    folder = tmp_path / "out"
+    arguments = (scenario, "--set", "faults[0].stuck_n=900,100000,-1",
+                 "--set", "trigger.mode=per_channel, periodic", "--out", folder)  # fmt: skip
+    done = sweep(*arguments)
+    assert done.returncode == 0, done.stderr
+    assert_one_message(done.stderr)
+    assert done.stdout == ""
+    assert {entry.name for entry in folder.iterdir()} == OUTPUTS
+    rows = rows_of(folder)
+    assert len(rows) == 4 * 3 + 2
+    by_value = {
+        value: [row for row in rows if row["faults[0].stuck_n"] == value]
+        for value in ("900", "100000", "-1")
+    }
+    assert {(row["outcome"], row["reason"]) for row in by_value["900"]} == {("completed", "")}
+    for row in by_value["100000"]:
+        assert row["outcome"] == "lost"
+        assert "UAV 2 was lost" in row["reason"]
+        assert 0.5 < float(row["duration_s"]) < 2.0
+    for row in by_value["-1"]:
+        assert row["outcome"] == "invalid"
+        assert "faults[0].stuck_n" in row["reason"]
+        assert row["saving"] == ""
+    assert {row["saving"] for row in by_value["900"] if row["trigger.mode"] == "periodic"} == {
+        "0.0"
+    }
+    table = (folder / "table.md").read_text()
+    assert table.count("| lost | - | - |") == table.count("UAV 2 was lost") == 2
+    assert "UAV 2" in done.stderr
+    assert done.stderr.count("lost") == 2
+
+    before = kept(folder)
+    again = sweep(*arguments, "--quiet", "--uav", "1")
+    assert (again.returncode, again.stderr) == (0, "")
+    assert kept(folder) == before
+
+
+def test_flights_are_those_of_fly(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, duration_s=4.5)  # the first step of the profile is at 4 s
+    done = sweep(scenario, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    flown = run("gcs", "fly", scenario, "--in-process", "--json", "--out", tmp_path / "run")
+    summary = json.loads(flown.stdout)
+    for row, uav in zip(rows_of(tmp_path / "out"), summary["uavs"], strict=True):
+        assert float(row["saving"]) == summary["saving"]
+        assert float(row["uav_saving"]) == uav["saving"]
+        for quantity, unit in (("airspeed", "m"), ("roll", "deg_s"), ("yaw", "deg_s")):
+            assert float(row[f"iae_{quantity}_{unit}"]) == uav["iae"][quantity]
+        gaps = [channel["min_interval_s"] for channel in uav["channels"].values()]
+        assert float(row["min_interval_s"]) == min(gaps)
+        for name, channel in uav["channels"].items():
+            assert int(row[f"events_{name}"]) == channel["events"]
+
+
+def test_killed_in_the_middle(tmp_path: Path) -> None:
+    scenario, folder = write_scenario(tmp_path), tmp_path / "out"
+    with sweeping(folder, scenario, *MANY, "--jobs", "1") as popen:
+        os.kill(popen.pid, signal.SIGKILL)
+        popen.wait(TIMEOUT_S)
+    before = kept(folder)
+    assert 2 <= len(before) < 15
+    assert not (folder / "table.csv").exists()
+    done = sweep(scenario, *MANY, "--out", folder)
+    assert done.returncode == 0, done.stderr
+    assert f"{len(before)} of 15 flights are there already" in done.stderr
+    after = kept(folder)
+    assert len(after) == 15
+    assert {name: after[name] for name in before} == before
+    assert len(rows_of(folder)) == 15 * 3
+    assert not list(folder.rglob("*.part"))
+
+
+def test_interrupt(tmp_path: Path) -> None:
+    scenario, folder = write_scenario(tmp_path), tmp_path / "out"
+    with sweeping(folder, scenario, *MANY, "--quiet") as popen:
+        os.kill(popen.pid, signal.SIGINT)
+        _, words = popen.communicate(timeout=TIMEOUT_S)
+    assert popen.returncode == 130
+    assert_one_message(words)
+    before = kept(folder)
+    assert f"{len(before)} of 15 flights in {folder}" in words
+    assert "same command" in words
+    assert sweep(scenario, *MANY, "--out", folder).returncode == 0
+    after = kept(folder)
+    assert len(after) == 15
+    assert {name: after[name] for name in before} == before
+
+
+def test_default_folder_is_found_again(tmp_path: Path) -> None:
+    write_scenario(tmp_path, duration_s=0.1)
+    arguments = ("scenario.yaml", "--set", "trigger.b2_deg=1,2", "--quiet")
+    for values in range(2):
+        assert sweep(*arguments, cwd=tmp_path).returncode == 0
+        (folder,) = (tmp_path / "runs").iterdir()
+        assert len(kept(folder)) == 2, values
+    write_scenario(tmp_path, duration_s=0.2)  # another flight, the same sweep
+    assert sweep(*arguments, cwd=tmp_path).returncode == 0
+    assert len(kept(folder)) == 4
+    assert {row["duration_s"] for row in rows_of(folder)} == {"0.2"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--set", "trigger.b2_deq=1,2"], "did you mean 'b2_deg'"),
+        (["--set", "trigger.b2_deg"], "KEY=VALUE"),
+        (["--set", "trigger.b1=0.1", "--set", "trigger.b1=0.2"], "given twice"),
+        (["--uav", "9"], "1, 2, 3"),
+        (["--jobs", "0"], "--jobs"),
+    ],
+)
+def test_mistake_is_refused_before_any_flight(
+    tmp_path: Path, arguments: list[str], words: str
+) -> None:
+    done = sweep(write_scenario(tmp_path), *arguments, "--out", tmp_path / "out")
+    assert done.returncode == 2, done.stderr
+    assert_one_message(done.stderr)
+    assert words in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_folder_of_something_else(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path)
+    done = sweep(scenario, "--out", tmp_path)
+    assert done.returncode == 2
+    assert "not a sweep" in done.stderr
+    assert list(tmp_path.iterdir()) == [scenario]
+
+
+def test_missing_scenario(tmp_path: Path) -> None:
+    done = sweep(tmp_path / "no.yaml", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert str(tmp_path / "no.yaml") in done.stderr
