@@ -31,8 +31,9 @@ from gcs.closed_loop import fly_in_process
 from gcs.errors import BadInput, GcsError
 from gcs.scenario import Scenario, scenario_of, scenario_tree
 from gcs.summary import summarise
-from mavlink_defs.config import ConfigError, _Loader, repeated
+from mavlink_defs.config import ConfigError, repeated
 from mavlink_defs.inherit import PlaceError, with_values
+from mavlink_defs.yaml_text import parse_yaml
 
 __all__ = ["Axis", "Result", "Run", "default_folder", "fly_runs", "identity", "known_results",
            "label", "open_folder", "parse_axes", "plan", "result_of"]  # fmt: skip
@@ -119,7 +120,7 @@ def parse_axes(texts: Iterable[str]) -> list[Axis]:
 def _parse_axis(text: str) -> Axis:
     key, _, listed = (part.strip() for part in text.partition("="))
     try:
-        values = yaml.load(f"[{listed}]", _Loader)
+        values = parse_yaml(f"[{listed}]")
         labels = [label(value) for value in values]
     except (yaml.YAMLError, ValueError, TypeError, RecursionError):
         labels = []

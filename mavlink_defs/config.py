@@ -14,7 +14,6 @@ Errors: ValueError ← ConfigError (a file), Problems (inside a validator).
 """
 
 import difflib
-import re
 import types
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -36,6 +35,7 @@ from pydantic_core import ErrorDetails
 
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.quantity import describe, whole
+from mavlink_defs.yaml_text import parse_yaml, yaml_of, yaml_problem
 
 __all__ = ["ConfigError", "HostPort", "Loc", "Model", "Port", "Problems", "SystemId", "dump",
            "load", "problems_of", "read", "repeated", "shown", "unknown_key",
@@ -111,7 +111,7 @@ def read(path: Path | str) -> dict[Any, Any]:
     """
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
-        data = yaml.load(text, _Loader)
+        data = parse_yaml(text)
     except FileNotFoundError as exc:
         raise ConfigError(path, ["no such file"]) from exc
     except OSError as exc:
@@ -120,7 +120,7 @@ def read(path: Path | str) -> dict[Any, Any]:
         problem = f"not UTF-8 text: byte {exc.start} is 0x{exc.object[exc.start]:02x}"
         raise ConfigError(path, [problem]) from exc
     except (yaml.YAMLError, RecursionError, ValueError) as exc:
-        raise ConfigError(path, [_yaml_problem(exc)]) from exc
+        raise ConfigError(path, [yaml_problem(exc)]) from exc
     if data is None:
         raise ConfigError(path, ["the file is empty; expected a mapping"])
     if not isinstance(data, dict):
@@ -149,9 +149,7 @@ def problems_of(model: type[BaseModel], exc: ValidationError) -> list[str]:
 
 def dump(model: BaseModel, path: Path | str) -> None:
     """Write a model as YAML that loads back to an equal one, floats to the last bit."""
-    text = yaml.dump(
-        model.model_dump(), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100
-    )
+    text = yaml_of(model.model_dump())
     Path(path).write_text(text, encoding="utf-8")
 
 
@@ -335,67 +333,3 @@ def _strip_annotated(annotation: Any) -> tuple[Any, FieldInfo | None]:
         return annotation, None
     inner, *metadata = get_args(annotation)
     return inner, next((m for m in metadata if isinstance(m, FieldInfo)), None)
-
-
-# YAML
-
-
-class _Loader(yaml.SafeLoader):
-    """Plain scalars as in YAML 1.2's core schema (1e-3 is a number); keys occur once."""
-
-    yaml_implicit_resolvers = {}  # noqa: RUF012 - PyYAML's way; it is copied, not shared
-
-    def compose_mapping_node(self, anchor: Any) -> Any:
-        node = super().compose_mapping_node(anchor)
-        seen: dict[str, int] = {}
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                continue  # refused later: no key of ours is a list or a mapping
-            if key.value in seen:
-                problem = f"duplicate key '{key.value}', given before in line {seen[key.value]}"
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
-            seen[key.value] = key.start_mark.line + 1
-        return node
-
-
-class _Dumper(yaml.SafeDumper):
-    """Quotes whatever `_Loader` would not read back as text."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
-    def represent_str(self, data: str) -> Any:
-        style = None if data.isprintable() else '"'  # PyYAML's other styles lose U+0085
-        return self.represent_scalar("tag:yaml.org,2002:str", data, style)
-
-
-_Dumper.add_representer(str, _Dumper.represent_str)
-
-
-_SCALARS = {  # tag: pattern, characters that it can begin with
-    "bool": (r"true|True|TRUE|false|False|FALSE", [*"tTfF"]),
-    "int": (r"[-+]?(?:0|[1-9][0-9]*)", [*"-+0123456789"]),
-    "float": (
-        r"[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))(?:[eE][-+]?[0-9]+)?"
-        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
-        [*"-+.0123456789"],
-    ),
-    "null": (r"~|null|Null|NULL|", [*"~nN", ""]),
-    "merge": (r"<<", ["<"]),
-}
-for _tag, (_pattern, _first) in _SCALARS.items():
-    for _class in (_Loader, _Dumper):
-        _class.add_implicit_resolver(
-            f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), _first
-        )
-
-
-def _yaml_problem(exc: Exception) -> str:
-    if isinstance(exc, yaml.MarkedYAMLError) and exc.problem_mark is not None:
-        mark = exc.problem_mark
-        where = f"line {mark.line + 1}, column {mark.column + 1}: "
-        text = exc.problem or "cannot be understood"
-        return where + (text if text.startswith("duplicate key") else f"not YAML: {text}")
-    if isinstance(exc, RecursionError):
-        return "not YAML: nested too deeply"
-    return f"not YAML: {' '.join(str(exc).split())}"

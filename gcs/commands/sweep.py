@@ -155,8 +155,8 @@ def _progress(
 
 
 def _report(results: list["Result"], uav_id: int | None, folder: Path, console: Console) -> None:
+    from gcs.figures.sweep import draw_sweep  # noqa: PLC0415
     from gcs.sweep_report import (  # noqa: PLC0415
-        draw_sweep,
         terminal_table,
         write_csv,
         write_markdown,

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from ftc_autopilot.reference import wrap
 from gcs import sweep
 from gcs.errors import BadInput
+from gcs.figures.sweep import draw_sweep
 from gcs.scenario import scenario_of, scenario_tree
 from gcs.summary import _wrap_all as wrap_all
 from gcs.sweep import (
@@ -29,7 +30,7 @@ from gcs.sweep import (
     plan,
     result_of,
 )
-from gcs.sweep_report import choose_uav, draw_sweep, terminal_table, write_csv, write_markdown
+from gcs.sweep_report import choose_uav, terminal_table, write_csv, write_markdown
 from mavlink_defs.config import ConfigError
 
 SCENARIO_1 = Path(__file__).parents[3] / "scenarios" / "paper" / "scenario1.yaml"

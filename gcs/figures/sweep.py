@@ -1,0 +1,161 @@
+"""The plot of a sweep: transmissions saved against the integral of absolute error."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gcs.figures.style import GREY, SMALL, STYLES, new_figure, save, tidy
+from gcs.summary import QUANTITIES
+from gcs.sweep import Result, Run
+from gcs.sweep_report import IAE_UNITS, Axis, axes_of, position, uav_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw_sweep"]
+
+_COLOURS = [style.colour for style in (*STYLES[1:], STYLES[0])]  # the lightest one last
+_SHAPES = "os^Dv<>Ph*"
+_MOST_ROWS = 12
+_WIDE = 8.0  # ratio of largest to smallest IAE from which on its axis is logarithmic
+_NONE: Axis = ("", [""])
+
+
+@dataclass(frozen=True)
+class _Styles:
+    """How a run's place in the grid is shown: an axis as colours, one as markers, or `_NONE`."""
+
+    colours: Axis
+    markers: Axis
+
+    def colour(self, value: str) -> Any:
+        from matplotlib import colormaps  # noqa: PLC0415
+
+        i, n = self.colours[1].index(value), len(self.colours[1])
+        return _COLOURS[i] if n <= len(_COLOURS) else colormaps["viridis"](0.95 * i / (n - 1))
+
+    def marker(self, value: str) -> dict[str, Any]:
+        """A shape; a number where there are not enough shapes."""
+        i, n = self.markers[1].index(value), len(self.markers[1])
+        if n > len(_SHAPES):
+            size = 6 if i < 9 else 10
+            return {"marker": f"${i + 1}$", "markersize": size, "markeredgewidth": 0.0}
+        return {"marker": _SHAPES[i], "markersize": 7, "markeredgewidth": 0.5}
+
+    def of(self, run: Run) -> dict[str, Any]:
+        """What matplotlib is told about a run's point."""
+        colour, marker = (position(run, name) for name, _ in (self.colours, self.markers))
+        edge = {"markeredgecolor": "white", "alpha": 0.85}
+        return {"color": self.colour(colour), **self.marker(marker), **edge}
+
+
+def draw_sweep(results: Sequence[Result], uav_id: int | None, folder: Path) -> None:
+    """Draw saving against IAE, a panel for each quantity, into sweep.png and sweep.svg.
+
+    The axis with the most values gives the colours, if they are numbers or few; the next one
+    the markers; each combination of the others has a row of panels. A line joins points whose
+    colour means a number, and that differ in nothing else. Runs without a complete flight
+    stand behind crosses at the right margin.
+    """
+    styles, rows = _arrange(results)
+    legend_lines = 6 + len(styles.colours[1]) + len(styles.markers[1])
+    one = len(rows) == 1  # row; its panels are two by two, and wider
+    figure = new_figure(max(6.2 if one else 2.3 * len(rows) + 0.6, 0.2 * legend_lines))
+    shape = (2, 2) if one else (len(rows), 4)
+    panels = figure.subplots(*shape, sharex="none" if one else "col", sharey=True, squeeze=False)
+    panels = panels.reshape(len(rows), 4)
+    for row, (where, chosen) in zip(panels, rows, strict=True):
+        for panel, quantity in zip(row, QUANTITIES, strict=True):
+            _draw_points(panel, chosen, uav_id, quantity, styles)
+        for panel in row[:: 2 if one else 4]:
+            panel.set_ylabel(f"{where}\nsaving [%]" if where else "saving [%]")
+        _draw_crosses(figure, row[-1], [r for r in chosen if uav_of(r, uav_id) is None], styles)
+    for panel, quantity in zip(panels[-1], QUANTITIES, strict=True):
+        panel.set_xlabel(f"IAE of {quantity} [{IAE_UNITS[quantity]}]")
+    title = f"UAV {uav_id}: transmissions saved against integral of absolute error (IAE)"
+    figure.suptitle(title, size=SMALL + 3.0)
+    _draw_legends(figure, styles)
+    save(figure, folder, "sweep")
+
+
+def _arrange(results: Sequence[Result]) -> tuple[_Styles, list[tuple[str, list[Result]]]]:
+    """Share the axes out between colours, markers and rows; a row is its name and its results."""
+    left = sorted((axis for axis in axes_of(results) if len(axis[1]) > 1), key=lambda a: -len(a[1]))
+    fit = (axis for axis in left if _is_numeric(axis) or len(axis[1]) <= len(_COLOURS))
+    colours = next(fit, _NONE)
+    markers = next((axis for axis in left if axis is not colours), _NONE)
+    names = [name for name, values in left if (name, values) not in (colours, markers)]
+    rows: dict[str, list[Result]] = {}
+    for result in results:
+        where = ", ".join(f"{name} = {position(result.run, name)}" for name in names)
+        rows.setdefault(where, []).append(result)
+    if len(rows) > _MOST_ROWS:
+        rows = {f"any {', '.join(names)}": list(results)}
+    return _Styles(colours, markers), list(rows.items())
+
+
+def _is_numeric(axis: Axis) -> bool:
+    try:
+        return all(math.isfinite(float(value)) for value in axis[1])
+    except ValueError:
+        return False
+
+
+def _draw_points(
+    panel: "Axes", results: Sequence[Result], uav_id: int | None, quantity: str, styles: _Styles
+) -> None:
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for result in results:
+        if (uav := uav_of(result, uav_id)) is not None:
+            point = (uav["iae"][quantity], 100.0 * uav["saving"])
+            lines.setdefault(position(result.run, styles.markers[0]), []).append(point)
+            panel.plot(*point, **styles.of(result.run), zorder=3)
+    for line in lines.values():
+        if _is_numeric(styles.colours) and len(line) <= len(styles.colours[1]):
+            panel.plot(*zip(*line, strict=True), color="0.8", lw=0.7)
+    values = [x for line in lines.values() for x, _ in line]
+    if values and max(values) > _WIDE * min(values) > 0.0:
+        from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter  # noqa: PLC0415
+
+        panel.set_xscale("log")
+        subs = (1.0, 2.0, 5.0) if max(values) < 100.0 * min(values) else (1.0,)
+        panel.xaxis.set_major_locator(LogLocator(subs=subs))
+        panel.xaxis.set_major_formatter(ScalarFormatter())
+        panel.xaxis.set_minor_formatter(NullFormatter())
+    else:
+        panel.locator_params(axis="x", nbins=6)
+    panel.margins(0.08)
+    tidy(panel)
+
+
+def _draw_crosses(
+    figure: "Figure", panel: "Axes", missing: Sequence[Result], styles: _Styles
+) -> None:
+    """Put a cross and its style beside the panel for each run without an IAE; count them."""
+    from matplotlib.transforms import offset_copy  # noqa: PLC0415
+
+    right = [offset_copy(panel.transAxes, figure, x, units="points") for x in (9, 19, 26)]
+    for k, result in enumerate(missing):
+        at = (1.0, (k + 0.5) / max(len(missing), 14))
+        panel.plot(*at, "kx", transform=right[0], clip_on=False)
+        panel.plot(*at, **styles.of(result.run), transform=right[1], clip_on=False)
+    counts = Counter(result.outcome for result in missing)
+    text = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
+    panel.text(1.0, 0.0, text, rotation=90, va="bottom", size=SMALL, transform=right[2])
+
+
+def _draw_legends(figure: "Figure", styles: _Styles) -> None:
+    from matplotlib.lines import Line2D  # noqa: PLC0415
+
+    colours, markers = styles.colours, styles.markers
+    dots = [Line2D([], [], ls="", marker="o", color=styles.colour(v)) for v in colours[1]]
+    signs = [Line2D([], [], ls="", color=GREY, **styles.marker(v)) for v in markers[1]]
+    look: dict[str, Any] = {"frameon": False, "fontsize": SMALL, "title_fontsize": SMALL}
+    if colours[0]:
+        figure.legend(dots, colours[1], title=colours[0], loc="outside right upper", **look)
+    if markers[0]:
+        figure.legend(signs, markers[1], title=markers[0], loc="outside right lower", **look)
