@@ -17,8 +17,7 @@ from gcs.recording import Mode, Recording
 from gcs.scenario import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.endpoint import Address
-from mavlink_defs.faults import fault_to_params
+from mavlink_defs.endpoint import Address, Connection
 from mavlink_defs.tlog import TlogWriter
 
 __all__ = ["fly_over_udp"]
@@ -59,7 +58,8 @@ async def fly_over_udp(
 
     links = scenario.links
     with TlogWriter(folder / "flight.tlog") as tlog:
-        async with Client(Address(links.host, links.gcs_port), tlog, follow) as client:
+        connection = Connection("in", Address(links.host, links.gcs_port))
+        async with Client(connection, tlog=tlog, on_message=follow) as client:
             with Fleet(scenario, speed, folder / "processes") as fleet:
                 try:
                     await _prepare(client, fleet, scenario)
@@ -84,13 +84,9 @@ async def _prepare(client: Client, fleet: Fleet, scenario: Scenario) -> None:
     segments = scenario.segments()
     await asyncio.gather(*(client.vehicle(i).upload(segments) for i in ids))
     for uav_id, fault in scenario.fault_commands():
-        params = fault_to_params(fault)
-        await client.vehicle(uav_id).command(dialect.MAV_CMD_FTC_SET_FAULT, params)
-    for number, params in (
-        (dialect.MAV_CMD_MISSION_START, ()),
-        (dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,)),
-    ):
-        await asyncio.gather(*(client.vehicle(i).command(number, params) for i in ids))
+        await client.vehicle(uav_id).set_fault(fault)
+    await asyncio.gather(*(client.vehicle(i).start_mission() for i in ids))
+    await asyncio.gather(*(client.vehicle(i).arm() for i in ids))
     fleet.check()
 
 
