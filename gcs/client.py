@@ -37,6 +37,7 @@ _TICK_S = 0.2
 _HEARTBEAT_S = 1.0
 _DISCOVERY_S = 1.2  # every vehicle sends a HEARTBEAT within a second
 _NEWS_KEPT = 2000
+_SHARE_HINT = "go through the hub of `gcs up` with --connect udpout:HOST:PORT"
 
 
 class Client(asyncio.DatagramProtocol):
@@ -100,7 +101,7 @@ class Client(asyncio.DatagramProtocol):
         address = self.connection.address
         try:
             if self.connection.direction == "in":
-                sock = bind_udp(address, "ground station", "choose another port")
+                sock = bind_udp(address, "ground station", _SHARE_HINT)
             else:
                 sock = connect_udp(address)
         except EndpointError as problem:
@@ -149,7 +150,7 @@ class Client(asyncio.DatagramProtocol):
         def missing() -> set[int]:
             return {i for i in wanted if not (v := self._vehicles.get(i)) or not v.state.is_ready}
 
-        if not await self._until(lambda: not missing(), timeout_s):
+        if not await self.until(lambda: not missing(), timeout_s):
             names = ", ".join(map(str, sorted(missing())))
             raise NoAnswer(f"UAV {names} not ready within {timeout_s:g} s on {self.connection}")
 
@@ -169,7 +170,7 @@ class Client(asyncio.DatagramProtocol):
             waited = self.now() - begin >= _DISCOVERY_S
             return waited and bool(self._vehicles) and not self.fleet.rumoured
 
-        heard = await self._until(lambda: complete() or self.unreachable, timeout_s)
+        heard = await self.until(lambda: complete() or self.unreachable, timeout_s)
         if self.unreachable:
             raise NoAnswer(f"nobody listens at {self.connection.address} ({self.connection})")
         if systems is not None and not heard:
@@ -179,8 +180,8 @@ class Client(asyncio.DatagramProtocol):
             raise NoAnswer(f"no vehicle heard within {timeout_s:g} s on {self.connection}")
         return [v for i, v in self.vehicles.items() if systems is None or i in systems]
 
-    async def _until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait for a condition that messages bring about; False when there is no time left."""
+    async def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait for a condition that messages or time bring about; False if it stays untrue."""
         end = self.now() + timeout_s
         while not condition():
             self._heard.clear()

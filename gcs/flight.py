@@ -20,7 +20,7 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Address, Connection
 from mavlink_defs.tlog import TlogWriter
 
-__all__ = ["fly_over_udp"]
+__all__ = ["fly_over_udp", "prepare"]
 
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.05
@@ -62,7 +62,7 @@ async def fly_over_udp(
         async with Client(connection, tlog=tlog, on_message=follow) as client:
             with Fleet(scenario, speed, folder / "processes") as fleet:
                 try:
-                    await _prepare(client, fleet, scenario)
+                    await prepare(client, fleet, scenario, start=True)
                     while fleet.plant_returncode is None:
                         fleet.check()
                         await asyncio.sleep(_LOOK_S)
@@ -73,8 +73,19 @@ async def fly_over_udp(
                 return _collect(scenario, fleet, "real_time" if speed else "lockstep")
 
 
-async def _prepare(client: Client, fleet: Fleet, scenario: Scenario) -> None:
-    """Bring the fleet to the point where simulated time begins."""
+async def prepare(client: Client, fleet: Fleet, scenario: Scenario, start: bool) -> None:
+    """Bring profiles and faults to a fleet that starts up.
+
+    Args:
+        client: Connected to the fleet.
+        fleet: Its processes.
+        scenario: The scenario.
+        start: Also start the missions and arm, so that simulated time begins.
+
+    Raises:
+        BadInput, FlightLost: A process ended.
+        CommandRefused, NoAnswer: What a vehicle answered, or not.
+    """
     ids = [uav.id for uav in scenario.uavs]
     waiting = asyncio.create_task(client.wait_for(ids, _START_TIMEOUT_S))
     while not waiting.done():
@@ -85,8 +96,9 @@ async def _prepare(client: Client, fleet: Fleet, scenario: Scenario) -> None:
     await asyncio.gather(*(client.vehicle(i).upload(segments) for i in ids))
     for uav_id, fault in scenario.fault_commands():
         await client.vehicle(uav_id).set_fault(fault)
-    await asyncio.gather(*(client.vehicle(i).start_mission() for i in ids))
-    await asyncio.gather(*(client.vehicle(i).arm() for i in ids))
+    if start:
+        await asyncio.gather(*(client.vehicle(i).start_mission() for i in ids))
+        await asyncio.gather(*(client.vehicle(i).arm() for i in ids))
     fleet.check()
 
 
