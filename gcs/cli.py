@@ -5,7 +5,7 @@ import sys
 
 import typer
 
-from gcs.commands import fly, up
+from gcs.commands import control, fault, fly, param, profile, record, status, up
 from gcs.errors import BadInput, GcsError, Interrupted
 from mavlink_defs.config import ConfigError
 
@@ -29,6 +29,15 @@ def gcs() -> None:
 
 app.command(epilog=fly.EPILOG)(fly.fly)
 app.command(epilog=up.EPILOG)(up.up)
+app.command(epilog=status.EPILOG)(status.status)
+app.command(epilog=control.START_EPILOG)(control.start)
+app.command(epilog=control.ARM_EPILOG)(control.arm)
+app.command(epilog=control.DISARM_EPILOG)(control.disarm)
+app.command(epilog=control.MODE_EPILOG)(control.mode)
+app.add_typer(fault.app, name="fault")
+app.add_typer(profile.app, name="profile")
+app.add_typer(param.app, name="param")
+app.command(epilog=record.EPILOG)(record.record)
 
 
 def main() -> None:

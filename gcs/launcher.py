@@ -61,28 +61,36 @@ def on_free_ports(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"links": links})
 
 
-def check_ports(scenario: Scenario, gcs_too: bool = True) -> None:
+def check_ports(scenario: Scenario, hub: Address | None = None) -> None:
     """Make sure that every port can be had, before any process starts.
 
     Args:
         scenario: The scenario.
-        gcs_too: Whether the GCS port is to be bound as well.
+        hub: Where a hub is to be bound; the GCS port is left to others then.
 
     Raises:
         BadInput: A port is in use, or the host is not this machine.
     """
     links = scenario.links
-    ports = {"gcs_port": links.gcs_port} if gcs_too else {}
-    ports |= {"plant_port": links.plant_port}
-    ports |= {f"formation_base_port + {u.id}": links.formation_base_port + u.id
-              for u in scenario.uavs}  # fmt: skip
-    for key, port in ports.items():
+    ports = {
+        "links.plant_port of the scenario": links.plant_port,
+        **{
+            f"links.formation_base_port + {uav.id} of the scenario": (
+                links.formation_base_port + uav.id
+            )
+            for uav in scenario.uavs
+        },
+    }
+    if hub is None:
+        ports = {"links.gcs_port of the scenario": links.gcs_port, **ports}
+    elif hub.port in {links.gcs_port, *ports.values()}:
+        raise BadInput(f"--hub-port is {hub.port}, which the scenario has a use for already")
+    else:
+        ports = {"--hub-port": hub.port, **ports}
+    for what, port in ports.items():
         try:
-            bind_udp(
-                Address(links.host, port),
-                f"links.{key} of the scenario",
-                "let --free-ports choose others",
-            ).close()
+            address = Address(links.host, port)
+            bind_udp(address, what, "let --free-ports choose others").close()
         except EndpointError as problem:
             raise BadInput(str(problem)) from None
 

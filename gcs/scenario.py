@@ -71,6 +71,17 @@ class ProfileSegment(Model):
     yaw_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Yaw angle.")
     shape: Literal["step", "ramp"] = "step"
 
+    def segment(self) -> Segment:
+        """The segment as it is uploaded."""
+        return Segment(
+            start_s=self.start_s,
+            airspeed_m_s=self.airspeed_m_s,
+            roll_deg=self.roll_deg,
+            pitch_deg=self.pitch_deg,
+            yaw_deg=self.yaw_deg,
+            ramp=self.shape == "ramp",
+        )
+
 
 class ScenarioFault(Model):
     """An actuator fault (13), (19): applied = effectiveness * commanded + value.
@@ -241,17 +252,7 @@ class Scenario(Model):
 
     def segments(self) -> tuple[Segment, ...]:
         """The profile as it is uploaded to every UAV."""
-        return tuple(
-            Segment(
-                start_s=segment.start_s,
-                airspeed_m_s=segment.airspeed_m_s,
-                roll_deg=segment.roll_deg,
-                pitch_deg=segment.pitch_deg,
-                yaw_deg=segment.yaw_deg,
-                ramp=segment.shape == "ramp",
-            )
-            for segment in self.profile
-        )
+        return tuple(segment.segment() for segment in self.profile)
 
     def fault_commands(self) -> list[tuple[int, Fault]]:
         """UAV id and fault of each fault, in the order of the file."""

@@ -31,7 +31,7 @@ from mavlink_defs.param import (
     ParamSetter,
 )
 from mavlink_defs.profile import (
-    AirspeedLimits,
+    ANY_AIRSPEED,
     ProfileError,
     Segment,
     items_to_segments,
@@ -44,7 +44,6 @@ Progress = Callable[[int, int], None]
 """Called with what is done and what there is in all."""
 
 _FORCE = 21196.0
-_ANY_AIRSPEED = AirspeedLimits(0.0, math.inf)
 
 
 class Runner(Protocol):
@@ -128,6 +127,10 @@ class Vehicle:
         params = (message_id, interval_s * 1e6 if interval_s >= 0.0 else -1.0)
         await self.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, params)
 
+    async def request(self, message_id: int) -> None:
+        """Ask for one message now; `state.latest` has it when this returns, unless it got lost."""
+        await self.command(dialect.MAV_CMD_REQUEST_MESSAGE, (message_id,))
+
     # faults
 
     async def set_fault(self, fault: Fault) -> None:
@@ -198,7 +201,7 @@ class Vehicle:
         if done.result == ok:
             try:
                 many = len(done.items) > 1
-                segments = items_to_segments(done.items, _ANY_AIRSPEED) if many else ()
+                segments = items_to_segments(done.items, ANY_AIRSPEED) if many else ()
             except ProfileError as error:
                 problem = error
         self._runner.tell(self.state.learn_profile(segments, self._now()))

@@ -345,17 +345,20 @@ class VehicleState:
 def describe_fault(fault: Fault) -> str:
     """A fault in words: "rudder at 90 % + 1 deg in (19, 22] s"."""
     unit = "N" if fault.actuator == dialect.FTC_ACTUATOR_THROTTLE else "deg"
-    value = f"{fault.value:g} {unit}"
-    if fault.frequency_hz:
-        value += f" · cos 2π {fault.frequency_hz:g} Hz"
+    wave = f" · cos 2π {fault.frequency_hz:g} Hz" if fault.frequency_hz else ""
     if fault.effectiveness == 0.0:
-        what = f"stuck at {value}"
+        what = f"stuck at {fault.value:g} {unit}{wave}"
     else:
         what = f"at {100.0 * fault.effectiveness:g} %"
         if fault.value:
-            what += f" + {value}" if fault.value > 0.0 else f" − {value.removeprefix('-')}"
-    until = f"{fault.end_s:g}]" if math.isfinite(fault.end_s) else "…)"
-    return f"{ACTUATORS[fault.actuator]} {what} in ({fault.start_s:g}, {until} s"
+            what += f" {'-' if fault.value < 0.0 else '+'} {abs(fault.value):g} {unit}{wave}"
+    return f"{ACTUATORS[fault.actuator]} {what} {_window(fault)}"
+
+
+def _window(fault: Fault) -> str:
+    begins = "now" if math.isnan(fault.start_s) else f"({fault.start_s:g}"
+    ends = f"{fault.end_s:g}] s" if math.isfinite(fault.end_s) else "until cleared"
+    return f"from {begins}, {ends}" if begins == "now" else f"in {begins}, {ends}"
 
 
 def _mode_name(heartbeat: Any) -> str:

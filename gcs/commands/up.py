@@ -46,7 +46,10 @@ def up(
     ] = False,
     start: Annotated[bool, typer.Option("--start", help="Start the mission and arm, too.")] = False,
     hub_port: Annotated[
-        int, typer.Option(help="UDP port that any number of ground stations can connect to.")
+        int,
+        typer.Option(
+            min=1, max=65535, help="UDP port that any number of ground stations can connect to."
+        ),
     ] = HUB_PORT,
     free: Annotated[
         bool,
@@ -75,7 +78,7 @@ def up(
         loaded = on_free_ports(loaded)
         (hub_port,) = free_ports(1, loaded.links.host)
     else:
-        check_ports(loaded, gcs_too=False)
+        check_ports(loaded, Address(loaded.links.host, hub_port))
     folder = make_run_folder(out, loaded.name)
     console = Console(stderr=True, quiet=quiet or as_json, highlight=False)
     pace = None if lockstep else speed or 1.0
