@@ -5,7 +5,8 @@ import sys
 
 import typer
 
-from gcs.commands import control, fault, fly, param, profile, record, status, up
+from gcs.commands import control, dashboard, fault, fly, param, profile, record, status, up
+from gcs.commands.station import ConnectOption
 from gcs.errors import BadInput, GcsError, Interrupted
 from mavlink_defs.config import ConfigError
 
@@ -15,16 +16,29 @@ _EXIT_DEFECT = 70
 
 app = typer.Typer(
     help="Ground station of ftc-sitl: fly a UAV formation over real MAVLink.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
 
 
-@app.callback()
-def gcs() -> None:
-    """Ground station of ftc-sitl: fly a UAV formation over real MAVLink."""
+@app.callback(epilog=dashboard.EPILOG)
+def gcs(
+    context: typer.Context,
+    connect: ConnectOption = None,
+    theme: dashboard.ThemeOption = "dark",
+) -> None:
+    """Ground station of ftc-sitl: fly a UAV formation over real MAVLink.
+
+    Without a command: the operator's dashboard.
+    """
+    if context.invoked_subcommand is not None:
+        dashboard.refuse_options(context)
+    elif dashboard.has_terminal():
+        dashboard.dashboard(connect, theme)
+    else:
+        typer.echo(context.get_help())
 
 
 app.command(epilog=fly.EPILOG)(fly.fly)
