@@ -148,7 +148,7 @@ def list_(
 
     async def action(vehicle: Vehicle) -> str:
         faults = await vehicle.list_faults()
-        time_s = vehicle.state.time_s
+        time_s = await _time_s(vehicle)
         lines = [f"UAV {vehicle.system}: {_with_phase(fault, time_s)}" for fault in faults]
         return "\n".join(lines) or f"UAV {vehicle.system}: no faults"
 
@@ -161,16 +161,15 @@ def list_(
 
 
 async def _time_s(vehicle: Vehicle) -> float:
-    if vehicle.state.time_s is None:
-        await vehicle.request(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
+    """Its simulated time, asked for."""
+    await vehicle.request(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
     if (time_s := vehicle.state.time_s) is None:
-        raise NoAnswer(f"UAV {vehicle.system} has not told its simulated time, which --for-s needs")
+        raise NoAnswer(f"UAV {vehicle.system} did not tell its simulated time")
     return time_s
 
 
-def _with_phase(fault: Fault, time_s: float | None) -> str:
-    now = 0.0 if time_s is None else time_s
-    phase = "waiting" if now <= fault.start_s else "active" if now <= fault.end_s else "over"
+def _with_phase(fault: Fault, time_s: float) -> str:
+    phase = "waiting" if time_s <= fault.start_s else "active" if time_s <= fault.end_s else "over"
     return f"{describe_fault(fault)}, {phase}"
 
 
