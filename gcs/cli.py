@@ -5,7 +5,7 @@ import sys
 
 import typer
 
-from gcs.commands import control, dashboard, fault, fly, param, profile, record, status, up
+from gcs.commands import control, dashboard, fault, fly, log, param, profile, record, status, up
 from gcs.commands.station import ConnectOption
 from gcs.errors import BadInput, GcsError, Interrupted
 from mavlink_defs.config import ConfigError
@@ -52,6 +52,7 @@ app.add_typer(fault.app, name="fault")
 app.add_typer(profile.app, name="profile")
 app.add_typer(param.app, name="param")
 app.command(epilog=record.EPILOG)(record.record)
+app.command(epilog=log.EPILOG)(log.log)
 
 
 def main() -> None:

@@ -15,10 +15,16 @@ from textual.widgets import Footer, Static, TabbedContent, TabPane
 
 from gcs.tui.dialogs import Help, Question
 from gcs.tui.events import EventsPanel
+from gcs.tui.faults import FaultsPanel, clear_all, repeat
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
 from gcs.tui.operations import Operations
 from gcs.tui.overview import Overview
+from gcs.tui.parameters import ParametersPanel
+from gcs.tui.playback import Playback
+from gcs.tui.plots import PlotsPanel
+from gcs.tui.profiles import Holdings, ProfilesPanel
+from gcs.tui.replay_bar import ReplayBar
 from gcs.tui.requests import Choice, Refresh, Wish
 from gcs.tui.status_bar import StatusBar
 from gcs.tui.themes import DARK, LIGHT
@@ -35,6 +41,9 @@ REFRESH_S = 0.2
 MIN_SIZE = (80, 24)
 
 _TABS = ("fleet", "plots", "faults", "profiles", "parameters", "events")
+
+_REPLAYING = {"play", "seek", "speed"}
+_ACTING = {"arm", "start", "mode", "disarm", "repeat", "clear_all"}
 
 
 class Dashboard(App[None]):
@@ -54,6 +63,17 @@ class Dashboard(App[None]):
         Binding("s", "start", "start", tooltip="Start the mission: fly the profile"),
         Binding("m", "mode", "mode", tooltip="Change the mode"),
         Binding("x", "disarm", "disarm", tooltip="Disarm; by force in flight"),
+        Binding("r", "repeat", "repeat fault", show=False,
+                tooltip="Give the last fault to another UAV: the next that has it not"),
+        Binding("C", "clear_all", "clear all faults", show=False,
+                tooltip="Clear all faults of the marked UAVs, or of all"),
+        Binding("k", "play", "play/pause", tooltip="Log: play or pause"),
+        Binding("j", "seek(-5)", "-5 s", tooltip="Log: 5 s back"),
+        Binding("l", "seek(5)", "+5 s", tooltip="Log: 5 s on"),
+        Binding("J", "seek(-60)", "-60 s", show=False, tooltip="Log: a minute back"),
+        Binding("L", "seek(60)", "+60 s", show=False, tooltip="Log: a minute on"),
+        Binding("less_than_sign", "speed(-1)", "slower", tooltip="Log: slower"),
+        Binding("greater_than_sign", "speed(1)", "faster", tooltip="Log: faster"),
         Binding("t", "theme", "dark or light colours", show=False),
         Binding("question_mark,f1", "help", "help", tooltip="This help"),
         Binding("q", "quit", "quit", tooltip="Leave; the fleet flies on"),
@@ -68,6 +88,7 @@ class Dashboard(App[None]):
         """
         super().__init__()
         self.view = FleetView(source)
+        self.playback = source if isinstance(source, Playback) else None
         self.operations = Operations(self.view, self._tell)
         for known in (DARK, LIGHT):
             self.register_theme(known)
@@ -79,8 +100,18 @@ class Dashboard(App[None]):
         with TabbedContent(initial="fleet"):
             with TabPane("1 Fleet", id="fleet"):
                 yield Overview()
+            with TabPane("2 Plots", id="plots"):
+                yield PlotsPanel(classes="with-keys")
+            with TabPane("3 Faults", id="faults"):
+                yield FaultsPanel(classes="with-keys")
+            with TabPane("4 Profiles", id="profiles"):
+                yield ProfilesPanel(classes="with-keys")
+            with TabPane("5 Parameters", id="parameters"):
+                yield ParametersPanel(classes="with-keys")
             with TabPane("6 Events", id="events"):
-                yield EventsPanel()
+                yield EventsPanel(classes="with-keys")
+        if self.playback is not None:
+            yield ReplayBar()
         yield Footer(compact=True)
         yield Static(id="too-small")
 
@@ -103,6 +134,9 @@ class Dashboard(App[None]):
 
     def refresh_view(self, force: bool = False) -> None:
         """Look at the data; draw what has changed on the visible panel."""
+        if self.playback is not None:
+            self.playback.advance()
+            self.query_one(ReplayBar).show_playback(self.playback)
         if self.view.look() or force or self.operations.going_on:
             self.query_one(StatusBar).show_view(self.view, self.operations.going_on)
             if (panel := self._panel) is not None:
@@ -126,17 +160,20 @@ class Dashboard(App[None]):
         self.refresh_view()
 
     @on(FleetTable.Marked)
-    def _marked(self, event: FleetTable.Marked) -> None:
-        self.view.marked ^= {event.system}
+    @on(Holdings.Marked)
+    def _marked(self, event: FleetTable.Marked | Holdings.Marked) -> None:
+        if self.playback is not None:  # nothing is done with marked vehicles
+            self.action_play()
+        else:
+            self.view.marked ^= {event.system}
         self.refresh_view()
 
     def action_tab(self, name: str) -> None:
         """Show a panel, and put the focus into it."""
-        self.query_one(TabbedContent).active = name
-        if (panel := self._panel) is not None:
-            first = next((w for w in panel.query("*") if w.focusable), None)
-            if first is not None:
-                first.focus()
+        tabs = self.query_one(TabbedContent)
+        tabs.active = name
+        panes = tabs.get_pane(name).query("*")
+        self.set_focus(next((w for w in panes if w.can_focus and not w.disabled), None))
 
     def action_select(self, step: int) -> None:
         """Select another vehicle."""
@@ -167,12 +204,41 @@ class Dashboard(App[None]):
                 run = partial(self.run_action, binding.action)
                 yield SystemCommand(binding.description.capitalize(), words, run)
 
+    # a log
+
+    def action_play(self) -> None:
+        """Play or pause; at the end play again from the begin."""
+        if self.playback is not None:
+            if not self.playback.playing and self.playback.wanted_s >= self.playback.length_s:
+                self.playback.seek(0.0)
+            self.playback.playing = not self.playback.playing
+            self.refresh_view()
+
+    def action_seek(self, step_s: float) -> None:
+        """Go on or back."""
+        if self.playback is not None:
+            self.playback.seek(self.playback.wanted_s + step_s)
+            self.refresh_view(force=True)
+
+    def action_speed(self, step: int) -> None:
+        """Go faster or slower."""
+        if self.playback is not None:
+            self.playback.change_speed(step)
+            self.refresh_view()
+
+    @on(ReplayBar.Sought)
+    def _sought(self, event: ReplayBar.Sought) -> None:
+        if self.playback is not None:
+            self.playback.seek(event.share * self.playback.length_s)
+            self.refresh_view(force=True)
+
     # acting
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """A log cannot be acted upon."""
-        acting = action in {"arm", "start", "mode", "disarm"}
-        return self.view.source.can_act if acting else True
+        if action in _REPLAYING:
+            return self.playback is not None
+        return self.view.source.can_act if action in _ACTING else True
 
     @on(Wish)
     def _asked_for(self, wish: Wish) -> None:
@@ -236,6 +302,18 @@ class Dashboard(App[None]):
         )
         choices = (Choice("Disarm", "", "warning"), Choice("Force: no thrust", "force", "error"))
         self.post_message(Wish("disarm", targets, act, question=question, choices=choices))
+
+    def action_repeat(self) -> None:
+        """Repeat the last fault."""
+        wish, words = repeat(self.view)
+        if wish is None:
+            self._tell(words, "warning")
+        else:
+            self.post_message(wish)
+
+    def action_clear_all(self) -> None:
+        """Clear all faults."""
+        self.post_message(clear_all(self.view))
 
     def action_mode(self) -> None:
         """Change the mode."""

@@ -58,3 +58,8 @@ class Journal:
         """The entries after this number, as far as they are kept."""
         new = min(self.count - number, len(self.entries))
         return [self.entries[i] for i in range(len(self.entries) - new, len(self.entries))]
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.entries.clear()
+        self.count = 0

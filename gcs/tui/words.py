@@ -20,9 +20,8 @@ def number(value: float | None, digits: int = 1) -> str:
     """A number with a fixed number of digits; "–" for none or NaN."""
     if value is None or math.isnan(value):
         return "–"
-    return (
-        f"{value + 0.0:.{digits}f}".replace("-0.0", "0.0") if not value else f"{value:.{digits}f}"
-    )
+    text = f"{value:.{digits}f}"
+    return text if text.strip("-0.") else text.removeprefix("-")  # no "-0.0"
 
 
 def count(value: int) -> str:
