@@ -39,16 +39,19 @@ class Up:
         assert done.returncode == status, done.stderr
         return json.loads(done.stdout)
 
-    def begin(self, *arguments: str | Path, connect: str | None = None) -> subprocess.Popen[str]:
+    def begin(
+        self, *arguments: str | Path, connect: str | None = None, output: Path | None = None
+    ) -> subprocess.Popen[str]:
         """Start a command that goes on until it is told to stop."""
-        return subprocess.Popen(
-            [BIN / "gcs", *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=environment(FTC_SITL_CONNECT=connect or self.hub),
-        )
+        with output.open("w") if output else contextlib.nullcontext() as file:
+            return subprocess.Popen(
+                [BIN / "gcs", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=file or subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                env=environment(FTC_SITL_CONNECT=connect or self.hub),
+            )
 
     def stop(self, number: int = signal.SIGINT) -> tuple[int, str]:
         """Tell `gcs up` to stop; its exit status and last words."""

@@ -22,6 +22,7 @@ from flying import (
     run,
     scenario_tree,
     wait_until,
+    write_scenario,
 )
 from station import LossyRelay, Up, up
 
@@ -36,13 +37,17 @@ pytestmark = pytest.mark.sitl
 ACCEPTED, BAD_INPUT, REFUSED, NO_ANSWER = 0, 2, 3, 4
 SOMEDAY = ("--start-s", "10000")  # a fault that is set but never acts
 GONE_S = 15.0
+FLOWN_S = 12.0  # of scenario 1 in a test; it is made for 24 s
 
 
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """Scenario 1, flying in real time."""
+    """Scenario 1, flying in real time; in the end its `gcs up` is killed, and nothing is left."""
     with up(tmp_path_factory.mktemp("fleet"), "--start") as fleet:
         yield fleet
+        assert len(processes_of(fleet.folder)) == 5
+        assert fleet.stop(signal.SIGKILL)[0] == -signal.SIGKILL
+        wait_until(lambda: not processes_of(fleet.folder), "no process is left", GONE_S)
 
 
 def words(done: Any, status: int) -> str:
@@ -163,10 +168,8 @@ def test_profiles(fleet: Up, tmp_path: Path) -> None:
     assert "UAV 2 holds another profile" in words(done, REFUSED)
     assert fleet.gcs("profile", "download", "--uav", "2", "--out", held).returncode == ACCEPTED
     assert load_profile(held) == load_profile(mine)
-    done = fleet.gcs("profile", "upload", SCENARIO_1, "--uav", "2")
-    assert done.returncode == ACCEPTED, done.stderr
-    (answer,) = fleet.gcs_json("profile", "download", "--uav", "2")
-    assert len(answer["profile"]) == 3
+    (answer,) = fleet.gcs_json("profile", "upload", SCENARIO_1, "--uav", "2")
+    assert answer == {"uav": 2, "outcome": "accepted", "segments": 3}
 
 
 def test_vehicles_offer_no_parameters_yet(fleet: Up) -> None:
@@ -202,12 +205,12 @@ def test_who_is_not_there(fleet: Up, tmp_path: Path) -> None:
     assert not missing.exists()
 
 
-def test_many_ground_stations_at_a_time(fleet: Up) -> None:
-    holder = fleet.begin("status", "--watch", "--json", connect=f"udpin:127.0.0.1:{fleet.gcs_port}")
+def test_many_ground_stations_at_a_time(fleet: Up, tmp_path: Path) -> None:
+    direct, output = f"udpin:127.0.0.1:{fleet.gcs_port}", tmp_path / "lines"
+    holder = fleet.begin("status", "--watch", "--json", connect=direct, output=output)
     try:
-        assert holder.stdout is not None
-        assert json.loads(holder.stdout.readline())["vehicles"]
-        done = fleet.gcs("status", connect=f"udpin:127.0.0.1:{fleet.gcs_port}")
+        wait_until(lambda: "\n" in output.read_text(), "the first station hears the fleet")
+        done = fleet.gcs("status", connect=direct)
         assert str(fleet.gcs_port) in words(done, BAD_INPUT)
         assert "hub" in done.stderr
         parallel = [fleet.begin("mode", "auto", "--uav", "1,3") for _ in range(2)]
@@ -216,9 +219,10 @@ def test_many_ground_stations_at_a_time(fleet: Up) -> None:
             assert (one.returncode, stderr) == (ACCEPTED, "")
             assert stdout == "UAV 1 in mode AUTO\nUAV 3 in mode AUTO\n"
         holder.send_signal(signal.SIGINT)
-        stdout, stderr = holder.communicate(timeout=TIMEOUT_S)
+        _, stderr = holder.communicate(timeout=TIMEOUT_S)
         assert (holder.returncode, stderr) == (0, "")
-        assert len(json.loads(stdout.splitlines()[-1])["vehicles"]) == 3
+        for line in output.read_text().splitlines():
+            assert len(json.loads(line)["vehicles"]) == 3
     finally:
         holder.kill()
         holder.communicate()
@@ -260,10 +264,23 @@ def test_an_operator_s_session(tmp_path: Path) -> None:
         said = words(fleet.gcs("status", "--uav", "2", "--timeout", "1.5"), NO_ANSWER)
         assert "UAV 2" in said
         assert [s["uav"] for s in fleet.gcs_json("status")["vehicles"]] == [1, 3]
+        restart_and_arm(fleet)
         status, stderr = fleet.stop()
         assert status == 0
         assert stderr.startswith("uav2: ended by signal 9")
         assert not processes_of(fleet.folder)
+
+
+def restart_and_arm(fleet: Up) -> None:
+    config = fleet.folder / "processes" / "uav2.yaml"
+    autopilot = subprocess.Popen([BIN / "ftc-autopilot", config, "--exit-with-parent"])
+    try:
+        wait_until(lambda: bool(state_of(fleet, 2)["ready"]), "the autopilot is back")
+        assert fleet.gcs("arm", "--uav", "2").returncode == ACCEPTED
+        assert state_of(fleet, 2)["steps"] < state_of(fleet, 1)["steps"]
+    finally:
+        autopilot.terminate()
+        autopilot.wait(TIMEOUT_S)
 
 
 def watch_silence(fleet: Up) -> None:
@@ -288,15 +305,6 @@ def watch_silence(fleet: Up) -> None:
         os.kill(autopilot, signal.SIGCONT)
         watch.kill()
         watch.communicate()
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_nothing_is_left_of_a_fleet(tmp_path: Path, number: int) -> None:
-    with up(tmp_path, "--lockstep", "--start") as fleet:
-        assert len(processes_of(fleet.folder)) == 5
-        status, stderr = fleet.stop(number)
-        assert status == (0 if number == signal.SIGTERM else -signal.SIGKILL), stderr
-        wait_until(lambda: not processes_of(fleet.folder), "no process is left", GONE_S)
 
 
 def test_a_lost_flight_ends_the_fleet(tmp_path: Path) -> None:
@@ -342,10 +350,12 @@ def test_stopped_and_killed_ground_stations_change_nothing(
             doomed.kill()
             assert watch.stdout is not None
             for line in watch.stdout:
-                if all(state["time_s"] > 24.0 for state in json.loads(line)["vehicles"]):
+                if all(state["time_s"] > FLOWN_S for state in json.loads(line)["vehicles"]):
                     break
             recorder.send_signal(signal.SIGINT)
             assert recorder.wait(TIMEOUT_S) == 0
+            assert fleet.stop(signal.SIGTERM) == (0, "")
+            assert not processes_of(fleet.folder)
         finally:
             for station in stations:
                 station.kill()
@@ -356,13 +366,13 @@ def test_stopped_and_killed_ground_stations_change_nothing(
 def compare_events(log: Path, reference: dict[str, np.ndarray]) -> None:
     compared = {1: 0, 2: 0, 3: 0}
     for _, message in read_tlog(log):
-        if message.get_type() == "FTC_EVENTS" and 0 < message.steps <= 24_000:
+        if message.get_type() == "FTC_EVENTS" and 0 < message.steps <= 1000 * FLOWN_S:
             uav = message.get_srcSystem()
             so_far = (reference["uav"] == uav) & (reference["step"] < message.steps)
             expected = [int((reference["channel"][so_far] == c).sum()) for c in range(4)]
             assert message.events == expected, (uav, message.steps)
             compared[uav] += 1
-    assert min(compared.values()) > 60
+    assert min(compared.values()) > 30
 
 
 def test_a_stopped_flight_goes_on_the_same(
@@ -370,7 +380,7 @@ def test_a_stopped_flight_goes_on_the_same(
 ) -> None:
     """`gcs fly` itself is stopped in mid-flight."""
     folder = tmp_path / "run"
-    with flying(folder, SCENARIO_1, "--quiet") as popen:
+    with flying(folder, write_scenario(tmp_path, duration_s=FLOWN_S), "--quiet") as popen:
         os.kill(popen.pid, signal.SIGSTOP)
         log = folder / "processes" / "uav1.npz"
         wait_until(log.exists, "the fleet has flown to its end")
@@ -379,8 +389,9 @@ def test_a_stopped_flight_goes_on_the_same(
         assert popen.returncode == 0, stderr
     flown = arrays_of(folder / "events.npz")
     assert flown.keys() == reference.keys()
+    early = reference["step"] < 1000 * FLOWN_S
     for name, values in reference.items():
-        assert np.array_equal(flown[name], values), name
+        assert np.array_equal(flown[name], values[early]), name
 
 
 def test_shell_completion_offers_actuators() -> None:
