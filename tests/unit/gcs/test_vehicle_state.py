@@ -163,6 +163,7 @@ def test_late_messages_are_no_restart() -> None:
     for now in (0.1, 1.2, 2.3):
         bench.say(events(30.0 + now, 30_000, 100), now)
         bench.say(events(29.8 + now, 29_800, 99), now)
+        bench.say(tracking(29.9 + now), now)
     assert bench.state().restarts == 0
     assert bench.state().counts.total == 100
 

@@ -104,12 +104,12 @@ def test_a_list_that_changes_meanwhile_is_no_mixture() -> None:
     lister = FaultLister(GCS, VEHICLE)
     lister.start(0.0)
     other = (FAULTS[1], FAULTS[0], FAULTS[2])
-    for message in (message_of(FAULTS, 0), message_of(other, 0), message_of(other, 1)):
-        lister.receive(over_the_wire(message, VEHICLE), 0.1)
+    for faults, i in ((FAULTS, 0), (FAULTS, 1), (other, 0), (other, 2)):
+        lister.receive(over_the_wire(message_of(faults, i), VEHICLE), 0.1)
     ack = dialect.MAVLink_command_ack_message(dialect.MAV_CMD_REQUEST_MESSAGE, ACCEPTED, 0, 0, *GCS)
     lister.receive(over_the_wire(ack, VEHICLE), 0.1)
     assert lister.events() == []
-    lister.receive(over_the_wire(message_of(other, 2), VEHICLE), 0.1)
+    lister.receive(over_the_wire(message_of(other, 1), VEHICLE), 0.1)
     assert lister.events() == [FaultsListed(ACCEPTED, other)]
 
 
