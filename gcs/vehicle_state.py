@@ -325,7 +325,7 @@ class VehicleState:
         accepted = message.result == dialect.MAV_RESULT_ACCEPTED
         if accepted and message.command in _FAULT_COMMANDS:
             self.faults_due = now
-        if accepted and message.command in _NOT_WORTH_A_WORD:
+        if message.result in _ACKED and message.command in _NOT_WORTH_A_WORD:
             return []
         result = enum_name("MAV_RESULT", message.result, "MAV_RESULT_")
         text = f"{enum_name('MAV_CMD', message.command, 'MAV_CMD_')}: {result}"

@@ -11,18 +11,20 @@ from textual.binding import Binding, BindingType
 from textual.events import Resize
 from textual.screen import Screen
 from textual.widget import Widget
-from textual.widgets import Footer, Static, TabbedContent, TabPane
+from textual.widgets import Footer, TabbedContent, TabPane
 
 from gcs.tui.dialogs import Help, Question
 from gcs.tui.events import EventsPanel
 from gcs.tui.faults import FaultsPanel, clear_all, repeat
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
+from gcs.tui.line import Line
 from gcs.tui.operations import Operations
 from gcs.tui.overview import Overview
 from gcs.tui.parameters import ParametersPanel
 from gcs.tui.playback import Playback
 from gcs.tui.plots import PlotsPanel
+from gcs.tui.profile_views import ProfileFiles
 from gcs.tui.profiles import Holdings, ProfilesPanel
 from gcs.tui.replay_bar import ReplayBar
 from gcs.tui.requests import Choice, Refresh, Wish
@@ -113,7 +115,7 @@ class Dashboard(App[None]):
         if self.playback is not None:
             yield ReplayBar()
         yield Footer(compact=True)
-        yield Static(id="too-small")
+        yield Line(id="too-small")
 
     def on_mount(self) -> None:
         """Start the timer."""
@@ -127,13 +129,15 @@ class Dashboard(App[None]):
         small = width < MIN_SIZE[0] or height < MIN_SIZE[1]
         self.screen.set_class(small, "-too-small")
         text = f"this terminal has {width}×{height} characters,\nthe dashboard needs 80×24"
-        self.query_one("#too-small", Static).update(text)
+        self.query_one("#too-small", Line).say(text)
         self.call_after_refresh(self.refresh_view, force=True)
 
     # data
 
     def refresh_view(self, force: bool = False) -> None:
         """Look at the data; draw what has changed on the visible panel."""
+        if not self.is_running:  # the timer outlives the widgets by a moment
+            return
         if self.playback is not None:
             self.playback.advance()
             self.query_one(ReplayBar).show_playback(self.playback)
@@ -172,8 +176,9 @@ class Dashboard(App[None]):
         """Show a panel, and put the focus into it."""
         tabs = self.query_one(TabbedContent)
         tabs.active = name
-        panes = tabs.get_pane(name).query("*")
-        self.set_focus(next((w for w in panes if w.can_focus and not w.disabled), None))
+        inside = tabs.get_pane(name).query("*")
+        tables = (w for w in inside if isinstance(w, Grid | ProfileFiles | PlotsPanel))
+        self.set_focus(next(tables, None))  # no field: there, keys would be text
 
     def action_select(self, step: int) -> None:
         """Select another vehicle."""
@@ -192,14 +197,22 @@ class Dashboard(App[None]):
 
     def action_help(self) -> None:
         """Show all keys."""
-        panels = [(type(w).__name__, type(w).BINDINGS) for w in self.query(".with-keys")]
-        self.push_screen(Help([("Everywhere", self.BINDINGS), *panels]))
+        sections: list[tuple[str, list[BindingType]]] = [("Everywhere", self.BINDINGS)]
+        for widget in self.query(".with-keys"):
+            title = type(widget).__name__.removesuffix("Panel").removesuffix("Table")
+            sections.append((title, type(widget).BINDINGS))
+        usable = [(title, [b for b in some if self._is_usable(b)]) for title, some in sections]
+        self.push_screen(Help(usable))
+
+    def _is_usable(self, binding: BindingType) -> bool:
+        name = binding.action.partition("(")[0] if isinstance(binding, Binding) else ""
+        return bool(self.check_action(name, ()))
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """What the command palette offers."""
         yield from super().get_system_commands(screen)
         for binding in self.BINDINGS:
-            if isinstance(binding, Binding) and self.check_action(binding.action, ()):
+            if isinstance(binding, Binding) and self._is_usable(binding):
                 words = binding.tooltip or binding.description
                 run = partial(self.run_action, binding.action)
                 yield SystemCommand(binding.description.capitalize(), words, run)

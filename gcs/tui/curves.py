@@ -16,7 +16,7 @@ __all__ = ["Palette", "draw_formation", "draw_held", "draw_quantity", "latest", 
 Colour: TypeAlias = tuple[int, int, int]
 
 _ARROWS = "↑↗→↘↓↙←↖"
-_LANE = 0.11  # height of a lane of event marks, as a share of the range of values
+_FRAME_LINES = 3  # of a plot: upper and lower edge, and the time
 _MIN_REACH_M = 20.0
 
 
@@ -64,6 +64,7 @@ def latest(state: VehicleState, span_s: float, until_s: float | None, points: in
         rows = state.history.rows()
         time_s = rows["time_s"]
         rows = rows[(time_s <= until_s) & (time_s >= until_s - span_s)]
+    rows = rows[rows["time_s"] > 0.0]  # before that nothing is flown, and the reference is 0
     return rows[:: max(1, len(rows) // max(points, 1))]
 
 
@@ -86,12 +87,22 @@ def draw_held(
     rows: np.ndarray,
     faults: Sequence[Fault],
     limits: tuple[float, float],
+    height: int,
     palette: Palette,
 ) -> None:
-    """Draw the commands held, one lane of event marks per channel, and where faults begin."""
+    """Draw the commands held, a line of event marks per channel, and where faults begin and end.
+
+    Args:
+        plt: Where to.
+        rows: Of a vehicle's history.
+        faults: Of the vehicle.
+        limits: Begin and end of the time shown [s].
+        height: Of the plot in characters.
+        palette: Colours.
+    """
     time_s = rows["time_s"]
     low, high = _range(rows["held"], 0.02)
-    lane = _LANE * (high - low)
+    lane = (high - low) / max(height - _FRAME_LINES - len(palette.channels) - 1, 2)
     new = np.diff(rows["events"], axis=0, prepend=rows["events"][:1]) > 0
     for fault in faults:
         for at in (fault.start_s, fault.end_s):
@@ -101,9 +112,8 @@ def draw_held(
         _line(plt, time_s.tolist(), rows["held"][:, k].tolist(), colour)
         marks = time_s[new[:, k]].tolist()
         if marks:
-            height = low - (k + 1) * lane
-            plt.scatter(marks, [height] * len(marks), marker="╵", color=colour)
-    plt.ylim(low - 4.5 * lane, high)
+            plt.scatter(marks, [low - (k + 1) * lane] * len(marks), marker="╵", color=colour)
+    plt.ylim(low - (len(palette.channels) + 0.2) * lane, high)
     plt.yticks(_ticks(low, high))
     _finish(plt, limits)
 

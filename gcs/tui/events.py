@@ -96,7 +96,7 @@ class EventsPanel(Vertical):
             yield Select([("all", 0)], value=0, id="of", compact=True, allow_blank=False)
             yield Static("kind")
             kinds = [("all", ""), *((kind, kind) for kind in KINDS)]
-            yield Select(kinds, value="", id="kind", compact=True, allow_blank=False)
+            yield Select(kinds, value="", id="event-kind", compact=True, allow_blank=False)
             yield Input(placeholder="/ search", id="words", compact=True)
         yield EventLog(id="log")
 
@@ -121,7 +121,7 @@ class EventsPanel(Vertical):
     @on(Select.Changed)
     @on(Input.Changed)
     def _filter(self) -> None:
-        names = ("severity", "of", "kind")
+        names = ("severity", "of", "event-kind")
         chosen: list[Any] = [self.query_one(f"#{name}", Select).value for name in names]
         words = self.query_one("#words", Input).value
         self.query_one(EventLog).set_filter(chosen[0], chosen[1], chosen[2], words)

@@ -15,6 +15,7 @@ from textual.message import Message
 from textual.widgets import Button, Input, Select, Static
 
 from gcs.scenario import ScenarioFault
+from gcs.tui.line import Line
 from mavlink_defs.config import problems_of
 from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
 
@@ -109,14 +110,14 @@ class FaultForm(Vertical):
             yield Select(names, value="rudder", id="actuator", compact=True, allow_blank=False)
             yield Static("kind")
             kinds = [("loss and bias", "bias"), ("stuck at value", "stuck")]
-            yield Select(kinds, value="bias", id="kind", compact=True, allow_blank=False)
+            yield Select(kinds, value="bias", id="fault-kind", compact=True, allow_blank=False)
             for name, label in zip(
                 _FIELDS, ("effectiveness", "bias °", "frequency Hz", "start s", "end s"),
                 strict=True,
             ):  # fmt: skip
-                yield Static(label, id=f"label-{name}")
+                yield Line(label, id=f"label-{name}")
                 yield Input(placeholder=_HINTS[name], id=name, compact=True)
-        yield Static(id="form-says")
+        yield Line(grow=True, id="form-says")
         with Horizontal(classes="buttons"):
             yield Button("Set fault", "primary", id="set", compact=True)
 
@@ -141,7 +142,7 @@ class FaultForm(Vertical):
     def read(self) -> _Read:
         """What the form says now."""
         texts = {name: self.query_one(f"#{name}", Input).value for name in _FIELDS}
-        return read_fault(self._chosen("actuator"), self._chosen("kind"), texts)
+        return read_fault(self._chosen("actuator"), self._chosen("fault-kind"), texts)
 
     def action_submit(self) -> None:
         """Set the fault, or say what is wrong."""
@@ -159,14 +160,14 @@ class FaultForm(Vertical):
     @on(Input.Changed)
     @on(Select.Changed)
     def _check(self, complain: bool = False) -> None:
-        stuck = self._chosen("kind") == "stuck"
+        stuck = self._chosen("fault-kind") == "stuck"
         unit = "N" if self._chosen("actuator") == "throttle" else "°"
-        self.query_one("#label-value", Static).update(f"{'stuck at' if stuck else 'bias'} {unit}")
+        self.query_one("#label-value", Line).say(f"{'stuck at' if stuck else 'bias'} {unit}")
         self.query_one("#effectiveness", Input).disabled = stuck
         read = self.read
         touched = any(self.query_one(f"#{name}", Input).value for name in _FIELDS)
-        says = self.query_one("#form-says", Static)
-        says.update("\n".join(read.problems) if touched or complain is True else "")
+        says = self.query_one("#form-says", Line)
+        says.say("\n".join(read.problems) if touched or complain is True else "")
         self.query_one("#set", Button).disabled = read.fault is None
 
     def _chosen(self, name: str) -> str:

@@ -6,11 +6,11 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
-from textual.widgets import Static
 
 from gcs.tui.fault_form import ALL, FaultForm
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.ledger import FaultRecord
+from gcs.tui.line import Line
 from gcs.tui.requests import Wish
 from gcs.tui.view import FleetView
 from gcs.tui.words import Cell, clock, ids
@@ -54,7 +54,10 @@ class FaultList(Grid):
             if wide:
                 cells.append((_history(record), "muted"))
             rows.append(Row(count - i, tuple(cells)))
+        new = len(rows) > len(self.rows)
         self.show(_WIDE if wide else _COLUMNS, rows)
+        if new:
+            self.cursor = 0
         active = sum(len(state.active_faults) for state in view.states)
         self.border_title = f"Faults · {active} active, {len(rows)} seen"
 
@@ -78,7 +81,7 @@ class FaultsPanel(Horizontal):
         yield FaultForm(id="fault-form", classes="panel")
         with Vertical():
             yield FaultList(id="fault-list", classes="panel")
-            yield Static(id="fault-details", classes="panel")
+            yield Line(id="fault-details", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
         """Show vehicles and faults."""
@@ -87,10 +90,10 @@ class FaultsPanel(Horizontal):
         form.disabled = not view.source.can_act
         faults = self.query_one(FaultList)
         faults.show_view(view)
-        details = self.query_one("#fault-details", Static)
+        details = self.query_one("#fault-details", Line)
         record = faults.chosen
         details.border_title = "Details"
-        details.update("" if record is None else _details(record))
+        details.say("" if record is None else _details(record))
         self._systems = view.systems
 
     def action_new(self) -> None:
@@ -125,7 +128,7 @@ class FaultsPanel(Horizontal):
     @on(Grid.Moved)
     def _moved(self) -> None:
         record = self.query_one(FaultList).chosen
-        self.query_one("#fault-details", Static).update(_details(record) if record else "")
+        self.query_one("#fault-details", Line).say(_details(record) if record else "")
 
 
 def set_fault(systems: tuple[int, ...], fault: Fault) -> Wish:

@@ -153,8 +153,9 @@ class Grid(ScrollView, can_focus=True):
         self.virtual_size = Size(self.room, self._head + max(len(self.rows), 1))
 
     def on_resize(self, event: events.Resize) -> None:
-        """Fit the column of width 0."""
+        """Fit the column of width 0, and keep the cursor in sight."""
         self._resize()
+        self._show_cursor()
 
     def notify_style_update(self) -> None:
         """Forget the colours of the theme before."""

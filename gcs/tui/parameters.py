@@ -7,9 +7,10 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
-from textual.widgets import Input, Static
+from textual.widgets import Input
 
 from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.line import Line
 from gcs.tui.requests import Outcome, Refresh, Wish
 from gcs.tui.view import FleetView
 from gcs.tui.words import Cell, ids
@@ -56,18 +57,18 @@ class ParametersPanel(Vertical):
     def compose(self) -> ComposeResult:
         """Lay out search, list and field."""
         with Horizontal(classes="filters"):
-            yield Static("", id="param-about")
+            yield Line(grow=True, id="param-about")
             yield Input(placeholder="/ search", id="param-search", compact=True)
         yield Grid(id="params", classes="panel")
         with Horizontal(classes="filters", id="param-edit"):
-            yield Static("", id="param-name")
+            yield Line(grow=True, id="param-name")
             yield Input(placeholder="enter on a line, then the new value", id="param-value",
                         compact=True)  # fmt: skip
 
     def show_view(self, view: FleetView) -> None:
         """Show the parameters of the selected vehicle; ask for them the first time."""
         self._view, system = view, view.selected
-        self.query_one("#param-about", Static).update(
+        self.query_one("#param-about", Line).say(
             "no vehicle yet" if system is None else f"UAV {system}"
         )
         if system is not None and view.source.can_act and system not in self._asked:
@@ -125,7 +126,7 @@ class ParametersPanel(Vertical):
 
     @on(Grid.Activated)
     def _edit(self, event: Grid.Activated) -> None:
-        self.query_one("#param-name", Static).update(f"{event.key} =")
+        self.query_one("#param-name", Line).say(f"{event.key} =")
         self.query_one("#param-value").focus()
 
     @on(Input.Submitted, "#param-value")

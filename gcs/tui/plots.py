@@ -5,7 +5,6 @@ from typing import Any, ClassVar
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, Vertical
-from textual.widgets import Static
 from textual_plotext import PlotextPlot
 
 from gcs.tui.curves import (
@@ -16,6 +15,7 @@ from gcs.tui.curves import (
     latest,
     palette_of,
 )
+from gcs.tui.line import Line
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView
 from gcs.tui.words import number, seconds
@@ -64,7 +64,8 @@ class Chart(PlotextPlot):
             if not len(rows):
                 pass
             elif self.kind == "held":
-                draw_held(plt, rows, state.faults or (), limits, palette)
+                height = self.size.height
+                draw_held(plt, rows, state.faults or (), limits, height, palette)
                 self.border_title = _HELD
             else:
                 i = _NAMES.index(self.kind)
@@ -113,7 +114,7 @@ class PlotsPanel(Vertical):
 
     def compose(self) -> ComposeResult:
         """Lay out the plots."""
-        yield Static(id="plots-about", classes="about")
+        yield Line(markup=True, id="plots-about", classes="about")
         with Container(id="charts"):
             for name in _NAMES:
                 chart = Chart(name, classes="panel chart")
@@ -160,7 +161,7 @@ class PlotsPanel(Vertical):
         at = f"paused at {seconds(self._until_s)} s" if self.paused else "live"
         uav = f"UAV {view.selected}" if view.selected is not None else "no vehicle yet"
         single = f" · {self._chosen + 1}/{len(_NAMES)} (← →)" if self._is_single else ""
-        self.query_one("#plots-about", Static).update(
+        self.query_one("#plots-about", Line).say(
             f"[b]{uav}[/b] \\[ ] · [$primary]━ actual[/] [$accent]━ reference[/] · "
             f"last {self.span_s:g} s + - · {at} p{single}"
         )

@@ -8,10 +8,11 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.message import Message
-from textual.widgets import DirectoryTree, Input, Static
+from textual.widgets import DirectoryTree, Input
 
 from gcs.profile_file import load_profile
 from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.line import Line
 from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
 from gcs.tui.requests import Outcome, Refresh, Wish
 from gcs.tui.view import FleetView
@@ -85,7 +86,7 @@ class ProfilesPanel(Horizontal):
         """
         super().__init__(**kwargs)
         self.segments: tuple[Segment, ...] | None = None
-        self._folder = folder or Path()
+        self._folder = folder or Path.cwd()
         self._file: Path | None = None
         self._view: FleetView | None = None
 
@@ -98,7 +99,7 @@ class ProfilesPanel(Horizontal):
             yield files
             yield Holdings(id="holdings", classes="panel")
         with Vertical():
-            yield Static(id="profile-says")
+            yield Line(grow=True, id="profile-says")
             yield ProfileTable(id="profile-table", classes="panel")
             yield ProfilePlot(id="profile-plot", classes="panel")
 
@@ -121,14 +122,14 @@ class ProfilesPanel(Horizontal):
 
     def load(self, path: Path) -> None:
         """Show the profile of a file, or say what is wrong with it."""
-        says = self.query_one("#profile-says", Static)
+        says = self.query_one("#profile-says", Line)
         try:
             self.segments, self._file = load_profile(path), path
         except ConfigError as problem:
-            says.update("\n".join([f"{path.name}:", *problem.problems]))
+            says.say("\n".join([f"{path.name}:", *problem.problems]))
             says.add_class("-wrong")
         else:
-            says.update("")
+            says.say("")
             says.remove_class("-wrong")
             self._plot(self.segments)
         self.post_message(Refresh())

@@ -31,7 +31,7 @@ class ReplayBar(Widget):
 
     def show_playback(self, playback: Playback) -> None:
         """Say how it stands."""
-        sign = "⧗" if playback.is_seeking else "▶" if playback.playing else "⏸"
+        sign = "⧗" if playback.is_seeking else "▶" if playback.playing else "‖"
         place, length = _time(playback.position_s), _time(playback.length_s)
         share = playback.position_s / playback.length_s if playback.length_s else 1.0
         self.line = (f" {sign} {place} / {length}  ×{playback.speed:g} ", share)
