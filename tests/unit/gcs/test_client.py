@@ -35,6 +35,7 @@ class FakeVehicle(asyncio.DatagramProtocol):
         self.params = {"B1": (0.25, REAL), "COUNT": (7.0, INT)}
         self.transport: Any = None
         self.peer: Any = None
+        self.heartbeats = 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self.transport = transport
@@ -52,6 +53,7 @@ class FakeVehicle(asyncio.DatagramProtocol):
         now = asyncio.get_running_loop().time()
         match message:
             case dialect.MAVLink_heartbeat_message():
+                self.heartbeats += 1
                 self.beat()
             case dialect.MAVLink_param_request_list_message():
                 for name in self.params:
@@ -177,6 +179,14 @@ def test_profiles_and_inquiries() -> None:
             assert texts[0] == "vehicle found"
             assert "holds profile of 1 segments" in texts
             assert list(client.log) == news
+
+    run(test)
+
+
+def test_heartbeats_go_on() -> None:
+    async def test() -> None:
+        async with connected() as (client, _, fake):
+            assert await client.until(lambda: fake.heartbeats >= 3, PATIENCE_S)
 
     run(test)
 
