@@ -26,6 +26,7 @@ DEFAULT_INTERVALS_US = {
     dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 100_000,
     dialect.MAVLINK_MSG_ID_VFR_HUD: 200_000,
     dialect.MAVLINK_MSG_ID_FTC_TRACKING: 100_000,
+    dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: 100_000,
     dialect.MAVLINK_MSG_ID_FTC_EVENTS: 200_000,
     dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 500_000,
 }
@@ -46,6 +47,7 @@ class Telemetry:
             dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
             dialect.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
             dialect.MAVLINK_MSG_ID_FTC_TRACKING: self._tracking,
+            dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: self._actuator_output_status,
             dialect.MAVLINK_MSG_ID_FTC_EVENTS: self._events,
             dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: self._adaptation,
         }
@@ -125,6 +127,13 @@ class Telemetry:
             _degrees(signals["reference"]),
             _degrees(signals["error"]),
             _degrees(signals["sync_error"]),
+        )
+
+    def _actuator_output_status(self) -> MAVLink_message:
+        """The commands held, as HIL_ACTUATOR_CONTROLS has them."""
+        held = [float(control) for control in self._crew.actuators[0]["controls"][:4]]
+        return dialect.MAVLink_actuator_output_status_message(
+            int(self._link.measured[0]["time_usec"]), 0b1111, held + [0.0] * 28
         )
 
     def _events(self) -> MAVLink_message:

@@ -5,7 +5,21 @@ import sys
 
 import typer
 
-from gcs.commands import fly, reproduce, sweep
+from gcs.commands import (
+    control,
+    dashboard,
+    fault,
+    fly,
+    log,
+    param,
+    profile,
+    record,
+    reproduce,
+    status,
+    sweep,
+    up,
+)
+from gcs.commands.station import ConnectOption
 from gcs.errors import BadInput, GcsError, Interrupted
 from mavlink_defs.config import ConfigError
 
@@ -15,21 +29,45 @@ _EXIT_DEFECT = 70
 
 app = typer.Typer(
     help="Ground station of ftc-sitl: fly a UAV formation over real MAVLink.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
 
 
-@app.callback()
-def gcs() -> None:
-    """Ground station of ftc-sitl: fly a UAV formation over real MAVLink."""
+@app.callback(epilog=dashboard.EPILOG)
+def gcs(
+    context: typer.Context,
+    connect: ConnectOption = None,
+    theme: dashboard.ThemeOption = "dark",
+) -> None:
+    """Ground station of ftc-sitl: fly a UAV formation over real MAVLink.
+
+    Without a command: the operator's dashboard.
+    """
+    if context.invoked_subcommand is not None:
+        dashboard.refuse_options(context)
+    elif dashboard.has_terminal():
+        dashboard.dashboard(connect, theme)
+    else:
+        typer.echo(context.get_help())
 
 
 app.command(epilog=fly.EPILOG)(fly.fly)
 app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)
+app.command(epilog=up.EPILOG)(up.up)
+app.command(epilog=status.EPILOG)(status.status)
+app.command(epilog=control.START_EPILOG)(control.start)
+app.command(epilog=control.ARM_EPILOG)(control.arm)
+app.command(epilog=control.DISARM_EPILOG)(control.disarm)
+app.command(epilog=control.MODE_EPILOG)(control.mode)
+app.add_typer(fault.app, name="fault")
+app.add_typer(profile.app, name="profile")
+app.add_typer(param.app, name="param")
+app.command(epilog=record.EPILOG)(record.record)
+app.command(epilog=log.EPILOG)(log.log)
 
 
 def main() -> None:

@@ -1,174 +1,115 @@
 """The ground station's MAVLink client: one UDP port, any number of vehicles.
 
-`Client` is the thin shell around the microservice machines of `mavlink_defs`: it owns the
-socket, the clock and the record of all that crosses the link. Use it inside a running asyncio
-event loop::
+`Client` is the thin shell around what the ground station knows (`FleetState`) and the
+microservice machines of `mavlink_defs`: it owns the socket, the clock and the record of all
+that crosses the link. Use it inside a running asyncio event loop::
 
-    async with Client(parse_address("127.0.0.1:14550")) as client:
+    async with Client(parse_connection("udpin:127.0.0.1:14550")) as client:
         await client.wait_for([1, 2, 3], timeout_s=10.0)
         await client.vehicle(1).upload(segments)
-        await client.vehicle(1).command(MAV_CMD_MISSION_START)
+        await client.vehicle(1).start_mission()
 """
 
 import asyncio
+import contextlib
 import math
-import socket
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Collection, Iterable
 from types import TracebackType
 from typing import Any, Self
 
-from gcs.errors import BadInput, GcsError
+from gcs.errors import BadInput, NoAnswer
+from gcs.fleet_state import FleetState
+from gcs.news import ERROR, News
+from gcs.vehicle import Vehicle
 from mavlink_defs import dialect
-from mavlink_defs.command import CommandClient, CommandFinished
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.endpoint import Address as UdpAddress
-from mavlink_defs.endpoint import EndpointError, bind_udp
+from mavlink_defs.endpoint import Connection, EndpointError, bind_udp, connect_udp
 from mavlink_defs.frames import Speaker, parse
 from mavlink_defs.machine import Address, Machine
-from mavlink_defs.mission import MissionFinished, MissionUploader
-from mavlink_defs.profile import Segment, segments_to_items
 from mavlink_defs.tlog import TlogWriter
 
-__all__ = ["Client", "CommandRefused", "NoAnswer", "Vehicle"]
+__all__ = ["GROUND_STATION", "Client"]
 
-_OWN = Address(255, dialect.MAV_COMP_ID_MISSIONPLANNER)
+GROUND_STATION = Address(255, dialect.MAV_COMP_ID_MISSIONPLANNER)
+_TICK_S = 0.2
 _HEARTBEAT_S = 1.0
-
-
-class CommandRefused(GcsError):  # noqa: N818 - the name says it
-    """A vehicle answered, but not with ACCEPTED; `result` is its MAV_RESULT or mission result."""
-
-    def __init__(self, text: str, result: int) -> None:
-        super().__init__(text)
-        self.result = result
-
-
-class NoAnswer(GcsError):  # noqa: N818 - the name says it
-    """A vehicle did not answer in time."""
-
-
-class Vehicle:
-    """One vehicle as the ground station knows it.
-
-    Attributes:
-        system: Its system id.
-        latest: Last message of each type, by message id.
-        texts: Its STATUSTEXTs, oldest first.
-    """
-
-    def __init__(self, client: "Client", system: int) -> None:
-        self.system = system
-        self.latest: dict[int, Any] = {}
-        self.texts: list[str] = []
-        self._client = client
-        self._turn = asyncio.Lock()  # one operation at a time: answers do not say to which
-        self._commands = CommandClient(_OWN)
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether it can be armed, or is: its HEARTBEAT says STANDBY or ACTIVE."""
-        heartbeat = self.latest.get(dialect.MAVLINK_MSG_ID_HEARTBEAT)
-        return heartbeat is not None and heartbeat.system_status in {
-            dialect.MAV_STATE_STANDBY,
-            dialect.MAV_STATE_ACTIVE,
-        }
-
-    @property
-    def _address(self) -> Address:
-        return Address(self.system, dialect.MAV_COMP_ID_AUTOPILOT1)
-
-    async def command(self, number: int, params: Iterable[float] = ()) -> None:
-        """Send a COMMAND_LONG and wait for its answer.
-
-        Args:
-            number: MAV_CMD.
-            params: Up to seven parameters; the rest is 0.
-
-        Raises:
-            CommandRefused: The answer was not ACCEPTED.
-            NoAnswer: There was none, after several tries.
-        """
-        seven = (*params, *[0.0] * 7)[:7]
-        message = dialect.MAVLink_command_long_message(*self._address, number, 0, *seven)
-        async with self._turn:
-            heard = len(self.texts)
-            self._commands.send(message, time.monotonic())
-            done = await self._client.run(self._commands, CommandFinished)
-        name = _enum_name("MAV_CMD", number)
-        if done.result is None:
-            raise NoAnswer(f"UAV {self.system} did not answer {name}")
-        if done.result != dialect.MAV_RESULT_ACCEPTED:
-            reason = "".join(f": {text}" for text in self.texts[heard:])
-            answer = _enum_name("MAV_RESULT", done.result)
-            raise CommandRefused(
-                f"UAV {self.system} refused {name} ({answer}){reason}", done.result
-            )
-
-    async def upload(self, segments: Sequence[Segment]) -> None:
-        """Upload a reference profile by the mission protocol.
-
-        Raises:
-            CommandRefused: The vehicle did not accept it; the old profile stays in force.
-            NoAnswer: The vehicle did not answer, after several tries.
-        """
-        items = segments_to_items(segments, *self._address)
-        async with self._turn:
-            heard = len(self.texts)
-            machine = MissionUploader(_OWN, self._address, items)
-            machine.start(time.monotonic())
-            done = await self._client.run(machine, MissionFinished)
-        if done.result is None:
-            raise NoAnswer(f"UAV {self.system} did not answer the upload of a profile")
-        if done.result != dialect.MAV_MISSION_ACCEPTED:
-            reason = "".join(f": {text}" for text in self.texts[heard:])
-            answer = _enum_name("MAV_MISSION_RESULT", done.result)
-            text = f"UAV {self.system} refused the profile ({answer}){reason}"
-            raise CommandRefused(text, done.result)
+_DISCOVERY_S = 1.2  # every vehicle sends a HEARTBEAT within a second
+_NEWS_KEPT = 2000
+_SHARE_HINT = "go through the hub of `gcs up` with --connect udpout:HOST:PORT"
 
 
 class Client(asyncio.DatagramProtocol):
-    """The ground station's end of the GCS link."""
+    """The ground station's end of the GCS link; an async context manager.
+
+    Attributes:
+        own: System and component id that it sends as.
+        connection: How it meets the vehicles.
+        fleet: What is known of the vehicles.
+        log: The latest news, oldest first.
+        unreachable: Whether nobody listens where an outgoing connection leads.
+    """
 
     def __init__(
         self,
-        address: UdpAddress,
+        connection: Connection,
+        *,
         tlog: TlogWriter | None = None,
         on_message: Callable[[MAVLink_message], None] | None = None,
+        on_news: Callable[[News], None] | None = None,
+        inquire: bool = False,
+        own: Address = GROUND_STATION,
     ) -> None:
         """Prepare a client.
 
         Args:
-            address: Where vehicles send to.
+            connection: How to meet the vehicles.
             tlog: Where to record every frame of the link, both directions.
-            on_message: Called with every message received.
+            on_message: Called with every message received, after `fleet` knows of it.
+            on_news: Called with all news.
+            inquire: Ask every vehicle for its faults and its profile, and again whenever they
+                may have changed.
+            own: System and component id. Ground stations that talk to the same vehicles at the
+                same time should have different ones.
         """
-        self._address = address
+        self.own = own
+        self.connection = connection
+        self.fleet = FleetState()
+        self.log: deque[News] = deque(maxlen=_NEWS_KEPT)
+        self.unreachable = False
         self._tlog = tlog
-        self._on_message = on_message
-        self._speaker = Speaker(*_OWN)
+        self._on_message, self._on_news = on_message, on_news
+        self._inquire = inquire
+        self._speaker = Speaker(*own)
         self._vehicles: dict[int, Vehicle] = {}
         self._peers: dict[int, tuple[str, int]] = {}
-        self._machines: dict[Machine[Any], tuple[type, asyncio.Future[Any]]] = {}
-        self._heard = asyncio.Event()  # something has come from a vehicle
+        self._machines: dict[Machine[Any], Callable[[Any], None]] = {}
+        self._turns: defaultdict[tuple[int, str], asyncio.Lock] = defaultdict(asyncio.Lock)
+        self._heard = asyncio.Event()  # something has come from a vehicle, or cannot come
         self._timer: asyncio.TimerHandle | None = None
         self._transport: asyncio.DatagramTransport | None = None
-        self._heartbeats: asyncio.Task[None] | None = None
+        self._pulse: asyncio.Task[None] | None = None
+        self._inquiries: dict[int, asyncio.Task[None]] = {}
 
     async def __aenter__(self) -> Self:
-        """Bind the port.
+        """Open the port.
 
         Raises:
-            BadInput: It is in use, or not one of this machine's.
+            BadInput: It is in use, or the address cannot be used.
         """
+        address = self.connection.address
         try:
-            sock: socket.socket = bind_udp(self._address, "ground station", "choose another port")
+            if self.connection.direction == "in":
+                sock = bind_udp(address, "ground station", _SHARE_HINT)
+            else:
+                sock = connect_udp(address)
         except EndpointError as problem:
             raise BadInput(str(problem)) from problem
         sock.setblocking(False)
         loop = asyncio.get_running_loop()
         self._transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=sock)
-        self._heartbeats = loop.create_task(self._beat())
+        self._pulse = loop.create_task(self._live())
         return self
 
     async def __aexit__(
@@ -178,17 +119,21 @@ class Client(asyncio.DatagramProtocol):
         trace: TracebackType | None,
     ) -> None:
         """Close the port."""
-        if self._heartbeats is not None:
-            self._heartbeats.cancel()
+        tasks = [task for task in (self._pulse, *self._inquiries.values()) if task is not None]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
         if self._timer is not None:
             self._timer.cancel()
         if self._transport is not None:
             self._transport.close()
 
+    # vehicles
+
     @property
     def vehicles(self) -> dict[int, Vehicle]:
-        """Vehicles heard of, by system id."""
-        return self._vehicles
+        """Vehicles heard of, by system id in ascending order."""
+        return dict(sorted(self._vehicles.items()))
 
     def vehicle(self, system: int) -> Vehicle:
         """A vehicle that has been heard of; KeyError if not."""
@@ -200,50 +145,122 @@ class Client(asyncio.DatagramProtocol):
         Raises:
             NoAnswer: Some are not; they are named.
         """
-        missing = set(systems)
-        end = time.monotonic() + timeout_s
-        while missing := {i for i in missing if not self._is_ready(i)}:
+        wanted = set(systems)
+
+        def missing() -> set[int]:
+            return {i for i in wanted if not (v := self._vehicles.get(i)) or not v.state.is_ready}
+
+        if not await self.until(lambda: not missing(), timeout_s):
+            names = ", ".join(map(str, sorted(missing())))
+            raise NoAnswer(f"UAV {names} not ready within {timeout_s:g} s on {self.connection}")
+
+    async def discover(
+        self, timeout_s: float, systems: Collection[int] | None = None
+    ) -> list[Vehicle]:
+        """Wait until these vehicles, or all that there seem to be, have been heard.
+
+        Raises:
+            NoAnswer: No vehicle, or one of `systems`, was not heard.
+        """
+        begin = self.now()
+
+        def complete() -> bool:
+            if systems is not None:
+                return self._vehicles.keys() >= set(systems)
+            waited = self.now() - begin >= _DISCOVERY_S
+            return waited and bool(self._vehicles) and not self.fleet.rumoured
+
+        heard = await self.until(lambda: complete() or self.unreachable, timeout_s)
+        if self.unreachable:
+            raise NoAnswer(f"nobody listens at {self.connection.address} ({self.connection})")
+        if systems is not None and not heard:
+            names = ", ".join(str(i) for i in sorted(systems) if i not in self._vehicles)
+            raise NoAnswer(f"UAV {names} not heard within {timeout_s:g} s on {self.connection}")
+        if not self._vehicles:
+            raise NoAnswer(f"no vehicle heard within {timeout_s:g} s on {self.connection}")
+        return [v for i, v in self.vehicles.items() if systems is None or i in systems]
+
+    async def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait for a condition that messages or time bring about; False if it stays untrue."""
+        end = self.now() + timeout_s
+        while not condition():
             self._heard.clear()
-            try:
-                async with asyncio.timeout(end - time.monotonic()):
+            if (left := end - self.now()) <= 0.0:
+                return False
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(min(left, _TICK_S)):
                     await self._heard.wait()
-            except TimeoutError:
-                names = ", ".join(map(str, sorted(missing)))
-                text = f"UAV {names} not ready within {timeout_s:g} s on {self._address}"
-                raise NoAnswer(text) from None
+        return True
 
-    def _is_ready(self, system: int) -> bool:
-        vehicle = self._vehicles.get(system)
-        return vehicle is not None and vehicle.is_ready
+    # what vehicles need of their link
 
-    async def run(self, machine: Machine[Any], finished: type) -> Any:
-        """Drive a machine that has been started until its event of type `finished`."""
-        future = asyncio.get_running_loop().create_future()
-        self._machines[machine] = (finished, future)
-        try:
-            self._pump()
-            return await future
-        finally:
-            del self._machines[machine]
+    def now(self) -> float:
+        """The client's clock [s]."""
+        return time.monotonic()
+
+    def tell(self, news: Iterable[News]) -> None:
+        """Put news into the log."""
+        for one in news:
+            self.log.append(one)
+            if self._on_news is not None:
+                self._on_news(one)
+
+    async def run(
+        self,
+        turn: tuple[int, str],
+        machine: Machine[Any],
+        start: Callable[[float], None],
+        finished: type,
+        on_event: Callable[[Any], None] | None = None,
+        stop: Callable[[float], None] | None = None,
+    ) -> Any:
+        """Start a machine when its turn comes and drive it until an event of type `finished`.
+
+        Args:
+            turn: System and service: machines of the same one wait for each other, because
+                answers do not say which request they are for.
+            machine: The machine.
+            start: Called with the time to start it.
+            finished: Type of its last event, which is returned.
+            on_event: Called with its other events.
+            stop: Called with the time if the caller loses patience.
+        """
+        future: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+
+        def deliver(event: Any) -> None:
+            if isinstance(event, finished) and not future.done():
+                future.set_result(event)
+            elif on_event is not None:
+                on_event(event)
+
+        async with self._turns[turn]:
+            self._machines[machine] = deliver
+            try:
+                start(self.now())
+                self._pump()
+                return await future
+            finally:
+                if not future.done() or future.cancelled():
+                    if stop is not None:
+                        stop(self.now())
+                    self._pump()  # last words of the machine
+                del self._machines[machine]
+
+    # the link
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Take in a datagram; called by asyncio."""
         message = parse(data)
         if message is None:
             return
-        if self._tlog is not None:
-            self._tlog.write(data, time.time_ns() // 1000)
-        system = message.get_srcSystem()
+        self._record(data)
+        self.unreachable = False
+        now, system = self.now(), message.get_srcSystem()
         self._peers[system] = addr
-        if system not in self._vehicles and message.get_msgId() == dialect.MAVLINK_MSG_ID_HEARTBEAT:
-            self._vehicles[system] = Vehicle(self, system)
-        vehicle = self._vehicles.get(system)
-        if vehicle is not None:
-            vehicle.latest[message.get_msgId()] = message
-            if isinstance(message, dialect.MAVLink_statustext_message):
-                vehicle.texts.append(str(message.text))
+        self.tell(self.fleet.receive(message, now))
+        if system not in self._vehicles and system in self.fleet.vehicles:
+            self._vehicles[system] = Vehicle(self, self.fleet.vehicles[system])
         self._heard.set()
-        now = time.monotonic()
         for machine in list(self._machines):
             machine.receive(message, now)
         if self._machines:
@@ -251,49 +268,74 @@ class Client(asyncio.DatagramProtocol):
         if self._on_message is not None:
             self._on_message(message)
 
-    async def _beat(self) -> None:
-        while True:
-            heartbeat = dialect.MAVLink_heartbeat_message(
-                dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0,
-                dialect.MAV_STATE_ACTIVE, 3,
-            )  # fmt: skip
-            self._send(heartbeat, self._peers.values())
-            await asyncio.sleep(_HEARTBEAT_S)
+    def error_received(self, exc: Exception) -> None:
+        """Note that nobody listens at the other end; called by asyncio."""
+        if isinstance(exc, ConnectionRefusedError) and not self.unreachable:
+            self.unreachable = True
+            text = f"nobody listens at {self.connection.address}"
+            self.tell([News(self.now(), 0, "link", ERROR, text)])
+            self._heard.set()
 
-    def _send(self, message: MAVLink_message, peers: Iterable[tuple[str, int]]) -> None:
+    async def _live(self) -> None:
+        """Do what is due by the clock: heartbeats, silence, inquiries."""
+        beat_due = 0.0
+        while True:
+            now = self.now()
+            if now >= beat_due:
+                beat_due = now + _HEARTBEAT_S
+                self._send(_heartbeat(), set(self._peers.values()))
+            self.tell(self.fleet.tick(now))
+            if self._inquire:
+                self._ask_what_is_due(now)
+            await asyncio.sleep(_TICK_S)
+
+    def _ask_what_is_due(self, now: float) -> None:
+        for system, vehicle in self._vehicles.items():
+            before = self._inquiries.get(system)
+            if vehicle.state.is_asking_due(now) and (before is None or before.done()):
+                asking = asyncio.get_running_loop().create_task(vehicle.ask_what_is_due())
+                self._inquiries[system] = asking
+
+    def _send(self, message: MAVLink_message, peers: Collection[tuple[str, int]]) -> None:
         if self._transport is None or self._transport.is_closing():
             return
         frame = self._speaker.pack(message)
-        if self._tlog is not None:
-            self._tlog.write(frame, time.time_ns() // 1000)
+        self._record(frame)
+        if self.connection.direction == "out":
+            self._transport.sendto(frame)
+            return
         for peer in peers:
             self._transport.sendto(frame, peer)
+
+    def _record(self, frame: bytes) -> None:
+        if self._tlog is not None:
+            self._tlog.write(frame, time.time_ns() // 1000)
 
     def _pump(self) -> None:
         """Send what the machines want sent, deliver what has happened, set the next alarm."""
         deadline = math.inf
-        for machine, (finished, future) in list(self._machines.items()):
+        for machine, deliver in list(self._machines.items()):
             for message in machine.messages_to_send():
                 peer = self._peers.get(getattr(message, "target_system", 0))
                 self._send(message, [peer] if peer else [])
             for event in machine.events():
-                if isinstance(event, finished) and not future.done():
-                    future.set_result(event)
+                deliver(event)
             deadline = min(deadline, machine.deadline() or math.inf)
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         if deadline < math.inf:
             loop = asyncio.get_running_loop()
-            self._timer = loop.call_later(max(deadline - time.monotonic(), 0.0), self._ring)
+            self._timer = loop.call_later(max(deadline - self.now(), 0.0), self._ring)
 
     def _ring(self) -> None:
-        now = time.monotonic()
+        now = self.now()
         for machine in list(self._machines):
             machine.handle_timer(now)
         self._pump()
 
 
-def _enum_name(enum: str, value: int) -> str:
-    entry = dialect.enums[enum].get(value)
-    return entry.name if entry is not None else f"{enum} {value}"
+def _heartbeat() -> MAVLink_message:
+    return dialect.MAVLink_heartbeat_message(
+        dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
+    )

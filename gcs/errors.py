@@ -2,11 +2,13 @@
 
 GcsError            1  something could not be done
 ├── BadInput        2  a file, an argument or a port cannot be used
+├── CommandRefused  3  a vehicle said no
+├── NoAnswer        4  a vehicle said nothing
 ├── FlightLost      1  the flight did not reach its end
 └── Interrupted   130  Ctrl-C, as shells have it
 """
 
-__all__ = ["BadInput", "FlightLost", "GcsError", "Interrupted"]
+__all__ = ["BadInput", "CommandRefused", "FlightLost", "GcsError", "Interrupted", "NoAnswer"]
 
 
 class GcsError(Exception):
@@ -23,6 +25,26 @@ class BadInput(GcsError):  # noqa: N818 - the name says it
     """A file, an argument or a port cannot be used."""
 
     exit_status = 2
+
+
+class CommandRefused(GcsError):  # noqa: N818 - the name says it
+    """A vehicle answered, but not with ACCEPTED.
+
+    Attributes:
+        result: Its MAV_RESULT, MAV_MISSION_RESULT or MAV_PARAM_ERROR.
+    """
+
+    exit_status = 3
+
+    def __init__(self, text: str, result: int) -> None:
+        super().__init__(text)
+        self.result = result
+
+
+class NoAnswer(GcsError):  # noqa: N818 - the name says it
+    """A vehicle did not answer in time."""
+
+    exit_status = 4
 
 
 class FlightLost(GcsError):  # noqa: N818 - the name says it

@@ -17,11 +17,10 @@ from gcs.recording import Mode, Recording
 from gcs.scenario import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.endpoint import Address
-from mavlink_defs.faults import fault_to_params
+from mavlink_defs.endpoint import Address, Connection
 from mavlink_defs.tlog import TlogWriter
 
-__all__ = ["fly_over_udp"]
+__all__ = ["fly_over_udp", "prepare"]
 
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.05
@@ -59,10 +58,11 @@ async def fly_over_udp(
 
     links = scenario.links
     with TlogWriter(folder / "flight.tlog") as tlog:
-        async with Client(Address(links.host, links.gcs_port), tlog, follow) as client:
+        connection = Connection("in", Address(links.host, links.gcs_port))
+        async with Client(connection, tlog=tlog, on_message=follow) as client:
             with Fleet(scenario, speed, folder / "processes") as fleet:
                 try:
-                    await _prepare(client, fleet, scenario)
+                    await prepare(client, fleet, scenario, start=True)
                     while fleet.plant_returncode is None:
                         fleet.check()
                         await asyncio.sleep(_LOOK_S)
@@ -73,8 +73,19 @@ async def fly_over_udp(
                 return _collect(scenario, fleet, "real_time" if speed else "lockstep")
 
 
-async def _prepare(client: Client, fleet: Fleet, scenario: Scenario) -> None:
-    """Bring the fleet to the point where simulated time begins."""
+async def prepare(client: Client, fleet: Fleet, scenario: Scenario, start: bool) -> None:
+    """Bring profiles and faults to a fleet that starts up.
+
+    Args:
+        client: Connected to the fleet.
+        fleet: Its processes.
+        scenario: The scenario.
+        start: Also start the missions and arm, so that simulated time begins.
+
+    Raises:
+        BadInput, FlightLost: A process ended.
+        CommandRefused, NoAnswer: What a vehicle answered, or not.
+    """
     ids = [uav.id for uav in scenario.uavs]
     waiting = asyncio.create_task(client.wait_for(ids, _START_TIMEOUT_S))
     while not waiting.done():
@@ -84,13 +95,10 @@ async def _prepare(client: Client, fleet: Fleet, scenario: Scenario) -> None:
     segments = scenario.segments()
     await asyncio.gather(*(client.vehicle(i).upload(segments) for i in ids))
     for uav_id, fault in scenario.fault_commands():
-        params = fault_to_params(fault)
-        await client.vehicle(uav_id).command(dialect.MAV_CMD_FTC_SET_FAULT, params)
-    for number, params in (
-        (dialect.MAV_CMD_MISSION_START, ()),
-        (dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,)),
-    ):
-        await asyncio.gather(*(client.vehicle(i).command(number, params) for i in ids))
+        await client.vehicle(uav_id).set_fault(fault)
+    if start:
+        await asyncio.gather(*(client.vehicle(i).start_mission() for i in ids))
+        await asyncio.gather(*(client.vehicle(i).arm() for i in ids))
     fleet.check()
 
 

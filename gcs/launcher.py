@@ -9,6 +9,7 @@ import contextlib
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -60,23 +61,36 @@ def on_free_ports(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"links": links})
 
 
-def check_ports(scenario: Scenario) -> None:
+def check_ports(scenario: Scenario, hub: Address | None = None) -> None:
     """Make sure that every port can be had, before any process starts.
+
+    Args:
+        scenario: The scenario.
+        hub: Where a hub is to be bound; the GCS port is left to others then.
 
     Raises:
         BadInput: A port is in use, or the host is not this machine.
     """
     links = scenario.links
-    ports = {"gcs_port": links.gcs_port, "plant_port": links.plant_port}
-    ports |= {f"formation_base_port + {u.id}": links.formation_base_port + u.id
-              for u in scenario.uavs}  # fmt: skip
-    for key, port in ports.items():
+    ports = {
+        "links.plant_port of the scenario": links.plant_port,
+        **{
+            f"links.formation_base_port + {uav.id} of the scenario": (
+                links.formation_base_port + uav.id
+            )
+            for uav in scenario.uavs
+        },
+    }
+    if hub is None:
+        ports = {"links.gcs_port of the scenario": links.gcs_port, **ports}
+    elif hub.port in {links.gcs_port, *ports.values()}:
+        raise BadInput(f"--hub-port is {hub.port}, which the scenario has a use for already")
+    else:
+        ports = {"--hub-port": hub.port, **ports}
+    for what, port in ports.items():
         try:
-            bind_udp(
-                Address(links.host, port),
-                f"links.{key} of the scenario",
-                "let `gcs fly --free-ports` choose others",
-            ).close()
+            address = Address(links.host, port)
+            bind_udp(address, what, "let --free-ports choose others").close()
         except EndpointError as problem:
             raise BadInput(str(problem)) from None
 
@@ -87,24 +101,43 @@ class Fleet:
     Their configuration, what they print and what they record go into `folder`.
     """
 
-    def __init__(self, scenario: Scenario, speed: float | None, folder: Path) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        speed: float | None,
+        folder: Path,
+        *,
+        endless: bool = False,
+        ground_stations: Sequence[Address] = (),
+    ) -> None:
+        """Prepare a fleet.
+
+        Args:
+            scenario: The scenario.
+            speed: Real-time factor; None for lockstep.
+            folder: For the files of the processes.
+            endless: Fly on whatever the scenario's duration is, record nothing, and wait for
+                autopilots that fell silent.
+            ground_stations: Whom the autopilots talk to besides the scenario's GCS port.
+        """
         self._scenario = scenario
         self._speed = speed
         self._folder = folder
+        self._endless = endless
+        self._ground_stations = tuple(map(str, ground_stations))
         self._processes: list[_Process] = []
+        self._ended: set[str] = set()
 
     def __enter__(self) -> Self:
         """Write the configurations and start all processes."""
         scenario = self._scenario
-        steps = round(scenario.duration_s * 1e6 / scenario.step_us)
         self._folder.mkdir(parents=True, exist_ok=True)
-        dump(scenario.plant_config(self._speed), self._folder / f"{_PLANT}.yaml")
-        for uav in scenario.uavs:
-            dump(scenario.autopilot_config(uav.id), self._folder / f"uav{uav.id}.yaml")
+        self._configure()
+        steps = round(scenario.duration_s * 1e6 / scenario.step_us)
         try:
             self._start(_PLANT, "sitl_plant.process", [])
             for uav in scenario.uavs:
-                arguments = ["--record-steps", str(steps)]
+                arguments = [] if self._endless else ["--record-steps", str(steps)]
                 self._start(f"uav{uav.id}", "ftc_autopilot.process", arguments)
         except BaseException:
             self.stop()
@@ -145,6 +178,13 @@ class Fleet:
             if status and not self.recording_of(process.name).exists():
                 raise FlightLost(f"{process.name}: {process.last_words()}")
 
+    def newly_ended(self) -> list[tuple[str, str]]:
+        """Name and last words of each process that has ended since the last call."""
+        over = [p for p in self._processes
+                if p.popen.poll() is not None and p.name not in self._ended]  # fmt: skip
+        self._ended |= {process.name for process in over}
+        return [(process.name, process.last_words()) for process in over]
+
     def wait(self, timeout_s: float) -> None:
         """Give all processes time to end by themselves, then stop the rest."""
         end = time.monotonic() + timeout_s
@@ -166,11 +206,22 @@ class Fleet:
                 popen.kill()
                 popen.wait()
 
+    def _configure(self) -> None:
+        """Write what each process is told."""
+        plant = self._scenario.plant_config(self._speed)
+        if self._endless:
+            plant = plant.model_copy(update={"duration_s": None, "wait_for_restart": True})
+        dump(plant, self._folder / f"{_PLANT}.yaml")
+        for uav in self._scenario.uavs:
+            config = self._scenario.autopilot_config(uav.id)
+            gcs = (*config.gcs, *self._ground_stations)
+            dump(config.model_copy(update={"gcs": gcs}), self._folder / f"uav{uav.id}.yaml")
+
     def _start(self, name: str, module: str, arguments: list[str]) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
+        record = [] if self._endless else ["--record", str(self.recording_of(name))]
         command = [sys.executable, "-c", f"from {module} import main; main()", str(config),
-                   "--record", str(self.recording_of(name)), "--exit-with-parent",
-                   *arguments]  # fmt: skip
+                   "--exit-with-parent", *record, *arguments]  # fmt: skip
         with log.open("wb") as output:
             popen = subprocess.Popen(
                 command,

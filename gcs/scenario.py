@@ -94,17 +94,7 @@ class Scenario(Model):
 
     def segments(self) -> tuple[Segment, ...]:
         """The profile as it is uploaded to every UAV."""
-        return tuple(
-            Segment(
-                start_s=segment.start_s,
-                airspeed_m_s=segment.airspeed_m_s,
-                roll_deg=segment.roll_deg,
-                pitch_deg=segment.pitch_deg,
-                yaw_deg=segment.yaw_deg,
-                ramp=segment.shape == "ramp",
-            )
-            for segment in self.profile
-        )
+        return tuple(segment.segment() for segment in self.profile)
 
     def fault_commands(self) -> list[tuple[int, Fault]]:
         """UAV id and fault of each fault, in the order of the file."""

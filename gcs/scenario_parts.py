@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from mavlink_defs.config import HostPort, Loc, Model, Port, Problems, SystemId
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
+from mavlink_defs.profile import Segment
 from mavlink_defs.quantity import quantity
 from sitl_plant.config import InitialState
 
@@ -55,6 +56,17 @@ class ProfileSegment(Model):
     pitch_deg: float = quantity("deg", gt=-90.0, lt=90.0, default=0.0, doc="Pitch angle.")
     yaw_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Yaw angle.")
     shape: Literal["step", "ramp"] = "step"
+
+    def segment(self) -> Segment:
+        """The segment as it is uploaded."""
+        return Segment(
+            start_s=self.start_s,
+            airspeed_m_s=self.airspeed_m_s,
+            roll_deg=self.roll_deg,
+            pitch_deg=self.pitch_deg,
+            yaw_deg=self.yaw_deg,
+            ramp=self.shape == "ramp",
+        )
 
 
 class ScenarioFault(Model):

@@ -12,11 +12,15 @@ import struct
 import sys
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
-__all__ = ["Address", "EndpointError", "address_of", "bind_udp", "connect_udp", "free_ports",
-           "is_loopback", "parse_address", "set_receive_timeout", "sockaddr"]  # fmt: skip
+__all__ = ["Address", "Connection", "EndpointError", "address_of", "bind_udp", "connect_udp",
+           "free_ports", "is_loopback", "parse_address", "parse_connection",
+           "set_receive_timeout", "sockaddr", "someone_listens"]  # fmt: skip
+
+Direction: TypeAlias = Literal["in", "out"]
 
 _RECEIVE_BUFFER = 1 << 20  # bytes; the system may grant less
 _BSD_LAYOUT = sys.platform.startswith(("darwin", "freebsd", "netbsd", "openbsd"))
@@ -48,6 +52,33 @@ def parse_address(text: str) -> Address:
     if match is None or not 1 <= int(match["port"]) <= 65535:
         raise EndpointError(f"expected host:port with an IPv4 host and port 1-65535, got '{text}'")
     return Address(match["host"], int(match["port"]))
+
+
+@dataclass(frozen=True)
+class Connection:
+    """How a ground station meets vehicles: it binds an address ("in"), or talks to one ("out")."""
+
+    direction: Direction
+    address: Address
+
+    def __str__(self) -> str:
+        return f"udp{self.direction}:{self.address}"
+
+
+def parse_connection(text: str) -> Connection:
+    """Read "udpin:host:port" or "udpout:host:port"; "udp:" or nothing before it means "udpin:".
+
+    MAVSDK's spelling with "//" before the host is understood as well.
+
+    Raises:
+        EndpointError: The text is something else.
+    """
+    try:
+        address = parse_address(text)
+    except EndpointError:
+        form = "udpin:host:port or udpout:host:port with an IPv4 host and port 1-65535"
+        raise EndpointError(f"expected {form}, got '{text}'") from None
+    return Connection("out" if text.strip().startswith("udpout:") else "in", address)
 
 
 def sockaddr(address: Address) -> np.ndarray:
@@ -114,6 +145,23 @@ def connect_udp(address: Address) -> socket.socket:
         sock.close()
         raise EndpointError(f"cannot reach {address} over UDP: {exc.strerror}") from exc
     return sock
+
+
+def someone_listens(address: Address) -> bool:
+    """Tell whether a UDP port of this machine is bound by someone.
+
+    An empty datagram finds out; for another machine the answer is True.
+    """
+    try:
+        with connect_udp(address) as sock:
+            sock.setblocking(False)
+            sock.send(b"")
+            sock.recv(1)
+    except ConnectionRefusedError:
+        return False
+    except (BlockingIOError, EndpointError):
+        pass
+    return True
 
 
 def set_receive_timeout(sock: socket.socket, seconds: float) -> None:

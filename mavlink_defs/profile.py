@@ -13,6 +13,7 @@ from mavlink_defs.dialect import MAVLink_mission_item_int_message
 from mavlink_defs.values import decimal_of_float32
 
 __all__ = [
+    "ANY_AIRSPEED",
     "MAX_ITEMS",
     "MAX_SEGMENTS",
     "AirspeedLimits",
@@ -68,6 +69,10 @@ class AirspeedLimits:
 
     min_m_s: float
     max_m_s: float
+
+
+ANY_AIRSPEED = AirspeedLimits(0.0, math.inf)
+"""Limits for who does not know the aircraft."""
 
 
 class ProfileError(ValueError):

@@ -13,7 +13,7 @@ from typing import BinaryIO, Self
 
 from mavlink_defs import dialect
 
-__all__ = ["TlogError", "TlogWriter", "read_tlog"]
+__all__ = ["TlogError", "TlogWriter", "read_frames", "read_tlog"]
 
 _FLUSH_PERIOD_S = 1.0
 _TIME = struct.Struct(">Q")
@@ -73,14 +73,23 @@ def read_tlog(path: Path) -> Iterator[tuple[int, dialect.MAVLink_message]]:
         OSError: The file cannot be read.
     """
     parser = dialect.MAVLink(None)
+    for time_us, frame in read_frames(path):
+        try:
+            message = parser.decode(bytearray(frame))
+        except dialect.MAVError as exc:
+            message = dialect.MAVLink_bad_data(bytearray(frame), str(exc))
+        yield time_us, message
+
+
+def read_frames(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Read a telemetry log without looking into its frames: pairs of time [µs] and frame.
+
+    Raises:
+        TlogError, OSError: As `read_tlog`.
+    """
     with path.open("rb") as file:
         while (record := _read_record(file, path)) is not None:
-            time_us, frame = record
-            try:
-                message = parser.decode(bytearray(frame))
-            except dialect.MAVError as exc:
-                message = dialect.MAVLink_bad_data(bytearray(frame), str(exc))
-            yield time_us, message
+            yield record
 
 
 def _read_record(file: BinaryIO, path: Path) -> tuple[int, bytes] | None:

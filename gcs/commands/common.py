@@ -9,13 +9,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gcs.scenario import Scenario
-from mavlink_defs.jit import cache_is_cold, mark_cache_warm
 
 __all__ = ["flight_progress", "warm_up"]
 
 
 def warm_up(scenario: Scenario, console: Console) -> None:
     """Compile the numeric core before processes need it, if that was not done before."""
+    from mavlink_defs.jit import cache_is_cold, mark_cache_warm  # noqa: PLC0415 - has numba
+
     if not cache_is_cold():
         return
     from gcs.warm_up import compile_everything  # noqa: PLC0415

@@ -21,7 +21,8 @@ Examples:
 - gcs fly scenarios/paper/scenario1.yaml --in-process --json | jq .saving
 - gcs fly my.yaml --speed 1 --out runs/demo
 
-Exit status: 0 flown to its end, 1 lost or stopped early, 2 bad input, 130 Ctrl-C.
+Exit status: 0 flown to its end, 1 lost or stopped early, 2 bad input, 3 a vehicle refused
+something, 4 a vehicle did not answer, 130 Ctrl-C.
 """
 
 

@@ -14,7 +14,7 @@ from gcs.launcher import on_free_ports
 from gcs.scenario import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.config import dump
-from mavlink_defs.endpoint import Address
+from mavlink_defs.endpoint import Address, Connection
 
 pytestmark = pytest.mark.sitl
 PATIENCE_S = 60.0
@@ -43,10 +43,11 @@ async def fly_with_a_restart(scenario: Scenario, folder: Path) -> None:
     dump(scenario.autopilot_config(1).model_copy(update={"neighbours": ()}), uav_file)
     processes = [start("sitl_plant.process", plant_file, log)]
     try:
-        async with Client(Address(scenario.links.host, scenario.links.gcs_port)) as client:
+        address = Address(scenario.links.host, scenario.links.gcs_port)
+        async with Client(Connection("in", address)) as client:
 
             def simulated_ms() -> int:
-                message = client.vehicle(1).latest.get(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
+                message = client.vehicle(1).state.latest.get(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
                 return 0 if message is None else int(message.time_boot_ms)
 
             processes.append(start("ftc_autopilot.process", uav_file, log))

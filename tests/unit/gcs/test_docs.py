@@ -113,7 +113,7 @@ def test_message_field_is_documented(message: str, field: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "document", ["controllers", "method", "results", "scenario", "theory", "wire"]
+    "document", ["controllers", "method", "results", "scenario", "station", "theory", "wire"]
 )
 def test_links_lead_somewhere(document: str) -> None:
     text = (DOCS / f"{document}.md").read_text()

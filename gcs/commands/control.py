@@ -1,0 +1,113 @@
+"""``gcs arm``, ``gcs disarm``, ``gcs start``, ``gcs mode``."""
+
+from typing import Annotated, Literal
+
+import typer
+
+from gcs.commands.station import (
+    EXIT_STATUS,
+    ConnectOption,
+    JsonOption,
+    Station,
+    TimeoutOption,
+    UavOption,
+)
+from gcs.vehicle import Vehicle
+
+__all__ = ["ARM_EPILOG", "DISARM_EPILOG", "MODE_EPILOG", "START_EPILOG", "arm", "disarm", "mode",
+           "start"]  # fmt: skip
+
+ARM_EPILOG = f"""
+Examples:
+
+- gcs arm
+- gcs arm --uav 1,3 --json
+{EXIT_STATUS}"""
+
+DISARM_EPILOG = f"""
+Examples:
+
+- gcs disarm
+- gcs disarm --uav 2 --force
+{EXIT_STATUS}"""
+
+START_EPILOG = f"""
+Examples:
+
+- gcs start && gcs arm          (the profile begins with simulated time)
+- gcs start --uav 1
+{EXIT_STATUS}"""
+
+MODE_EPILOG = f"""
+Examples:
+
+- gcs mode loiter
+- gcs mode auto --uav 2
+{EXIT_STATUS}"""
+
+
+def arm(
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Arm vehicles. Simulated time begins when every vehicle of the fleet is armed."""
+
+    async def action(vehicle: Vehicle) -> str:
+        await vehicle.arm()
+        return f"UAV {vehicle.system} armed"
+
+    Station(uav, connect, timeout, as_json).act(action)
+
+
+def disarm(
+    force: Annotated[
+        bool, typer.Option("--force", help="In flight, too: the controller stops, no thrust.")
+    ] = False,
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Disarm vehicles; in flight they refuse unless forced."""
+
+    async def action(vehicle: Vehicle) -> str:
+        await vehicle.disarm(force)
+        return f"UAV {vehicle.system} disarmed"
+
+    Station(uav, connect, timeout, as_json).act(action)
+
+
+def start(
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Start to fly the profile: at once in flight, else when simulated time begins."""
+
+    async def action(vehicle: Vehicle) -> str:
+        await vehicle.start_mission()
+        return f"UAV {vehicle.system} started its mission"
+
+    Station(uav, connect, timeout, as_json).act(action)
+
+
+def mode(
+    name: Annotated[
+        Literal["auto", "loiter", "guided"],
+        typer.Argument(metavar="MODE", help="auto, loiter or guided"),
+    ],
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Change the mode: fly the profile, hold level and straight, or follow set-points."""
+
+    async def action(vehicle: Vehicle) -> str:
+        await vehicle.set_mode(name.upper())
+        return f"UAV {vehicle.system} in mode {name.upper()}"
+
+    Station(uav, connect, timeout, as_json).act(action)

@@ -1,0 +1,88 @@
+"""``gcs`` alone: the operator's dashboard."""
+
+import asyncio
+import sys
+import time
+from collections.abc import Coroutine
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+import typer
+
+from gcs.client import Client
+from gcs.connection import choose_connection, own_identity
+from gcs.errors import BadInput
+
+if TYPE_CHECKING:
+    from gcs.tui.app import Dashboard
+
+__all__ = [
+    "EPILOG", "ThemeOption", "dashboard", "has_terminal", "refuse_options", "run_dashboard",
+]  # fmt: skip
+
+EPILOG = """
+Examples:
+
+- gcs                                  (the dashboard, with the fleet of `gcs up`)
+- gcs --connect udpin:0.0.0.0:14550    (the dashboard, as the only ground station)
+- gcs log flight.tlog                  (the dashboard, with a log)
+"""
+
+ThemeOption: TypeAlias = Annotated[
+    Literal["dark", "light"],
+    typer.Option("--theme", envvar="FTC_SITL_THEME", help="Colours: dark or light."),
+]
+
+
+def has_terminal() -> bool:
+    """Whether there is a terminal to show the dashboard on."""
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def refuse_options(context: typer.Context) -> None:
+    """Refuse options of the dashboard before a command: they would be ignored.
+
+    Raises:
+        BadInput: There are some.
+    """
+    for name in ("connect", "theme"):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            command = context.invoked_subcommand
+            raise BadInput(
+                f"--{name} before `{command}` is for the dashboard",
+                f"put options behind the command: gcs {command} --{name} ...",
+            )
+
+
+def dashboard(connect: str | None, theme: str) -> None:
+    """Show the vehicles at a connection until the operator leaves."""
+    connection = choose_connection(connect)
+    from gcs.tui.app import Dashboard  # noqa: PLC0415 - Textual takes a while
+    from gcs.tui.view import Live  # noqa: PLC0415
+
+    async def work() -> None:
+        own = own_identity()
+        live = Live(str(connection), time.time() - time.monotonic(), own)
+        async with Client(connection, on_news=live.hear, inquire=True, own=own) as client:
+            live.attach(client)
+            await run_dashboard(Dashboard(live, theme))
+
+    run(work())
+
+
+async def run_dashboard(app: "Dashboard") -> None:
+    """Run the app.
+
+    Raises:
+        Exception: A defect of the dashboard.
+    """
+    if not has_terminal():
+        raise BadInput("the dashboard needs a terminal", "scripts use `gcs status` and the like")
+    await app.run_async()
+    if app.defect is not None:
+        raise app.defect
+
+
+def run(work: Coroutine[Any, Any, None]) -> None:
+    """Run until the operator leaves; Ctrl-C is Textual's to handle."""
+    asyncio.run(work)

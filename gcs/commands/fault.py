@@ -1,0 +1,179 @@
+"""``gcs fault set|clear|list``: actuator faults while the fleet is up."""
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Annotated, Literal, TypeAlias
+
+import typer
+from pydantic import ValidationError
+
+from gcs.commands.station import (
+    EXIT_STATUS,
+    ConnectOption,
+    JsonOption,
+    Station,
+    TimeoutOption,
+    UavOption,
+)
+from gcs.errors import BadInput, NoAnswer
+from gcs.scenario_parts import ScenarioFault
+from gcs.status import fault_dict
+from gcs.vehicle import Vehicle
+from gcs.vehicle_state import describe_fault
+from mavlink_defs import dialect
+from mavlink_defs.config import problems_of
+from mavlink_defs.faults import ACTUATORS, Fault
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Set, clear and list actuator faults.", no_args_is_help=True)
+
+_Actuator: TypeAlias = Literal["aileron", "elevator", "rudder", "throttle"]
+_NAMES = "aileron, elevator, rudder or throttle"
+_KEY = re.compile(r"'?\b(effectiveness|(?:bias|stuck)_(?:deg|n)|frequency_hz|(?:start|end)_s)\b'?")
+
+_SET_EPILOG = f"""
+Examples:
+
+- gcs fault set rudder --uav 3 --effectiveness 0.5 --bias-deg 1
+- gcs fault set elevator --stuck-deg 5 --for-s 3
+- gcs fault set throttle --bias-n -2 --start-s 19 --end-s 22 --json
+{EXIT_STATUS}"""
+
+_CLEAR_EPILOG = f"""
+Examples:
+
+- gcs fault clear
+- gcs fault clear --actuator rudder --uav 3
+{EXIT_STATUS}"""
+
+_LIST_EPILOG = f"""
+Examples:
+
+- gcs fault list
+- gcs fault list --uav 3 --json | jq '.[].faults[] | select(.active)'
+{EXIT_STATUS}"""
+
+
+@app.command(name="set", epilog=_SET_EPILOG)
+def set_(
+    actuator: Annotated[_Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
+    effectiveness: Annotated[
+        float | None, typer.Option(help="What is left of the command, 0 to 1.")
+    ] = None,
+    bias_deg: Annotated[float | None, typer.Option(help="Bias of a surface [deg].")] = None,
+    bias_n: Annotated[float | None, typer.Option(help="Bias of the throttle [N].")] = None,
+    stuck_deg: Annotated[float | None, typer.Option(help="Stuck surface: angle [deg].")] = None,
+    stuck_n: Annotated[float | None, typer.Option(help="Stuck throttle: thrust [N].")] = None,
+    frequency_hz: Annotated[
+        float, typer.Option(help="Let the bias or stuck value oscillate [Hz], 0 to 500.")
+    ] = 0.0,
+    start_s: Annotated[
+        float | None, typer.Option(help="Start in simulated time [s]; now by default.")
+    ] = None,
+    end_s: Annotated[
+        float | None, typer.Option(help="End in simulated time [s]; until cleared by default.")
+    ] = None,
+    for_s: Annotated[
+        float | None, typer.Option(help="Duration [s of simulated time], instead of --end-s.")
+    ] = None,
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Set an actuator fault: applied = effectiveness · commanded + bias, or a stuck value.
+
+    A fault replaces older ones of the same actuator that overlap it in time.
+    """
+    if for_s is not None:
+        if end_s is not None:
+            raise BadInput("--end-s and --for-s say the same", "leave one of them out")
+        if not 0.0 < for_s < math.inf:
+            raise BadInput(f"--for-s: expected more than 0 s, got {for_s:g}")
+        end_s = None if start_s is None else start_s + for_s
+    keys = {
+        "actuator": actuator, "effectiveness": effectiveness, "bias_deg": bias_deg,
+        "bias_n": bias_n, "stuck_deg": stuck_deg, "stuck_n": stuck_n,
+        "frequency_hz": frequency_hz, "start_s": 0.0 if start_s is None else start_s,
+        "end_s": end_s,
+    }  # fmt: skip
+    try:
+        fault = ScenarioFault.model_validate({"uav": 1, **keys}).command()
+    except ValidationError as problem:
+        raise BadInput(_in_options(problems_of(ScenarioFault, problem))) from None
+    if start_s is None:
+        fault = replace(fault, start_s=math.nan)
+
+    async def action(vehicle: Vehicle) -> str:
+        timed = fault
+        if start_s is None and for_s is not None:
+            timed = replace(fault, end_s=await _time_s(vehicle) + for_s)
+        await vehicle.set_fault(timed)
+        return f"UAV {vehicle.system}: {describe_fault(timed)}"
+
+    Station(uav, connect, timeout, as_json).act(action)
+
+
+@app.command(epilog=_CLEAR_EPILOG)
+def clear(
+    actuator: Annotated[
+        _Actuator | None,
+        typer.Option(metavar="ACTUATOR", help=f"Only this one's ({_NAMES}); all by default."),
+    ] = None,
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Clear faults: active, past and future ones."""
+
+    async def action(vehicle: Vehicle) -> str:
+        await vehicle.clear_faults(None if actuator is None else ACTUATORS.index(actuator))
+        return f"UAV {vehicle.system}: faults of {actuator or 'all actuators'} cleared"
+
+    Station(uav, connect, timeout, as_json).act(action)
+
+
+@app.command(name="list", epilog=_LIST_EPILOG)
+def list_(
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """List the faults that vehicles have, past and future ones too."""
+
+    async def action(vehicle: Vehicle) -> str:
+        faults = await vehicle.list_faults()
+        time_s = await _time_s(vehicle)
+        lines = [f"UAV {vehicle.system}: {_with_phase(fault, time_s)}" for fault in faults]
+        return "\n".join(lines) or f"UAV {vehicle.system}: no faults"
+
+    def data(vehicle: Vehicle) -> dict[str, object]:
+        time_s = vehicle.state.time_s
+        faults = [fault_dict(fault, time_s) for fault in vehicle.state.faults or ()]
+        return {"time_s": time_s, "faults": faults}
+
+    Station(uav, connect, timeout, as_json).act(action, data)
+
+
+async def _time_s(vehicle: Vehicle) -> float:
+    """Its simulated time, asked for."""
+    await vehicle.request(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
+    if (time_s := vehicle.state.time_s) is None:
+        raise NoAnswer(f"UAV {vehicle.system} did not tell its simulated time")
+    return time_s
+
+
+def _with_phase(fault: Fault, time_s: float) -> str:
+    phase = "waiting" if time_s <= fault.start_s else "active" if time_s <= fault.end_s else "over"
+    return f"{describe_fault(fault)}, {phase}"
+
+
+def _in_options(problems: Iterable[str]) -> str:
+    """Problems of a scenario's fault, said with the names of our options."""
+    lines = [_KEY.sub(lambda key: f"--{key[1].replace('_', '-')}", line) for line in problems]
+    return "\n".join(lines)

@@ -1,0 +1,52 @@
+"""``gcs log``: a telemetry log in the dashboard."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.commands.dashboard import ThemeOption, run_dashboard
+from gcs.commands.station import run_interruptible
+from gcs.errors import BadInput
+from mavlink_defs.tlog import TlogError, read_frames
+
+__all__ = ["EPILOG", "log"]
+
+EPILOG = """
+Examples:
+
+- gcs log runs/first/flight.tlog
+- gcs log flight.tlog --at 19 --speed 0.5
+
+Exit status: 0 left by the operator, 2 bad input.
+"""
+
+
+def log(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Telemetry log (tlog).")],
+    speed: Annotated[
+        float, typer.Option(min=0.1, max=30.0, help="Times as fast as it happened.")
+    ] = 1.0,
+    at: Annotated[float, typer.Option(min=0.0, help="Where to begin [s].")] = 0.0,
+    theme: ThemeOption = "dark",
+) -> None:
+    """Replay a telemetry log in the dashboard, with seek and speed.
+
+    Takes logs of `gcs fly` and `gcs record`, and of other ground stations.
+    """
+    try:
+        frames = list(read_frames(file))
+    except OSError as problem:
+        raise BadInput(f"cannot read {file}: {problem.strerror}") from problem
+    except TlogError as problem:
+        raise BadInput(str(problem), "`gcs record` writes telemetry logs") from problem
+    if not frames:
+        raise BadInput(f"{file}: there is no frame in it")
+    from gcs.tui.app import Dashboard  # noqa: PLC0415 - Textual takes a while
+    from gcs.tui.playback import Playback  # noqa: PLC0415
+
+    playback = Playback(file.name, frames, time.monotonic)
+    playback.speed = speed
+    playback.seek(at)
+    run_interruptible(run_dashboard(Dashboard(playback, theme)))

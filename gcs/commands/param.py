@@ -1,0 +1,112 @@
+"""``gcs param list|get|set``: parameters of vehicles."""
+
+from typing import Annotated, Any
+
+import typer
+
+from gcs.commands.station import (
+    EXIT_STATUS,
+    ConnectOption,
+    JsonOption,
+    Station,
+    TimeoutOption,
+    UavOption,
+)
+from gcs.news import enum_name
+from gcs.vehicle import Vehicle
+from mavlink_defs.param import Param
+
+__all__ = ["app"]
+
+app = typer.Typer(help="List, read and set parameters.", no_args_is_help=True)
+
+_Name = Annotated[str, typer.Argument(metavar="NAME", help="Name, at most 16 characters.")]
+
+_LIST_EPILOG = f"""
+Examples:
+
+- gcs param list --uav 1
+- gcs param list --json | jq '.[].params | length'
+{EXIT_STATUS}"""
+
+_GET_EPILOG = f"""
+Examples:
+
+- gcs param get TRG_B1
+- gcs param get TRG_B1 --uav 2 --json
+{EXIT_STATUS}"""
+
+_SET_EPILOG = f"""
+Examples:
+
+- gcs param set TRG_B1 0.02
+- gcs param set TRG_B1 0.02 --uav 1,3
+{EXIT_STATUS}"""
+
+
+@app.command(name="list", epilog=_LIST_EPILOG)
+def list_(
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 30.0,
+    as_json: JsonOption = False,
+) -> None:
+    """List all parameters."""
+    found: dict[int, tuple[Param, ...]] = {}
+
+    async def action(vehicle: Vehicle) -> str:
+        params = found[vehicle.system] = await vehicle.list_params()
+        return "\n".join(_words(vehicle, param) for param in params)
+
+    def data(vehicle: Vehicle) -> dict[str, Any]:
+        return {"params": [_param_dict(param) for param in found[vehicle.system]]}
+
+    Station(uav, connect, timeout, as_json).act(action, data)
+
+
+@app.command(epilog=_GET_EPILOG)
+def get(
+    name: _Name,
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Read one parameter."""
+    found: dict[int, Param] = {}
+
+    async def action(vehicle: Vehicle) -> str:
+        found[vehicle.system] = await vehicle.get_param(name)
+        return _words(vehicle, found[vehicle.system])
+
+    station = Station(uav, connect, timeout, as_json)
+    station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
+
+
+@app.command(name="set", epilog=_SET_EPILOG)
+def set_(
+    name: _Name,
+    value: Annotated[float, typer.Argument(metavar="VALUE")],
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Set one parameter; the vehicle checks its range."""
+    found: dict[int, Param] = {}
+
+    async def action(vehicle: Vehicle) -> str:
+        found[vehicle.system] = await vehicle.set_param(name, value)
+        return _words(vehicle, found[vehicle.system])
+
+    station = Station(uav, connect, timeout, as_json)
+    station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
+
+
+def _words(vehicle: Vehicle, param: Param) -> str:
+    return f"UAV {vehicle.system}: {param.name} = {param.value:g}"
+
+
+def _param_dict(param: Param) -> dict[str, Any]:
+    kind = enum_name("MAV_PARAM_TYPE", param.type, "MAV_PARAM_TYPE_").lower()
+    return {"name": param.name, "value": param.value, "type": kind}

@@ -1,0 +1,177 @@
+"""``gcs profile upload|download|check``: reference profiles of vehicles and of files."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import Progress, TaskID
+from rich.table import Table
+
+from gcs.commands.station import (
+    EXIT_STATUS,
+    ConnectOption,
+    JsonOption,
+    Station,
+    TimeoutOption,
+    UavOption,
+    print_json,
+)
+from gcs.errors import BadInput, CommandRefused
+from gcs.profile_file import load_profile, profile_yaml
+from gcs.status import segment_dict
+from gcs.vehicle import Vehicle
+from mavlink_defs import dialect
+from mavlink_defs.profile import Segment
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Upload, download and check reference profiles.", no_args_is_help=True)
+
+_File = Annotated[
+    Path,
+    typer.Argument(metavar="FILE", help="Profile file (YAML with a `profile:` list) or scenario."),
+]
+
+_UPLOAD_EPILOG = f"""
+Examples:
+
+- gcs profile upload my.yaml
+- gcs profile upload scenarios/paper/scenario1.yaml --uav 1,3 --json
+{EXIT_STATUS}"""
+
+_DOWNLOAD_EPILOG = f"""
+Examples:
+
+- gcs profile download --uav 1 --out held.yaml
+- gcs profile download --json | jq '.[].profile | length'
+{EXIT_STATUS}"""
+
+_CHECK_EPILOG = """
+Examples:
+
+- gcs profile check my.yaml
+- gcs profile check my.yaml --held --uav 3
+
+Exit status: 0 good (and held), 2 the file cannot be used, 3 a vehicle holds something else or
+refused to tell, 4 no answer from one.
+"""
+
+
+@app.command(epilog=_UPLOAD_EPILOG)
+def upload(
+    file: _File,
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 30.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Upload a profile. It is in force at once; one that is refused leaves the old in force."""
+    segments = load_profile(file)
+    console = Console(stderr=True)
+    progress = Progress(console=console, transient=True, disable=as_json or not console.is_terminal)
+    tasks: dict[int, TaskID] = {}
+
+    async def action(vehicle: Vehicle) -> str:
+        def show(done: int, total: int) -> None:
+            progress.update(tasks[vehicle.system], completed=done, total=total)
+
+        tasks[vehicle.system] = progress.add_task(f"UAV {vehicle.system}", total=None)
+        await vehicle.upload(segments, show)
+        return f"UAV {vehicle.system} holds {_count(segments)} of {file}"
+
+    with progress:
+        Station(uav, connect, timeout, as_json).act(action, lambda _: {"segments": len(segments)})
+
+
+@app.command(epilog=_DOWNLOAD_EPILOG)
+def download(
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Write a profile file; the vehicles must hold the same profile."),
+    ] = None,
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 30.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Print the profiles that vehicles hold, as YAML (one document for each different one)."""
+    held: dict[int, tuple[Segment, ...]] = {}
+
+    async def action(vehicle: Vehicle) -> str:
+        held[vehicle.system] = await vehicle.download()
+        return f"# UAV {vehicle.system} holds {_count(held[vehicle.system])}"
+
+    def data(vehicle: Vehicle) -> dict[str, Any]:
+        return {"profile": [segment_dict(segment) for segment in held[vehicle.system]]}
+
+    try:
+        Station(uav, connect, timeout, as_json).act(action, data)
+    finally:
+        if out is not None and held:
+            _write(out, held)
+        elif held and not as_json:
+            print("---\n".join(map(profile_yaml, dict.fromkeys(held.values()))), end="")
+
+
+@app.command(epilog=_CHECK_EPILOG)
+def check(
+    file: _File,
+    held: Annotated[
+        bool, typer.Option("--held", help="Also compare with what the vehicles hold.")
+    ] = False,
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 30.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Check a profile file and show it; with --held compare it with what vehicles hold."""
+    segments = load_profile(file)
+    if not held:
+        if as_json:
+            print_json({"file": str(file), "profile": [segment_dict(s) for s in segments]})
+        else:
+            Console(highlight=False).print(_table(segments), f"{file}: {_count(segments)}, good")
+        return
+
+    async def action(vehicle: Vehicle) -> str:
+        theirs = await vehicle.download()
+        if theirs != segments:
+            text = f"UAV {vehicle.system} holds another profile: {_difference(segments, theirs)}"
+            raise CommandRefused(text, dialect.MAV_MISSION_ERROR)
+        return f"UAV {vehicle.system} holds {file}"
+
+    Station(uav, connect, timeout, as_json).act(action)
+
+
+def _count(segments: tuple[Segment, ...]) -> str:
+    return f"{len(segments)} segment" + ("" if len(segments) == 1 else "s")
+
+
+def _write(out: Path, held: dict[int, tuple[Segment, ...]]) -> None:
+    first, *others = dict.fromkeys(held.values())
+    if others:
+        names = ", ".join(map(str, held))
+        raise BadInput(f"UAV {names} hold different profiles", "choose one with --uav")
+    try:
+        out.write_text(profile_yaml(first))
+    except OSError as problem:
+        raise BadInput(f"cannot write {out}: {problem.strerror}") from problem
+
+
+def _difference(ours: tuple[Segment, ...], theirs: tuple[Segment, ...]) -> str:
+    for i, (wanted, found) in enumerate(zip(ours, theirs, strict=False)):
+        a, b = segment_dict(wanted), segment_dict(found)
+        for key, value in a.items():
+            if value != b[key]:
+                return f"{key} of its segment {i} is {b[key]}, in the file {value}"
+    return f"{_count(theirs)}, in the file {len(ours)}"
+
+
+def _table(segments: tuple[Segment, ...]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for heading in ("", "start s", "airspeed m/s", "roll °", "pitch °", "yaw °", "shape"):
+        table.add_column(heading, justify="right")
+    for i, segment in enumerate(segments):
+        table.add_row(str(i), *(str(value) for value in segment_dict(segment).values()))
+    return table

@@ -1,0 +1,91 @@
+"""``gcs record``: the GCS link of a running fleet as a telemetry log."""
+
+import asyncio
+import signal
+from collections import Counter
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.client import Client
+from gcs.commands.station import ConnectOption, JsonOption, TimeoutOption, print_json
+from gcs.commands.station import run_interruptible as run
+from gcs.connection import choose_connection, own_identity
+from gcs.errors import BadInput, NoAnswer
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.tlog import TlogWriter
+
+__all__ = ["EPILOG", "record"]
+
+EPILOG = """
+Examples:
+
+- gcs record
+- gcs record flight.tlog --for-s 60
+- gcs record flight.tlog --json && mavlogdump.py flight.tlog --types STATUSTEXT
+
+Exit status: 0 recorded until Ctrl-C, SIGTERM or the end of --for-s, 2 bad input, 4 no vehicle
+heard within --timeout.
+"""
+
+
+def record(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE", help="New file; gcs-DATE-TIME.tlog by default."),
+    ] = None,
+    for_s: Annotated[
+        float | None, typer.Option(min=0.0, help="Stop after so long [s]; Ctrl-C by default.")
+    ] = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Record every frame that vehicles send, with its time, until Ctrl-C.
+
+    MAVProxy, QGroundControl and mavlogdump.py read such files.
+    """
+    now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+    path = file or Path(f"gcs-{now}.tlog")
+    if path.exists():
+        raise BadInput(f"{path} exists already", "choose another file, or remove it")
+    messages = run(_record(path, for_s, connect, timeout))
+    total = sum(messages.values())
+    if as_json:
+        print_json({"file": str(path), "messages": {str(k): n for k, n in messages.items()}})
+    else:
+        names = ", ".join(map(str, messages))
+        typer.echo(f"{total} messages of UAV {names} in {path}")
+
+
+async def _record(
+    path: Path, for_s: float | None, connect: str | None, timeout_s: float
+) -> dict[int, int]:
+    counts: Counter[int] = Counter()
+
+    def count(message: MAVLink_message) -> None:
+        counts[message.get_srcSystem()] += 1
+
+    stop = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    connection = choose_connection(connect)
+    try:
+        tlog = TlogWriter(path)
+    except OSError as problem:
+        raise BadInput(f"cannot write {path}: {problem.strerror}") from problem
+    with tlog:
+        async with Client(connection, tlog=tlog, on_message=count, own=own_identity()) as client:
+            heard = await client.until(lambda: bool(counts) or stop.is_set(), timeout_s)
+            if heard and not stop.is_set():
+                try:
+                    async with asyncio.timeout(for_s):
+                        await stop.wait()
+                except TimeoutError:
+                    pass
+    if not counts:
+        path.unlink()
+        raise NoAnswer(f"no vehicle heard within {timeout_s:g} s on {connection}")
+    return dict(sorted(counts.items()))

@@ -1,0 +1,173 @@
+"""What the commands that talk to a running fleet share: options, outcomes, exit status.
+
+Such a command does the same with every chosen vehicle, all at the same time, and reports each
+one's outcome: what went well on standard output, the rest on standard error.
+"""
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import dataclass, field
+from typing import Annotated, Any, TypeVar
+
+import typer
+
+from gcs.client import Client
+from gcs.connection import choose_connection, own_identity
+from gcs.errors import BadInput, CommandRefused, Interrupted, NoAnswer
+from gcs.vehicle import Vehicle
+
+__all__ = [
+    "EXIT_STATUS", "ConnectOption", "JsonOption", "Station", "TimeoutOption", "UavOption",
+    "print_json", "run_interruptible",
+]  # fmt: skip
+
+EXIT_STATUS = """
+Exit status: 0 accepted by all, 2 bad input, 3 refused by one, 4 no answer from one (or no
+vehicle heard).
+"""
+
+UavOption = Annotated[
+    str | None,
+    typer.Option("--uav", metavar="IDS", help="System ids, such as 1,3; all heard by default."),
+]
+ConnectOption = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        metavar="ADDRESS",
+        envvar="FTC_SITL_CONNECT",
+        help="udpin:HOST:PORT or udpout:HOST:PORT. Without it: the hub of `gcs up` "
+        "(udpout:127.0.0.1:14555) if there is one, else udpin:127.0.0.1:14550.",
+    ),
+]
+TimeoutOption = Annotated[
+    float,
+    typer.Option("--timeout", min=0.1, metavar="S", help="How long to wait for a vehicle [s]."),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")]
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What came of an action: "accepted", "refused" or "no answer", and how it is said."""
+
+    uav: int
+    outcome: str
+    words: str
+    status: int = 0
+    data: dict[str, Any] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        told = {} if self.outcome == "accepted" else {"reason": self.words}
+        return {"uav": self.uav, "outcome": self.outcome, **told, **self.data}
+
+
+@dataclass(frozen=True)
+class Station:
+    """The options of a command, and how it talks to vehicles."""
+
+    uavs: str | None
+    connect: str | None
+    timeout_s: float
+    as_json: bool
+
+    def act(
+        self,
+        action: Callable[[Vehicle], Awaitable[str]],
+        data: Callable[[Vehicle], dict[str, Any]] = lambda _: {},
+    ) -> None:
+        """Do something with every chosen vehicle and report it; ends with the exit status.
+
+        Args:
+            action: What to do; gives what is to be said of it.
+            data: More that is to be told in JSON when it is done.
+        """
+
+        async def with_vehicles(_: Client, vehicles: list[Vehicle]) -> list[_Outcome]:
+            return await asyncio.gather(*(self._try(v, action, data) for v in vehicles))
+
+        outcomes = self.run(with_vehicles)
+        if self.as_json:
+            print_json([outcome.as_dict() for outcome in outcomes])
+        else:
+            for outcome in outcomes:
+                prefix = "error: " if outcome.status else ""
+                typer.echo(prefix + outcome.words, err=outcome.status != 0)
+        raise typer.Exit(max(outcome.status for outcome in outcomes))
+
+    def run(
+        self, work: Callable[[Client, list[Vehicle]], Awaitable[T]], inquire: bool = False
+    ) -> T:
+        """Do something with a client and the chosen vehicles.
+
+        Raises:
+            BadInput: An option cannot be used.
+            NoAnswer: No vehicle was heard, or one of the chosen was not.
+        """
+        systems, connection = _systems(self.uavs), choose_connection(self.connect)
+
+        async def connected() -> T:
+            async with Client(connection, own=own_identity(), inquire=inquire) as client:
+                try:
+                    vehicles = await client.discover(self.timeout_s, systems)
+                except NoAnswer as problem:
+                    problem.hint = "start a fleet with `gcs up`, or say where with --connect"
+                    raise
+                return await work(client, vehicles)
+
+        return run_interruptible(connected())
+
+    async def _try(
+        self,
+        vehicle: Vehicle,
+        action: Callable[[Vehicle], Awaitable[str]],
+        data: Callable[[Vehicle], dict[str, Any]],
+    ) -> _Outcome:
+        uav = vehicle.system
+        try:
+            async with asyncio.timeout(self.timeout_s):
+                words = await action(vehicle)
+        except CommandRefused as problem:
+            return _Outcome(uav, "refused", str(problem), problem.exit_status)
+        except NoAnswer as problem:
+            return _Outcome(uav, "no answer", str(problem), problem.exit_status)
+        except TimeoutError:
+            words = f"UAV {uav} did not answer within {self.timeout_s:g} s"
+            return _Outcome(uav, "no answer", words, NoAnswer.exit_status)
+        return _Outcome(uav, "accepted", words, data=data(vehicle))
+
+
+def run_interruptible(work: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine to its end; Ctrl-C ends the command with the status that shells expect."""
+    try:
+        return asyncio.run(work)
+    except KeyboardInterrupt:
+        raise Interrupted("interrupted") from None
+
+
+def print_json(value: Any) -> None:
+    """Print a value as one line of JSON; what JSON cannot say (NaN, infinity) is null."""
+    print(json.dumps(_finite(value), allow_nan=False), flush=True)
+
+
+def _finite(value: Any) -> Any:
+    match value:
+        case dict():
+            return {key: _finite(inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_finite(inner) for inner in value]
+        case float() if value - value != 0.0:
+            return None
+    return value
+
+
+def _systems(text: str | None) -> set[int] | None:
+    if text is None:
+        return None
+    parts = text.split(",")
+    if not all(part.strip().isdecimal() and 1 <= int(part) <= 255 for part in parts):
+        raise BadInput(f"--uav: expected system ids 1 to 255 such as 1,3, got '{text}'")
+    return {int(part) for part in parts}

@@ -1,0 +1,107 @@
+"""``gcs status``: what the vehicles of a running fleet do."""
+
+import asyncio
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.live import Live
+
+from gcs.client import Client
+from gcs.commands.station import (
+    ConnectOption,
+    JsonOption,
+    Station,
+    TimeoutOption,
+    UavOption,
+    print_json,
+)
+from gcs.errors import CommandRefused, Interrupted, NoAnswer
+from gcs.status import fleet_table, status_dict
+from gcs.vehicle import Vehicle
+from mavlink_defs import dialect
+
+__all__ = ["EPILOG", "status"]
+
+EPILOG = """
+Examples:
+
+- gcs status
+- gcs status --watch
+- gcs status --uav 3 --json | jq '.vehicles[0].channels.rudder.events'
+- gcs status --connect udpin:0.0.0.0:14550
+
+Faults are shown as active/all. Exit status: 0 shown, 2 bad input, 4 no vehicle heard;
+--watch goes on until Ctrl-C (0).
+"""
+
+_FIRST_TELEMETRY_S = 1.0
+_REFRESH_S = 1.0
+_WANTED = (
+    dialect.MAVLINK_MSG_ID_ATTITUDE,
+    dialect.MAVLINK_MSG_ID_VFR_HUD,
+    dialect.MAVLINK_MSG_ID_FTC_TRACKING,
+    dialect.MAVLINK_MSG_ID_FTC_EVENTS,
+)
+
+
+def status(
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Go on, once a second, until Ctrl-C.")
+    ] = False,
+    uav: UavOption = None,
+    connect: ConnectOption = None,
+    timeout: TimeoutOption = 10.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Show link, mode, attitude, events, savings and faults of every vehicle."""
+    station = Station(uav, connect, timeout, as_json)
+
+    async def once(client: Client, vehicles: list[Vehicle]) -> None:
+        await asyncio.gather(*(_ask(client, vehicle) for vehicle in vehicles))
+        _show(client, vehicles, as_json)
+
+    async def on_and_on(client: Client, vehicles: list[Vehicle]) -> None:
+        def chosen() -> list[Vehicle]:
+            return vehicles if uav is not None else list(client.vehicles.values())
+
+        if as_json:
+            while True:
+                _show(client, chosen(), as_json)
+                await asyncio.sleep(_REFRESH_S)
+        with Live(auto_refresh=False) as live:
+            while True:
+                table = fleet_table((v.state for v in chosen()), client.now())
+                live.update(table, refresh=True)
+                await asyncio.sleep(_REFRESH_S)
+
+    if not watch:
+        station.run(once)
+        return
+    try:
+        station.run(on_and_on, inquire=True)
+    except Interrupted:
+        return
+
+
+async def _ask(client: Client, vehicle: Vehicle) -> None:
+    """Get everything about a vehicle that can be had."""
+    for question in (vehicle.list_faults, vehicle.download):
+        try:
+            await question()
+        except (CommandRefused, NoAnswer):
+            continue
+    await client.until(lambda: vehicle.state.latest.keys() >= set(_WANTED), _FIRST_TELEMETRY_S)
+
+
+def _show(client: Client, vehicles: list[Vehicle], as_json: bool) -> None:
+    now = client.now()
+    if not as_json:
+        Console(highlight=False).print(fleet_table((v.state for v in vehicles), now))
+        return
+    answer: dict[str, Any] = {
+        "connection": str(client.connection),
+        "saving": client.fleet.saving,
+        "vehicles": [status_dict(vehicle.state, now) for vehicle in vehicles],
+    }
+    print_json(answer)

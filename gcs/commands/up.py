@@ -1,0 +1,167 @@
+"""``gcs up``: a fleet that flies on until it is told to stop."""
+
+import asyncio
+import contextlib
+import json
+import signal
+from collections.abc import Coroutine
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from gcs.commands.common import warm_up
+from gcs.connection import HUB_PORT
+from gcs.errors import BadInput, Interrupted
+from gcs.scenario import Scenario, load_scenario
+from mavlink_defs.endpoint import Address, Connection, free_ports
+
+__all__ = ["EPILOG", "up"]
+
+EPILOG = """
+Examples:
+
+- gcs up scenarios/paper/scenario1.yaml          (then: gcs start; gcs arm; gcs status --watch)
+- gcs up scenarios/paper/scenario1.yaml --start --speed 2
+- gcs up my.yaml --lockstep --free-ports --json
+
+Exit status: 0 stopped by Ctrl-C or SIGTERM, 1 flight lost, 2 bad input, 3 a vehicle refused
+something, 4 a vehicle did not answer.
+"""
+
+
+def up(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", metavar="SCENARIO")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default."),
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Real-time factor; 1 by default.", metavar="FACTOR")
+    ] = None,
+    lockstep: Annotated[
+        bool,
+        typer.Option("--lockstep", help="As fast as the machine goes, instead of real time."),
+    ] = False,
+    start: Annotated[bool, typer.Option("--start", help="Start the mission and arm, too.")] = False,
+    hub_port: Annotated[
+        int,
+        typer.Option(
+            min=1, max=65535, help="UDP port that any number of ground stations can connect to."
+        ),
+    ] = HUB_PORT,
+    free: Annotated[
+        bool,
+        typer.Option("--free-ports", help="Use free UDP ports instead of the scenario's."),
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print addresses as one line of JSON when it is up.")
+    ] = False,
+) -> None:
+    """Start a fleet that flies on until it is told to stop (Ctrl-C).
+
+    The vehicles get profile and faults of the scenario and wait: time begins when all are
+    armed. The duration of the scenario does not matter. One ground station can bind the GCS
+    port (14550); any number can connect to the hub, as gcs's own commands do.
+    """
+    if speed is not None and not 0.0 < speed < float("inf"):
+        raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
+    if speed is not None and lockstep:
+        raise BadInput("--speed paces the plant; --lockstep does not", "leave one of them out")
+    from gcs.launcher import check_ports, on_free_ports  # noqa: PLC0415 - numba comes with it
+    from gcs.run_folder import make_run_folder  # noqa: PLC0415
+
+    loaded = load_scenario(scenario)
+    if free:
+        loaded = on_free_ports(loaded)
+        (hub_port,) = free_ports(1, loaded.links.host)
+    else:
+        check_ports(loaded, Address(loaded.links.host, hub_port))
+    folder = make_run_folder(out, loaded.name)
+    console = Console(stderr=True, quiet=quiet or as_json, highlight=False)
+    pace = None if lockstep else speed or 1.0
+    try:
+        _up(loaded, folder, Address(loaded.links.host, hub_port), pace, start, console, as_json)
+    except KeyboardInterrupt:
+        raise Interrupted(f"interrupted before the fleet was up; {folder} can be removed") from None
+
+
+def _up(
+    scenario: Scenario,
+    folder: Path,
+    hub: Address,
+    speed: float | None,
+    start: bool,
+    console: Console,
+    as_json: bool,
+) -> None:
+    from gcs.up import keep_up  # noqa: PLC0415 - numba comes with it
+
+    warm_up(scenario, console)
+
+    def ready() -> None:
+        _announce(scenario, folder, hub, speed, start, console)
+        if as_json:
+            print(json.dumps(_addresses(scenario, folder, hub)), flush=True)
+
+    words = Console(stderr=True, highlight=False)
+    keeping = keep_up(
+        scenario,
+        folder,
+        hub,
+        speed=speed,
+        start=start,
+        on_ready=ready,
+        on_word=lambda text: words.print(text, soft_wrap=True),
+    )
+    asyncio.run(_until_told_to_stop(keeping))
+    console.print("stopped")
+
+
+async def _until_told_to_stop(work: Coroutine[Any, Any, None]) -> None:
+    task = asyncio.ensure_future(work)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, task.cancel)
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
+
+
+def _addresses(scenario: Scenario, folder: Path, hub: Address) -> dict[str, Any]:
+    gcs = Connection("in", Address(scenario.links.host, scenario.links.gcs_port))
+    return {
+        "scenario": scenario.name,
+        "uavs": [uav.id for uav in scenario.uavs],
+        "gcs": str(gcs),
+        "hub": str(Connection("out", hub)),
+        "folder": str(folder),
+    }
+
+
+def _announce(
+    scenario: Scenario,
+    folder: Path,
+    hub: Address,
+    speed: float | None,
+    start: bool,
+    console: Console,
+) -> None:
+    addresses = _addresses(scenario, folder, hub)
+    pace = "lockstep" if speed is None else f"{speed:g}× real time"
+    state = "mission started, armed" if start else "not armed"
+    connect = "" if hub.port == HUB_PORT else f" --connect {addresses['hub']}"
+    then = ["gcs status --watch" + connect, "gcs fault set rudder --effectiveness 0.5" + connect]
+    if not start:
+        then[:0] = ["gcs start" + connect, "gcs arm" + connect]
+    lines = [
+        f"[bold]{scenario.name}[/bold]: {len(scenario.uavs)} UAVs up ({pace}), profile of "
+        f"{len(scenario.profile)} segments and {len(scenario.faults)} faults set, {state}",
+        f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
+        f"  words of the processes: {folder / 'processes'}",
+        *(f"  {'then:' if i == 0 else '     '} {words}" for i, words in enumerate(then)),
+        "  Ctrl-C stops the fleet",
+    ]
+    for line in lines:
+        console.print(line, soft_wrap=True)

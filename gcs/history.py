@@ -1,0 +1,47 @@
+"""What one vehicle did in the last minutes, for plots."""
+
+import math
+
+import numpy as np
+
+__all__ = ["ROW", "History"]
+
+ROW = np.dtype(
+    [
+        ("time_s", "f8"),  # simulated time
+        ("actual", "f8", 4),  # airspeed [m/s], roll, pitch, yaw [deg]
+        ("reference", "f8", 4),  # the same, filtered reference
+        ("sync_error", "f8", 4),  # (31), (32)
+        ("held", "f8", 4),  # commands held: aileron, elevator, rudder, throttle [share of limit]
+        ("events", "f8", 4),  # events so far, same order
+        ("position", "f8", 3),  # north, east, down [m]
+    ]
+)
+"""One row; NaN where a message has not come yet."""
+
+_ROWS = 6000  # ten minutes at 10 Hz
+
+
+class History:
+    """The latest rows, in a ring."""
+
+    def __init__(self) -> None:
+        self._rows = np.empty(_ROWS, ROW)  # memory is taken as it fills
+        self._count = 0
+
+    def __len__(self) -> int:
+        return min(self._count, _ROWS)
+
+    def add(self, row: tuple[object, ...]) -> None:
+        """Append a row, its values in the order of `ROW`."""
+        self._rows[self._count % _ROWS] = row
+        self._count += 1
+
+    def rows(self, span_s: float = math.inf) -> np.ndarray:
+        """Copy the rows of the last `span_s` of simulated time, dtype `ROW`, oldest first."""
+        if self._count <= _ROWS:
+            rows = self._rows[: self._count]
+        else:
+            rows = np.roll(self._rows, -(self._count % _ROWS))
+        newest_s = rows["time_s"][-1] if len(rows) else 0.0
+        return np.array(rows[rows["time_s"] >= newest_s - span_s])

@@ -1,0 +1,48 @@
+"""What happens to vehicles, as lines of an event log."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from mavlink_defs import dialect
+
+__all__ = ["ERROR", "INFO", "NOTICE", "WARNING", "Kind", "News", "enum_name", "severity_name"]
+
+Kind: TypeAlias = Literal["link", "mode", "text", "ack", "faults", "profile"]
+
+ERROR = dialect.MAV_SEVERITY_ERROR
+WARNING = dialect.MAV_SEVERITY_WARNING
+NOTICE = dialect.MAV_SEVERITY_NOTICE
+INFO = dialect.MAV_SEVERITY_INFO
+
+
+@dataclass(frozen=True)
+class News:
+    """One thing that happened.
+
+    Attributes:
+        at: When, on the clock of the client [s].
+        system: System id of the vehicle; 0 for the link itself.
+        kind: What it is about: the link, mode and arming, a STATUSTEXT, an answer to a command
+            of any ground station (or that there was none), faults, the profile.
+        severity: MAV_SEVERITY, 0 emergency to 7 debug.
+        text: The line.
+        about: The message, faults or segments that it is about, if any.
+    """
+
+    at: float
+    system: int
+    kind: Kind
+    severity: int
+    text: str
+    about: Any = None
+
+
+def enum_name(enum: str, value: int, prefix: str = "") -> str:
+    """Name of a value in an enum of the dialect, without `prefix`; its number if it has none."""
+    entry = dialect.enums[enum].get(value)
+    return f"{enum} {value}" if entry is None else str(entry.name).removeprefix(prefix)
+
+
+def severity_name(severity: int) -> str:
+    """Name of a MAV_SEVERITY in lower case: "warning"."""
+    return enum_name("MAV_SEVERITY", severity, "MAV_SEVERITY_").lower()

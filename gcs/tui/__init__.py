@@ -1,0 +1,1 @@
+"""The operator's dashboard: Textual widgets over one read-only view of the fleet."""

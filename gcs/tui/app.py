@@ -1,0 +1,355 @@
+"""The dashboard: panels in tabs, one timer that refreshes the visible one."""
+
+import os
+from collections.abc import Iterable
+from functools import partial
+from typing import ClassVar
+
+from textual import on
+from textual.app import App, ComposeResult, SystemCommand
+from textual.binding import Binding, BindingType
+from textual.events import Resize
+from textual.screen import Screen
+from textual.widget import Widget
+from textual.widgets import Footer, TabbedContent, TabPane
+
+from gcs.tui.dialogs import Help, Question
+from gcs.tui.events import EventsPanel
+from gcs.tui.faults import FaultsPanel, clear_all, repeat
+from gcs.tui.fleet_table import FleetTable
+from gcs.tui.grid import Grid
+from gcs.tui.line import Line
+from gcs.tui.operations import Operations
+from gcs.tui.overview import Overview
+from gcs.tui.parameters import ParametersPanel
+from gcs.tui.playback import Playback
+from gcs.tui.plots import PlotsPanel
+from gcs.tui.profile_views import ProfileFiles
+from gcs.tui.profiles import Holdings, ProfilesPanel
+from gcs.tui.replay_bar import ReplayBar
+from gcs.tui.requests import Choice, Refresh, Wish
+from gcs.tui.status_bar import StatusBar
+from gcs.tui.themes import DARK, LIGHT
+from gcs.tui.view import FleetView, Source
+from gcs.tui.words import ids
+from gcs.vehicle import Vehicle
+from gcs.vehicle_state import MODES
+
+__all__ = ["MIN_SIZE", "REFRESH_S", "Dashboard"]
+
+REFRESH_S = 0.2
+"""How often the data are looked at."""
+
+MIN_SIZE = (80, 24)
+
+_TABS = ("fleet", "plots", "faults", "profiles", "parameters", "events")
+
+_REPLAYING = {"play", "seek", "speed"}
+_ACTING = {"arm", "start", "mode", "disarm", "repeat", "clear_all"}
+
+
+class Dashboard(App[None]):
+    """The operator's terminal."""
+
+    TITLE = "ftc-sitl"
+    CSS_PATH = "style.tcss"
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-medium"), (150, "-wide")]  # noqa: RUF012
+    VERTICAL_BREAKPOINTS = [(0, "-short"), (34, "-tall")]  # noqa: RUF012
+    BINDINGS: ClassVar[list[BindingType]] = [
+        *(Binding(str(i + 1), f"tab('{name}')", f"{name} panel", show=False)
+          for i, name in enumerate(_TABS)),
+        Binding("left_square_bracket", "select(-1)", "UAV before", show=False),
+        Binding("right_square_bracket", "select(1)", "next UAV", show=False),
+        Binding("asterisk", "mark_all", "mark all UAVs, or none", show=False),
+        Binding("a", "arm", "arm", tooltip="Arm the marked UAVs, or the selected one"),
+        Binding("s", "start", "start", tooltip="Start the mission: fly the profile"),
+        Binding("m", "mode", "mode", tooltip="Change the mode"),
+        Binding("x", "disarm", "disarm", tooltip="Disarm; by force in flight"),
+        Binding("r", "repeat", "repeat fault", show=False,
+                tooltip="Give the last fault to another UAV: the next that has it not"),
+        Binding("C", "clear_all", "clear all faults", show=False,
+                tooltip="Clear all faults of the marked UAVs, or of all"),
+        Binding("k", "play", "play/pause", tooltip="Log: play or pause"),
+        Binding("j", "seek(-5)", "-5 s", tooltip="Log: 5 s back"),
+        Binding("l", "seek(5)", "+5 s", tooltip="Log: 5 s on"),
+        Binding("J", "seek(-60)", "-60 s", show=False, tooltip="Log: a minute back"),
+        Binding("L", "seek(60)", "+60 s", show=False, tooltip="Log: a minute on"),
+        Binding("less_than_sign", "speed(-1)", "slower", tooltip="Log: slower"),
+        Binding("greater_than_sign", "speed(1)", "faster", tooltip="Log: faster"),
+        Binding("t", "theme", "dark or light colours", show=False),
+        Binding("question_mark,f1", "help", "help", tooltip="This help"),
+        Binding("q", "quit", "quit", tooltip="Leave; the fleet flies on"),
+    ]  # fmt: skip
+
+    def __init__(self, source: Source, theme: str = "dark") -> None:
+        """Prepare the dashboard.
+
+        Args:
+            source: Where the data come from.
+            theme: "dark" or "light".
+        """
+        super().__init__()
+        self.view = FleetView(source)
+        self.playback = source if isinstance(source, Playback) else None
+        self.operations = Operations(self.view, self._tell)
+        for known in (DARK, LIGHT):
+            self.register_theme(known)
+        self.theme = LIGHT.name if theme == "light" else DARK.name
+
+    def compose(self) -> ComposeResult:
+        """Lay out the screen."""
+        yield StatusBar()
+        with TabbedContent(initial="fleet"):
+            with TabPane("1 Fleet", id="fleet"):
+                yield Overview()
+            with TabPane("2 Plots", id="plots"):
+                yield PlotsPanel(classes="with-keys")
+            with TabPane("3 Faults", id="faults"):
+                yield FaultsPanel(classes="with-keys")
+            with TabPane("4 Profiles", id="profiles"):
+                yield ProfilesPanel(classes="with-keys")
+            with TabPane("5 Parameters", id="parameters"):
+                yield ParametersPanel(classes="with-keys")
+            with TabPane("6 Events", id="events"):
+                yield EventsPanel(classes="with-keys")
+        if self.playback is not None:
+            yield ReplayBar()
+        yield Footer(compact=True)
+        yield Line(id="too-small")
+
+    def on_mount(self) -> None:
+        """Start the timer."""
+        self.set_interval(REFRESH_S, self.refresh_view)
+        self.query_one(FleetTable).focus()
+        self.refresh_view(force=True)
+
+    def on_resize(self, event: Resize) -> None:
+        """Say when the terminal is too small."""
+        width, height = event.size
+        small = width < MIN_SIZE[0] or height < MIN_SIZE[1]
+        self.screen.set_class(small, "-too-small")
+        text = f"this terminal has {width}×{height} characters,\nthe dashboard needs 80×24"
+        self.query_one("#too-small", Line).say(text)
+        self.call_after_refresh(self.refresh_view, force=True)
+
+    # data
+
+    def refresh_view(self, force: bool = False) -> None:
+        """Look at the data; draw what has changed on the visible panel."""
+        if not self.is_running:  # the timer outlives the widgets by a moment
+            return
+        if self.playback is not None:
+            self.playback.advance()
+            self.query_one(ReplayBar).show_playback(self.playback)
+        if self.view.look() or force or self.operations.going_on:
+            self.query_one(StatusBar).show_view(self.view, self.operations.going_on)
+            if (panel := self._panel) is not None:
+                panel.show_view(self.view)  # type: ignore[attr-defined]
+
+    @property
+    def _panel(self) -> Widget | None:
+        pane = self.query_one(TabbedContent).active_pane
+        return None if pane is None else next(iter(pane.children), None)
+
+    @on(Refresh)
+    @on(TabbedContent.TabActivated)
+    def _draw_again(self) -> None:
+        self.refresh_view(force=True)
+
+    # choosing
+
+    @on(FleetTable.Moved, "#fleet-table")
+    def _selected(self, event: Grid.Moved) -> None:
+        self.view.select(event.key)
+        self.refresh_view()
+
+    @on(FleetTable.Marked)
+    @on(Holdings.Marked)
+    def _marked(self, event: FleetTable.Marked | Holdings.Marked) -> None:
+        if self.playback is not None:  # nothing is done with marked vehicles
+            self.action_play()
+        else:
+            self.view.marked ^= {event.system}
+        self.refresh_view()
+
+    def action_tab(self, name: str) -> None:
+        """Show a panel, and put the focus into it."""
+        tabs = self.query_one(TabbedContent)
+        tabs.active = name
+        inside = tabs.get_pane(name).query("*")
+        tables = (w for w in inside if isinstance(w, Grid | ProfileFiles | PlotsPanel))
+        self.set_focus(next(tables, None))  # no field: there, keys would be text
+
+    def action_select(self, step: int) -> None:
+        """Select another vehicle."""
+        self.view.select_next(step)
+        self.refresh_view()
+
+    def action_mark_all(self) -> None:
+        """Mark all vehicles, or none if all are."""
+        systems = set(self.view.systems)
+        self.view.marked = set() if self.view.marked == systems else systems
+        self.refresh_view()
+
+    def action_theme(self) -> None:
+        """Change between dark and light."""
+        self.theme = LIGHT.name if self.theme == DARK.name else DARK.name
+
+    def action_help(self) -> None:
+        """Show all keys."""
+        sections: list[tuple[str, list[BindingType]]] = [("Everywhere", self.BINDINGS)]
+        for widget in self.query(".with-keys"):
+            title = type(widget).__name__.removesuffix("Panel").removesuffix("Table")
+            sections.append((title, type(widget).BINDINGS))
+        usable = [(title, [b for b in some if self._is_usable(b)]) for title, some in sections]
+        self.push_screen(Help(usable))
+
+    def _is_usable(self, binding: BindingType) -> bool:
+        name = binding.action.partition("(")[0] if isinstance(binding, Binding) else ""
+        return bool(self.check_action(name, ()))
+
+    def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
+        """What the command palette offers."""
+        yield from super().get_system_commands(screen)
+        for binding in self.BINDINGS:
+            if isinstance(binding, Binding) and self._is_usable(binding):
+                words = binding.tooltip or binding.description
+                run = partial(self.run_action, binding.action)
+                yield SystemCommand(binding.description.capitalize(), words, run)
+
+    # a log
+
+    def action_play(self) -> None:
+        """Play or pause; at the end play again from the begin."""
+        if self.playback is not None:
+            if not self.playback.playing and self.playback.wanted_s >= self.playback.length_s:
+                self.playback.seek(0.0)
+            self.playback.playing = not self.playback.playing
+            self.refresh_view()
+
+    def action_seek(self, step_s: float) -> None:
+        """Go on or back."""
+        if self.playback is not None:
+            self.playback.seek(self.playback.wanted_s + step_s)
+            self.refresh_view(force=True)
+
+    def action_speed(self, step: int) -> None:
+        """Go faster or slower."""
+        if self.playback is not None:
+            self.playback.change_speed(step)
+            self.refresh_view()
+
+    @on(ReplayBar.Sought)
+    def _sought(self, event: ReplayBar.Sought) -> None:
+        if self.playback is not None:
+            self.playback.seek(event.share * self.playback.length_s)
+            self.refresh_view(force=True)
+
+    # acting
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """A log cannot be acted upon."""
+        if action in _REPLAYING:
+            return self.playback is not None
+        return self.view.source.can_act if action in _ACTING else True
+
+    @on(Wish)
+    def _asked_for(self, wish: Wish) -> None:
+        if not self.view.source.can_act:
+            self._tell("this is a log: nothing can be done", "warning")
+        elif not wish.systems:
+            self._tell(f"{wish.what}: no vehicle has been heard", "warning")
+        elif wish.question:
+            choices = wish.choices or (Choice(wish.what.capitalize(), "yes"),)
+
+            def answered(choice: str | None) -> None:
+                if choice is None:
+                    self._tell(f"{wish.what}: cancelled", "information")
+                else:
+                    self._carry_out(wish, choice)
+
+            self.push_screen(Question(wish.question, choices), answered)
+        else:
+            self._carry_out(wish, "")
+
+    def _carry_out(self, wish: Wish, choice: str) -> None:
+        self.run_worker(self.operations.carry_out(wish, choice), group="operations")
+        self.refresh_view()
+
+    def _tell(self, text: str, severity: str) -> None:
+        timeout = 10.0 if severity == "error" else 4.0
+        self.notify(text, severity=severity, timeout=timeout, markup=False)  # type: ignore[arg-type]
+        self.refresh_view(force=True)
+
+    def action_arm(self) -> None:
+        """Arm."""
+
+        async def act(vehicle: Vehicle, _: str) -> str:
+            await vehicle.arm()
+            return "armed"
+
+        targets = self.view.targets
+        question = f"Arm {ids(targets)}?\nSimulated time begins for all when the last UAV is armed."
+        self.post_message(Wish("arm", targets, act, question=question))
+
+    def action_start(self) -> None:
+        """Start the mission."""
+
+        async def act(vehicle: Vehicle, _: str) -> str:
+            await vehicle.start_mission()
+            return "mission started"
+
+        self.post_message(Wish("start mission", self.view.targets, act))
+
+    def action_disarm(self) -> None:
+        """Disarm."""
+
+        async def act(vehicle: Vehicle, choice: str) -> str:
+            await vehicle.disarm(force=choice == "force")
+            return "disarmed by force" if choice == "force" else "disarmed"
+
+        targets = self.view.targets
+        question = (
+            f"Disarm {ids(targets)}?\nVehicles in flight refuse, unless forced: then the "
+            "controller stops and the thrust goes to zero for good."
+        )
+        choices = (Choice("Disarm", "", "warning"), Choice("Force: no thrust", "force", "error"))
+        self.post_message(Wish("disarm", targets, act, question=question, choices=choices))
+
+    def action_repeat(self) -> None:
+        """Repeat the last fault."""
+        wish, words = repeat(self.view)
+        if wish is None:
+            self._tell(words, "warning")
+        else:
+            self.post_message(wish)
+
+    def action_clear_all(self) -> None:
+        """Clear all faults."""
+        self.post_message(clear_all(self.view))
+
+    def action_mode(self) -> None:
+        """Change the mode."""
+
+        async def act(vehicle: Vehicle, choice: str) -> str:
+            await vehicle.set_mode(choice)
+            return f"mode {choice}"
+
+        targets = self.view.targets
+        choices = tuple(Choice(mode, mode) for mode in MODES.values())
+        question = f"Mode of {ids(targets)}?"
+        self.post_message(Wish("mode", targets, act, question=question, choices=choices))
+
+    # the end
+
+    def _fatal_error(self) -> None:
+        """Leave the telling of a defect to the command line."""
+        if os.environ.get("FTC_SITL_DEBUG"):
+            super()._fatal_error()
+        else:
+            self._close_messages_no_wait()
+
+    @property
+    def defect(self) -> Exception | None:
+        """What ended the dashboard, if it was not the operator."""
+        return self._exception

@@ -1,0 +1,196 @@
+"""What the plots show, drawn with plotext; no widget and no app in here."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from textual.color import Color
+
+from gcs.vehicle_state import VehicleState
+from mavlink_defs.faults import Fault
+
+__all__ = ["Palette", "draw_formation", "draw_held", "draw_quantity", "latest", "palette_of"]
+
+Colour: TypeAlias = tuple[int, int, int]
+
+_ARROWS = "↑↗→↘↓↙←↖"
+_FRAME_LINES = 3  # of a plot: upper and lower edge, and the time
+_MIN_REACH_M = 20.0
+
+
+@dataclass(frozen=True)
+class Palette:
+    """Colours of a theme.
+
+    Attributes:
+        actual: Measured values, and the selected vehicle.
+        reference: What they should be, and other vehicles.
+        fault: Begin and end of faults.
+        channels: One per actuator.
+        text: Labels.
+    """
+
+    actual: Colour
+    reference: Colour
+    fault: Colour
+    channels: tuple[Colour, Colour, Colour, Colour]
+    text: Colour
+
+
+def palette_of(variables: Mapping[str, str]) -> Palette:
+    """The colours of a theme, from its variables."""
+
+    def rgb(name: str) -> Colour:
+        return Color.parse(variables[name]).rgb
+
+    channels = (rgb("primary"), rgb("accent"), rgb("success"), rgb("error"))
+    return Palette(rgb("primary"), rgb("accent"), rgb("error"), channels, rgb("foreground"))
+
+
+def latest(state: VehicleState, span_s: float, until_s: float | None, points: int) -> np.ndarray:
+    """Rows of a vehicle's history, thinned out to about `points`.
+
+    Args:
+        state: The vehicle.
+        span_s: How far back [s of simulated time].
+        until_s: The end; None for the newest row.
+        points: How many can be told apart.
+    """
+    if until_s is None:
+        rows = state.history.rows(span_s)
+    else:
+        rows = state.history.rows()
+        time_s = rows["time_s"]
+        rows = rows[(time_s <= until_s) & (time_s >= until_s - span_s)]
+    rows = rows[rows["time_s"] > 0.0]  # before that nothing is flown, and the reference is 0
+    return rows[:: max(1, len(rows) // max(points, 1))]
+
+
+def draw_quantity(
+    plt: Any, rows: np.ndarray, i: int, limits: tuple[float, float], palette: Palette
+) -> None:
+    """Draw airspeed, roll, pitch or yaw (`i` from 0) against its reference."""
+    time_s = rows["time_s"].tolist()
+    wanted, actual = rows["reference"][:, i], rows["actual"][:, i]
+    _line(plt, time_s, wanted.tolist(), palette.reference)
+    _line(plt, time_s, actual.tolist(), palette.actual)
+    low, high = _range(np.concatenate([wanted, actual]), 0.5)
+    plt.ylim(low, high)
+    plt.yticks(_ticks(low, high))
+    _finish(plt, limits)
+
+
+def draw_held(
+    plt: Any,
+    rows: np.ndarray,
+    faults: Sequence[Fault],
+    limits: tuple[float, float],
+    height: int,
+    palette: Palette,
+) -> None:
+    """Draw the commands held, a line of event marks per channel, and where faults begin and end.
+
+    Args:
+        plt: Where to.
+        rows: Of a vehicle's history.
+        faults: Of the vehicle.
+        limits: Begin and end of the time shown [s].
+        height: Of the plot in characters.
+        palette: Colours.
+    """
+    time_s = rows["time_s"]
+    low, high = _range(rows["held"], 0.02)
+    lane = (high - low) / max(height - _FRAME_LINES - len(palette.channels) - 1, 2)
+    new = np.diff(rows["events"], axis=0, prepend=rows["events"][:1]) > 0
+    for fault in faults:
+        for at in (fault.start_s, fault.end_s):
+            if limits[0] < at < limits[1]:
+                plt.vline(at, palette.fault)
+    for k, colour in enumerate(palette.channels):
+        _line(plt, time_s.tolist(), rows["held"][:, k].tolist(), colour)
+        marks = time_s[new[:, k]].tolist()
+        if marks:
+            plt.scatter(marks, [low - (k + 1) * lane] * len(marks), marker="╵", color=colour)
+    plt.ylim(low - (len(palette.channels) + 0.2) * lane, high)
+    plt.yticks(_ticks(low, high))
+    _finish(plt, limits)
+
+
+def draw_formation(
+    plt: Any,
+    states: Sequence[VehicleState],
+    selected: int | None,
+    trails: Sequence[np.ndarray],
+    size: tuple[int, int],
+    palette: Palette,
+) -> None:
+    """Draw north over east around the middle of the formation, in metres.
+
+    Args:
+        plt: Where to.
+        states: The vehicles.
+        selected: System id of the one that stands out.
+        trails: Positions (n, 3) of each.
+        size: Width and height of the plot in characters, for equal scales.
+        palette: Colours.
+    """
+    there = [(s, t) for s, t in zip(states, trails, strict=True) if len(t)]
+    if not there:
+        return
+    now = np.array([trail[-1, :2] for _, trail in there])
+    middle = now.mean(axis=0)
+    reach = max(1.5 * float(np.abs(now - middle).max()), _MIN_REACH_M)
+    width, height = max(size[0] - 8, 8), max(size[1] - 3, 4)
+    across, up = reach * max(1.0, width / (2 * height)), reach * max(1.0, 2 * height / width)
+    for state, trail in there:
+        chosen = state.system == selected
+        colour = palette.actual if chosen else palette.reference
+        north, east = (trail[:, :2] - middle).T
+        inside = (np.abs(east) <= across) & (np.abs(north) <= up)
+        _line(plt, east[inside].tolist(), north[inside].tolist(), colour)
+    for state, trail in there:
+        north, east = trail[-1, :2] - middle
+        colour = palette.actual if state.system == selected else palette.text
+        plt.text(f"{_arrow(state)}{state.system}", float(east), float(north), colour, "default")
+    plt.xlim(-across, across)
+    plt.ylim(-up, up)
+    plt.xticks(_ticks(-across, across))
+    plt.yticks(_ticks(-up, up))
+    plt.grid(False, False)
+
+
+def _arrow(state: VehicleState) -> str:
+    yaw_deg = (state.attitude_deg or (0.0, 0.0, 0.0))[2]
+    return _ARROWS[round(yaw_deg / 45.0) % 8]
+
+
+def _line(plt: Any, x: list[float], y: list[float], colour: Colour) -> None:
+    points = [(a, b) for a, b in zip(x, y, strict=True) if math.isfinite(b)]
+    if points:
+        xs, ys = zip(*points, strict=True)
+        plt.plot(list(xs), list(ys), marker="braille", color=colour)
+
+
+def _range(values: np.ndarray, least: float) -> tuple[float, float]:
+    """A range that holds all values and is at least 2 * `least` wide."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    middle, half = (low + high) / 2.0, max((high - low) / 2.0 * 1.08, least)
+    return middle - half, middle + half
+
+
+def _finish(plt: Any, limits: tuple[float, float]) -> None:
+    plt.xlim(*limits)
+    plt.xticks(_ticks(*limits))
+    plt.grid(False, False)
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """About five round numbers in a range."""
+    rough = max(high - low, 1e-9) / 5.0
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= rough)
+    first = math.ceil(low / step)
+    return [round(k * step, 9) for k in range(first, math.floor(high / step) + 1)]

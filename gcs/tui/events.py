@@ -1,0 +1,145 @@
+"""The event log: what vehicles said and did, and what came of the operator's actions."""
+
+from typing import Any, ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+from textual.widgets import Input, Select, Static
+
+from gcs.news import severity_name
+from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.journal import KINDS, Entry
+from gcs.tui.requests import Refresh
+from gcs.tui.view import FleetView
+from gcs.tui.words import clock, role_of, seconds
+from mavlink_defs import dialect
+
+__all__ = ["EventLog", "EventsPanel"]
+
+_COLUMNS = (
+    Column("time", 8, "left"),
+    Column("t s", 6),
+    Column("UAV", 3),
+    Column("kind", 7, "left"),
+    Column("severity", 8, "left"),
+    Column("what", 0, "left"),
+)
+_SHORT = (*_COLUMNS[:3], *_COLUMNS[5:])
+_SEVERITIES = tuple(
+    (severity_name(level), level)
+    for level in (
+        dialect.MAV_SEVERITY_ERROR,
+        dialect.MAV_SEVERITY_WARNING,
+        dialect.MAV_SEVERITY_NOTICE,
+        dialect.MAV_SEVERITY_INFO,
+        dialect.MAV_SEVERITY_DEBUG,
+    )
+)
+
+
+class EventLog(Grid):
+    """The journal, newest last, as far as it passes the filter."""
+
+    def __init__(self, short: bool = False, **kwargs: Any) -> None:
+        super().__init__("nothing has happened yet", follow=True, **kwargs)
+        self.border_title = "Events"
+        self._short = short
+        self._seen = 0
+        self._lines: list[Row] = []
+        self._severity, self._system, self._kind, self._words = 7, 0, "", ""
+
+    def set_filter(self, severity: int, system: int, kind: str, words: str) -> None:
+        """Show only what is at least so severe, of this vehicle, kind and with these words."""
+        chosen = (severity, system, kind, words.casefold())
+        if chosen != (self._severity, self._system, self._kind, self._words):
+            self._severity, self._system, self._kind, self._words = chosen
+            self._seen, self._lines = 0, []
+
+    def show_view(self, view: FleetView) -> None:
+        """Take in what is new."""
+        journal = view.source.journal
+        if journal.count < self._seen:  # a log was wound back
+            self._seen, self._lines = 0, []
+        new = [_line(e, self._short) for e in journal.since(self._seen) if self._passes(e)]
+        self._seen = journal.count
+        if new or len(self.rows) != len(self._lines) or not self.columns:
+            self._lines = (self._lines + new)[-len(journal.entries) :] if journal.entries else []
+            self.show(_SHORT if self._short else _COLUMNS, self._lines)
+        if not self._short:
+            self.border_title = f"Events · {len(self._lines)} of {len(journal.entries)}"
+
+    def _passes(self, entry: Entry) -> bool:
+        return (
+            entry.severity <= self._severity
+            and self._system in {0, entry.system}
+            and self._kind in {"", entry.kind}
+            and self._words in entry.text.casefold()
+        )
+
+
+class EventsPanel(Vertical):
+    """The whole log with its filters."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("slash", "search", "search", tooltip="Show only lines with some words"),
+        Binding("escape", "leave", "back to the log", show=False),
+    ]
+
+    def compose(self) -> ComposeResult:
+        """Lay out filters and log."""
+        with Horizontal(classes="filters"):
+            yield Static("at least")
+            yield Select(_SEVERITIES, value=7, id="severity", compact=True, allow_blank=False)
+            yield Static("UAV")
+            yield Select([("all", 0)], value=0, id="of", compact=True, allow_blank=False)
+            yield Static("kind")
+            kinds = [("all", ""), *((kind, kind) for kind in KINDS)]
+            yield Select(kinds, value="", id="event-kind", compact=True, allow_blank=False)
+            yield Input(placeholder="/ search", id="words", compact=True)
+        yield EventLog(id="log")
+
+    def show_view(self, view: FleetView) -> None:
+        """Take in what is new."""
+        of = self.query_one("#of", Select)
+        options = [("all", 0), *((str(i), i) for i in view.systems)]
+        if getattr(of, "known", None) != options:
+            chosen = of.value if of.value in dict(options).values() else 0
+            of.set_options(options)
+            of.value, of.known = chosen, options  # type: ignore[attr-defined]
+        self.query_one(EventLog).show_view(view)
+
+    def action_search(self) -> None:
+        """Go to the search field."""
+        self.query_one("#words").focus()
+
+    def action_leave(self) -> None:
+        """Go back to the log."""
+        self.query_one(EventLog).focus()
+
+    @on(Select.Changed)
+    @on(Input.Changed)
+    def _filter(self) -> None:
+        names = ("severity", "of", "event-kind")
+        chosen: list[Any] = [self.query_one(f"#{name}", Select).value for name in names]
+        words = self.query_one("#words", Input).value
+        self.query_one(EventLog).set_filter(chosen[0], chosen[1], chosen[2], words)
+        self.post_message(Refresh())
+
+    @on(Input.Submitted)
+    def _done(self) -> None:
+        self.action_leave()
+
+
+def _line(entry: Entry, short: bool) -> Row:
+    role = role_of(entry.severity)
+    cells = (
+        (clock(entry.at), "muted"),
+        (seconds(entry.time_s), "muted"),
+        (str(entry.system or "–"), "strong"),
+        (entry.kind, "muted"),
+        (severity_name(entry.severity), role),
+        (entry.text, role),
+    )
+    return Row(entry.number, (*cells[:3], cells[5]) if short else cells)

@@ -1,0 +1,174 @@
+"""The form for an actuator fault."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from pydantic import ValidationError
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Grid as Cells
+from textual.containers import Horizontal, Vertical
+from textual.message import Message
+from textual.widgets import Button, Input, Select, Static
+
+from gcs.scenario_parts import ScenarioFault
+from gcs.tui.line import Line
+from mavlink_defs.config import problems_of
+from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
+
+__all__ = ["ALL", "FaultForm", "read_fault"]
+
+ALL = 0
+"""Stands for every vehicle."""
+
+_KINDS = ("bias", "stuck")
+_FIELDS = ("effectiveness", "value", "frequency_hz", "start_s", "end_s")
+_HINTS = {
+    "effectiveness": "0 … 1",
+    "value": "± the limit",
+    "frequency_hz": f"0 … {MAX_FREQUENCY_HZ:g}, 0",
+    "start_s": "now",
+    "end_s": "until cleared",
+}
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What a form says: a fault, or what is wrong with it."""
+
+    fault: Fault | None
+    problems: tuple[str, ...] = ()
+
+
+def read_fault(actuator: str, kind: str, texts: dict[str, str]) -> _Read:
+    """Read the fields of a form with the rules of a scenario's fault.
+
+    Args:
+        actuator: One of `ACTUATORS`.
+        kind: "bias" or "stuck".
+        texts: What the fields say, by name; empty for what is left out.
+    """
+    numbers: dict[str, float | None] = {}
+    problems = []
+    for name in _FIELDS:
+        text = texts.get(name, "").strip().replace(",", ".")
+        try:
+            numbers[name] = float(text) if text else None
+        except ValueError:
+            problems.append(f"{name}: expected a number, got '{text}'")
+    if problems:
+        return _Read(None, tuple(problems))
+    unit = "n" if actuator == "throttle" else "deg"
+    value_key = f"{kind}_{unit}"
+    start_s, frequency_hz = numbers["start_s"], numbers["frequency_hz"]
+    keys = {
+        "uav": 1,
+        "actuator": actuator,
+        "effectiveness": None if kind == "stuck" else numbers["effectiveness"],
+        value_key: numbers["value"],
+        "frequency_hz": 0.0 if frequency_hz is None else frequency_hz,
+        "start_s": 0.0 if start_s is None else start_s,
+        "end_s": numbers["end_s"],
+    }
+    try:
+        fault = ScenarioFault.model_validate(keys).command()
+    except ValidationError as problem:
+        lines = problems_of(ScenarioFault, problem)
+        return _Read(None, tuple(line.replace(value_key, "value") for line in lines))
+    return _Read(replace(fault, start_s=math.nan) if start_s is None else fault)
+
+
+class FaultForm(Vertical):
+    """Vehicle, actuator, effectiveness, value, start and end; says at once what does not fit."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("ctrl+s", "submit", "set fault", tooltip="Set the fault that the form describes"),
+    ]
+
+    class Submitted(Message):
+        """A fault is to be set."""
+
+        def __init__(self, system: int, fault: Fault) -> None:
+            super().__init__()
+            self.system, self.fault = system, fault
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.border_title = "New fault"
+        self._systems: tuple[int, ...] = ()
+
+    def compose(self) -> ComposeResult:
+        """Lay out the fields."""
+        with Cells(id="fields"):
+            yield Static("vehicle")
+            yield Select([("all", ALL)], value=ALL, id="vehicle", compact=True, allow_blank=False)
+            yield Static("actuator")
+            names = [(name, name) for name in ACTUATORS]
+            yield Select(names, value="rudder", id="actuator", compact=True, allow_blank=False)
+            yield Static("kind")
+            kinds = [("loss and bias", "bias"), ("stuck at value", "stuck")]
+            yield Select(kinds, value="bias", id="fault-kind", compact=True, allow_blank=False)
+            for name, label in zip(
+                _FIELDS, ("effectiveness", "bias °", "frequency Hz", "start s", "end s"),
+                strict=True,
+            ):  # fmt: skip
+                yield Line(label, id=f"label-{name}")
+                yield Input(placeholder=_HINTS[name], id=name, compact=True)
+        yield Line(grow=True, id="form-says")
+        with Horizontal(classes="buttons"):
+            yield Button("Set fault", "primary", id="set", compact=True)
+
+    def set_systems(self, systems: Sequence[int], selected: int | None) -> None:
+        """Offer these vehicles; a newly selected one is put in."""
+        field: Select[int] = self.query_one("#vehicle", Select)
+        if tuple(systems) != self._systems:
+            before = field.value
+            self._systems = tuple(systems)
+            options = [*((f"UAV {i}", i) for i in systems), ("all", ALL)]
+            with field.prevent(Select.Changed):
+                field.set_options(options)
+                known = [value for _, value in options]
+                field.value = before if before in known and before != ALL else selected or ALL
+
+    def choose(self, system: int) -> None:
+        """Put a vehicle in."""
+        if system in self._systems:
+            self.query_one("#vehicle", Select).value = system
+
+    @property
+    def read(self) -> _Read:
+        """What the form says now."""
+        texts = {name: self.query_one(f"#{name}", Input).value for name in _FIELDS}
+        return read_fault(self._chosen("actuator"), self._chosen("fault-kind"), texts)
+
+    def action_submit(self) -> None:
+        """Set the fault, or say what is wrong."""
+        read = self.read
+        if read.fault is not None:
+            chosen: Any = self.query_one("#vehicle", Select).value
+            self.post_message(self.Submitted(chosen, read.fault))
+        self._check(complain=True)
+
+    @on(Button.Pressed, "#set")
+    @on(Input.Submitted)
+    def _submit(self) -> None:
+        self.action_submit()
+
+    @on(Input.Changed)
+    @on(Select.Changed)
+    def _check(self, complain: bool = False) -> None:
+        stuck = self._chosen("fault-kind") == "stuck"
+        unit = "N" if self._chosen("actuator") == "throttle" else "°"
+        self.query_one("#label-value", Line).say(f"{'stuck at' if stuck else 'bias'} {unit}")
+        self.query_one("#effectiveness", Input).disabled = stuck
+        read = self.read
+        touched = any(self.query_one(f"#{name}", Input).value for name in _FIELDS)
+        says = self.query_one("#form-says", Line)
+        says.say("\n".join(read.problems) if touched or complain is True else "")
+        self.query_one("#set", Button).disabled = read.fault is None
+
+    def _chosen(self, name: str) -> str:
+        return str(self.query_one(f"#{name}", Select).value)

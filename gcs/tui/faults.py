@@ -1,0 +1,191 @@
+"""Faults: a form, and all that were seen with who acknowledged what and when."""
+
+from typing import Any, ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+
+from gcs.tui.fault_form import ALL, FaultForm
+from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.ledger import FaultRecord
+from gcs.tui.line import Line
+from gcs.tui.requests import Wish
+from gcs.tui.view import FleetView
+from gcs.tui.words import Cell, clock, ids
+from gcs.vehicle import Vehicle
+from gcs.vehicle_state import describe_fault
+from mavlink_defs.faults import ACTUATORS, Fault
+
+__all__ = ["FaultList", "FaultsPanel", "clear_all", "repeat"]
+
+_ROLES = {"active": "bad", "waiting": "warn", "over": "", "cleared": "muted",
+          "replaced": "muted", "restarted": "muted"}  # fmt: skip
+_COLUMNS = (Column("UAV", 3), Column("state", 9, "left"), Column("fault", 0, "left"))
+_WIDE = (*_COLUMNS[:2], Column("fault", 38, "left"), Column("acknowledged", 0, "left"))
+_WIDE_FROM = 92
+
+
+class FaultList(Grid):
+    """Active, waiting and past faults, the latest first."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("no faults seen; the vehicles are asked for theirs", **kwargs)
+        self.border_title = "Faults"
+        self.records: list[FaultRecord] = []
+
+    def show_view(self, view: FleetView) -> None:
+        """Show the records."""
+        times = {state.system: state.time_s for state in view.states}
+        ledger = view.source.ledger
+        self.records = list(reversed(ledger.records))
+        wide = self.room >= _WIDE_FROM
+        count = len(ledger.records)
+        rows = []
+        for i, record in enumerate(self.records):
+            phase = record.phase(times.get(record.system))
+            role = _ROLES[phase]
+            cells: list[Cell] = [
+                (str(record.system), "strong"),
+                (phase, role),
+                (describe_fault(record.fault), role),
+            ]
+            if wide:
+                cells.append((_history(record), "muted"))
+            rows.append(Row(count - i, tuple(cells)))
+        new = len(rows) > len(self.rows)
+        self.show(_WIDE if wide else _COLUMNS, rows)
+        if new:
+            self.cursor = 0
+        active = sum(len(state.active_faults) for state in view.states)
+        self.border_title = f"Faults · {active} active, {len(rows)} seen"
+
+    @property
+    def chosen(self) -> FaultRecord | None:
+        """The record of the cursor."""
+        return self.records[self.cursor] if self.cursor < len(self.records) else None
+
+
+class FaultsPanel(Horizontal):
+    """The form beside the list."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("n", "new", "new", tooltip="Go to the form for a new fault"),
+        Binding("delete,d", "clear", "clear", tooltip="Clear the faults of the chosen actuator"),
+        Binding("escape", "list", "back to the list", show=False),
+    ]
+
+    def compose(self) -> ComposeResult:
+        """Lay out form, list and details."""
+        yield FaultForm(id="fault-form", classes="panel")
+        with Vertical():
+            yield FaultList(id="fault-list", classes="panel")
+            yield Line(id="fault-details", classes="panel")
+
+    def show_view(self, view: FleetView) -> None:
+        """Show vehicles and faults."""
+        form = self.query_one(FaultForm)
+        form.set_systems(view.systems, view.selected)
+        form.disabled = not view.source.can_act
+        faults = self.query_one(FaultList)
+        faults.show_view(view)
+        details = self.query_one("#fault-details", Line)
+        record = faults.chosen
+        details.border_title = "Details"
+        details.say("" if record is None else _details(record))
+        self._systems = view.systems
+
+    def action_new(self) -> None:
+        """Go to the form."""
+        self.query_one("#actuator").focus()
+
+    def action_list(self) -> None:
+        """Go to the list."""
+        self.query_one(FaultList).focus()
+
+    def action_clear(self) -> None:
+        """Clear the chosen fault."""
+        record = self.query_one(FaultList).chosen
+        if record is None or record.gone_at is not None:
+            self.app.notify("choose a fault that a vehicle still has", severity="warning")
+            return
+        actuator = record.fault.actuator
+
+        async def act(vehicle: Vehicle, _: str) -> str:
+            await vehicle.clear_faults(actuator)
+            return f"faults of the {ACTUATORS[actuator]} cleared"
+
+        name = ACTUATORS[actuator]
+        question = f"Clear the faults of the {name} of UAV {record.system}, past ones too?"
+        self.post_message(Wish(f"clear {name}", [record.system], act, question=question))
+
+    @on(FaultForm.Submitted)
+    def _set(self, event: FaultForm.Submitted) -> None:
+        systems = self._systems if event.system == ALL else (event.system,)
+        self.post_message(set_fault(systems, event.fault))
+
+    @on(Grid.Moved)
+    def _moved(self) -> None:
+        record = self.query_one(FaultList).chosen
+        self.query_one("#fault-details", Line).say(_details(record) if record else "")
+
+
+def set_fault(systems: tuple[int, ...], fault: Fault) -> Wish:
+    """The wish to set a fault."""
+
+    async def act(vehicle: Vehicle, _: str) -> str:
+        await vehicle.set_fault(fault)
+        return f"set: {describe_fault(fault)}"
+
+    return Wish(f"set {ACTUATORS[fault.actuator]} fault", systems, act)
+
+
+def clear_all(view: FleetView) -> Wish:
+    """The wish to clear all faults of the marked vehicles, or of all if none is marked."""
+
+    async def act(vehicle: Vehicle, _: str) -> str:
+        await vehicle.clear_faults()
+        return "all faults cleared"
+
+    systems = tuple(sorted(view.marked)) or view.systems
+    question = f"Clear all faults of {ids(systems)}: active, waiting and past ones?"
+    return Wish("clear all faults", systems, act, question=question)
+
+
+def repeat(view: FleetView) -> tuple[Wish | None, str]:
+    """The wish to give the last fault to another vehicle: the first that has it not.
+
+    The search begins at the selected one. Without such a vehicle, or without a fault, the
+    second value says so.
+    """
+    last = view.source.ledger.last
+    if last is None:
+        return None, "there is no fault yet to be repeated"
+    there = [r for r in view.source.ledger.records if r.gone_at is None]
+    having = {r.system for r in there if _alike(r.fault, last.fault)} | {last.system}
+    system = view.first(lambda state: state.system not in having and not view.is_silent(state))
+    if system is None:
+        return None, "every vehicle has the last fault already"
+    return set_fault((system,), last.fault), ""
+
+
+def _alike(a: Fault, b: Fault) -> bool:
+    return (a.actuator, a.effectiveness, a.value, a.frequency_hz, a.end_s) == (
+        b.actuator, b.effectiveness, b.value, b.frequency_hz, b.end_s
+    )  # fmt: skip
+
+
+def _history(record: FaultRecord) -> str:
+    parts = []
+    if record.acknowledged is not None:
+        ack = record.acknowledged
+        parts.append(f"UAV {record.system} at {clock(ack.at)} to {ack.asked_by}")
+    if record.gone_at is not None:
+        by = f" by {record.cleared.asked_by}" if record.cleared else ""
+        parts.append(f"{record.gone} {clock(record.gone_at)}{by}")
+    return "; ".join(parts) or "set before this station listened"
+
+
+def _details(record: FaultRecord) -> str:
+    return f"UAV {record.system}: {describe_fault(record.fault)}\n{_history(record)}"

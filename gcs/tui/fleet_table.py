@@ -1,0 +1,145 @@
+"""The fleet: one row per vehicle, as many groups of columns as the width allows."""
+
+from typing import Any, ClassVar
+
+from textual.binding import Binding, BindingType
+from textual.message import Message
+
+from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.requests import Refresh
+from gcs.tui.view import FleetView
+from gcs.tui.words import Cell, number, seconds
+from gcs.vehicle_state import VehicleState, describe_fault
+
+__all__ = ["FleetTable"]
+
+_GROUPS = ("value", "error", "reference", "synchronisation error")
+_QUANTITIES = (("V m/s", 6, 2), ("roll°", 6, 1), ("pitch°", 6, 1), ("yaw°", 6, 1))
+_STATE = (
+    Column("", 2, "left"),
+    Column("UAV", 3),
+    Column("link", 9, "left"),
+    Column("armed", 5, "left"),
+    Column("mode", 6, "left"),
+    Column("time s", 6),
+)
+_REST = (Column("faults", 6), Column("msg/s", 5))
+_GROUP_WIDTH = sum(width + 1 for _, width, _ in _QUANTITIES)
+_FIXED_WIDTH = sum(column.width + 1 for column in _STATE + _REST)
+_NOTABLE_ERROR = (1.0, 5.0, 5.0, 5.0)  # m/s, deg: shown in colour
+
+
+class FleetTable(Grid):
+    """All vehicles; the row of the cursor is the one whose details are shown elsewhere."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("space", "mark", "mark", tooltip="Mark the vehicle: actions go to marked ones"),
+        Binding("c", "cycle", "columns", tooltip="Show the next group of columns"),
+    ]
+
+    class Marked(Message):
+        """The operator wants to mark a vehicle, or no longer."""
+
+        def __init__(self, system: int) -> None:
+            super().__init__()
+            self.system = system
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("waiting for vehicles: start a fleet with `gcs up SCENARIO`", **kwargs)
+        self.border_title = "Fleet"
+        self._first_group = 0
+
+    def show_view(self, view: FleetView) -> None:
+        """Show the vehicles."""
+        groups = self._groups_shown()
+        columns = [*_STATE, *_quantity_columns(groups), *_REST]
+        wide = self.room - sum(column.width + 1 for column in columns) >= 16
+        if wide:
+            columns.append(Column("active faults", 0, "left"))
+        rows = [_row(view, state, groups, wide) for state in view.states]
+        self.show(columns, rows)
+        if self.key != view.selected:
+            self.move_to(view.selected)
+        marked = f" · {len(view.marked)} marked" if view.marked else ""
+        self.border_title = f"Fleet · {len(rows)} UAV{'' if len(rows) == 1 else 's'}{marked}"
+
+    def action_mark(self) -> None:
+        """Mark the vehicle of the cursor, or no longer."""
+        if self.key is not None:
+            self.post_message(self.Marked(self.key))
+
+    def action_cycle(self) -> None:
+        """Show the next group of columns."""
+        self._first_group = (self._first_group + 1) % len(_GROUPS)
+        self.post_message(Refresh())
+
+    def _groups_shown(self) -> list[int]:
+        fit = max((self.room + 1 - _FIXED_WIDTH) // _GROUP_WIDTH, 1)
+        n = len(_GROUPS)
+        return [(self._first_group + i) % n for i in range(min(fit, n))]
+
+
+def _quantity_columns(groups: list[int]) -> list[Column]:
+    return [
+        Column(title, width, "right", _GROUPS[group])
+        for group in groups
+        for title, width, _ in _QUANTITIES
+    ]
+
+
+def _row(view: FleetView, state: VehicleState, groups: list[int], wide: bool) -> Row:
+    silent = view.is_silent(state)
+    mark = "●" if state.system in view.marked else " "
+    pointer = "▸" if state.system == view.selected else " "
+    cells: list[Cell] = [
+        (pointer + mark, "accent"),
+        (str(state.system), "muted" if silent else "strong"),
+        _link(view, state),
+        _armed(state),
+        (state.mode, ""),
+        (seconds(state.time_s), ""),
+    ]
+    for group in groups:
+        cells += _group_cells(state, group)
+    if silent:
+        cells[3:] = [(text, "muted") for text, _ in cells[3:]]
+    cells += [_faults(state), (f"{state.rate_hz(view.now):.0f}", "muted")]
+    if wide:
+        active = " · ".join(map(describe_fault, state.active_faults))
+        cells.append((active, "bad"))
+    return Row(state.system, tuple(cells))
+
+
+def _group_cells(state: VehicleState, group: int) -> list[Cell]:
+    attitude = state.attitude_deg
+    actual = (state.airspeed_m_s, *(attitude or (None, None, None)))
+    nothing = (None,) * 4
+    values = (actual, state.error, state.reference, state.sync_error)[group] or nothing
+    cells: list[Cell] = []
+    for value, (_, _, digits), notable in zip(values, _QUANTITIES, _NOTABLE_ERROR, strict=True):
+        off = group in {1, 3} and value is not None and abs(value) >= notable
+        cells.append((number(value, digits), "warn" if off else "muted" if group == 2 else ""))
+    return cells
+
+
+def _link(view: FleetView, state: VehicleState) -> Cell:
+    age = state.age_s(view.now)
+    if not view.is_silent(state):
+        return (f"● {age:.1f} s", "good" if age < 1.0 else "warn")
+    word = "LOST" if state.lost else "SILENT"
+    return (f"{word} {age:.0f}s" if age < 1000.0 else word, "bad")
+
+
+def _armed(state: VehicleState) -> Cell:
+    if state.armed:
+        return ("ARMED", "accent")
+    return ("ready", "") if state.is_ready else ("boot", "muted")
+
+
+def _faults(state: VehicleState) -> Cell:
+    if state.faults is None:
+        return ("?", "muted")
+    if not state.faults:
+        return ("0", "muted")
+    active = len(state.active_faults)
+    return (f"{active}/{len(state.faults)}", "bad" if active else "warn")

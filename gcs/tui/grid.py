@@ -1,0 +1,286 @@
+"""A table of which only what has changed is drawn again.
+
+Textual's DataTable updates cell by cell; with 30 vehicles and 20 columns several times a second
+that costs more than everything else together. A `Grid` is given all rows at once, compares them
+with those it shows, and draws the lines that differ.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+from rich.cells import cell_len, set_cell_size
+from rich.segment import Segment
+from rich.style import Style
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.geometry import Region, Size
+from textual.message import Message
+from textual.reactive import reactive
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+
+from gcs.tui.words import Cell
+
+__all__ = ["Column", "Grid", "Row"]
+
+_ROLES = ("good", "warn", "bad", "muted", "strong", "accent")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column; one of width 0 takes what is left of the widget's width, at least 8.
+
+    Columns with the same `group` after each other get it as a common heading above theirs.
+    """
+
+    title: str
+    width: int
+    align: Literal["left", "right"] = "right"
+    group: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row: what it stands for, and its cells."""
+
+    key: Any
+    cells: tuple[Cell, ...]
+
+
+class Grid(ScrollView, can_focus=True):
+    """A table with fixed headings and a cursor."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {
+        "grid--head", "grid--group", "grid--cursor", *(f"grid--{role}" for role in _ROLES)
+    }  # fmt: skip
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "move(-1)", "up", show=False),
+        Binding("down", "move(1)", "down", show=False),
+        Binding("pageup", "page(-1)", "page up", show=False),
+        Binding("pagedown", "page(1)", "page down", show=False),
+        Binding("home", "edge(0)", "first", show=False),
+        Binding("end", "edge(-1)", "last", show=False),
+        Binding("enter", "activate", "choose", show=False),
+    ]
+
+    cursor: reactive[int] = reactive(0)
+
+    class Moved(Message):
+        """The operator moved the cursor to another row."""
+
+        def __init__(self, grid: "Grid", key: Any) -> None:
+            super().__init__()
+            self.grid, self.key = grid, key
+
+        @property
+        def control(self) -> "Grid":
+            """The grid."""
+            return self.grid
+
+    class Activated(Moved):
+        """The operator pressed enter on a row, or clicked on the row of the cursor."""
+
+    def __init__(self, empty: str = "", follow: bool = False, **kwargs: Any) -> None:
+        """Prepare an empty table.
+
+        Args:
+            empty: What it says while it has no rows.
+            follow: Keep to the last row for as long as the cursor is there.
+            kwargs: Of Widget.
+        """
+        super().__init__(**kwargs)
+        self.empty = empty
+        self.columns: tuple[Column, ...] = ()
+        self.rows: tuple[Row, ...] = ()
+        self._follow = follow
+        self._styles: dict[str, Style] = {}
+
+    # data in
+
+    def show(self, columns: Sequence[Column], rows: Sequence[Row]) -> None:
+        """Show these rows; the cursor stays on the row with the same key if there is one."""
+        columns, rows = tuple(columns), tuple(rows)
+        before, at_end = self.rows, self.cursor >= len(self.rows) - 1
+        key = self.key
+        alike = columns == self.columns and len(rows) == len(before)
+        self.columns, self.rows = columns, rows
+        if not alike:
+            self._resize()
+            self.refresh(layout=True)
+        elif rows != before:
+            for i, (old, new) in enumerate(zip(before, rows, strict=True)):
+                if old != new:
+                    self._refresh_row(i)
+        if self._follow and at_end:
+            self.cursor = max(len(rows) - 1, 0)
+            self._show_cursor()
+        elif key is not None and self.key != key:
+            self.move_to(key)
+
+    def move_to(self, key: Any) -> None:
+        """Put the cursor on the row with this key, if there is one."""
+        place = next((i for i, row in enumerate(self.rows) if row.key == key), None)
+        self.cursor = min(self.cursor, max(len(self.rows) - 1, 0)) if place is None else place
+
+    @property
+    def key(self) -> Any:
+        """Key of the row of the cursor; None without rows."""
+        return self.rows[self.cursor].key if self.cursor < len(self.rows) else None
+
+    @property
+    def text(self) -> str:
+        """All rows as text, one line each."""
+        return "\n".join(" ".join(text for text, _ in row.cells) for row in self.rows)
+
+    # drawing
+
+    @property
+    def _head(self) -> int:
+        return 2 if any(column.group for column in self.columns) else 1
+
+    @property
+    def room(self) -> int:
+        """Width without a scroll bar."""
+        return self.scrollable_content_region.width
+
+    def _widths(self) -> list[int]:
+        fixed = sum(column.width + 1 for column in self.columns) - 1
+        free = max(self.room - fixed, 8)
+        return [column.width or free for column in self.columns]
+
+    def _resize(self) -> None:
+        self.virtual_size = Size(self.room, self._head + max(len(self.rows), 1))
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Fit the column of width 0, and keep the cursor in sight."""
+        self._resize()
+        self._show_cursor()
+
+    def notify_style_update(self) -> None:
+        """Forget the colours of the theme before."""
+        super().notify_style_update()
+        self._styles.clear()
+
+    def _style(self, role: str) -> Style:
+        if role not in self._styles:
+            name = f"grid--{role}"
+            known = name in self.COMPONENT_CLASSES
+            self._styles[role] = (
+                self.get_component_rich_style(name, partial=True) if known else Style()
+            )
+        return self._styles[role]
+
+    def render_line(self, y: int) -> Strip:
+        """Draw one line of the widget."""
+        scroll_y = self.scroll_offset.y
+        width = self.room
+        place = y - self._head + scroll_y
+        if y < self._head:
+            segments = self._groups() if y < self._head - 1 else self._titles()
+        elif 0 <= place < len(self.rows):
+            segments = self._cells(place)
+        elif place == 0 and self.empty:
+            segments = [Segment(self.empty, self._style("muted"))]
+        else:
+            segments = []
+        strip = Strip(segments).crop(0, width)
+        base = self.rich_style
+        if 0 <= place < len(self.rows) and y >= self._head and place == self.cursor:
+            base += self._style("cursor") if self.has_focus else Style()
+        return strip.extend_cell_length(width, base).apply_style(base)
+
+    def _titles(self) -> list[Segment]:
+        texts = [
+            Segment(_fit(column.title, width, column.align), self._style("head"))
+            for column, width in zip(self.columns, self._widths(), strict=True)
+        ]
+        return _spaced(texts)
+
+    def _groups(self) -> list[Segment]:
+        segments, widths, i = [], self._widths(), 0
+        while i < len(self.columns):
+            end = i + 1
+            group = self.columns[i].group
+            while end < len(self.columns) and self.columns[end].group == group:
+                end += 1
+            width = sum(widths[i:end]) + end - i - 1
+            text = f" {group} ".center(width, "─")[:width] if group else " " * width
+            segments.append(Segment(text, self._style("group")))
+            i = end
+        return _spaced(segments)
+
+    def _cells(self, place: int) -> list[Segment]:
+        return _spaced(
+            [
+                Segment(_fit(text, width, column.align), self._style(role) if role else None)
+                for (text, role), column, width in zip(
+                    self.rows[place].cells, self.columns, self._widths(), strict=True
+                )
+            ]
+        )
+
+    def _refresh_row(self, place: int) -> None:
+        y = place + self._head - self.scroll_offset.y
+        if self._head <= y < self.size.height:
+            self.refresh(Region(0, y, self.size.width, 1))
+
+    # the cursor
+
+    def watch_cursor(self, before: int, now: int) -> None:
+        """Draw the row that had the cursor, and the one that has it."""
+        self._refresh_row(before)
+        self._refresh_row(now)
+        self._show_cursor()
+
+    def _show_cursor(self) -> None:
+        page = max(self.size.height - self._head, 1)
+        top = self.scroll_offset.y
+        if self.cursor < top:
+            self.scroll_to(y=self.cursor, animate=False)
+        elif self.cursor >= top + page:
+            self.scroll_to(y=self.cursor - page + 1, animate=False)
+
+    def _go(self, place: int) -> None:
+        place = min(max(place, 0), len(self.rows) - 1)
+        if place >= 0 and place != self.cursor:
+            self.cursor = place
+            self.post_message(self.Moved(self, self.key))
+
+    def action_move(self, step: int) -> None:
+        """Move the cursor."""
+        self._go(self.cursor + step)
+
+    def action_page(self, pages: int) -> None:
+        """Move the cursor by what is visible."""
+        self._go(self.cursor + pages * max(self.size.height - self._head - 1, 1))
+
+    def action_edge(self, place: int) -> None:
+        """Move the cursor to the first row (0) or the last (-1)."""
+        self._go(place if place >= 0 else len(self.rows) - 1)
+
+    def action_activate(self) -> None:
+        """Choose the row of the cursor."""
+        if self.key is not None:
+            self.post_message(self.Activated(self, self.key))
+
+    def on_click(self, event: events.Click) -> None:
+        """Move the cursor where the mouse is; there already: choose the row."""
+        place = event.y - self._head + self.scroll_offset.y
+        if event.y >= self._head and place < len(self.rows):
+            if place == self.cursor:
+                self.action_activate()
+            self._go(place)
+
+
+def _fit(text: str, width: int, align: Literal["left", "right"]) -> str:
+    size = cell_len(text)
+    if size > width:
+        return set_cell_size(text, width - 1) + "…" if width > 1 else text[:width]
+    space = " " * (width - size)
+    return text + space if align == "left" else space + text
+
+
+def _spaced(segments: list[Segment]) -> list[Segment]:
+    gap = Segment(" ")
+    return [part for segment in segments for part in (segment, gap)][:-1]

@@ -1,0 +1,72 @@
+"""Carrying out what the operator wants, with a report of every outcome."""
+
+import asyncio
+from collections.abc import Callable
+
+from gcs.errors import CommandRefused, GcsError
+from gcs.news import ERROR, NOTICE, WARNING
+from gcs.tui.requests import Outcome, Wish
+from gcs.tui.view import FleetView
+from gcs.tui.words import ids
+
+__all__ = ["Operations"]
+
+Notify = Callable[[str, str], None]
+"""Called with a text and "information", "warning" or "error"."""
+
+
+class Operations:
+    """Does with vehicles what is wished for.
+
+    Attributes:
+        going_on: What is being done now, in words.
+    """
+
+    def __init__(self, view: FleetView, notify: Notify) -> None:
+        """Prepare.
+
+        Args:
+            view: The vehicles.
+            notify: How the operator is told at once; all is put into the journal as well.
+        """
+        self.going_on: list[str] = []
+        self._view, self._notify = view, notify
+
+    async def carry_out(self, wish: Wish, choice: str) -> None:
+        """Do it with every vehicle at the same time; never raises what vehicles answer."""
+        words = f"{wish.what}: {ids(wish.systems)}"
+        self.going_on.append(words)
+        try:
+            outcomes = await asyncio.gather(
+                *(self._one(wish, system, choice) for system in wish.systems)
+            )
+        finally:
+            self.going_on.remove(words)
+        done = [outcome.system for outcome in outcomes if outcome.accepted]
+        if done:
+            self._notify(f"{wish.what}: accepted by {ids(done)}", "information")
+        for outcome in outcomes:
+            if not outcome.accepted:
+                self._notify(outcome.words, "error")
+
+    async def _one(self, wish: Wish, system: int, choice: str) -> Outcome:
+        severity = NOTICE
+        try:
+            words = await wish.act(self._view.source.vehicle(system), choice)
+            outcome = Outcome(system, True, words or f"{wish.what}: accepted")
+        except GcsError as problem:
+            severity = WARNING if isinstance(problem, CommandRefused) else ERROR
+            outcome = Outcome(system, False, str(problem))
+        except KeyError:
+            severity = ERROR
+            outcome = Outcome(system, False, f"UAV {system} has not been heard of")
+        self._note(system, severity, outcome.words)
+        if wish.on_done is not None:
+            wish.on_done(outcome)
+        return outcome
+
+    def _note(self, system: int, severity: int, text: str) -> None:
+        source = self._view.source
+        state = source.fleet.vehicles.get(system)
+        at = source.since_1970(source.now())
+        source.journal.note(at, state.time_s if state else None, system, "action", severity, text)

@@ -1,0 +1,111 @@
+"""A reference profile as a table, compared with another one, and as a plot."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from textual.widgets import DirectoryTree
+from textual_plotext import PlotextPlot
+
+from gcs.status import segment_dict
+from gcs.tui.curves import palette_of
+from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.words import Cell
+from mavlink_defs.profile import Segment
+
+__all__ = ["ProfileFiles", "ProfilePlot", "ProfileTable", "differences", "polyline"]
+
+_COLUMNS = (
+    Column("#", 2),
+    Column("start s", 7),
+    Column("V m/s", 6),
+    Column("roll°", 6),
+    Column("pitch°", 6),
+    Column("yaw°", 6),
+    Column("shape", 0, "left"),
+)
+_VALUES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
+_TITLE = "[$primary]V m/s[/] [$accent]roll°[/] [$success]pitch°[/] [$error]yaw°[/] over s"
+_TAIL = 1.25  # the last segment goes on
+
+
+class ProfileFiles(DirectoryTree):
+    """Folders and YAML files."""
+
+    ICON_NODE, ICON_NODE_EXPANDED, ICON_FILE = "▸ ", "▾ ", "  "
+
+    def filter_paths(self, paths: Any) -> Any:
+        """Leave out what can be no profile."""
+        kept = (path for path in paths if not path.name.startswith((".", "_")))
+        return [p for p in kept if p.is_dir() or p.suffix in {".yaml", ".yml"}]
+
+
+class ProfileTable(Grid):
+    """Segments; where another profile differs, its value stands behind."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("choose a YAML file, or download what a vehicle holds", **kwargs)
+        self.border_title = "Profile"
+
+    def show_profile(
+        self, segments: Sequence[Segment], other: Sequence[Segment] | None, title: str
+    ) -> None:
+        """Show segments, compared with those of another profile if there is one."""
+        count = max(len(segments), len(other or ()))
+        self.show(_COLUMNS, [_row(i, segments, other) for i in range(count)])
+        self.border_title = title
+
+
+class ProfilePlot(PlotextPlot):
+    """Airspeed and attitude over time."""
+
+    def show_profile(self, segments: Sequence[Segment]) -> None:
+        """Draw segments."""
+        self.border_title = _TITLE
+        palette = palette_of(self.app.theme_variables)
+        self.plt.clear_figure()
+        for key, colour in zip(_VALUES, palette.channels, strict=True):
+            x, y = polyline(segments, key)
+            if x:
+                self.plt.plot(x, y, marker="braille", color=colour)
+        self.plt.grid(False, False)
+        self.refresh()
+
+
+def polyline(segments: Sequence[Segment], key: str) -> tuple[list[float], list[float]]:
+    """Corners of one quantity over time [s]."""
+    values = [float(segment_dict(segment)[key]) for segment in segments]
+    starts = [segment.start_s for segment in segments]
+    ends = [*starts[1:], max(starts[-1] * _TAIL, starts[-1] + 1.0)] if starts else []
+    x: list[float] = []
+    y: list[float] = []
+    for i, segment in enumerate(segments):
+        begin = y[-1] if segment.ramp and y else values[i]
+        x += [starts[i], ends[i]]
+        y += [begin, values[i]]
+    return x, y
+
+
+def differences(a: Sequence[Segment], b: Sequence[Segment]) -> int:
+    """In how many values two profiles differ; a missing segment counts as one."""
+    count = abs(len(a) - len(b))
+    for one, other in zip(a, b, strict=False):
+        left, right = segment_dict(one), segment_dict(other)
+        count += sum(left[key] != right[key] for key in left)
+    return count
+
+
+def _row(i: int, segments: Sequence[Segment], other: Sequence[Segment] | None) -> Row:
+    ours = _texts(segments, i)
+    theirs = ours if other is None else _texts(other, i)
+    cells: list[Cell] = [(str(i + 1), "muted")]
+    for a, b in zip(ours, theirs, strict=True):
+        cells.append((a, "") if a == b else (f"{a}≠{b}", "warn"))
+    return Row(i, tuple(cells))
+
+
+def _texts(segments: Sequence[Segment], i: int) -> list[str]:
+    if i >= len(segments):
+        return ["–"] * 6
+    return [
+        f"{v:g}" if isinstance(v, float) else str(v) for v in segment_dict(segments[i]).values()
+    ]

@@ -1,0 +1,226 @@
+"""Profiles: choose a file, look at it, upload it, compare it with what vehicles hold."""
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+from textual.message import Message
+from textual.widgets import DirectoryTree, Input
+
+from gcs.profile_file import load_profile
+from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.line import Line
+from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
+from gcs.tui.requests import Outcome, Refresh, Wish
+from gcs.tui.view import FleetView
+from gcs.tui.words import Cell, ids
+from gcs.vehicle import Progress, Vehicle
+from gcs.vehicle_state import VehicleState
+from mavlink_defs.config import ConfigError
+from mavlink_defs.profile import Segment
+
+__all__ = ["Holdings", "ProfilesPanel"]
+
+_COLUMNS = (Column("", 1, "left"), Column("UAV", 3), Column("holds", 0, "left"))
+_BAR = 10
+
+
+class Holdings(Grid):
+    """What each vehicle holds, and how it compares with the file."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "mark", "mark", show=False)]
+
+    class Marked(Message):
+        """The operator wants to mark a vehicle, or no longer."""
+
+        def __init__(self, system: int) -> None:
+            super().__init__()
+            self.system = system
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("waiting for vehicles", **kwargs)
+        self.border_title = "Vehicles (space marks)"
+        self.progress: dict[int, tuple[int, int]] = {}
+
+    def show_holdings(self, view: FleetView, segments: tuple[Segment, ...] | None) -> None:
+        """Show all vehicles."""
+        rows = []
+        for state in view.states:
+            mark = "●" if state.system in view.marked else ""
+            holds = self._bar(state.system) or _compared(state, segments)
+            rows.append(Row(state.system, ((mark, "accent"), (str(state.system), "strong"), holds)))
+        self.show(_COLUMNS, rows)
+
+    def action_mark(self) -> None:
+        """Mark the vehicle of the cursor, or no longer."""
+        if self.key is not None:
+            self.post_message(self.Marked(self.key))
+
+    def _bar(self, system: int) -> Cell | None:
+        if system not in self.progress:
+            return None
+        done, total = self.progress[system]
+        full = round(_BAR * done / max(total, 1))
+        return ("█" * full + "░" * (_BAR - full) + f" {done}/{total}", "accent")
+
+
+class ProfilesPanel(Horizontal):
+    """Files and vehicles beside the profile."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("u", "upload", "upload", tooltip="Upload the file to the marked UAVs"),
+        Binding("g", "download", "get & compare",
+                tooltip="Download what the marked UAVs hold, and compare it with the file"),
+        Binding("o", "open", "open", tooltip="Type the path of a file"),
+    ]  # fmt: skip
+
+    def __init__(self, folder: Path | None = None, **kwargs: Any) -> None:
+        """Prepare the panel.
+
+        Args:
+            folder: Where the tree of files begins; the working directory by default.
+            kwargs: Of Widget.
+        """
+        super().__init__(**kwargs)
+        self.segments: tuple[Segment, ...] | None = None
+        self._folder = folder or Path.cwd()
+        self._file: Path | None = None
+        self._view: FleetView | None = None
+
+    def compose(self) -> ComposeResult:
+        """Lay out the panel."""
+        with Vertical(id="profile-side"):
+            yield Input(placeholder="o: path of a YAML file", id="profile-path", compact=True)
+            files = ProfileFiles(self._folder, id="profile-files", classes="panel")
+            files.border_title = "Files"
+            yield files
+            yield Holdings(id="holdings", classes="panel")
+        with Vertical():
+            yield Line(grow=True, id="profile-says")
+            yield ProfileTable(id="profile-table", classes="panel")
+            yield ProfilePlot(id="profile-plot", classes="panel")
+
+    def show_view(self, view: FleetView) -> None:
+        """Show what vehicles hold."""
+        self._view = view
+        holdings = self.query_one(Holdings)
+        holdings.show_holdings(view, self.segments)
+        state = next((s for s in view.states if s.system == holdings.key), None)
+        held = state.profile if state is not None else None
+        table = self.query_one(ProfileTable)
+        if self.segments is not None:
+            against = f" ≠ UAV {holdings.key}" if held and held != self.segments else ""
+            table.show_profile(self.segments, held, f"{self._title_of_file}{against}")
+        elif held is not None:
+            table.show_profile(held, None, f"UAV {holdings.key} holds {len(held)} segments")
+            self._plot(held)
+        else:
+            table.show_profile((), None, "Profile")
+
+    def load(self, path: Path) -> None:
+        """Show the profile of a file, or say what is wrong with it."""
+        says = self.query_one("#profile-says", Line)
+        try:
+            self.segments, self._file = load_profile(path), path
+        except ConfigError as problem:
+            says.say("\n".join([f"{path.name}:", *problem.problems]))
+            says.add_class("-wrong")
+        else:
+            says.say("")
+            says.remove_class("-wrong")
+            self._plot(self.segments)
+        self.post_message(Refresh())
+
+    @property
+    def _title_of_file(self) -> str:
+        return f"{self._file.name}, {len(self.segments or ())} segments" if self._file else ""
+
+    def _plot(self, segments: tuple[Segment, ...]) -> None:
+        self.query_one(ProfilePlot).show_profile(segments)
+
+    @on(DirectoryTree.FileSelected)
+    def _file_chosen(self, event: DirectoryTree.FileSelected) -> None:
+        self.load(event.path)
+
+    @on(Input.Submitted)
+    def _path_typed(self, event: Input.Submitted) -> None:
+        self.load(Path(event.value.strip()).expanduser())
+        self.query_one(Holdings).focus()
+
+    @on(Holdings.Moved)
+    def _moved(self) -> None:
+        self.post_message(Refresh())
+
+    def action_open(self) -> None:
+        """Go to the field for a path."""
+        self.query_one("#profile-path").focus()
+
+    def _targets(self) -> tuple[int, ...]:
+        if self._view is None:
+            return ()
+        marked = tuple(sorted(self._view.marked))
+        key = self.query_one(Holdings).key
+        return marked or (() if key is None else (key,))
+
+    def action_upload(self) -> None:
+        """Upload the file to the marked vehicles, or the one of the cursor."""
+        segments, name, targets = self.segments, self._title_of_file, self._targets()
+        if segments is None or self._view is None:
+            self.app.notify("choose a file first", severity="warning")
+            return
+
+        async def act(vehicle: Vehicle, _: str) -> str:
+            await vehicle.upload(segments, self._progress(vehicle.system))
+            await vehicle.download()
+            return f"profile {name} uploaded"
+
+        flying = [s.system for s in self._view.states if s.system in targets and s.armed]
+        question = f"Upload {name} to {ids(targets)}?\n" + (
+            f"{ids(flying)} in flight: it is in force at once." if flying else ""
+        )
+        self.post_message(
+            Wish("upload", targets, act, question=question if flying else "", on_done=self._done)
+        )
+
+    def action_download(self) -> None:
+        """Ask the marked vehicles, or the one of the cursor, for their profiles."""
+
+        async def act(vehicle: Vehicle, _: str) -> str:
+            held = await vehicle.download(self._progress(vehicle.system))
+            words = f"holds {len(held)} segments" if held else "holds no profile"
+            if self.segments is None:
+                return words
+            different = differences(held, self.segments)
+            same = f"{different} values differ from" if different else "the same as"
+            return f"{words}, {same} {self._title_of_file}"
+
+        self.post_message(Wish("download", self._targets(), act, on_done=self._done))
+
+    def _progress(self, system: int) -> Progress:
+        holdings = self.query_one(Holdings)
+
+        def note(done: int, total: int) -> None:
+            holdings.progress[system] = (done, total)
+
+        return note
+
+    def _done(self, outcome: Outcome) -> None:
+        self.query_one(Holdings).progress.pop(outcome.system, None)
+        self.post_message(Refresh())
+
+
+def _compared(state: VehicleState, segments: tuple[Segment, ...] | None) -> Cell:
+    if state.profile is None:
+        words = "not asked yet" if state.offers_profile else "does not tell"
+        return (words, "muted")
+    if not state.profile:
+        return ("no profile", "warn")
+    count = f"{len(state.profile)} segments"
+    if segments is None:
+        return (count, "")
+    if state.profile == segments:
+        return ("= file", "good")
+    return (f"{count} ≠ file: {differences(state.profile, segments)} values", "warn")

@@ -1,0 +1,66 @@
+"""What widgets ask of the app."""
+
+from collections.abc import Awaitable, Callable, Iterable
+from dataclasses import dataclass
+
+from textual.message import Message
+
+from gcs.vehicle import Vehicle
+
+__all__ = ["Choice", "Outcome", "Refresh", "Wish"]
+
+
+class Refresh(Message):
+    """Something that the operator did wants the visible panel to be drawn again."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """An answer to a question before something is done.
+
+    Attributes:
+        label: What the button says.
+        value: What `Wish.act` gets.
+        variant: Of the button: "primary", "warning", "error" or "default".
+    """
+
+    label: str
+    value: str
+    variant: str = "primary"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a wish with one vehicle."""
+
+    system: int
+    accepted: bool
+    words: str
+
+
+class Wish(Message):
+    """Something is to be done with vehicles, all at the same time.
+
+    Attributes:
+        what: What is to be done, in few words: "arm".
+        systems: System ids of the vehicles.
+        act: Does it with one vehicle and gives words for the log; its second argument is the
+            value of the choice that the operator made, "" if there was nothing to choose.
+        question: What the operator is asked first; "" for nothing.
+        choices: The answers besides "cancel".
+        on_done: Called with each outcome.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        systems: Iterable[int],
+        act: Callable[[Vehicle, str], Awaitable[str]],
+        *,
+        question: str = "",
+        choices: tuple[Choice, ...] = (),
+        on_done: Callable[[Outcome], None] | None = None,
+    ) -> None:
+        super().__init__()
+        self.what, self.systems, self.act = what, tuple(systems), act
+        self.question, self.choices, self.on_done = question, choices, on_done

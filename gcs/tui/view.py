@@ -1,0 +1,195 @@
+"""The one thing that widgets read: vehicles, journal and faults, as of the last refresh.
+
+`Source` is where it all comes from: a running fleet (`Live`), or a telemetry log
+(`gcs.tui.playback`). `FleetView` adds what the operator has chosen.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from gcs.fleet_state import FleetState
+from gcs.news import News
+from gcs.tui.journal import Journal
+from gcs.tui.ledger import Ledger
+from gcs.vehicle import Vehicle
+from gcs.vehicle_state import VehicleState
+
+__all__ = ["SILENT_S", "FleetView", "Live", "Source", "Station"]
+
+SILENT_S = 1.5
+"""Silence after which a vehicle is shown as silent; news of it come when the client is sure."""
+
+_AGEING_S = 0.5
+
+
+class Station(Protocol):
+    """What the dashboard needs of a client."""
+
+    @property
+    def fleet(self) -> FleetState:
+        """What is known of the vehicles."""
+        ...
+
+    def now(self) -> float:
+        """Its clock [s]."""
+        ...
+
+    def vehicle(self, system: int) -> Vehicle:
+        """A vehicle that has been heard of."""
+        ...
+
+
+class Source(Protocol):
+    """Where the data of the dashboard come from."""
+
+    title: str
+    can_act: bool
+    journal: Journal
+    ledger: Ledger
+
+    @property
+    def fleet(self) -> FleetState:
+        """What is known of the vehicles."""
+        ...
+
+    def now(self) -> float:
+        """The clock of the data [s]."""
+        ...
+
+    def since_1970(self, at: float) -> float:
+        """A time of that clock as time since 1970 [s]."""
+        ...
+
+    def vehicle(self, system: int) -> Vehicle:
+        """What can be asked of a vehicle; only if `can_act`."""
+        ...
+
+
+class Live:
+    """A running fleet. Give `hear` to the client as its `on_news`, then `attach` the client."""
+
+    can_act = True
+
+    def __init__(self, title: str, epoch: float, identity: tuple[int, int] = (255, 190)) -> None:
+        """Prepare it.
+
+        Args:
+            title: What is shown as the connection.
+            epoch: Time since 1970 when the client's clock showed 0 [s].
+            identity: System and component id of the station.
+        """
+        self.title = title
+        self.journal, self.ledger = Journal(), Ledger(identity)
+        self._epoch = epoch
+        self._station: Any = None
+
+    def attach(self, station: Station) -> None:
+        """Tell it the client."""
+        self._station = station
+
+    def hear(self, news: News) -> None:
+        """Take in news of the client."""
+        state = self.fleet.vehicles.get(news.system) if self._station else None
+        at = self.since_1970(news.at)
+        self.journal.hear(news, at, state.time_s if state else None)
+        self.ledger.hear(news, at)
+
+    @property
+    def fleet(self) -> FleetState:
+        """What is known of the vehicles."""
+        fleet: FleetState = self._station.fleet
+        return fleet
+
+    def now(self) -> float:
+        """The client's clock [s]."""
+        return float(self._station.now())
+
+    def since_1970(self, at: float) -> float:
+        """A time of the client's clock as time since 1970 [s]."""
+        return self._epoch + at
+
+    def vehicle(self, system: int) -> Vehicle:
+        """What can be asked of a vehicle."""
+        vehicle: Vehicle = self._station.vehicle(system)
+        return vehicle
+
+
+class FleetView:
+    """Vehicles as of the last `look`, and the operator's choice among them.
+
+    Attributes:
+        source: Where the data come from.
+        now: Time of the last look, on the clock of the source [s].
+        states: The vehicles in ascending order, lost ones included.
+        marked: System ids that actions are for; none means the selected one.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.now = 0.0
+        self.states: tuple[VehicleState, ...] = ()
+        self._chosen: int | None = None
+        self.marked: set[int] = set()
+        self._token: object = None
+
+    def look(self) -> bool:
+        """Take in what has happened; tell whether there is anything new to be shown."""
+        source = self.source
+        self.now = source.now()
+        vehicles = source.fleet.vehicles
+        self.states = tuple(vehicles[system] for system in sorted(vehicles))
+        for state in self.states:
+            source.ledger.observe(state, source.since_1970(self.now))
+        self.marked &= vehicles.keys()
+        heard = tuple((state.system, state.heard_at) for state in self.states)
+        ages = any(state.age_s(self.now) > _AGEING_S for state in self.states)
+        ageing = round(self.now, 1) if ages else None
+        token = (heard, ageing, source.journal.count, self.selected, frozenset(self.marked))
+        changed, self._token = token != self._token, token
+        return changed
+
+    @property
+    def selected(self) -> int | None:
+        """The vehicle that the operator chose, else the first one."""
+        if self._chosen in self.source.fleet.vehicles:
+            return self._chosen
+        return self.states[0].system if self.states else None
+
+    def select(self, system: int) -> None:
+        """Choose a vehicle."""
+        self._chosen = system
+
+    @property
+    def state(self) -> VehicleState | None:
+        """The selected vehicle."""
+        return next((s for s in self.states if s.system == self.selected), None)
+
+    @property
+    def systems(self) -> tuple[int, ...]:
+        """All system ids, ascending."""
+        return tuple(state.system for state in self.states)
+
+    @property
+    def targets(self) -> tuple[int, ...]:
+        """Whom actions are for: the marked vehicles, else the selected one."""
+        if self.marked:
+            return tuple(sorted(self.marked))
+        return () if self.selected is None else (self.selected,)
+
+    def is_silent(self, state: VehicleState) -> bool:
+        """Whether nothing has come from a vehicle for some time."""
+        return state.lost or state.age_s(self.now) >= SILENT_S
+
+    def select_next(self, step: int) -> None:
+        """Select the vehicle that stands `step` further in the list, round and round."""
+        systems = self.systems
+        if systems:
+            at = systems.index(self.selected) if self.selected is not None else 0
+            self._chosen = systems[(at + step) % len(systems)]
+
+    def first(self, wanted: Callable[[VehicleState], bool]) -> int | None:
+        """The first vehicle, from the selected one on, for which this holds."""
+        systems = self.systems
+        at = systems.index(self.selected) if self.selected is not None else 0
+        order = (*self.states[at:], *self.states[:at])
+        return next((state.system for state in order if wanted(state)), None)

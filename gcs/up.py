@@ -1,0 +1,88 @@
+"""A fleet that flies on until it is told to stop, and its hub."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gcs.client import Client
+from gcs.errors import BadInput, FlightLost
+from gcs.flight import prepare
+from gcs.hub import Hub
+from gcs.launcher import Fleet
+from gcs.scenario import Scenario
+from mavlink_defs.endpoint import Address, Connection, EndpointError, bind_udp
+
+__all__ = ["keep_up"]
+
+_LOOK_S = 0.1
+
+
+async def keep_up(
+    scenario: Scenario,
+    folder: Path,
+    hub: Address,
+    *,
+    speed: float | None,
+    start: bool,
+    on_ready: Callable[[], None],
+    on_word: Callable[[str], None],
+) -> None:
+    """Start a fleet, bring profile and faults to it, and keep it until this task is cancelled.
+
+    Args:
+        scenario: The scenario; its duration does not matter.
+        folder: Run folder, exists; gets `processes/`.
+        hub: Where any number of ground stations can connect to.
+        speed: Real-time factor; None for lockstep, as fast as the machine goes.
+        start: Start the mission and arm, too.
+        on_ready: Called when the fleet is up.
+        on_word: Called with what is worth saying later on.
+
+    Raises:
+        BadInput: A port is in use.
+        FlightLost: The plant ended, because an aircraft was lost or otherwise.
+        CommandRefused: A vehicle refused its profile, a fault, its mission or arming.
+        NoAnswer: A vehicle did not appear or did not answer.
+    """
+    try:
+        sock = bind_udp(hub, "hub", "choose another one with --hub-port")
+    except EndpointError as problem:
+        raise BadInput(str(problem)) from problem
+    sock.setblocking(False)
+    loop = asyncio.get_running_loop()
+    ids = [uav.id for uav in scenario.uavs]
+    transport, _ = await loop.create_datagram_endpoint(lambda: _Relay(Hub(ids)), sock=sock)
+    try:
+        processes = folder / "processes"
+        with Fleet(scenario, speed, processes, endless=True, ground_stations=[hub]) as fleet:
+            async with Client(Connection("out", hub)) as client:
+                await prepare(client, fleet, scenario, start)
+            on_ready()
+            while True:
+                await asyncio.sleep(_LOOK_S)
+                for name, words in fleet.newly_ended():
+                    if name == "plant":
+                        raise FlightLost(words)
+                    on_word(
+                        f"{name}: {words}; the others fly on, and "
+                        f"`ftc-autopilot {processes / name}.yaml` starts it again"
+                    )
+    finally:
+        transport.close()
+
+
+class _Relay(asyncio.DatagramProtocol):
+    """The hub's socket."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._transport: Any = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = transport
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        now = asyncio.get_running_loop().time()
+        for peer in self._hub.route(data, addr, now):
+            self._transport.sendto(data, peer)

@@ -1,0 +1,64 @@
+"""STATUSTEXTs put together again: a text longer than one message holds comes in chunks.
+
+No socket and no clock. Chunks may be lost, doubled and out of order; what was lost shows as "…".
+"""
+
+from dataclasses import dataclass, field
+
+from mavlink_defs.dialect import MAVLink_statustext_message
+
+__all__ = ["PATIENCE_S", "Text", "TextAssembler"]
+
+PATIENCE_S = 1.0
+"""How long missing chunks are waited for."""
+
+_CHUNK_SIZE = 50  # a chunk without a zero byte says that another one follows
+
+
+@dataclass(frozen=True)
+class Text:
+    """A complete text and its MAV_SEVERITY."""
+
+    severity: int
+    text: str
+
+
+@dataclass
+class _Pieces:
+    severity: int
+    deadline: float
+    chunks: dict[int, str] = field(default_factory=dict)
+
+    def is_complete(self) -> bool:
+        last = max(self.chunks)
+        return len(self.chunks) == last + 1 and len(self.chunks[last]) < _CHUNK_SIZE
+
+    def text(self) -> Text:
+        parts: list[str] = []
+        for i in range(max(self.chunks) + 1):
+            parts.append(self.chunks.get(i, "…"))
+        if len(parts[-1]) == _CHUNK_SIZE:
+            parts.append("…")
+        return Text(self.severity, "".join(parts))
+
+
+class TextAssembler:
+    """Assembles the STATUSTEXTs of one component."""
+
+    def __init__(self) -> None:
+        self._open: dict[int, _Pieces] = {}  # by the id of the text
+
+    def receive(self, message: MAVLink_statustext_message, now: float) -> list[Text]:
+        """Take in a message; the text that it completes, if it does."""
+        chunk = str(message.text)
+        if message.id == 0:
+            return [Text(message.severity, chunk)]
+        pieces = self._open.setdefault(message.id, _Pieces(message.severity, 0.0))
+        pieces.deadline = now + PATIENCE_S
+        pieces.chunks[message.chunk_seq] = chunk
+        return [self._open.pop(message.id).text()] if pieces.is_complete() else []
+
+    def overdue(self, now: float) -> list[Text]:
+        """Hand over the texts whose missing chunks are not waited for any longer."""
+        late = [number for number, pieces in self._open.items() if now >= pieces.deadline]
+        return [self._open.pop(number).text() for number in late]

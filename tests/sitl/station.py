@@ -1,0 +1,139 @@
+"""What the tests of the operator's station share: a fleet kept up, commands that talk to it."""
+
+import contextlib
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from flying import BIN, TIMEOUT_S, environment, free_links, processes_of, run, write_scenario
+
+from mavlink_defs.endpoint import free_ports
+
+
+@dataclass
+class Up:
+    """A running `gcs up`."""
+
+    popen: subprocess.Popen[str]
+    folder: Path
+    hub: str
+    gcs_port: int
+
+    def gcs(self, *arguments: str | Path, connect: str | None = None) -> Any:
+        """Run a command against the fleet to its end."""
+        env = environment(FTC_SITL_CONNECT=connect or self.hub)
+        return run("gcs", *arguments, env=env)
+
+    def gcs_json(self, *arguments: str | Path, status: int = 0) -> Any:
+        """The same with --json; what it printed."""
+        done = self.gcs(*arguments, "--json")
+        assert done.returncode == status, done.stderr
+        return json.loads(done.stdout)
+
+    def begin(
+        self, *arguments: str | Path, connect: str | None = None, output: Path | None = None
+    ) -> subprocess.Popen[str]:
+        """Start a command that goes on until it is told to stop."""
+        with output.open("w") if output else contextlib.nullcontext() as file:
+            return subprocess.Popen(
+                [BIN / "gcs", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=file or subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                env=environment(FTC_SITL_CONNECT=connect or self.hub),
+            )
+
+    def stop(self, number: int = signal.SIGINT) -> tuple[int, str]:
+        """Tell `gcs up` to stop; its exit status and last words."""
+        self.popen.send_signal(number)
+        _, stderr = self.popen.communicate(timeout=TIMEOUT_S)
+        return self.popen.returncode, stderr
+
+
+@contextlib.contextmanager
+def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None) -> Iterator[Up]:
+    """`gcs up` of a scenario (or scenario 1); whatever is left of it in the end is killed."""
+    folder.mkdir(exist_ok=True)
+    links = free_links()
+    scenario = write_scenario(folder, tree, links=links)
+    (hub_port,) = free_ports(1)
+    popen = subprocess.Popen(
+        [BIN / "gcs", "up", scenario, "--out", folder / "run", "--json", "--hub-port",
+         str(hub_port), *arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    )  # fmt: skip
+    try:
+        assert popen.stdout is not None
+        line = popen.stdout.readline()
+        assert line, popen.communicate()
+        addresses = json.loads(line)
+        assert addresses["gcs"] == f"udpin:127.0.0.1:{links['gcs_port']}"
+        yield Up(popen, folder / "run", addresses["hub"], links["gcs_port"])
+    finally:
+        for pid in {popen.pid, *processes_of(folder)}:
+            with contextlib.suppress(ProcessLookupError):
+                if pid != popen.pid or popen.returncode is None:
+                    os.kill(pid, signal.SIGKILL)
+        popen.communicate(timeout=TIMEOUT_S)
+
+
+class LossyRelay(threading.Thread):
+    """Stands between a ground station and a hub and loses some datagrams of both."""
+
+    def __init__(self, hub: str, loss: float) -> None:
+        super().__init__(daemon=True)
+        host, port = hub.removeprefix("udpout:").split(":")
+        self._hub = (host, int(port))
+        self._loss = loss
+        self._random = Random(1)
+        self._front = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._front.bind(("127.0.0.1", 0))
+        self._closing = threading.Event()
+        self.lost = 0
+
+    @property
+    def connect(self) -> str:
+        return f"udpout:127.0.0.1:{self._front.getsockname()[1]}"
+
+    def __enter__(self) -> "LossyRelay":
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._closing.set()
+        self.join()
+
+    def run(self) -> None:
+        backs: dict[tuple[str, int], socket.socket] = {}
+        stations: dict[socket.socket, tuple[str, int]] = {}
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(self._front)
+            while not self._closing.is_set():
+                for sock in select.select([self._front, *stations], [], [], 0.05)[0]:
+                    with contextlib.suppress(ConnectionRefusedError):
+                        datagram, sender = sock.recvfrom(4096)
+                        if self._random.random() < self._loss:
+                            self.lost += 1
+                        elif sock is not self._front:
+                            self._front.sendto(datagram, stations[sock])
+                        else:
+                            if sender not in backs:
+                                back = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                                backs[sender] = stack.enter_context(back)
+                                back.connect(self._hub)
+                                stations[back] = sender
+                            backs[sender].send(datagram)

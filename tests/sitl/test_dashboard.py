@@ -1,0 +1,335 @@
+"""Textual's pilot drives every panel of the dashboard against a real fleet over UDP."""
+
+import asyncio
+import contextlib
+import os
+import signal
+import time
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from flying import SCENARIO_1, process_of, scenario_tree
+from station import Up, up
+from textual.pilot import Pilot
+from textual.widgets import Input, Select, TabbedContent
+
+from gcs.client import Client
+from gcs.tui.app import Dashboard
+from gcs.tui.events import EventLog, EventsPanel
+from gcs.tui.faults import FaultList
+from gcs.tui.fleet_table import FleetTable
+from gcs.tui.grid import Grid
+from gcs.tui.line import Line
+from gcs.tui.plots import Chart
+from gcs.tui.profiles import Holdings, ProfilesPanel
+from gcs.tui.view import Live
+from gcs.tui.wire_panel import WirePanel
+from gcs.vehicle_state import VehicleState
+from mavlink_defs.endpoint import parse_connection
+from mavlink_defs.machine import Address
+
+pytestmark = pytest.mark.sitl
+
+OWN = Address(255, 77)
+TIMEOUT_S = 30.0
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+    """Scenario 1 in real time, waiting to be armed, without its fault."""
+    with up(tmp_path_factory.mktemp("fleet"), tree=scenario_tree(faults=[])) as fleet:
+        yield fleet
+
+
+class Operator:
+    """Somebody at the dashboard."""
+
+    def __init__(self, app: Dashboard, pilot: Pilot[None]) -> None:
+        self.app, self.pilot = app, pilot
+
+    async def press(self, *keys: str) -> None:
+        await self.pilot.press(*keys)
+        await self.pilot.pause()
+
+    async def sees(self, condition: Callable[[], Any], what: str) -> None:
+        end = time.monotonic() + TIMEOUT_S
+        while not condition():
+            assert time.monotonic() < end, f"not seen: {what}\n{self.log}"
+            await self.pilot.pause(0.05)
+
+    async def sees_event(self, *words: str) -> None:
+        def there() -> bool:
+            return any(all(w in line for w in words) for line in self.log.splitlines())
+
+        await self.sees(there, " ".join(words))
+
+    async def write(self, field: str, text: str) -> None:
+        self.app.query_one(f"#{field}", Input).value = text
+        await self.pilot.pause()
+
+    async def choose(self, field: str, value: Any) -> None:
+        self.app.query_one(f"#{field}", Select).value = value
+        await self.pilot.pause()
+
+    def state(self, system: int) -> VehicleState:
+        return self.app.view.source.fleet.vehicles[system]
+
+    def row(self, system: int) -> str:
+        table = self.app.query_one(FleetTable)
+        (row,) = [row for row in table.rows if row.key == system]
+        return " ".join(text for text, _ in row.cells)
+
+    @property
+    def log(self) -> str:
+        entries = self.app.view.source.journal.entries
+        return "\n".join(f"{e.system} {e.kind} {e.text}" for e in entries)
+
+
+@contextlib.asynccontextmanager
+async def operator(
+    fleet: Up, size: tuple[int, int] = (120, 40), uavs: int = 3
+) -> AsyncIterator[Operator]:
+    """A dashboard that has heard every vehicle, and knows its faults and its profile."""
+    live = Live(fleet.hub, time.time() - time.monotonic(), OWN)
+    connection = parse_connection(fleet.hub)
+    async with Client(connection, on_news=live.hear, inquire=True, own=OWN) as client:
+        live.attach(client)
+        app = Dashboard(live)
+        async with app.run_test(size=size) as pilot:
+            someone = Operator(app, pilot)
+            states = client.fleet.vehicles
+            await someone.sees(lambda: len(app.query_one(FleetTable).rows) == uavs, "fleet")
+            await someone.sees(lambda: all(s.profile for s in states.values()), "profiles")
+            await someone.sees(lambda: all(s.faults is not None for s in states.values()), "faults")
+            yield someone
+
+
+def drive(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(work)
+
+
+async def make_fly(someone: Operator) -> None:
+    """Start the missions and arm, unless somebody did."""
+    if someone.state(1).armed:
+        return
+    await someone.press("1", "asterisk", "s")
+    for system in (1, 2, 3):
+        await someone.sees_event(f"{system} action", "mission started")
+    await someone.press("a")
+    await someone.press("enter")
+    await someone.sees(lambda: all("ARMED" in someone.row(i) for i in (1, 2, 3)), "ARMED")
+    await someone.sees_event("3 action", "armed")
+    await someone.press("asterisk")
+
+
+def test_a_fleet_is_armed_and_started_and_its_flight_shows(fleet: Up) -> None:
+    async def work() -> None:
+        async with operator(fleet) as someone:
+            await make_fly(someone)
+            await someone.sees(lambda: (someone.state(2).time_s or 0.0) > 1.5, "time runs")
+            assert "AUTO" in someone.row(2)
+            wire = someone.app.query_one(WirePanel)
+            await someone.sees(lambda: "saved" in str(wire.border_title), "savings")
+            await someone.sees(lambda: "rudder" in wire.text and "█" in wire.text, "a rate")
+            assert len(wire.rows) == 15
+            await someone.press("2")
+            charts = list(someone.app.query(Chart))
+            await someone.sees(
+                lambda: all("→" in str(c.border_title) for c in charts[1:5]), "plots"
+            )
+            shown = someone.app.export_screenshot()
+            assert "airspeed" in shown
+            assert "formation" in shown
+
+    drive(work())
+
+
+def test_a_fault_goes_from_the_form_to_the_plant_and_is_cleared(fleet: Up) -> None:
+    async def work() -> None:
+        async with operator(fleet) as someone:
+            await make_fly(someone)
+            await someone.press("3")
+            # what cannot be is said at once, and not sent
+            await someone.choose("vehicle", 2)
+            await someone.choose("actuator", "elevator")
+            await someone.write("effectiveness", "1.5")
+            says = someone.app.query_one("#form-says", Line).says
+            assert "effectiveness: expected [0, 1], got 1.5" in says
+            assert someone.app.query_one("#set").disabled
+            # what the aircraft cannot do it refuses, and that is reported
+            await someone.choose("fault-kind", "stuck")
+            await someone.write("effectiveness", "")
+            await someone.write("value", "200")
+            await someone.press("n", "ctrl+s")
+            await someone.sees_event("2 action", "DENIED", "Value is 200 deg, must be -35 to 35")
+
+            before = abs((someone.state(2).error or (0.0,) * 4)[2])
+            await someone.write("value", "3")
+            await someone.press("ctrl+s")
+            await someone.sees_event("2 action", "set: elevator stuck at 3 deg")
+            faults = someone.app.query_one(FaultList)
+            await someone.sees(lambda: "active" in faults.text, "an active fault")
+            told = await asyncio.to_thread(fleet.gcs_json, "fault", "list", "--uav", "2")
+            ((fault,),) = [vehicle["faults"] for vehicle in told]
+            assert (fault["actuator"], fault["active"]) == ("elevator", True)
+            await someone.sees(
+                lambda: abs((someone.state(2).error or (0.0,) * 4)[2]) > before + 0.5,
+                "the plant pitches with a stuck elevator",
+            )
+            await someone.press("1")
+            await someone.sees(lambda: "1/1" in someone.row(2), "1/1")
+
+            await someone.press("r")  # the next UAV without it
+            await someone.sees_event("1 action", "set: elevator stuck at 3 deg")
+            await someone.sees(lambda: someone.state(1).active_faults, "repeated")
+            details = [
+                r.acknowledged.asked_by
+                for r in someone.app.view.source.ledger.records
+                if r.acknowledged and r.gone_at is None
+            ]
+            assert details == ["this station", "this station"]
+
+            await someone.press("3", "home", "d", "enter")  # the latest one
+            await someone.sees_event("1 action", "faults of the elevator cleared")
+            await someone.sees(lambda: someone.state(1).faults == (), "cleared")
+            await someone.press("C", "enter")
+            await someone.sees_event("2 action", "all faults cleared")
+            await someone.sees(lambda: not faults.text.count("active"), "past faults")
+            assert [row.cells[1][0] for row in faults.rows] == ["cleared", "cleared"]
+
+    drive(work())
+
+
+def test_a_profile_is_uploaded_downloaded_and_compared(fleet: Up, tmp_path: Path) -> None:
+    tree = scenario_tree()
+    tree["profile"][1]["airspeed_m_s"] = 44.0
+    other, bad, broken = (tmp_path / f"{name}.yaml" for name in ("other", "bad", "broken"))
+    other.write_text(yaml.safe_dump({"profile": tree["profile"]}))
+    fast = [{"start_s": 0.0, "airspeed_m_s": 500.0}]
+    bad.write_text(yaml.safe_dump({"profile": fast}))
+    broken.write_text("profile: [{start_s: 1}]")
+
+    async def work() -> None:
+        async with operator(fleet) as someone:
+            await make_fly(someone)
+            panel = someone.app.query_one(ProfilesPanel)
+            holdings = someone.app.query_one(Holdings)
+            await someone.press("4")
+            panel.load(broken)
+            await someone.sees(
+                lambda: (
+                    "airspeed_m_s: missing" in str(someone.app.query_one("#profile-says").render())
+                ),
+                "what is wrong with the file",
+            )
+            await someone.press("o")
+            await someone.write("profile-path", str(SCENARIO_1))
+            await someone.press("enter")
+            await someone.sees(lambda: holdings.text.count("= file") == 3, "compared")
+
+            await someone.press("o")
+            await someone.write("profile-path", str(other))
+            await someone.press("enter", "down")
+            await someone.sees(lambda: "≠ file: 1 value" in holdings.text, "a difference")
+            await someone.sees(
+                lambda: "44≠45" in someone.app.query_one("#profile-table", Grid).text, "44≠45"
+            )
+            await someone.press("space", "u")
+            await someone.press("enter")  # it flies: the question whether
+            await someone.sees_event("2 action", "other.yaml, 3 segments uploaded")
+            await someone.sees(lambda: holdings.text.count("= file") == 1, "uploaded to one")
+            await someone.press("g")
+            await someone.sees_event("2 action", "holds 3 segments, the same as other.yaml")
+
+            panel.load(bad)
+            await someone.press("u")
+            await someone.press("enter")
+            await someone.sees_event("2 action", "refused the upload", "airspeed 500")
+            assert len(someone.state(2).profile or ()) == 3
+
+    drive(work())
+
+
+def test_a_restarted_dashboard_finds_everything_again(fleet: Up) -> None:
+    async def work() -> None:
+        async with operator(fleet) as someone:
+            await make_fly(someone)
+        fleet.gcs("fault", "set", "rudder", "--uav", "3", "--effectiveness", "0.9", "--start-s",
+                  "9000")  # fmt: skip
+        async with operator(fleet, size=(80, 24)) as someone:
+            assert all(someone.state(i).profile for i in (1, 2, 3))
+            assert someone.state(1).counts.total > 0 or not someone.state(1).time_s
+            await someone.press("3")
+            faults = someone.app.query_one(FaultList)
+            await someone.sees(lambda: "waiting rudder at 90 %" in faults.text, "the fault")
+        fleet.gcs("fault", "clear")
+
+    drive(work())
+
+
+def test_parameters_that_no_vehicle_has_and_disarming_in_flight(fleet: Up) -> None:
+    async def work() -> None:
+        async with operator(fleet, size=(80, 24)) as someone:
+            await make_fly(someone)
+            await someone.press("5")
+            params = someone.app.query_one("#params", Grid)
+            await someone.sees(lambda: "offers no parameters" in params.empty, "no parameters")
+            await someone.sees_event("1 action", "offers no parameters")
+            await someone.press("1", "x")
+            await someone.press("escape")
+            assert someone.state(1).armed
+            await someone.press("x", "enter")
+            await someone.sees_event("1 action", "refused MAV_CMD_COMPONENT_ARM_DISARM")
+            await someone.press("m", "right", "enter")
+            await someone.sees(lambda: "LOITER" in someone.row(1), "LOITER")
+            await someone.press("m", "enter")
+            await someone.sees(lambda: "AUTO" in someone.row(1), "AUTO")
+            await someone.press("left_square_bracket")
+            assert someone.app.view.selected == 3
+
+    drive(work())
+
+
+def test_the_event_log_is_filtered(fleet: Up) -> None:
+    async def work() -> None:
+        async with operator(fleet) as someone:
+            await someone.press("6")
+            log = someone.app.query_one(EventsPanel).query_one(EventLog)
+            await someone.sees(lambda: log.text.count("vehicle found") == 3, "all events")
+            await someone.choose("of", 2)
+            await someone.sees(lambda: log.text.count("vehicle found") == 1, "of UAV 2")
+            await someone.choose("of", 0)
+            await someone.press("slash", *"found")
+            await someone.sees(lambda: len(log.rows) == 3, "lines with a word")
+            await someone.press("enter")
+            await someone.choose("severity", 4)
+            await someone.sees(lambda: not log.rows, "warnings only")
+            await someone.press("1")
+            assert someone.app.query_one(TabbedContent).active == "fleet"
+
+    drive(work())
+
+
+def test_a_silent_vehicle_shows_within_two_seconds_and_is_picked_up_again(fleet: Up) -> None:
+    async def work() -> None:
+        async with operator(fleet, size=(80, 24)) as someone:
+            pid = process_of(fleet.folder, "uav2")
+            os.kill(pid, signal.SIGSTOP)
+            stopped = time.monotonic()
+            try:
+                await someone.sees(lambda: "SILENT" in someone.row(2), "silence")
+                assert time.monotonic() - stopped < 2.0
+                assert "1 SILENT" in someone.app.export_screenshot().replace("&#160;", " ")
+                await someone.sees_event("2 link", "link lost")
+                await someone.press("down", "down", "c")  # everything else goes on
+                assert "●" in someone.row(3)
+                assert someone.state(3).age_s(someone.app.view.now) < 1.0
+            finally:
+                os.kill(pid, signal.SIGCONT)
+            await someone.sees(lambda: "● 0." in someone.row(2), "back")
+            await someone.sees_event("2 link", "link back")
+
+    drive(work())
