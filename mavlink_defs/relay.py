@@ -6,19 +6,21 @@ of its own towards the fixed end, so that the fixed end can tell them apart and 
 Datagrams are counted as they come in, before anything happens to them.
 """
 
+import contextlib
 import heapq
 import itertools
 import selectors
 import socket
 import threading
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
 from mavlink_defs.endpoint import Address, bind_udp, connect_udp
-from mavlink_defs.impairment import Fate, Impairer, Impairment
+from mavlink_defs.impairment import Impairer, Impairment
 from mavlink_defs.tap import Tap
 
 __all__ = ["Relay", "Route"]
@@ -94,10 +96,11 @@ class Relay:
         """Open the ports and start.
 
         Raises:
-            EndpointError: A port cannot be had; none is open then.
+            EndpointError: A port or a target cannot be had; nothing is open then.
         """
         try:
             for i, route in enumerate(self._routes):
+                connect_udp(route.target).close()  # it exists, or say so now
                 sock = bind_udp(route.listen, f"relay of the {route.link} link")
                 sock.setblocking(False)
                 ways = _Way(route, i, "to"), _Way(route, i, "from")
@@ -124,30 +127,35 @@ class Relay:
         self._close()
 
     @property
-    def addresses(self) -> list[Address]:
-        """Where it listens, in the order of the routes."""
-        return [Address(*front.sock.getsockname()) for front in self._fronts]
+    def via(self) -> dict[str, str]:
+        """Where to send, as host:port, instead of to each target."""
+        listening = (Address(*front.sock.getsockname()) for front in self._fronts)
+        return {str(f.target): str(at) for f, at in zip(self._fronts, listening, strict=True)}
 
     def report(self) -> dict[str, Any]:
-        """What `Tap.report` says, and under "fates" what became of each direction's datagrams."""
+        """What `Tap.report` says, and as "fates" what became of each direction's datagrams."""
         with self._lock:
             report = self._tap.report(time.monotonic() - self._start_s)
             report["fates"] = self._fates()
         return report
 
-    def count(self) -> Tap:
-        """The tap; while the relay runs, its counts may change between two calls."""
-        return self._tap
+    @contextlib.contextmanager
+    def counting(self) -> Iterator[Tap]:
+        """The tap, which counts nothing while the context lasts; so keep it short."""
+        with self._lock:
+            yield self._tap
 
     def _fates(self) -> list[dict[str, Any]]:
-        fates = []
-        for front in self._fronts:
-            for way in (front.to, front.back):
-                fate = way.impairer.fate if way.impairer else None
-                if fate is not None:
-                    row = {**vars(fate), "delivered": fate.delivered}
-                    fates.append({"link": way.link, "direction": way.direction, **row})
-        return fates
+        fates: dict[tuple[str, str], Counter[str]] = {}
+        for way in (way for front in self._fronts for way in (front.to, front.back)):
+            fate = fates.setdefault((way.link, way.direction), Counter())
+            fate["undeliverable"] += way.undeliverable
+            if way.impairer is not None:
+                fate.update(vars(way.impairer.fate), delivered=way.impairer.fate.delivered)
+        return [
+            {"link": link, "direction": direction, **fate}
+            for (link, direction), fate in sorted(fates.items())
+        ]
 
     def _run(self) -> None:
         while not self._closing.is_set():
