@@ -13,9 +13,10 @@ import numpy as np
 
 from gcs.client import Client
 from gcs.errors import FlightLost
-from gcs.launcher import Fleet, relay_of
+from gcs.launcher import Fleet
 from gcs.recording import Mode, Recording
 from gcs.scenario import Scenario
+from gcs.wiring import relay_of
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Address

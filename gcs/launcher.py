@@ -15,16 +15,13 @@ from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Self
 
-from ftc_autopilot.config import AutopilotConfig
 from gcs.errors import BadInput, FlightLost
 from gcs.scenario import Scenario
-from gcs.scenario_parts import Links
+from gcs.wiring import through
 from mavlink_defs.config import dump
 from mavlink_defs.endpoint import Address, EndpointError, bind_udp, free_ports
-from mavlink_defs.impairment import Impairment
-from mavlink_defs.relay import Relay, Route
 
-__all__ = ["Fleet", "check_ports", "on_free_ports", "relay_of"]
+__all__ = ["Fleet", "check_ports", "on_free_ports"]
 
 _STOP_S = 5.0
 _PLANT = "plant"
@@ -86,41 +83,6 @@ def check_ports(scenario: Scenario) -> None:
             raise BadInput(str(problem)) from None
 
 
-def relay_of(scenario: Scenario) -> Relay:
-    """The relay that a scenario's `links.impairments` ask for; without them, one of no routes.
-
-    The plant link is relayed with any other, since it is what tells the simulation time.
-    """
-    links = scenario.links
-    wanted = links.impairments
-    if wanted is None:
-        return Relay([])
-    routes = [_route(links, "plant", links.plant_port, wanted.plant)]
-    if wanted.gcs is not None:
-        routes.append(_route(links, "gcs", links.gcs_port, wanted.gcs))
-    if wanted.formation is not None:
-        ports = (links.formation_base_port + uav.id for uav in scenario.uavs)
-        routes += [_route(links, "formation", port, wanted.formation) for port in ports]
-    return Relay(routes, simulated=True)
-
-
-def _route(links: Links, link: str, port: int, impairment: Impairment | None) -> Route:
-    return Route(link, Address(links.host, 0), Address(links.host, port), impairment)
-
-
-def _through(config: AutopilotConfig, via: Mapping[str, str]) -> AutopilotConfig:
-    """The same configuration, sending to relays where there are some."""
-    neighbours = (
-        n.model_copy(update={"address": via.get(n.address, n.address)}) for n in config.neighbours
-    )
-    update = {
-        "plant": via.get(config.plant, config.plant),
-        "gcs": tuple(via.get(address, address) for address in config.gcs),
-        "neighbours": tuple(neighbours),
-    }
-    return config.model_copy(update=update)
-
-
 class Fleet:
     """The processes of one scenario, as a context manager: on leaving it none is left.
 
@@ -148,7 +110,7 @@ class Fleet:
         self._folder.mkdir(parents=True, exist_ok=True)
         dump(scenario.plant_config(self._speed), self._folder / f"{_PLANT}.yaml")
         for uav in scenario.uavs:
-            config = _through(scenario.autopilot_config(uav.id), self._via)
+            config = through(scenario.autopilot_config(uav.id), self._via)
             dump(config, self._folder / f"uav{uav.id}.yaml")
         try:
             self._start(_PLANT, "sitl_plant.process", [])

@@ -78,24 +78,28 @@ def read_tlog(path: Path) -> Iterator[tuple[int, dialect.MAVLink_message]]:
         OSError: The file cannot be read.
     """
     parser = dialect.MAVLink(None)
-    with contextlib.suppress(TlogCutOff):
-        for time_us, frame in read_frames(path):
-            try:
-                message = parser.decode(bytearray(frame))
-            except dialect.MAVError as exc:
-                message = dialect.MAVLink_bad_data(bytearray(frame), str(exc))
-            yield time_us, message
+    for time_us, frame in read_frames(path):
+        try:
+            message = parser.decode(bytearray(frame))
+        except dialect.MAVError as exc:
+            message = dialect.MAVLink_bad_data(bytearray(frame), str(exc))
+        yield time_us, message
 
 
-def read_frames(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Read a telemetry log undecoded: pairs of time [µs] and frame, right or wrong.
+def read_frames(path: Path, complain: bool = False) -> Iterator[tuple[int, bytes]]:
+    """Read a telemetry log without looking into its frames: pairs of time [µs] and frame.
+
+    Args:
+        path: The log.
+        complain: Raise when a record is cut off, after all before it; else leave it out.
 
     Raises:
-        TlogCutOff: After everything else, if the last record is not whole.
-        TlogError: Bytes that are no frame stand where a frame should begin.
-        OSError: The file cannot be read.
+        TlogCutOff: The last record is not whole, and that matters.
+        TlogError, OSError: As `read_tlog`.
     """
-    with path.open("rb") as file:
+    with path.open("rb") as file, contextlib.ExitStack() as stack:
+        if not complain:
+            stack.enter_context(contextlib.suppress(TlogCutOff))
         while (record := _read_record(file, path)) is not None:
             yield record
 

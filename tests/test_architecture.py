@@ -13,7 +13,7 @@ ALLOWED: dict[str, set[str]] = {
     "ftc_autopilot": {"mavlink_defs", "sitl_plant"},
     "gcs": {"mavlink_defs", "sitl_plant", "ftc_autopilot"},
 }
-SHELLS = {"process", "launcher", "client", "cli", "flight", "relay"}
+SHELLS = {"process", "launcher", "client", "cli", "flight", "relay", "wiring"}
 
 
 def imports(path: Path) -> Iterator[str]:
