@@ -5,7 +5,7 @@ import sys
 
 import typer
 
-from gcs.commands import fly
+from gcs.commands import fly, wire, wireshark
 from gcs.errors import BadInput, GcsError, Interrupted
 from mavlink_defs.config import ConfigError
 
@@ -28,6 +28,8 @@ def gcs() -> None:
 
 
 app.command(epilog=fly.EPILOG)(fly.fly)
+app.command(epilog=wire.EPILOG)(wire.wire)
+app.command(epilog=wireshark.EPILOG)(wireshark.wireshark)
 
 
 def main() -> None:
