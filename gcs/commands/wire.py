@@ -1,8 +1,10 @@
 """``gcs wire``: count what crosses the wire, and disturb it."""
 
 import json
+import math
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -115,26 +117,27 @@ def wire(
 
 
 def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) -> dict[str, Any]:
-    stop = threading.Event()
-    on_stop(stop.set, with_parent=False)
     console = Console(stderr=True)
     for route in routes:
         console.print(f"{route.link}: relaying {route.listen} to {route.target}", highlight=False)
-    quiet = as_json or not console.is_terminal
     try:
-        with Relay(routes, tap) as running:
-            with Live(console=console, auto_refresh=False, transient=True) as live:
-                waited_s = 0.0
-                while not stop.is_set() and (seconds is None or waited_s < seconds):
-                    left_s = _REFRESH_S if seconds is None else seconds - waited_s
-                    stop.wait(min(_REFRESH_S, left_s))
-                    waited_s += _REFRESH_S
-                    if not quiet:
-                        tables = wire_tables(running.report(), live=True)
-                        live.update(Group(*tables), refresh=True)
-            return running.report()
+        with Relay(routes, tap) as relay:
+            _watch(relay, seconds, None if as_json or not console.is_terminal else console)
+            return relay.report()
     except EndpointError as problem:
         raise BadInput(str(problem)) from problem
+
+
+def _watch(relay: Relay, seconds: float | None, console: Console | None) -> None:
+    """Show the counts live, if there is a console, until a signal or the time comes."""
+    stop = threading.Event()
+    on_stop(stop.set, with_parent=False)
+    end = math.inf if seconds is None else time.monotonic() + seconds
+    with Live(console=console, auto_refresh=False, transient=True) as live:
+        while (left_s := end - time.monotonic()) > 0.0 and not stop.is_set():
+            stop.wait(min(_REFRESH_S, left_s))
+            if console is not None:
+                live.update(Group(*wire_tables(relay.report(), live=True)), refresh=True)
 
 
 def _named_port(text: str) -> tuple[int, str]:
