@@ -120,7 +120,7 @@ def test_a_lossy_lockstep_flight_ends_and_is_the_same_every_time(tmp_path: Path)
 def test_a_bad_gcs_link_delays_nothing_in_the_air(tmp_path: Path) -> None:
     bad = {"loss": 0.1, "delay_ms": 20.0, "jitter_ms": 10.0, "duplicate": 0.1, "bit_errors": 1e-4,
            "reorder": 0.05, "outages": [{"from_s": 0.5, "to_s": 0.8}]}  # fmt: skip
-    folder = flown(tmp_path, 1.2, {"gcs": bad})
+    folder = flown(tmp_path, 1.0, {"gcs": bad})
     wire = wire_of(folder)
     assert_counts_agree(wire, summary_of(folder))
     fates = {(f["link"], f["direction"]): f for f in wire["fates"] if f["link"] == "gcs"}
@@ -205,7 +205,7 @@ class Capture:
 def test_tshark_gcs_wire_and_the_summary_count_the_same(tmp_path: Path) -> None:
     links = free_links()
     port = links["plant_port"]
-    scenario = write_scenario(tmp_path, short_tree(1.0), links=links)
+    scenario = write_scenario(tmp_path, short_tree(0.4), links=links)
     lua = tmp_path / "ftc.lua"
     assert run("gcs", "wireshark", "--out", lua, "--port", str(port)).returncode == 0
     capture = Capture(tmp_path / "plant.pcapng", port)
