@@ -72,6 +72,10 @@ def test_tables_are_for_people(gcs, tmp_path: Path) -> None:
 
 def test_csv_has_a_row_per_stream_channel_and_reason(gcs, tmp_path: Path) -> None:
     path, table = tmp_path / "a.pcap", tmp_path / "a.csv"
+    gcs("wire", some_flight(path), "--period-us", 1000, "--csv", table)
+    with table.open(newline="") as file:
+        (aileron,) = [row for row in csv.DictReader(file) if row["name"] == "aileron"]
+    assert (aileron["count"], aileron["periodic"]) == ("2", "11")
     noise = udp_packet(PLANT, AUTOPILOT, b"noise")
     path.write_bytes(pcap([(1.0, actuators(0, 0.1)), (2.0, noise)], "raw"))
     assert gcs("wire", path, "--csv", table)[0] == 0

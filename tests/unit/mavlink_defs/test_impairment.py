@@ -114,15 +114,16 @@ def test_bursts_have_the_length_and_the_loss_of_their_chain() -> None:
     assert sum(lost) / len(lost) == pytest.approx(0.02 / (0.02 + 0.25), rel=0.15)
 
 
-def test_bit_errors_are_as_many_as_asked_for() -> None:
-    impairer = Impairer(Impairment(bit_errors=1e-3), "a")
+@pytest.mark.parametrize("share", [1e-3, 0.2])
+def test_bit_errors_are_as_many_as_asked_for(share: float) -> None:
+    impairer = Impairer(Impairment(bit_errors=share), "a")
     flipped = 0
     for i in range(400):
         sent = i.to_bytes(2) * 50
         ((_, arrived),) = impairer.send(sent, 0.0)
         flipped += sum((a ^ b).bit_count() for a, b in zip(sent, arrived, strict=True))
-    assert flipped == pytest.approx(400 * 800 * 1e-3, rel=0.2)
-    assert impairer.fate.damaged == pytest.approx(400 * (1 - 0.999**800), rel=0.2)
+    assert flipped == pytest.approx(400 * 800 * share, rel=0.2)
+    assert impairer.fate.damaged == pytest.approx(400 * (1 - (1 - share) ** 800), rel=0.2)
 
 
 def test_reordered_datagrams_are_overtaken() -> None:

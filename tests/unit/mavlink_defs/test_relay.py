@@ -119,6 +119,26 @@ def test_a_fixed_end_that_is_not_there_yet_loses_nothing_later() -> None:
             assert drain(end)[-1] == b"now"
 
 
+def test_an_error_about_the_datagram_before_loses_none(monkeypatch) -> None:
+    errors = [ConnectionRefusedError()]
+
+    def refuse_once(sock: socket.socket, datagram: bytes) -> int:
+        if errors:
+            raise errors.pop()
+        return original(sock, datagram)
+
+    class Socket(socket.socket):
+        send = refuse_once
+
+    original = socket.socket.send
+    monkeypatch.setattr("mavlink_defs.endpoint.socket.socket", Socket)
+    with udp() as end, udp() as peer, Relay([Route("plant", ANY, address_of(end))]) as relay:
+        peer.sendto(b"x", front_of(relay, end))
+        assert drain(end) == [b"x"]
+        assert not errors
+        assert [fate["undeliverable"] for fate in relay.report()["fates"]] == [0, 0]
+
+
 def test_a_port_in_use_is_refused_and_nothing_stays_open() -> None:
     with udp() as taken, udp() as end:
         routes = [Route("a", ANY, address_of(end)), Route("b", address_of(taken), address_of(end))]
