@@ -56,6 +56,8 @@ OVER = 3  # the plant has ended the simulation
 
 _NEIGHBOUR_WAIT_S = 0.05
 """How long a lockstep step waits for a word that is under way: over a relay, say, that delays."""
+_NEIGHBOUR_MISSES = 5
+"""Steps in a row that wait in vain for a neighbour before the next ones do not wait for it."""
 _REPEAT_AFTER_STEPS = 10
 """Real time: patience with the plant's acknowledgement [steps]. Lockstep needs none."""
 _NEVER_HEARD = -1
@@ -90,7 +92,7 @@ class AutopilotLink(NamedTuple):
     heard_step: np.ndarray  # (degree,), step of each neighbour's word in use
     early: np.ndarray  # (degree,), dtype NEIGHBOUR: its word of a step that is not over here
     early_step: np.ndarray  # (degree,), the step of that word
-    late: np.ndarray  # (degree,), 1: not waited for any more
+    late: np.ndarray  # (degree,), steps in a row that waited for it in vain
     drops: np.ndarray  # (16,), datagrams dropped, by negated code of `codec.check`
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
@@ -291,9 +293,9 @@ def _collect_reports(
         if link.heard_step[d] < link.early_step[d] <= newest:
             crew.inboxes[0, d] = link.early[d]
             link.heard_step[d] = link.early_step[d]
-    if not lockstep:
+    if not lockstep or _some_given_up(link):
         _take_reports(formation_fd, link, crew, newest)
-    elif _some_missing(link, newest):
+    if lockstep and _some_missing(link, newest):
         end_s = monotonic_s() + _NEIGHBOUR_WAIT_S
         while _some_missing(link, newest) and monotonic_s() < end_s:
             length = receive_soon(formation_fd, link.word)
@@ -301,7 +303,7 @@ def _collect_reports(
                 _take_report(link, crew, length, newest)
         for d in range(len(link.neighbours)):
             if link.heard_step[d] < newest:
-                link.late[d] = 1
+                link.late[d] += 1
     for d in range(len(link.neighbours)):
         heard = link.heard_step[d] != _NEVER_HEARD
         fresh = heard and step - link.heard_step[d] <= clock["timeout_steps"]
@@ -315,7 +317,15 @@ def _collect_reports(
 @compiled
 def _some_missing(link: AutopilotLink, newest: int) -> bool:
     for d in range(len(link.neighbours)):
-        if link.late[d] == 0 and link.heard_step[d] < newest:
+        if link.late[d] < _NEIGHBOUR_MISSES and link.heard_step[d] < newest:
+            return True
+    return False
+
+
+@compiled
+def _some_given_up(link: AutopilotLink) -> bool:
+    for d in range(len(link.neighbours)):
+        if link.late[d] >= _NEIGHBOUR_MISSES:
             return True
     return False
 

@@ -18,6 +18,8 @@ from gcs.commands import (
     status,
     sweep,
     up,
+    wire,
+    wireshark,
 )
 from gcs.commands.station import ConnectOption
 from gcs.errors import BadInput, GcsError, Interrupted
@@ -68,6 +70,8 @@ app.add_typer(profile.app, name="profile")
 app.add_typer(param.app, name="param")
 app.command(epilog=record.EPILOG)(record.record)
 app.command(epilog=log.EPILOG)(log.log)
+app.command(epilog=wire.EPILOG)(wire.wire)
+app.command(epilog=wireshark.EPILOG)(wireshark.wireshark)
 
 
 def main() -> None:

@@ -5,6 +5,7 @@ vehicle is armed simulated time begins; when the plant ends, the flight is over.
 """
 
 import asyncio
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from gcs.errors import FlightLost
 from gcs.launcher import Fleet
 from gcs.recording import Mode, Recording
 from gcs.scenario import Scenario
+from gcs.wiring import relay_of
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Address, Connection
@@ -38,7 +40,7 @@ async def fly_over_udp(
     Args:
         scenario: The scenario.
         folder: Run folder, exists; gets `flight.tlog`, and `processes/` with the configuration
-            and the words of each process.
+            and the words of each process; with `links.impairments` also `wire.json`.
         speed: Real-time factor; None for lockstep, as fast as the machine goes.
         on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
 
@@ -57,10 +59,10 @@ async def fly_over_udp(
             on_progress(message.time_boot_ms / 1e3, events)
 
     links = scenario.links
-    with TlogWriter(folder / "flight.tlog") as tlog:
+    with TlogWriter(folder / "flight.tlog") as tlog, relay_of(scenario) as relay:
         connection = Connection("in", Address(links.host, links.gcs_port))
         async with Client(connection, tlog=tlog, on_message=follow) as client:
-            with Fleet(scenario, speed, folder / "processes") as fleet:
+            with Fleet(scenario, speed, folder / "processes", via=relay.via) as fleet:
                 try:
                     await prepare(client, fleet, scenario, start=True)
                     while fleet.plant_returncode is None:
@@ -70,6 +72,9 @@ async def fly_over_udp(
                     await asyncio.sleep(_LOOK_S)  # last words are on their way
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
+                    if relay.via:
+                        report = json.dumps(relay.report(), indent=2)
+                        (folder / "wire.json").write_text(report + "\n")
                 return _collect(scenario, fleet, "real_time" if speed else "lockstep")
 
 

@@ -9,14 +9,15 @@ import contextlib
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Self
 
 from gcs.errors import BadInput, FlightLost
 from gcs.scenario import Scenario
+from gcs.wiring import through
 from mavlink_defs.config import dump
 from mavlink_defs.endpoint import Address, EndpointError, bind_udp, free_ports
 
@@ -98,7 +99,8 @@ def check_ports(scenario: Scenario, hub: Address | None = None) -> None:
 class Fleet:
     """The processes of one scenario, as a context manager: on leaving it none is left.
 
-    Their configuration, what they print and what they record go into `folder`.
+    Their configuration, what they print and what they record go into `folder`. `via` tells
+    autopilots where to send instead of to some addresses, as `Relay.via` does.
     """
 
     def __init__(
@@ -109,6 +111,7 @@ class Fleet:
         *,
         endless: bool = False,
         ground_stations: Sequence[Address] = (),
+        via: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Prepare a fleet.
 
@@ -119,8 +122,10 @@ class Fleet:
             endless: Fly on whatever the scenario's duration is, record nothing, and wait for
                 autopilots that fell silent.
             ground_stations: Whom the autopilots talk to besides the scenario's GCS port.
+            via: Relays to send through, as of `gcs.wiring`.
         """
         self._scenario = scenario
+        self._via = via
         self._speed = speed
         self._folder = folder
         self._endless = endless
@@ -213,7 +218,7 @@ class Fleet:
             plant = plant.model_copy(update={"duration_s": None, "wait_for_restart": True})
         dump(plant, self._folder / f"{_PLANT}.yaml")
         for uav in self._scenario.uavs:
-            config = self._scenario.autopilot_config(uav.id)
+            config = through(self._scenario.autopilot_config(uav.id), self._via)
             gcs = (*config.gcs, *self._ground_stations)
             dump(config.model_copy(update={"gcs": gcs}), self._folder / f"uav{uav.id}.yaml")
 

@@ -12,12 +12,14 @@ from pydantic import Field, model_validator
 from mavlink_defs.config import HostPort, Loc, Model, Port, Problems, SystemId
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
+from mavlink_defs.impairment import Impairment
 from mavlink_defs.profile import Segment
 from mavlink_defs.quantity import quantity
 from sitl_plant.config import InitialState
 
 __all__ = [
-    "Edge", "Found", "Links", "Network", "ProfileSegment", "ScenarioFault", "ScenarioUav",
+    "Edge", "Found", "Impairments", "Links", "Network", "ProfileSegment", "ScenarioFault",
+    "ScenarioUav",
 ]  # fmt: skip
 
 Found: TypeAlias = Iterator[tuple[Loc, str]]
@@ -151,6 +153,14 @@ class ScenarioFault(Model):
         )
 
 
+class Impairments(Model):
+    """Links that are relayed and made worse; one with no keys is relayed and counted only."""
+
+    plant: Impairment | None = None
+    gcs: Impairment | None = None
+    formation: Impairment | None = None
+
+
 class Links(Model):
     """Addresses and ports; everything binds `host`."""
 
@@ -161,6 +171,9 @@ class Links(Model):
     plant_relay: HostPort | None = Field(
         default=None, description="Where autopilots send instead of to the plant itself."
     )
+    impairments: Impairments | None = Field(
+        default=None, description="Relays that the flight puts in front of links."
+    )
 
     @model_validator(mode="after")
     def _host_usable(self) -> "Links":
@@ -169,6 +182,13 @@ class Links(Model):
         except EndpointError:
             text = f"expected an IPv4 address or a host name, got {self.host!r}"
             raise Problems([(("host",), text)]) from None
+        return self
+
+    @model_validator(mode="after")
+    def _one_relay(self) -> "Links":
+        if self.plant_relay is not None and self.impairments is not None:
+            text = "cannot stand together with 'impairments', which bring a relay of their own"
+            raise Problems([(("plant_relay",), text)])
         return self
 
     def address(self, port: int) -> str:

@@ -38,7 +38,7 @@ from mavlink_defs.quantity import describe, whole
 from mavlink_defs.yaml_text import parse_yaml, yaml_of, yaml_problem
 
 __all__ = ["ConfigError", "HostPort", "Loc", "Model", "Port", "Problems", "SystemId", "dump",
-           "load", "problems_of", "read", "repeated", "shown", "unknown_key",
+           "load", "parse", "problems_of", "read", "repeated", "shown", "unknown_key",
            "validate"]  # fmt: skip
 
 Loc: TypeAlias = tuple[str | int, ...]
@@ -110,8 +110,7 @@ def read(path: Path | str) -> dict[Any, Any]:
         ConfigError: The file cannot be read, is not YAML, or holds something else.
     """
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-        data = parse_yaml(text)
+        return parse(path, Path(path).read_bytes().decode("utf-8-sig"))
     except FileNotFoundError as exc:
         raise ConfigError(path, ["no such file"]) from exc
     except OSError as exc:
@@ -119,6 +118,16 @@ def read(path: Path | str) -> dict[Any, Any]:
     except UnicodeDecodeError as exc:
         problem = f"not UTF-8 text: byte {exc.start} is 0x{exc.object[exc.start]:02x}"
         raise ConfigError(path, [problem]) from exc
+
+
+def parse(path: Path | str, text: str) -> dict[Any, Any]:
+    """Read YAML that holds a mapping, as plain data; `path` says where it comes from.
+
+    Raises:
+        ConfigError: It is not YAML, or holds something else.
+    """
+    try:
+        data = parse_yaml(text)
     except (yaml.YAMLError, RecursionError, ValueError) as exc:
         raise ConfigError(path, [yaml_problem(exc)]) from exc
     if data is None:

@@ -2,11 +2,15 @@
 
 from collections.abc import Callable
 
+from fastcrc.crc16 import mcrf4xx
+
 from mavlink_defs import dialect
 
-__all__ = ["Speaker", "parse", "text_chunks"]
+__all__ = ["Speaker", "frame_size", "parse", "text_chunks"]
 
 _TEXT_SIZE = 50  # of one STATUSTEXT
+_CRC = 2  # bytes
+_SHORTEST = dialect.HEADER_LEN_V2 + _CRC
 
 
 class Speaker:
@@ -40,6 +44,33 @@ def parse(datagram: bytes) -> dialect.MAVLink_message | None:
         return _decoder.decode(bytearray(datagram))
     except Exception:  # pymavlink raises struct.error, IndexError, … besides its MAVError
         return None
+
+
+def frame_size(data: bytes) -> tuple[int, str]:
+    """Size of the MAVLink 2 frame of the dialect that `data` begins with.
+
+    Returns:
+        The size [bytes] and ""; or 0 and what is wrong, in words. Signatures are not verified.
+    """
+    if not data:
+        return 0, "empty"
+    if data[0] != dialect.PROTOCOL_MARKER_V2:
+        return 0, "MAVLink 1" if data[0] == dialect.PROTOCOL_MARKER_V1 else "not MAVLink 2"
+    if len(data) < _SHORTEST:
+        return 0, "truncated"
+    end, flags = dialect.HEADER_LEN_V2 + data[1], data[2]
+    if flags > dialect.MAVLINK_IFLAG_SIGNED:
+        return 0, "unknown incompatibility flags"
+    size = end + _CRC + (dialect.MAVLINK_SIGNATURE_BLOCK_LEN if flags else 0)
+    if len(data) < size:
+        return 0, "truncated"
+    message = dialect.mavlink_map.get(int.from_bytes(data[7:10], "little"))
+    if message is None:
+        return 0, "unknown message"
+    crc = mcrf4xx(data[1:end] + bytes([message.crc_extra]))
+    if crc != int.from_bytes(data[end : end + _CRC], "little"):
+        return 0, "wrong checksum"
+    return size, ""
 
 
 def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink_message]:

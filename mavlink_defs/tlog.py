@@ -4,6 +4,7 @@ A record is a big-endian 64-bit time [µs] and the raw MAVLink frame; nothing el
 pymavlink's readers use the two low bits of the time as a link number, and otherwise as time.
 """
 
+import contextlib
 import struct
 import time
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ from typing import BinaryIO, Self
 
 from mavlink_defs import dialect
 
-__all__ = ["TlogError", "TlogWriter", "read_frames", "read_tlog"]
+__all__ = ["TlogCutOff", "TlogError", "TlogWriter", "read_frames", "read_tlog"]
 
 _FLUSH_PERIOD_S = 1.0
 _TIME = struct.Struct(">Q")
@@ -21,6 +22,10 @@ _TIME = struct.Struct(">Q")
 
 class TlogError(ValueError):
     """The file is not a telemetry log."""
+
+
+class TlogCutOff(TlogError):  # noqa: N818 - the name says it
+    """The file ends within a record; all before it could be read."""
 
 
 class TlogWriter:
@@ -81,13 +86,20 @@ def read_tlog(path: Path) -> Iterator[tuple[int, dialect.MAVLink_message]]:
         yield time_us, message
 
 
-def read_frames(path: Path) -> Iterator[tuple[int, bytes]]:
+def read_frames(path: Path, complain: bool = False) -> Iterator[tuple[int, bytes]]:
     """Read a telemetry log without looking into its frames: pairs of time [µs] and frame.
 
+    Args:
+        path: The log.
+        complain: Raise when a record is cut off, after all before it; else leave it out.
+
     Raises:
+        TlogCutOff: The last record is not whole, and that matters.
         TlogError, OSError: As `read_tlog`.
     """
-    with path.open("rb") as file:
+    with path.open("rb") as file, contextlib.ExitStack() as stack:
+        if not complain:
+            stack.enter_context(contextlib.suppress(TlogCutOff))
         while (record := _read_record(file, path)) is not None:
             yield record
 
@@ -95,8 +107,11 @@ def read_frames(path: Path) -> Iterator[tuple[int, bytes]]:
 def _read_record(file: BinaryIO, path: Path) -> tuple[int, bytes] | None:
     start = file.tell()
     head = file.read(_TIME.size + 3)
-    if len(head) < _TIME.size + 3:
+    if not head:
         return None
+    cut_off = TlogCutOff(f"{path}: cut off in the record at byte {start}")
+    if len(head) < _TIME.size + 3:
+        raise cut_off
     magic, payload_size, flags = head[_TIME.size :]
     if magic == dialect.PROTOCOL_MARKER_V2:
         size = dialect.HEADER_LEN_V2 + payload_size + 2
@@ -108,5 +123,5 @@ def _read_record(file: BinaryIO, path: Path) -> tuple[int, bytes] | None:
         raise TlogError(f"{path}: no MAVLink frame at byte {start + _TIME.size}")
     rest = file.read(size - 3)
     if len(rest) < size - 3:
-        return None
+        raise cut_off
     return int(_TIME.unpack_from(head)[0]), head[_TIME.size :] + rest

@@ -14,7 +14,7 @@ ALLOWED: dict[str, set[str]] = {
     "gcs": {"mavlink_defs", "sitl_plant", "ftc_autopilot"},
 }
 SHELL_FOLDERS = {"commands", "tui"}
-SHELLS = {"process", "launcher", "client", "cli", "flight", "up"}
+SHELLS = {"process", "launcher", "client", "cli", "flight", "up", "relay", "wiring"}
 
 
 def imports(path: Path) -> Iterator[str]:

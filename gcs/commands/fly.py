@@ -66,6 +66,9 @@ def fly(
     from gcs.run_folder import make_run_folder  # noqa: PLC0415
 
     loaded = load_scenario(scenario)
+    if in_process and loaded.links.impairments is not None:
+        text = "links.impairments are about the wire; --in-process has none"
+        raise BadInput(text, "leave one of them out")
     if free_ports:
         loaded = on_free_ports(loaded)
     elif not in_process:

@@ -207,3 +207,27 @@ def test_disarmed_in_flight_thrust_goes_to_zero_once(rig: Rig) -> None:
     rig.word(2)
     rig.state(2)
     assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+
+
+def test_lockstep_takes_up_its_only_neighbour_again_after_lost_words(rig: Rig) -> None:
+    rig.word(0)
+    rig.state(0)
+    rig.state(1)
+    begin = time.monotonic()
+    rig.state(2)  # the word of step 1 is lost: waited for in vain
+    assert time.monotonic() - begin > 0.04
+    rig.word(2)
+    rig.state(3)
+    assert rig.crew.inboxes[0, 0]["step"] == 2
+
+
+def test_lockstep_does_not_wait_for_ever_but_hears_a_neighbour_that_is_back(rig: Rig) -> None:
+    rig.word(0)
+    begin = time.monotonic()
+    for step in range(TIMEOUT_STEPS + 2):
+        rig.state(step)
+    assert time.monotonic() - begin < 3.0  # and not 0.05 s in each of 250 steps
+    assert rig.crew.weights[0, 0] == 0.0
+    rig.word(TIMEOUT_STEPS + 1)
+    rig.state(TIMEOUT_STEPS + 2)
+    assert rig.crew.weights[0, 0] == 1.0

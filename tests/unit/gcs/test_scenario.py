@@ -88,6 +88,23 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
         "links.plant_relay: expected host:port with an IPv4 host and port 1-65535, got '127.0.0.1'",
     ),
     (
+        {"links.impairments": {"gcs": {"loss": 1.5}}},
+        "links.impairments.gcs.loss: expected [0, 1], got 1.5",
+    ),
+    (
+        {"links.impairments": {"plants": {}}},
+        "links.impairments.plants: unknown key; did you mean 'plant'?",
+    ),
+    (
+        {"links.impairments": {"plant": {"outages": [{"from_s": 2, "to_s": 1}]}}},
+        "links.impairments.plant.outages[0].to_s: expected > from_s = 2.0 s, got 1.0",
+    ),
+    (
+        {"links.plant_relay": "127.0.0.1:14570", "links.impairments": {}},
+        "links.plant_relay: cannot stand together with 'impairments', "
+        "which bring a relay of their own",
+    ),
+    (
         {"links.host": "my host"},
         "links.host: expected an IPv4 address or a host name, got 'my host'",
     ),

@@ -1,0 +1,171 @@
+"""``gcs wire``: count what crosses the wire, and disturb it."""
+
+import json
+import math
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console, Group
+from rich.live import Live
+
+from gcs.captures import count_file
+from gcs.errors import BadInput, GcsError
+from gcs.wire_report import wire_tables, write_csv
+from mavlink_defs.config import parse, validate
+from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
+from mavlink_defs.impairment import Impairment
+from mavlink_defs.lifetime import on_stop
+from mavlink_defs.relay import Relay, Route
+from mavlink_defs.tap import DEFAULT_PORTS, LinkNames, Tap
+
+__all__ = ["EPILOG", "wire"]
+
+_REFRESH_S = 0.5
+
+EPILOG = """
+Examples:
+
+- gcs wire runs/first/flight.tlog
+- gcs wire capture.pcap --link plant=24560 --csv counts.csv
+- gcs wire runs/first/wire.json (of a flight with `links.impairments`)
+- gcs wire --relay 127.0.0.1:14570=127.0.0.1:14560 --impair loss=0.1,delay_ms=20,seed=3
+
+With the last one running, fly a scenario whose `links.plant_relay` is 127.0.0.1:14570.
+
+A relay runs until Ctrl-C or --seconds, then prints what it counted.
+
+Exit status: 0 counted, 1 no MAVLink 2 frame in the file, 2 bad input.
+"""
+
+
+def wire(
+    file: Annotated[
+        Path | None,
+        typer.Argument(help="Capture (pcap, pcapng), telemetry log (tlog) or wire.json."),
+    ] = None,
+    relay: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Listen at an address, pass on to another and back; may be repeated.",
+            metavar="LISTEN=TARGET",
+        ),
+    ] = None,
+    impair: Annotated[
+        str | None,
+        typer.Option(
+            help="What relays do to datagrams: keys of a scenario's links.impairments.",
+            metavar="KEY=VALUE,...",
+        ),
+    ] = None,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Name the link whose fixed end has this UDP port; may be repeated. "
+            "Without it: gcs 14550, plant 14560, formation 14601-14850.",
+            metavar="NAME=PORT",
+        ),
+    ] = None,
+    period_us: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Control period, for captures without FTC_SIM_STATE, which tells it.",
+            metavar="US",
+        ),
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.0, help="Stop relaying after this time.")
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="Also write the counts as CSV.", metavar="FILE")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON on standard output instead of tables.")
+    ] = False,
+) -> None:
+    """Count frames and bytes per link, sender, message and actuator channel.
+
+    Reads a file, or relays UDP datagrams and shows the counts live; a relay can also lose, delay,
+    double, reorder and damage datagrams. Actuator channels are compared with periodic sending.
+    """
+    if (file is None) == (not relay):
+        raise BadInput("expected either a FILE or --relay LISTEN=TARGET", "see `gcs wire --help`")
+    if impair is not None and not relay:
+        raise BadInput("--impair is for relays; a file has happened already")
+    ports = {**DEFAULT_PORTS, **dict(map(_named_port, link or []))}
+    tap = Tap(period_us=period_us)
+    if file is not None:
+        report, remark = count_file(file, tap, LinkNames(ports))
+        if remark:
+            print(f"warning: {remark}", file=sys.stderr)
+    else:
+        impairment = None if impair is None else _impairment(impair)
+        routes = [_route(text, ports, impairment) for text in relay or []]
+        report = _relay(routes, tap, seconds, as_json)
+    if csv is not None:
+        _save_csv(report, csv)
+    if as_json:
+        print(json.dumps(report, indent=2))
+    else:
+        Console().print(*wire_tables(report), sep="\n")
+    if file is not None and not report["messages"]:
+        raise GcsError(f"{file}: no MAVLink 2 frame of the dialect")
+
+
+def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) -> dict[str, Any]:
+    console = Console(stderr=True)
+    for route in routes:
+        console.print(f"{route.link}: relaying {route.listen} to {route.target}", highlight=False)
+    try:
+        with Relay(routes, tap) as relay:
+            _watch(relay, seconds, None if as_json or not console.is_terminal else console)
+            return relay.report()
+    except EndpointError as problem:
+        raise BadInput(str(problem)) from problem
+
+
+def _watch(relay: Relay, seconds: float | None, console: Console | None) -> None:
+    """Show the counts live, if there is a console, until a signal or the time comes."""
+    stop = threading.Event()
+    on_stop(stop.set, with_parent=False)
+    end = math.inf if seconds is None else time.monotonic() + seconds
+    with Live(console=console, auto_refresh=False, transient=True) as live:
+        while (left_s := end - time.monotonic()) > 0.0 and not stop.is_set():
+            stop.wait(min(_REFRESH_S, left_s))
+            if console is not None:
+                live.update(Group(*wire_tables(relay.report(), live=True)), refresh=True)
+
+
+def _named_port(text: str) -> tuple[int, str]:
+    name, _, port = text.partition("=")
+    if not (name and port.isdecimal() and 1 <= int(port) <= 65535):
+        raise BadInput(f"--link is '{text}', expected NAME=PORT with a port 1-65535")
+    return int(port), name
+
+
+def _route(text: str, names: dict[int, str], impairment: Impairment | None) -> Route:
+    listen, _, target = text.partition("=")
+    try:
+        ends = parse_address(listen), parse_address(target)
+        if not is_loopback(ends[0]):
+            print(f"warning: {ends[0]} can be reached from other machines", file=sys.stderr)
+    except EndpointError as problem:
+        raise BadInput(f"--relay is '{text}', expected LISTEN=TARGET: {problem}") from problem
+    return Route(names.get(ends[1].port, str(ends[1])), *ends, impairment)
+
+
+def _impairment(text: str) -> Impairment:
+    """Read "loss=0.1,bursts={begin=0.01,end=0.2}": YAML's flow style, with = for a colon."""
+    return validate("--impair", parse("--impair", f"{{{text.replace('=', ': ')}}}"), Impairment)
+
+
+def _save_csv(report: dict[str, Any], path: Path) -> None:
+    try:
+        with path.open("w", newline="") as output:
+            write_csv(report, output)
+    except OSError as problem:
+        raise BadInput(f"cannot write {path}: {problem.strerror}") from problem

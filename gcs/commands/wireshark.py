@@ -1,0 +1,51 @@
+"""``gcs wireshark``: write a dissector of the dialect for Wireshark and tshark."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.errors import BadInput
+from gcs.wireshark import lua_dissector
+
+__all__ = ["EPILOG", "wireshark"]
+
+EPILOG = """
+Examples:
+
+- gcs wireshark --out ~/.local/lib/wireshark/plugins/ftc.lua
+- gcs wireshark > ftc.lua
+- tshark -i lo -f udp -X lua_script:ftc.lua -Y mavlink_proto
+- tshark -r capture.pcap -X lua_script:ftc.lua -Y 'mavlink_proto.msgid == 93' | wc -l
+
+In its plugin folder (Help, About Wireshark, Folders: Personal Lua Plugins) Wireshark finds the
+dissector by itself. Have one MAVLink dissector only. It does not verify checksums.
+
+Exit status: 0 written, 2 bad input.
+"""
+
+
+def wireshark(
+    out: Annotated[
+        Path | None, typer.Option(help="Where to write; standard output by default.")
+    ] = None,
+    port: Annotated[
+        list[int] | None,
+        typer.Option(
+            min=1,
+            max=65535,
+            help="UDP port with our messages, besides the default ones; may be repeated.",
+        ),
+    ] = None,
+) -> None:
+    """Write a Wireshark dissector for all messages of the dialect (Lua, 3 MB)."""
+    lua = lua_dissector(tuple(port or ()))
+    if out is None:
+        sys.stdout.write(lua)
+        return
+    try:
+        out.write_text(lua)
+    except OSError as problem:
+        hint = "make its folder first" if not out.parent.exists() else ""
+        raise BadInput(f"cannot write {out}: {problem.strerror}", hint) from problem
