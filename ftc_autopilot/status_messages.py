@@ -9,7 +9,6 @@ __all__ = ["VERSION", "StatusMessages"]
 VERSION = (0, 1, 0)
 """Major, minor and patch of this software; the same as the package's."""
 
-_PRODUCT = b"ftc-sitl"
 _UID = 0x4654_4300_0000_0000  # "FTC"
 _UID2_SIZE = 18
 _CAPABILITIES = (
@@ -29,6 +28,7 @@ _SENSORS = (
     | dialect.MAV_SYS_STATUS_AHRS
     | dialect.MAV_SYS_STATUS_PREARM_CHECK
 )
+_ALL_KNOWN = 0b11_0111_1111  # EKF_STATUS_REPORT.flags
 _UNKNOWN_U16, _UNKNOWN_I16, _UNKNOWN = 2**16 - 1, 2**15 - 1, -1
 
 
@@ -43,9 +43,9 @@ class StatusMessages:
         """AUTOPILOT_VERSION."""
         major, minor, patch = VERSION
         version = major << 24 | minor << 16 | patch << 8 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL
-        uid2 = f"{_PRODUCT.decode()} UAV {self._system}".encode().ljust(_UID2_SIZE, b"\0")
+        uid2 = f"ftc-sitl UAV {self._system}".encode().ljust(_UID2_SIZE, b"\0")
         return dialect.MAVLink_autopilot_version_message(
-            self._capabilities, version, 0, 0, 0, [*_PRODUCT], [0] * 8, [0] * 8, 0, 0,
+            self._capabilities, version, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0,
             _UID | self._system, [*uid2],
         )  # fmt: skip
 
@@ -65,6 +65,11 @@ class StatusMessages:
             0, dialect.MAV_BATTERY_FUNCTION_UNKNOWN, dialect.MAV_BATTERY_TYPE_UNKNOWN,
             _UNKNOWN_I16, [_UNKNOWN_U16] * 10, _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN,
         )  # fmt: skip
+
+    @staticmethod
+    def ekf_status_report() -> MAVLink_message:
+        """EKF_STATUS_REPORT: the state is no estimate."""
+        return dialect.MAVLink_ekf_status_report_message(_ALL_KNOWN, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     @staticmethod
     def extended_sys_state() -> MAVLink_message:

@@ -91,6 +91,7 @@ def makers_of(
         dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,
         dialect.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
         dialect.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
+        dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: status.ekf_status_report,
         dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: status.extended_sys_state,
         dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: status.autopilot_version,
     }

@@ -1,0 +1,35 @@
+"""A fleet for other people's ground stations: real time, unarmed, waiting."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flying import free_links, processes_of, scenario_tree
+
+from gcs.launcher import Fleet
+from gcs.scenario import Scenario, scenario_of
+
+LONG_ENOUGH_S = 300.0
+
+
+class Standing:
+    """What a test needs to know of the fleet."""
+
+    def __init__(self, scenario: Scenario, folder: Path) -> None:
+        self.scenario, self.folder = scenario, folder
+        self.port = scenario.links.gcs_port
+        self.ids = [uav.id for uav in scenario.uavs]
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Standing]:
+    """Scenario 1 of the paper, without its fault, on free ports; nothing of it is left."""
+    folder = tmp_path_factory.mktemp("fleet")
+    tree: dict[str, Any] = scenario_tree(
+        duration_s=LONG_ENOUGH_S, faults=[], links=free_links()
+    )
+    scenario = scenario_of(folder / "scenario.yaml", tree)
+    with Fleet(scenario, speed=1.0, folder=folder):
+        yield Standing(scenario, folder)
+    assert processes_of(folder) == {}
