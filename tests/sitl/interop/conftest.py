@@ -26,9 +26,7 @@ class Standing:
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Standing]:
     """Scenario 1 of the paper, without its fault, on free ports; nothing of it is left."""
     folder = tmp_path_factory.mktemp("fleet")
-    tree: dict[str, Any] = scenario_tree(
-        duration_s=LONG_ENOUGH_S, faults=[], links=free_links()
-    )
+    tree: dict[str, Any] = scenario_tree(duration_s=LONG_ENOUGH_S, faults=[], links=free_links())
     scenario = scenario_of(folder / "scenario.yaml", tree)
     with Fleet(scenario, speed=1.0, folder=folder):
         yield Standing(scenario, folder)

@@ -185,9 +185,7 @@ def test_arm_and_disarm(leader: System, telemetry: Telemetry) -> None:
     wait(lambda: not telemetry.armed(), "disarmed")
 
 
-def test_the_mission_is_flown(
-    fleet: Standing, systems: list[System], telemetry: Telemetry
-) -> None:
+def test_the_mission_is_flown(fleet: Standing, systems: list[System], telemetry: Telemetry) -> None:
     """Arm all, then start: MAVSDK changes to HOLD before it arms."""
     raws, actions = [MissionRaw(s) for s in systems], [Action(s) for s in systems]
     for raw in raws:
