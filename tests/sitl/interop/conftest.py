@@ -1,25 +1,16 @@
 """A fleet for other people's ground stations: real time, unarmed, waiting."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 from flying import free_links, processes_of, scenario_tree
+from standing import Standing
 
 from gcs.launcher import Fleet
-from gcs.scenario import Scenario, scenario_of
+from gcs.scenario import scenario_of
 
 LONG_ENOUGH_S = 300.0
-
-
-class Standing:
-    """What a test needs to know of the fleet."""
-
-    def __init__(self, scenario: Scenario, folder: Path) -> None:
-        self.scenario, self.folder = scenario, folder
-        self.port = scenario.links.gcs_port
-        self.ids = [uav.id for uav in scenario.uavs]
 
 
 @pytest.fixture(scope="module")

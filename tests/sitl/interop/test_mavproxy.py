@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import Standing
 from mavproxy import MavProxy
+from standing import Standing
 
 pytestmark = pytest.mark.sitl
 

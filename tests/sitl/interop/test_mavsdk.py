@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from conftest import Standing
 from mavsdk import ComponentType, Configuration, Mavsdk, System
 from mavsdk.plugins.action import Action, ActionError, ActionResult
 from mavsdk.plugins.failure import Failure, FailureError, FailureResult, FailureType, FailureUnit
@@ -14,6 +13,7 @@ from mavsdk.plugins.info import Info
 from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
 from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.plugins.telemetry import FlightMode, LandedState, Telemetry
+from standing import Standing
 
 from mavlink_defs.profile import segments_to_items
 
