@@ -29,6 +29,6 @@ clean:  ## remove the environment and everything generated
 $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
 	$(PYTHON) -c 'import sys; sys.exit("ftc-sitl needs Python 3.11 or newer, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	touch $@

@@ -5,18 +5,27 @@ Names are the paper's, in ASCII; defaults are the values of Table III, or where 
 none, a set that flies well with Table III kept to the letter. Angles inside the laws are rad.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from ftc_autopilot.geography import Origin
 from ftc_autopilot.laws import Controller
 from ftc_autopilot.laws.proposed import Proposed
 from ftc_autopilot.schedule import Schedule, schedule
+from mavlink_defs import dialect
 from mavlink_defs.config import HostPort, Model, Problems, SystemId, repeated
 from mavlink_defs.quantity import quantity, whole
 from sitl_plant.config import Aircraft
 
-__all__ = ["AutopilotConfig", "Controller", "Neighbour", "Trigger"]
+__all__ = ["AutopilotConfig", "Controller", "Identity", "Neighbour", "Origin", "Trigger"]
+
+Identity: TypeAlias = Literal["ardupilot", "generic"]
+"""Whose conventions a vehicle follows where they differ.
+
+Clients choose modes and the encoding of parameters by HEARTBEAT.autopilot. As ArduPilot,
+integers travel C-cast; as a generic autopilot, bytewise, and clients do not know the modes.
+"""
 
 
 class Trigger(Model):
@@ -55,6 +64,8 @@ class AutopilotConfig(Model):
     id: SystemId
     name: str = Field(min_length=1)
     step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
+    identity: Identity = "ardupilot"
+    origin: Origin = Origin()
     aircraft: Aircraft = Field(description="The nominal aircraft.")
     controller: Controller = Proposed()
     trigger: Trigger = Trigger()
@@ -68,6 +79,20 @@ class AutopilotConfig(Model):
     silence_timeout_s: float = quantity(
         "s", gt=0.0, default=5.0, doc="Silence after which the plant counts as gone."
     )
+
+    @property
+    def mav_autopilot(self) -> int:
+        """MAV_AUTOPILOT of the identity."""
+        if self.identity == "ardupilot":
+            return dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
+        return dialect.MAV_AUTOPILOT_GENERIC
+
+    @property
+    def param_capability(self) -> int:
+        """MAV_PROTOCOL_CAPABILITY of the encoding of parameters."""
+        if self.identity == "ardupilot":
+            return dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+        return dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
 
     @model_validator(mode="after")
     def _neighbours_distinct(self) -> "AutopilotConfig":

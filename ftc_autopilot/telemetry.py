@@ -1,77 +1,122 @@
-"""Telemetry of one autopilot: what it streams, how often, and how each message is made.
+"""Telemetry of one autopilot: what it can tell, what it streams, and how often.
 
 Intervals count simulated time while it runs, so that a flight faster than real time is as
 finely resolved as any, and wall-clock time while the aircraft is frozen.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
-import numpy as np
-
-from ftc_autopilot.controller import NO_INTERVAL
-from ftc_autopilot.link import AutopilotLink
-from ftc_autopilot.onboard import Crew
-from ftc_autopilot.reference import wrap
+from ftc_autopilot.controller_messages import ControllerMessages
+from ftc_autopilot.state_messages import StateMessages
+from ftc_autopilot.status_messages import StatusMessages
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from sitl_plant.rigid_body import R1
-from sitl_plant.vec3 import Vec3, mul, vec3
 
-__all__ = ["DEFAULT_INTERVALS_US", "Telemetry"]
+__all__ = ["DEFAULT_INTERVALS_US", "Maker", "Telemetry", "makers_of"]
+
+Maker: TypeAlias = Callable[[], MAVLink_message]
 
 DEFAULT_INTERVALS_US = {
-    dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1_000_000,
     dialect.MAVLINK_MSG_ID_ATTITUDE: 100_000,
     dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 100_000,
-    dialect.MAVLINK_MSG_ID_VFR_HUD: 200_000,
     dialect.MAVLINK_MSG_ID_FTC_TRACKING: 100_000,
     dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: 100_000,
+    dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 200_000,
+    dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 200_000,
+    dialect.MAVLINK_MSG_ID_VFR_HUD: 200_000,
     dialect.MAVLINK_MSG_ID_FTC_EVENTS: 200_000,
     dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 500_000,
+    dialect.MAVLINK_MSG_ID_GPS_RAW_INT: 500_000,
+    dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: 500_000,
+    dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1_000_000,
+    dialect.MAVLINK_MSG_ID_SYS_STATUS: 1_000_000,
+    dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1_000_000,
+    dialect.MAVLINK_MSG_ID_HOME_POSITION: 1_000_000,
+    dialect.MAVLINK_MSG_ID_MISSION_CURRENT: 1_000_000,
+    dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 2_000_000,
 }
 """Message ids that are streamed from the start, and their intervals [µs]."""
 
 _MIN_INTERVAL_US = 20_000
+_MAX_INTERVAL_US = 2**31 - 1  # what MESSAGE_INTERVAL can tell
+_OFF, _NOT_AVAILABLE = -1, 0
+
+# REQUEST_DATA_STREAM, as ArduPlane groups its messages; private ones keep their own rates
+_GROUPS: dict[int, tuple[int, ...]] = {
+    dialect.MAV_DATA_STREAM_RAW_SENSORS: (),
+    dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        dialect.MAVLINK_MSG_ID_SYS_STATUS,
+        dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
+        dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
+    ),
+    dialect.MAV_DATA_STREAM_RC_CHANNELS: (dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,),
+    dialect.MAV_DATA_STREAM_RAW_CONTROLLER: (),
+    dialect.MAV_DATA_STREAM_POSITION: (
+        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    dialect.MAV_DATA_STREAM_EXTRA1: (dialect.MAVLINK_MSG_ID_ATTITUDE,),
+    dialect.MAV_DATA_STREAM_EXTRA2: (dialect.MAVLINK_MSG_ID_VFR_HUD,),
+    dialect.MAV_DATA_STREAM_EXTRA3: (
+        dialect.MAVLINK_MSG_ID_SYSTEM_TIME,
+        dialect.MAVLINK_MSG_ID_BATTERY_STATUS,
+    ),
+}
+_GROUPS[dialect.MAV_DATA_STREAM_ALL] = tuple(i for group in _GROUPS.values() for i in group)
+
+
+def makers_of(
+    state: StateMessages, controller: ControllerMessages, status: StatusMessages
+) -> dict[int, Maker]:
+    """Give every message that can be streamed or requested, by its id."""
+    return {
+        dialect.MAVLINK_MSG_ID_SYSTEM_TIME: state.system_time,
+        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: state.local_position_ned,
+        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: state.global_position_int,
+        dialect.MAVLINK_MSG_ID_GPS_RAW_INT: state.gps_raw_int,
+        dialect.MAVLINK_MSG_ID_HOME_POSITION: state.home_position,
+        dialect.MAVLINK_MSG_ID_ALTITUDE: state.altitude,
+        dialect.MAVLINK_MSG_ID_ATTITUDE: state.attitude,
+        dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: state.attitude_quaternion,
+        dialect.MAVLINK_MSG_ID_ATTITUDE_TARGET: state.attitude_target,
+        dialect.MAVLINK_MSG_ID_VFR_HUD: state.vfr_hud,
+        dialect.MAVLINK_MSG_ID_HIGHRES_IMU: state.highres_imu,
+        dialect.MAVLINK_MSG_ID_ODOMETRY: state.odometry,
+        dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: state.actuator_output_status,
+        dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: state.servo_output_raw,
+        dialect.MAVLINK_MSG_ID_FTC_TRACKING: controller.tracking,
+        dialect.MAVLINK_MSG_ID_FTC_EVENTS: controller.events,
+        dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,
+        dialect.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
+        dialect.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
+        dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: status.ekf_status_report,
+        dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: status.extended_sys_state,
+        dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: status.autopilot_version,
+    }
 
 
 class Telemetry:
-    """Makes telemetry messages from the arrays of the hot path, between its steps."""
+    """Says which messages are due, and makes them."""
 
-    def __init__(self, link: AutopilotLink, crew: Crew) -> None:
-        self._link = link
-        self._crew = crew
-        self._makers: dict[int, Callable[[], MAVLink_message]] = {
-            dialect.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
-            dialect.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
-            dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
-            dialect.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
-            dialect.MAVLINK_MSG_ID_FTC_TRACKING: self._tracking,
-            dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: self._actuator_output_status,
-            dialect.MAVLINK_MSG_ID_FTC_EVENTS: self._events,
-            dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: self._adaptation,
-        }
-        self._intervals_us = dict(DEFAULT_INTERVALS_US)
-        self._due_us = dict.fromkeys(DEFAULT_INTERVALS_US, 0)
+    def __init__(self, makers: dict[int, Maker]) -> None:
+        """Start with the default intervals.
 
-    def knows(self, message_id: int) -> bool:
-        """Tell whether a message id can be streamed and requested."""
-        return message_id in self._makers
+        Args:
+            makers: Message ids and what makes them.
+        """
+        self._makers = makers
+        self._intervals_us = {i: t for i, t in DEFAULT_INTERVALS_US.items() if i in makers}
+        self._due_us = dict.fromkeys(self._intervals_us, 0)
 
-    def set_interval(self, message_id: int, interval_us: float) -> None:
-        """Set an interval [µs]: 0 restores the default, a negative one stops the message."""
-        wanted: int | None = max(round(interval_us), _MIN_INTERVAL_US)
-        if interval_us == 0.0:
-            wanted = DEFAULT_INTERVALS_US.get(message_id)
-        if wanted is None or interval_us < 0.0:
-            self._intervals_us.pop(message_id, None)
-            return
-        self._intervals_us[message_id] = wanted
-        self._due_us[message_id] = 0
-
-    def make(self, message_id: int) -> MAVLink_message:
-        """Make one message now; its id must be one that `knows` knows."""
-        return self._makers[message_id]()
+    def receive(self, message: MAVLink_message) -> None:
+        """Take in a REQUEST_DATA_STREAM, the old way to ask for rates [Hz]."""
+        if isinstance(message, dialect.MAVLink_request_data_stream_message):
+            wanted = bool(message.start_stop) and message.req_message_rate > 0
+            interval_us = 1e6 / message.req_message_rate if wanted else -1.0
+            for message_id in _GROUPS.get(message.req_stream_id, ()):
+                self._set_interval(message_id, interval_us)
 
     def due(self, clock_us: int) -> list[MAVLink_message]:
         """Make the messages whose interval has passed on the given clock [µs]."""
@@ -87,83 +132,47 @@ class Telemetry:
         """When the next message is due, on the clock of `due` [µs]; far away if none is."""
         return min((self._due_us[i] for i in self._intervals_us), default=2**62)
 
-    @property
-    def _time_ms(self) -> int:
-        return int(self._link.measured[0]["time_usec"]) // 1000 % 2**32
+    def make(self, message_id: int) -> MAVLink_message:
+        """Make one message now; its id must be among the makers'."""
+        return self._makers[message_id]()
 
-    def _system_time(self) -> MAVLink_message:
-        return dialect.MAVLink_system_time_message(0, self._time_ms)
+    # commands: params are those of the MAV_CMD
 
-    def _attitude(self) -> MAVLink_message:
-        state = self._link.measured[0]
-        roll, pitch, yaw = map(float, state["attitude"])
-        rates = map(float, state["rates"])
-        return dialect.MAVLink_attitude_message(self._time_ms, wrap(roll), pitch, wrap(yaw), *rates)
+    def set_interval(self, params: Sequence[float]) -> int:
+        """MAV_CMD_SET_MESSAGE_INTERVAL: id, then µs; 0 restores the default, negative stops."""
+        message_id, interval_us = _whole(params[0]), params[1]
+        if message_id not in self._makers or not math.isfinite(interval_us):
+            return dialect.MAV_RESULT_DENIED
+        self._set_interval(message_id, interval_us)
+        return dialect.MAV_RESULT_ACCEPTED
 
-    def _local_position(self) -> MAVLink_message:
-        state = self._link.measured[0]
-        north, east, down = map(float, state["position"])
-        return dialect.MAVLink_local_position_ned_message(
-            self._time_ms, north, east, down, *_velocity_ned(state)
-        )
+    def request(self, params: Sequence[float]) -> MAVLink_message | None:
+        """MAV_CMD_REQUEST_MESSAGE: the message; None if it is not to be had."""
+        message_id = _whole(params[0])
+        if message_id == dialect.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
+            return self.interval(params[1:])
+        maker = self._makers.get(message_id)
+        return None if maker is None else maker()
 
-    def _vfr_hud(self) -> MAVLink_message:
-        state = self._link.measured[0]
-        north, east, down = _velocity_ned(state)
-        thrust = float(self._crew.actuators[0]["controls"][3])
-        return dialect.MAVLink_vfr_hud_message(
-            airspeed=float(np.linalg.norm(state["velocity"])),
-            groundspeed=math.hypot(north, east),
-            heading=round(math.degrees(float(state["attitude"][2]))) % 360,
-            throttle=round(100.0 * thrust),
-            alt=-float(state["position"][2]),
-            climb=-down,
-        )
+    def interval(self, params: Sequence[float]) -> MAVLink_message:
+        """MAV_CMD_GET_MESSAGE_INTERVAL: the MESSAGE_INTERVAL of a message id."""
+        message_id = _whole(params[0])
+        interval_us = _OFF if message_id in self._makers else _NOT_AVAILABLE
+        interval_us = self._intervals_us.get(message_id, interval_us)
+        return dialect.MAVLink_message_interval_message(message_id & 0xFFFF, interval_us)
 
-    def _tracking(self) -> MAVLink_message:
-        signals = self._crew.signals[0]
-        return dialect.MAVLink_ftc_tracking_message(
-            self._time_ms,
-            _degrees(signals["reference"]),
-            _degrees(signals["error"]),
-            _degrees(signals["sync_error"]),
-        )
-
-    def _actuator_output_status(self) -> MAVLink_message:
-        """The commands held, as HIL_ACTUATOR_CONTROLS has them."""
-        held = [float(control) for control in self._crew.actuators[0]["controls"][:4]]
-        return dialect.MAVLink_actuator_output_status_message(
-            int(self._link.measured[0]["time_usec"]), 0b1111, held + [0.0] * 28
-        )
-
-    def _events(self) -> MAVLink_message:
-        controller, clock = self._crew.controllers[0], self._link.clock[0]
-        intervals = [
-            min(int(steps) * int(clock["step_us"]), NO_INTERVAL)
-            for steps in controller["min_interval"]
-        ]
-        return dialect.MAVLink_ftc_events_message(
-            time_boot_ms=self._time_ms,
-            steps=int(controller["steps"]),
-            events=list(map(int, controller["events"])),
-            min_interval_us=intervals,
-            messages=int(controller["messages"]),
-            repeats=list(map(int, clock["repeated"])),
-            edge_changes=int(clock["edge_changes"]),
-        )
-
-    def _adaptation(self) -> MAVLink_message:
-        c = self._crew.controllers[0]["proposed"]
-        names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
-        return dialect.MAVLink_ftc_adaptation_message(
-            self._time_ms, *(float(c[name]) for name in names)
-        )
+    def _set_interval(self, message_id: int, interval_us: float) -> None:
+        wanted: int | None = round(min(max(interval_us, _MIN_INTERVAL_US), _MAX_INTERVAL_US))
+        if interval_us == 0.0:
+            wanted = DEFAULT_INTERVALS_US.get(message_id)
+        if wanted is None or interval_us < 0.0:
+            self._intervals_us.pop(message_id, None)
+            return
+        if self._intervals_us.get(message_id) != wanted:
+            self._intervals_us[message_id] = wanted
+            self._due_us[message_id] = 0
 
 
-def _degrees(values: np.ndarray) -> list[float]:
-    """Airspeed as it is, angles in deg and within ±180°."""
-    return [float(values[0]), *(math.degrees(wrap(float(angle))) for angle in values[1:4])]
-
-
-def _velocity_ned(state: np.void) -> Vec3:
-    return mul(R1(vec3(state["attitude"])), vec3(state["velocity"]))
+def _whole(value: float) -> int:
+    """A parameter that should be a whole number; -1 if it is no number at all."""
+    return int(value) if math.isfinite(value) else -1

@@ -10,7 +10,14 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from ftc_autopilot.config import AutopilotConfig, Controller, Neighbour, Trigger
+from ftc_autopilot.config import (
+    AutopilotConfig,
+    Controller,
+    Identity,
+    Neighbour,
+    Origin,
+    Trigger,
+)
 from ftc_autopilot.laws.proposed import Proposed
 from ftc_autopilot.network import formation_problems
 from gcs.scenario_parts import Found, Links, Network, ProfileSegment, ScenarioFault, ScenarioUav
@@ -49,6 +56,8 @@ class Scenario(Model):
     profile: tuple[ProfileSegment, ...] = Field(min_length=1, max_length=MAX_SEGMENTS)
     faults: tuple[ScenarioFault, ...] = ()
     links: Links = Links()
+    origin: Origin = Origin()
+    identity: Identity = "ardupilot"
 
     def plant_config(self, speed: float | None = None) -> PlantConfig:
         """What the plant is told.
@@ -80,6 +89,8 @@ class Scenario(Model):
             id=uav_id,
             name=names[uav_id],
             step_us=self.step_us,
+            identity=self.identity,
+            origin=self.origin,
             aircraft=self.aircraft,
             controller=self.controller,
             trigger=self.trigger,

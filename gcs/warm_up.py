@@ -4,7 +4,8 @@ import socket
 
 from ftc_autopilot import link as autopilot_link
 from ftc_autopilot.onboard import new_crew
-from ftc_autopilot.telemetry import DEFAULT_INTERVALS_US, Telemetry
+from ftc_autopilot.telemetry import DEFAULT_INTERVALS_US
+from ftc_autopilot.vehicle import Vehicle
 from gcs.closed_loop import fly_in_process
 from gcs.scenario import Scenario
 from gcs.summary import summarise
@@ -38,6 +39,6 @@ def compile_everything(scenario: Scenario) -> None:
         crew = new_crew([autopilot])
         own = autopilot_link.new_link(autopilot.id, autopilot.neighbours, plant.step_us, 1.0, 1)
         autopilot_link.run(fd, fd, own, crew, 0.0, 0)
-        telemetry = Telemetry(own, crew)
+        telemetry = Vehicle(autopilot, own, crew).telemetry
         for message_id in DEFAULT_INTERVALS_US:
             telemetry.make(message_id)

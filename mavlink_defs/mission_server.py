@@ -98,6 +98,7 @@ class MissionServer(Machine[MissionEvent]):
         own: Address,
         validate: Callable[[Sequence[MissionItem]], None],
         max_items: int = MAX_ITEMS,
+        home: MissionItem | None = None,
     ) -> None:
         """Start without a mission.
 
@@ -105,9 +106,11 @@ class MissionServer(Machine[MissionEvent]):
             own: Address of the vehicle.
             validate: Raises ProfileError for a mission that the vehicle cannot fly.
             max_items: Most items that a mission may have, home included.
+            home: What item 0 of every mission is, whatever was uploaded; None leaves it.
         """
         super().__init__()
         self._own, self._validate, self._max_items = own, validate, max_items
+        self._home = home
         self._items: tuple[MissionItem, ...] = ()
         self._current = 0
         self._upload: _Upload | None = None
@@ -244,7 +247,8 @@ class MissionServer(Machine[MissionEvent]):
         except ProfileError as error:
             self._end_upload(upload, error.mav_mission_result, error.text)
         else:
-            self._replace(upload.mission_type, tuple(upload.items))
+            home = upload.items[:1] if self._home is None else [self._home]
+            self._replace(upload.mission_type, (*home, *upload.items[1:]))
             self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
 
     def _on_request_list(

@@ -1,12 +1,17 @@
-"""Decimal values through float32 wire fields.
+"""Numbers in wire fields.
 
 A MAVLink `float` keeps 24 bits: 0.9 arrives as 0.899999976. Both ends of this project mean
 decimals of at most six or seven significant digits, and those a float32 does identify.
+Packing raises for what a field cannot hold, so what is measured goes through `float32s` and
+`whole_within` first.
 """
+
+import math
+from collections.abc import Iterable
 
 import numpy as np
 
-__all__ = ["decimal_of_float32"]
+__all__ = ["decimal_of_float32", "float32s", "whole_within"]
 
 
 def decimal_of_float32(x: float) -> float:
@@ -18,3 +23,14 @@ def decimal_of_float32(x: float) -> float:
     """
     with np.errstate(over="ignore", under="ignore"):
         return float(str(np.float32(x)))
+
+
+def float32s(values: Iterable[float]) -> list[float]:
+    """Give values as float32 fields hold them; what is beyond their range becomes infinite."""
+    with np.errstate(over="ignore", under="ignore"):
+        return [float(x) for x in np.array([*values], np.float64).astype(np.float32)]
+
+
+def whole_within(x: float, low: int, high: int) -> int:
+    """Round to a whole number within bounds; NaN gives the one nearest to 0."""
+    return round(min(max(0.0 if math.isnan(x) else x, low), high))

@@ -71,13 +71,13 @@ ACCEPTED, DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 def test_arming_waits_for_the_simulator(scenario1: Scenario) -> None:
     bench = Bench(scenario1, heard=False)
     assert bench.command(ARM, 1.0) == dialect.MAV_RESULT_TEMPORARILY_REJECTED
-    assert not bench.vehicle.armed
+    assert not bench.vehicle.modes.armed
 
 
 def test_after_arming_it_loiters_level_at_the_present_speed(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     assert bench.command(ARM, 1.0) == ACCEPTED
-    assert bench.vehicle.mode == LOITER
+    assert bench.vehicle.modes.mode == LOITER
     assert list(bench.crew.guidance[0]["command"]) == [40.0, 0.0, 0.0, 0.0]
     assert bench.crew.guidance[0]["active"] == 1
 
@@ -91,7 +91,7 @@ def test_a_started_mission_flies_the_uploaded_profile(scenario1: Scenario) -> No
     assert bench.upload(scenario1) == dialect.MAV_MISSION_ACCEPTED
     assert bench.command(START) == ACCEPTED
     guidance = bench.crew.guidance[0]
-    assert bench.vehicle.mode == AUTO
+    assert bench.vehicle.modes.mode == AUTO
     assert (guidance["auto"], guidance["start_step"]) == (1, 0)
     assert bench.crew.profiles[0]["count"] == 3
 
@@ -115,7 +115,7 @@ def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
     bench.vehicle.tick(bench.now)
     said = bench.vehicle.gcs_messages()
     assert [m.seq for m in of_type(said, "MISSION_ITEM_REACHED")] == [1]
-    assert [m.seq for m in of_type(said, "MISSION_CURRENT")] == [2]
+    assert {m.seq for m in of_type(said, "MISSION_CURRENT")} == {2}
     assert bench.crew.guidance[0]["start_step"] == 0
 
 
@@ -146,7 +146,7 @@ def test_disarming_in_flight_must_be_forced(scenario1: Scenario) -> None:
 def test_other_modes_are_refused(mode: float, scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     assert bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, mode) == DENIED
-    assert bench.vehicle.mode == LOITER
+    assert bench.vehicle.modes.mode == LOITER
 
 
 def test_guided_follows_set_points(scenario1: Scenario) -> None:
@@ -222,3 +222,151 @@ def test_a_dropped_neighbour_is_announced(scenario1: Scenario) -> None:
     bench.vehicle.tick(0.0)
     texts = [m.text for m in of_type(bench.vehicle.gcs_messages(), "STATUSTEXT")]
     assert any("neighbour 3 silent, edge dropped" in str(text) for text in texts)
+
+
+SET_CURRENT = dialect.MAV_CMD_DO_SET_MISSION_CURRENT
+
+
+def test_item_0_is_home_whatever_was_uploaded(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    bench.say(dialect.MAVLink_mission_request_list_message(UAV, 1, 0))
+    (home,) = of_type(bench.say(dialect.MAVLink_mission_request_int_message(UAV, 1, 0, 0)),
+                      "MISSION_ITEM_INT")  # fmt: skip
+    assert (home.command, home.x, home.y) == (16, -353632620, 1491652370)
+    assert home.z == pytest.approx(584.0)
+
+
+def test_a_mission_begins_with_the_current_item_and_then_anew(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    assert bench.command(SET_CURRENT, 3.0) == ACCEPTED
+    assert bench.command(START) == ACCEPTED
+    assert bench.crew.guidance[0]["start_step"] == -15_000
+    assert bench.command(START) == ACCEPTED
+    assert bench.crew.guidance[0]["start_step"] == 0
+
+
+@pytest.mark.parametrize("params", [(2.0, 0.0), (0.0, 3.0)])
+def test_parts_of_a_mission_cannot_be_started(
+    params: tuple[float, float], scenario1: Scenario
+) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    assert bench.command(START, *params) == DENIED
+
+
+@pytest.mark.parametrize("seq", [4.0, -2.0, 1.5, math.nan])
+def test_items_that_do_not_exist_cannot_be_current(seq: float, scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    assert bench.command(SET_CURRENT, seq) == dialect.MAV_RESULT_FAILED
+    assert bench.command(SET_CURRENT, -1.0) == ACCEPTED
+
+
+def test_a_jump_is_told_as_the_item_it_leads_to(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    bench.command(START)
+    bench.run()
+    bench.link.clock["step"] = 1000
+    bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 2))
+    bench.vehicle.tick(bench.now)
+    told = of_type(bench.vehicle.gcs_messages(), "MISSION_CURRENT")
+    assert {m.seq for m in told} <= {2}
+
+
+def test_mission_current_tells_the_state_of_the_mission(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+
+    def told() -> tuple[int, int, int]:
+        number = dialect.MAVLINK_MSG_ID_MISSION_CURRENT
+        message = dialect.MAVLink_command_long_message(
+            UAV, 1, dialect.MAV_CMD_REQUEST_MESSAGE, 0, number, 0, 0, 0, 0, 0, 0
+        )
+        bench.vehicle.tick(bench.now)
+        m = of_type(bench.say(message), "MISSION_CURRENT")[-1]
+        return m.mission_state, m.mission_mode, m.total
+
+    assert told() == (dialect.MISSION_STATE_NO_MISSION, 2, 65535)
+    bench.upload(scenario1)
+    assert told() == (dialect.MISSION_STATE_NOT_STARTED, 2, 3)
+    bench.command(START)
+    bench.run()
+    assert told() == (dialect.MISSION_STATE_ACTIVE, 1, 3)
+    bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, LOITER)
+    assert told() == (dialect.MISSION_STATE_PAUSED, 2, 3)
+    bench.link.clock["step"] = 20_000
+    assert told()[0] == dialect.MISSION_STATE_COMPLETE
+
+
+def test_a_parameter_acts_between_two_steps_and_is_announced(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    said = bench.say(dialect.MAVLink_param_set_message(UAV, 1, b"LAMBDA3", 4.5, 9))
+    assert bench.crew.parameters[0]["common"]["lambda3"] == 4.5
+    (value,) = of_type(said, "PARAM_VALUE")
+    assert (value.param_id, value.param_value) == ("LAMBDA3", 4.5)
+    assert [m.text for m in of_type(said, "STATUSTEXT")] == ["LAMBDA3 is 4.5 now"]
+    said = bench.say(dialect.MAVLink_param_set_message(UAV, 1, b"LAMBDA3", -1.0, 9))
+    assert [m.text for m in of_type(said, "STATUSTEXT")] == ["LAMBDA3 is -1, must be > 0"]
+
+
+def test_what_is_for_others_is_left_alone(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    for target in ((2, 1), (UAV, 100), (0, 25)):
+        for message in (
+            dialect.MAVLink_command_long_message(*target, ARM, 0, 1, 0, 0, 0, 0, 0, 0),
+            dialect.MAVLink_param_set_message(*target, b"LAMBDA3", 4.5, 9),
+            dialect.MAVLink_mission_request_list_message(*target, 0),
+            dialect.MAVLink_request_data_stream_message(*target, 0, 50, 1),
+        ):
+            assert bench.say(message) == []
+    assert not bench.vehicle.modes.armed
+    everyone = dialect.MAVLink_command_long_message(0, 0, ARM, 0, 1, 0, 0, 0, 0, 0, 0)
+    assert of_type(bench.say(everyone), "COMMAND_ACK")[0].result == ACCEPTED
+
+
+def test_commands_come_as_command_int_too(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    message = dialect.MAVLink_command_int_message(UAV, 1, 0, ARM, 0, 0, 1.0, 0, 0, 0, 0, 0, 0)
+    assert of_type(bench.say(message), "COMMAND_ACK")[0].result == ACCEPTED
+    assert bench.vehicle.modes.armed
+
+
+def test_the_old_set_mode_message_is_understood(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.say(dialect.MAVLink_set_mode_message(UAV, 1, GUIDED))
+    assert bench.vehicle.modes.mode == GUIDED
+    bench.say(dialect.MAVLink_set_mode_message(UAV, 1, 11))
+    assert bench.vehicle.modes.mode == GUIDED
+
+
+@pytest.mark.parametrize(
+    ("command", "params", "expected"),
+    [
+        (dialect.MAV_CMD_GET_HOME_POSITION, (), "HOME_POSITION"),
+        (dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, (1.0,), "AUTOPILOT_VERSION"),
+        (dialect.MAV_CMD_GET_MESSAGE_INTERVAL, (30.0,), "MESSAGE_INTERVAL"),
+        (dialect.MAV_CMD_REQUEST_MESSAGE, (244.0, 30.0), "MESSAGE_INTERVAL"),
+        (dialect.MAV_CMD_REQUEST_MESSAGE, (0.0,), "HEARTBEAT"),
+        (dialect.MAV_CMD_REQUEST_MESSAGE, (193.0,), "EKF_STATUS_REPORT"),
+    ],
+)
+def test_messages_come_by_other_commands(
+    command: int, params: tuple[float, ...], expected: str, scenario1: Scenario
+) -> None:
+    seven = (*params, *[0.0] * 7)[:7]
+    message = dialect.MAVLink_command_long_message(UAV, 1, command, 0, *seven)
+    answers = Bench(scenario1).say(message)
+    assert len(of_type(answers, expected)) == 1
+    assert of_type(answers, "COMMAND_ACK")[0].result == ACCEPTED
+
+
+def test_a_generic_autopilot_says_so(scenario1: Scenario) -> None:
+    bench = Bench(scenario1.model_copy(update={"identity": "generic"}))
+    bench.vehicle.tick(0.0)
+    (heartbeat,) = of_type(bench.vehicle.gcs_messages(), "HEARTBEAT")
+    assert heartbeat.autopilot == dialect.MAV_AUTOPILOT_GENERIC
+    read = dialect.MAVLink_param_request_read_message(UAV, 1, b"SYSID_THISMAV", -1)
+    (value,) = of_type(bench.say(read), "PARAM_VALUE")
+    assert value.param_value == pytest.approx(1.4e-45)  # the integer 1, byte by byte

@@ -1,0 +1,61 @@
+"""Where on Earth the flat world of the simulation lies.
+
+North, east and down [m] count from an origin whose geographic coordinates only telemetry
+knows. The Earth is a sphere there, as in ArduPilot: 1 cm off after 3 km.
+"""
+
+import math
+from typing import NamedTuple
+
+from mavlink_defs.config import Model
+from mavlink_defs.quantity import quantity
+
+__all__ = ["Origin", "Place", "place_of"]
+
+_EARTH_RADIUS_M = 6378137.0
+
+
+class Origin(Model):
+    """Geographic coordinates of north = east = down = 0, which is also home.
+
+    The default is where ArduPilot's simulation begins: CMAC, a model airfield near Canberra.
+    """
+
+    latitude_deg: float = quantity(
+        "deg", ge=-89.0, le=89.0, default=-35.363262, doc="Latitude, WGS 84."
+    )
+    longitude_deg: float = quantity(
+        "deg", ge=-180.0, le=180.0, default=149.165237, doc="Longitude, WGS 84."
+    )
+    altitude_m: float = quantity(
+        "m", ge=-500.0, le=9000.0, default=584.0, doc="Altitude above mean sea level."
+    )
+
+
+class Place(NamedTuple):
+    """A place in the units of MAVLink."""
+
+    latitude: int  # degE7
+    longitude: int  # degE7
+    altitude: int  # mm above mean sea level
+    height: int  # mm above the origin
+
+
+def place_of(origin: Origin, north: float, east: float, down: float) -> Place:
+    """Give the place of a position [m, NED]; what no message could hold is cut off."""
+    latitude = origin.latitude_deg + math.degrees(_sane(north) / _EARTH_RADIUS_M)
+    parallel_m = _EARTH_RADIUS_M * math.cos(math.radians(origin.latitude_deg))
+    longitude = origin.longitude_deg + math.degrees(_sane(east) / parallel_m)
+    longitude = (longitude + 180.0) % 360.0 - 180.0
+    height = -_sane(down)
+    return Place(
+        round(min(max(latitude, -90.0), 90.0) * 1e7),
+        round(longitude * 1e7),
+        round((origin.altitude_m + height) * 1e3),
+        round(height * 1e3),
+    )
+
+
+def _sane(metres: float) -> float:
+    """Within ±1000 km, which fits everywhere; 0 for NaN."""
+    return min(max(metres, -1e6), 1e6) if metres == metres else 0.0  # noqa: PLR0124 - NaN

@@ -1,0 +1,79 @@
+"""What a vehicle says about itself: who it is, what it can, how well it is."""
+
+from ftc_autopilot.config import AutopilotConfig
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+
+__all__ = ["VERSION", "StatusMessages"]
+
+VERSION = (0, 1, 0)
+"""Major, minor and patch of this software; the same as the package's."""
+
+_UID = 0x4654_4300_0000_0000  # "FTC"
+_UID2_SIZE = 18
+_CAPABILITIES = (
+    dialect.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+    | dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+)
+# MAVSDK takes a vehicle for healthy by these, MAVProxy announces a fence breach without GEOFENCE
+_SENSORS = (
+    dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    | dialect.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    | dialect.MAV_SYS_STATUS_SENSOR_3D_MAG
+    | dialect.MAV_SYS_STATUS_SENSOR_GPS
+    | dialect.MAV_SYS_STATUS_GEOFENCE
+    | dialect.MAV_SYS_STATUS_AHRS
+    | dialect.MAV_SYS_STATUS_PREARM_CHECK
+)
+_ALL_KNOWN = 0b11_0111_1111  # EKF_STATUS_REPORT.flags
+_UNKNOWN_U16, _UNKNOWN_I16, _UNKNOWN = 2**16 - 1, 2**15 - 1, -1
+
+
+class StatusMessages:
+    """Makes the messages that no state of the aircraft goes into."""
+
+    def __init__(self, config: AutopilotConfig) -> None:
+        self._system = config.id
+        self._capabilities = _CAPABILITIES | config.param_capability
+
+    def autopilot_version(self) -> MAVLink_message:
+        """AUTOPILOT_VERSION."""
+        major, minor, patch = VERSION
+        version = major << 24 | minor << 16 | patch << 8 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL
+        uid2 = f"ftc-sitl UAV {self._system}".encode().ljust(_UID2_SIZE, b"\0")
+        return dialect.MAVLink_autopilot_version_message(
+            self._capabilities, version, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0,
+            _UID | self._system, [*uid2],
+        )  # fmt: skip
+
+    @staticmethod
+    def sys_status() -> MAVLink_message:
+        """SYS_STATUS: everything works, always; faults are the controller's to find out."""
+        return dialect.MAVLink_sys_status_message(
+            _SENSORS, _SENSORS, _SENSORS, load=0, voltage_battery=_UNKNOWN_U16,
+            current_battery=_UNKNOWN, battery_remaining=_UNKNOWN, drop_rate_comm=0, errors_comm=0,
+            errors_count1=0, errors_count2=0, errors_count3=0, errors_count4=0,
+        )  # fmt: skip
+
+    @staticmethod
+    def battery_status() -> MAVLink_message:
+        """BATTERY_STATUS: nothing is known of any."""
+        return dialect.MAVLink_battery_status_message(
+            0, dialect.MAV_BATTERY_FUNCTION_UNKNOWN, dialect.MAV_BATTERY_TYPE_UNKNOWN,
+            _UNKNOWN_I16, [_UNKNOWN_U16] * 10, _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN,
+        )  # fmt: skip
+
+    @staticmethod
+    def ekf_status_report() -> MAVLink_message:
+        """EKF_STATUS_REPORT: the state is no estimate."""
+        return dialect.MAVLink_ekf_status_report_message(_ALL_KNOWN, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @staticmethod
+    def extended_sys_state() -> MAVLink_message:
+        """EXTENDED_SYS_STATE: flights begin, and end, in the air."""
+        return dialect.MAVLink_extended_sys_state_message(
+            dialect.MAV_VTOL_STATE_UNDEFINED, dialect.MAV_LANDED_STATE_IN_AIR
+        )

@@ -1,0 +1,65 @@
+"""Other people's MAVLink programs with our dialect: ``ftc-mavlink PROGRAM [ARGUMENTS]``.
+
+pymavlink finds a dialect by the name of a module of its own. This starts a Python program that
+uses pymavlink (MAVProxy, mavlogdump.py, …) in this interpreter, where a module of the name
+"ftc" is our dialect; nothing of pymavlink is changed. Tell the program ``--dialect ftc``.
+"""
+
+import os
+import runpy
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+__all__ = ["main", "offer_dialect"]
+
+NAME = "ftc"
+
+
+def offer_dialect() -> None:
+    """Let pymavlink's tools find our dialect in this process; call it before they are imported."""
+    from pymavlink.dialects import v20  # noqa: PLC0415 - only those who want it pay for it
+
+    from mavlink_defs import dialect  # noqa: PLC0415
+
+    sys.modules[f"{v20.__name__}.{NAME}"] = dialect
+    setattr(v20, NAME, dialect)
+    os.environ["MAVLINK_DIALECT"], os.environ["MAVLINK20"] = NAME, "1"
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the program named by the first argument, which gets the others."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if not arguments or arguments[0] in {"-h", "--help"}:
+        print("usage: ftc-mavlink PROGRAM [ARGUMENTS], such as:")
+        print("  ftc-mavlink mavproxy.py --dialect ftc --master udpin:127.0.0.1:14550")
+        print("  ftc-mavlink mavlogdump.py --dialect ftc --types FTC_EVENTS runs/first/flight.tlog")
+        sys.exit(0 if arguments else 2)
+    beside = Path(sys.executable).parent / arguments[0]
+    program = str(beside) if beside.is_file() else shutil.which(arguments[0])
+    if program is None:
+        print(f"ftc-mavlink: there is no program '{arguments[0]}'", file=sys.stderr)
+        print("hint: MAVProxy comes with `pip install MAVProxy`", file=sys.stderr)
+        sys.exit(2)
+    offer_dialect()
+    if Path(program).name == "mavgraph.py":
+        _mend_matplotlib()
+    sys.argv = [program, *arguments[1:]]
+    runpy.run_path(program, run_name="__main__")
+
+
+def _mend_matplotlib() -> None:
+    """Give matplotlib 3.11 back what mavgraph.py of pymavlink 2.4.50 calls."""
+    from matplotlib.axes import Axes  # noqa: PLC0415 - a large import that only one tool needs
+
+    def plot_date(axes: Axes, x: Any, y: Any, tz: Any = None, **how: Any) -> Any:
+        axes.xaxis_date(tz)
+        return axes.plot(x, y, **how)
+
+    if not hasattr(Axes, "plot_date"):
+        Axes.plot_date = plot_date  # type: ignore[attr-defined]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""MAVProxy as a person uses it: lines typed, lines read."""
+
+import contextlib
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+TIMEOUT_S = 30.0
+_NO_WINDOWS = "log,signing,wp,ftp,param,arm,mode,misc,cmdlong,fence,rally"
+
+
+class MavProxy:
+    """A running MAVProxy, with our dialect; a context manager that leaves nothing behind."""
+
+    def __init__(self, port: int, folder: Path) -> None:
+        self._lines: list[str] = []
+        self._popen = subprocess.Popen(
+            [sys.executable, "-m", "mavlink_defs.with_dialect", "mavproxy.py", "--dialect", "ftc",
+             "--master", f"udpin:127.0.0.1:{port}", "--state-basedir", folder,
+             "--logfile", folder / "mavproxy.tlog", "--default-modules", _NO_WINDOWS,
+             "--show-errors"],
+            cwd=folder, bufsize=0, env=os.environ | {"HOME": str(folder)},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End it; it often ignores every wish to stop, but not SIGKILL."""
+        with contextlib.suppress(OSError):
+            self._type("set requireexit True")
+            self._type("exit")
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._popen.wait(2.0)
+        self._popen.kill()
+        self._popen.wait()
+        self._reader.join()
+        for stream in (self._popen.stdin, self._popen.stdout):
+            if stream is not None:
+                stream.close()
+
+    def say(self, line: str, expected: str) -> "re.Match[str]":
+        """Type a line; the first match of a pattern in what is printed from then on."""
+        begin = len(self._lines)
+        self._type(line)
+        return self.wait_for(expected, begin)
+
+    def wait_for(self, expected: str, begin: int = 0) -> "re.Match[str]":
+        """Wait for a pattern in what was printed since line `begin`."""
+        end = time.monotonic() + TIMEOUT_S
+        while True:
+            text = "\n".join(self._lines[begin:])
+            if (match := re.search(expected, text)) is not None:
+                return match
+            assert time.monotonic() < end, f"waited in vain for {expected!r} in:\n{text}"
+            assert self._popen.poll() is None, text
+            time.sleep(0.02)
+
+    @property
+    def text(self) -> str:
+        """All that it has printed."""
+        return "\n".join(self._lines)
+
+    def _type(self, line: str) -> None:
+        assert self._popen.stdin is not None
+        self._popen.stdin.write(f"{line}\n".encode())
+
+    def _read(self) -> None:
+        assert self._popen.stdout is not None
+        for line in self._popen.stdout:
+            self._lines.append(line.decode(errors="replace").rstrip())

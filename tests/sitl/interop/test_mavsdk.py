@@ -1,0 +1,208 @@
+"""MAVSDK-Python drives a fleet: everything that docs/clients.md says it can."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from mavsdk import ComponentType, Configuration, Mavsdk, System
+from mavsdk.plugins.action import Action, ActionError, ActionResult
+from mavsdk.plugins.failure import Failure, FailureError, FailureResult, FailureType, FailureUnit
+from mavsdk.plugins.info import Info
+from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
+from mavsdk.plugins.param import Param, ParamError, ParamResult
+from mavsdk.plugins.telemetry import FlightMode, LandedState, Telemetry
+from standing import Standing
+
+from mavlink_defs.profile import segments_to_items
+
+pytestmark = pytest.mark.sitl
+
+TIMEOUT_S = 20.0
+
+
+def wait(condition: Callable[[], Any], what: str) -> None:
+    end = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < end, f"waited in vain for {what}"
+        time.sleep(0.02)
+
+
+@pytest.fixture(scope="module")
+def systems(fleet: Standing) -> Iterator[list[System]]:
+    """The three vehicles, by system id."""
+    mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+    mavsdk.add_any_connection(f"udpin://127.0.0.1:{fleet.port}")
+    try:
+        wait(lambda: mavsdk.system_count() == 3, "three systems")
+        found = sorted(mavsdk.get_systems(), key=lambda system: system.get_system_id())
+        wait(lambda: all(s.is_connected() and s.has_autopilot() for s in found), "autopilots")
+        yield found
+    finally:
+        mavsdk.destroy()
+
+
+@pytest.fixture(scope="module")
+def leader(systems: list[System]) -> System:
+    return systems[0]
+
+
+@pytest.fixture(scope="module")
+def telemetry(leader: System) -> Telemetry:
+    telemetry = Telemetry(leader)
+    wait(lambda: not math.isnan(telemetry.home().latitude_deg), "home")
+    return telemetry
+
+
+def mission(fleet: Standing) -> list[MissionItem]:
+    return [
+        MissionItem(i.seq, i.frame, i.command, int(i.seq == 0), 1, i.param1, i.param2, i.param3,
+                    i.param4, i.x, i.y, i.z, 0)
+        for i in segments_to_items(fleet.scenario.segments(), 1, 1)
+    ]  # fmt: skip
+
+
+def contents(items: list[MissionItem]) -> list[tuple[Any, ...]]:
+    return [(i.seq, i.command, i.param1, i.param2, i.param3, i.param4, i.x, i.y) for i in items]
+
+
+def test_all_vehicles_are_found_on_one_port(systems: list[System]) -> None:
+    assert [system.get_system_id() for system in systems] == [1, 2, 3]
+    assert all(system.component_ids() == [1] for system in systems)
+    assert not any(system.has_camera() or system.has_gimbal() for system in systems)
+
+
+def test_information(leader: System) -> None:
+    info = Info(leader)
+    version = info.get_version()
+    assert (version.flight_sw_major, version.flight_sw_minor) == (0, 1)
+    assert bytes.fromhex(info.get_identification().hardware_uid).startswith(b"ftc-sitl UAV 1")
+
+
+def test_telemetry_of_a_waiting_vehicle(fleet: Standing, telemetry: Telemetry) -> None:
+    wait(telemetry.health_all_ok, "health")
+    wait(lambda: not math.isnan(telemetry.position().latitude_deg), "position")
+    position, home = telemetry.position(), telemetry.home()
+    assert home.absolute_altitude_m == pytest.approx(584.0)
+    assert position.relative_altitude_m == pytest.approx(100.0, abs=0.01)
+    north_m = (position.latitude_deg - home.latitude_deg) * math.radians(6378137.0)
+    assert north_m == pytest.approx(-20.0, abs=0.02)
+    assert telemetry.velocity_ned().north_m_s == pytest.approx(40.0, abs=0.1)
+    assert telemetry.attitude_euler().pitch_deg == pytest.approx(1.0, abs=1e-3)
+    assert telemetry.attitude_quaternion().w == pytest.approx(1.0, abs=1e-3)
+    assert telemetry.fixedwing_metrics().airspeed_m_s == pytest.approx(40.0)
+    assert telemetry.heading().heading_deg == pytest.approx(0.0)
+    assert telemetry.landed_state() == LandedState.IN_AIR
+    assert telemetry.flight_mode() == FlightMode.HOLD
+    assert not telemetry.armed()
+
+
+def test_rates_can_be_changed(telemetry: Telemetry) -> None:
+    for name in ("position", "velocity_ned", "attitude_euler", "attitude_quaternion", "home",
+                 "in_air", "landed_state", "raw_gps", "gps_info", "battery", "odometry", "imu",
+                 "altitude", "fixedwing_metrics", "position_velocity_ned", "health",
+                 "actuator_output_status"):  # fmt: skip
+        getattr(telemetry, f"set_rate_{name}")(20.0)
+    wait(lambda: telemetry.odometry().time_usec == 0, "odometry")
+    wait(lambda: telemetry.altitude().altitude_relative_m > 99.0, "altitude")
+    wait(lambda: telemetry.imu().acceleration_frd.forward_m_s2 < 0.0, "imu")
+    arrivals: list[float] = []
+    handle = telemetry.subscribe_attitude_euler(lambda *_: arrivals.append(time.monotonic()))
+    wait(lambda: len(arrivals) > 21, "20 attitudes")
+    telemetry.unsubscribe_attitude_euler(handle)
+    assert (arrivals[21] - arrivals[1]) / 20 == pytest.approx(0.05, rel=0.5)
+    for name in ("attitude_euler", "position", "odometry", "imu", "altitude"):
+        getattr(telemetry, f"set_rate_{name}")(0.0)
+
+
+def test_parameters(leader: System) -> None:
+    param = Param(leader)
+    everything = param.get_all_params()
+    names = {p.name: p.value for p in (*everything.int_params, *everything.float_params)}
+    assert len(names) > 40
+    assert (names["SYSID_THISMAV"], names["LAMBDA1"]) == (1, pytest.approx(0.46))
+    assert param.get_param_int("TRIG_MODE") == 0
+    param.set_param_int("TRIG_MODE", 1)
+    assert param.get_param_int("TRIG_MODE") == 1
+    param.set_param_int("TRIG_MODE", 0)
+    assert param.get_param_float("K1_ROLL") == 50.0
+    param.set_param_float("K1_ROLL", 47.5)
+    assert param.get_param_float("K1_ROLL") == 47.5
+    param.set_param_float("K1_ROLL", 50.0)
+
+
+@pytest.mark.parametrize(
+    ("ask", "result"),
+    [
+        (lambda param: param.get_param_float("NO_SUCH"), ParamResult.DOES_NOT_EXIST),
+        (lambda param: param.set_param_float("K1_ROLL", -1.0), ParamResult.VALUE_OUT_OF_RANGE),
+        (lambda param: param.set_param_int("TRIG_MODE", 3), ParamResult.VALUE_OUT_OF_RANGE),
+        (lambda param: param.set_param_int("SYSID_THISMAV", 9), ParamResult.READ_ONLY),
+        (lambda param: param.set_param_int("K1_ROLL", 9), ParamResult.WRONG_TYPE),
+    ],
+)
+def test_refused_parameters(leader: System, ask: Callable[[Param], Any], result: int) -> None:
+    with pytest.raises(ParamError) as refusal:
+        ask(Param(leader))
+    assert refusal.value.args[0] == result
+
+
+def test_missions_of_all_types(fleet: Standing, leader: System) -> None:
+    raw = MissionRaw(leader)
+    raw.upload_mission(mission(fleet))
+    assert contents(raw.download_mission())[1:] == contents(mission(fleet))[1:]
+    raw.set_current_mission_item(2)
+    assert raw.mission_progress().current == 2
+    raw.set_current_mission_item(1)
+    assert raw.download_geofence() == raw.download_rallypoints() == []
+    raw.clear_mission()
+    assert len(raw.download_mission()) == 1
+
+
+def test_failures(leader: System) -> None:
+    failure = Failure(leader)
+    for unit, kinds in (
+        (FailureUnit.SYSTEM_SERVO, (FailureType.OFF, FailureType.STUCK, FailureType.OK)),
+        (FailureUnit.SYSTEM_MOTOR, (FailureType.OFF, FailureType.OK)),
+    ):
+        for kind in kinds:
+            failure.inject(unit, kind, 1)
+    for unit, kind in (
+        (FailureUnit.SENSOR_GPS, FailureType.OFF),
+        (FailureUnit.SYSTEM_SERVO, FailureType.GARBAGE),
+    ):
+        with pytest.raises(FailureError) as refusal:
+            failure.inject(unit, kind, 0)
+        assert refusal.value.args[0] == FailureResult.UNSUPPORTED
+
+
+def test_arm_and_disarm(leader: System, telemetry: Telemetry) -> None:
+    action = Action(leader)
+    action.arm()
+    wait(telemetry.armed, "armed")
+    action.disarm()
+    wait(lambda: not telemetry.armed(), "disarmed")
+
+
+def test_the_mission_is_flown(fleet: Standing, systems: list[System], telemetry: Telemetry) -> None:
+    """Arm all, then start: MAVSDK changes to HOLD before it arms."""
+    raws, actions = [MissionRaw(s) for s in systems], [Action(s) for s in systems]
+    for raw in raws:
+        raw.upload_mission(mission(fleet))
+    for action in actions:
+        action.arm()
+    for raw in raws:
+        raw.start_mission()
+    wait(lambda: telemetry.flight_mode() == FlightMode.MISSION, "flight mode MISSION")
+    wait(lambda: raws[0].mission_progress().current == 2, "the second segment")
+    wait(lambda: telemetry.position().latitude_deg > telemetry.home().latitude_deg, "movement")
+    assert raws[0].mission_progress().total == 4
+    assert not raws[0].is_mission_finished()
+    with pytest.raises(ActionError) as refusal:
+        actions[0].disarm()
+    assert refusal.value.args[0] == ActionResult.COMMAND_DENIED
+    raws[0].pause_mission()
+    wait(lambda: telemetry.flight_mode() == FlightMode.HOLD, "flight mode HOLD")
+    actions[0].kill()
+    wait(lambda: not telemetry.armed(), "disarmed")
