@@ -33,8 +33,9 @@ Examples:
 - gcs wire capture.pcap --link plant=24560 --csv counts.csv
 - gcs wire runs/first/wire.json (of a flight with `links.impairments`)
 - gcs wire --relay 127.0.0.1:14570=127.0.0.1:14560 --impair loss=0.1,delay_ms=20,seed=3
+- gcs wire --relay ... --impair 'bursts={begin=0.01,end=0.2},outages=[{from_s=3,to_s=5}]'
 
-With the last one running, fly a scenario whose `links.plant_relay` is 127.0.0.1:14570.
+With a relay as in the last but one, fly a scenario whose `links.plant_relay` is 127.0.0.1:14570.
 
 A relay runs until Ctrl-C or --seconds, then prints what it counted.
 
