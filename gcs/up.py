@@ -11,6 +11,7 @@ from gcs.flight import prepare
 from gcs.hub import Hub
 from gcs.launcher import Fleet
 from gcs.scenario import Scenario
+from gcs.wiring import relay_of
 from mavlink_defs.endpoint import Address, Connection, EndpointError, bind_udp
 
 __all__ = ["keep_up"]
@@ -55,7 +56,12 @@ async def keep_up(
     transport, _ = await loop.create_datagram_endpoint(lambda: _Relay(Hub(ids)), sock=sock)
     try:
         processes = folder / "processes"
-        with Fleet(scenario, speed, processes, endless=True, ground_stations=[hub]) as fleet:
+        with (
+            relay_of(scenario) as relay,
+            Fleet(
+                scenario, speed, processes, endless=True, ground_stations=[hub], via=relay.via
+            ) as fleet,
+        ):
             async with Client(Connection("out", hub)) as client:
                 await prepare(client, fleet, scenario, start)
             on_ready()
