@@ -1,5 +1,6 @@
 """MAVSDK-Python drives a fleet: everything that docs/clients.md says it can."""
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -9,7 +10,7 @@ import pytest
 from mavsdk import ComponentType, Configuration, Mavsdk, System
 from mavsdk.plugins.action import Action, ActionError, ActionResult
 from mavsdk.plugins.failure import Failure, FailureError, FailureResult, FailureType, FailureUnit
-from mavsdk.plugins.info import Info
+from mavsdk.plugins.info import Info, InfoError
 from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
 from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.plugins.telemetry import FlightMode, LandedState, Telemetry
@@ -75,6 +76,13 @@ def test_all_vehicles_are_found_on_one_port(systems: list[System]) -> None:
 
 def test_information(leader: System) -> None:
     info = Info(leader)
+
+    def received() -> bool:
+        with contextlib.suppress(InfoError):
+            return info.get_version() is not None
+        return False
+
+    wait(received, "information")
     version = info.get_version()
     assert (version.flight_sw_major, version.flight_sw_minor) == (0, 1)
     assert bytes.fromhex(info.get_identification().hardware_uid).startswith(b"ftc-sitl UAV 1")

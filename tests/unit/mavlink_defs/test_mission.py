@@ -223,3 +223,29 @@ def test_two_uploads_and_a_download_never_mix(network: LossyNetwork, second_at: 
     finished = result_of(reading.events)
     if finished.result == ACCEPTED:
         assert contents(finished.items) in [[], *missions]
+
+
+@settings(max_examples=60, deadline=None)
+@given(networks, st.sampled_from([FENCE, RALLY]), st.sampled_from(["up", "empty", "down", "clear"]))
+def test_geofence_and_rally_points_are_empty_and_stay_so(
+    network: LossyNetwork, mission_type: int, operation: str
+) -> None:
+    server = Vehicle(3).server
+    machine: Any = {
+        "up": lambda: MissionUploader(GCS, VEHICLE, mission(2), mission_type),
+        "empty": lambda: MissionUploader(GCS, VEHICLE, [], mission_type),
+        "down": lambda: MissionDownloader(GCS, VEHICLE, mission_type),
+        "clear": lambda: MissionClearer(GCS, VEHICLE, mission_type),
+    }[operation]()
+    gcs = network.join(machine, GCS)
+    network.join(server, VEHICLE)
+    machine.start(now=0.0)
+    network.run(limit_s=60.0)
+
+    finished = result_of(gcs.events)
+    expected = dialect.MAV_MISSION_UNSUPPORTED if operation == "up" else ACCEPTED
+    assert finished.result in {expected, None}
+    assert finished.items == ()
+    assert len(server.items) == 4
+    if network.loss == 0.0:
+        assert finished.result == expected
