@@ -13,6 +13,7 @@ from gcs.commands.station import (
     UavOption,
 )
 from gcs.news import enum_name
+from gcs.parameter_help import known_quantity
 from gcs.vehicle import Vehicle
 from mavlink_defs.param import Param
 
@@ -32,15 +33,15 @@ Examples:
 _GET_EPILOG = f"""
 Examples:
 
-- gcs param get TRG_B1
-- gcs param get TRG_B1 --uav 2 --json
+- gcs param get TRIG_B1
+- gcs param get TRIG_B1 --uav 2 --json
 {EXIT_STATUS}"""
 
 _SET_EPILOG = f"""
 Examples:
 
-- gcs param set TRG_B1 0.02
-- gcs param set TRG_B1 0.02 --uav 1,3
+- gcs param set TRIG_B1 0.02
+- gcs param set TRIG_B1 0.02 --uav 1,3
 {EXIT_STATUS}"""
 
 
@@ -83,7 +84,9 @@ def get(
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
 
-@app.command(name="set", epilog=_SET_EPILOG)
+@app.command(  # a negative value is not an option
+    name="set", epilog=_SET_EPILOG, context_settings={"ignore_unknown_options": True}
+)
 def set_(
     name: _Name,
     value: Annotated[float, typer.Argument(metavar="VALUE")],
@@ -104,7 +107,12 @@ def set_(
 
 
 def _words(vehicle: Vehicle, param: Param) -> str:
-    return f"UAV {vehicle.system}: {param.name} = {param.value:g}"
+    known = known_quantity(param.name)
+    unit = f" {known.unit}" if known and known.unit else ""
+    allowed = known.range() if known else "any number"
+    limits = "" if allowed.startswith("any number") else f" ({allowed})"
+    meaning = f"; {known.doc.rstrip('.')}" if known and known.doc else ""
+    return f"UAV {vehicle.system}: {param.name} = {param.value:g}{unit}{limits}{meaning}"
 
 
 def _param_dict(param: Param) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import json
 import signal
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -157,7 +157,7 @@ def _announce(
         then[:0] = ["gcs start" + connect, "gcs arm" + connect]
     lines = [
         f"[bold]{scenario.name}[/bold]: {len(scenario.uavs)} UAVs up ({pace}), profile of "
-        f"{len(scenario.profile)} segments and {len(scenario.faults)} faults set, {state}",
+        f"{_count(scenario.profile, 'segment')}, {_count(scenario.faults, 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
         f"  words of the processes: {folder / 'processes'}",
         *(f"  {'then:' if i == 0 else '     '} {words}" for i, words in enumerate(then)),
@@ -165,3 +165,7 @@ def _announce(
     ]
     for line in lines:
         console.print(line, soft_wrap=True)
+
+
+def _count(things: Sequence[object], name: str) -> str:
+    return f"{len(things)} {name}" + ("" if len(things) == 1 else "s")

@@ -9,6 +9,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input
 
+from gcs.parameter_help import known_quantity
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.line import Line
 from gcs.tui.requests import Outcome, Refresh, Wish
@@ -16,9 +17,8 @@ from gcs.tui.view import FleetView
 from gcs.tui.words import Cell, ids
 from gcs.vehicle import Vehicle
 from mavlink_defs.param import Param
-from mavlink_defs.quantity import Quantity
 
-__all__ = ["ParametersPanel", "known_quantity"]
+__all__ = ["ParametersPanel"]
 
 _COLUMNS = (
     Column("name", 16, "left"),
@@ -27,15 +27,6 @@ _COLUMNS = (
     Column("range", 18, "left"),
     Column("meaning", 0, "left"),
 )
-
-
-def known_quantity(name: str) -> Quantity | None:
-    """Unit, range and meaning of a parameter, which the protocol does not carry.
-
-    None for all of them until the vehicles have parameters.
-    """
-    del name
-    return None
 
 
 class ParametersPanel(Vertical):

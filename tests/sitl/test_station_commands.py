@@ -172,9 +172,17 @@ def test_profiles(fleet: Up, tmp_path: Path) -> None:
     assert answer == {"uav": 2, "outcome": "accepted", "segments": 3}
 
 
-def test_vehicles_offer_no_parameters_yet(fleet: Up) -> None:
-    said = words(fleet.gcs("param", "list", "--uav", "1"), NO_ANSWER)
-    assert "UAV 1 offers no parameters" in said
+def test_parameters(fleet: Up) -> None:
+    listed = fleet.gcs("param", "list", "--uav", "1")
+    assert listed.returncode == ACCEPTED, listed.stderr
+    assert "UAV 1: TRIG_B2_DEG = 1 deg (>= 0 deg); Absolute threshold of a surface" in listed.stdout
+    (answer,) = fleet.gcs_json("param", "set", "TRIG_B2_DEG", "0.75", "--uav", "2")
+    assert (answer["name"], answer["value"]) == ("TRIG_B2_DEG", 0.75)
+    (answer,) = fleet.gcs_json("param", "get", "TRIG_B2_DEG", "--uav", "2")
+    assert answer["value"] == 0.75
+    assert "TRIG_B2_DEG" in words(fleet.gcs("param", "set", "TRIG_B2_DEG", "-1"), REFUSED)
+    assert "NO_SUCH_THING" in words(fleet.gcs("param", "get", "NO_SUCH_THING"), REFUSED)
+    assert fleet.gcs("param", "set", "TRIG_B2_DEG", "1").returncode == ACCEPTED
 
 
 def test_record(fleet: Up, tmp_path: Path) -> None:
