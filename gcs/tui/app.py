@@ -286,7 +286,7 @@ class Dashboard(App[None]):
 
         async def act(vehicle: Vehicle, _: str) -> str:
             await vehicle.arm()
-            return "armed"
+            return ""
 
         targets = self.view.targets
         question = f"Arm {ids(targets)}?\nSimulated time begins for all when the last UAV is armed."
@@ -297,7 +297,7 @@ class Dashboard(App[None]):
 
         async def act(vehicle: Vehicle, _: str) -> str:
             await vehicle.start_mission()
-            return "mission started"
+            return ""
 
         self.post_message(Wish("start mission", self.view.targets, act))
 
@@ -306,7 +306,7 @@ class Dashboard(App[None]):
 
         async def act(vehicle: Vehicle, choice: str) -> str:
             await vehicle.disarm(force=choice == "force")
-            return "disarmed by force" if choice == "force" else "disarmed"
+            return "disarmed by force" if choice == "force" else ""
 
         targets = self.view.targets
         question = (

@@ -117,11 +117,11 @@ async def make_fly(someone: Operator) -> None:
         return
     await someone.press("1", "asterisk", "s")
     for system in (1, 2, 3):
-        await someone.sees_event(f"{system} action", "mission started")
+        await someone.sees_event(f"{system} action", "start mission: accepted")
     await someone.press("a")
     await someone.press("enter")
     await someone.sees(lambda: all("ARMED" in someone.row(i) for i in (1, 2, 3)), "ARMED")
-    await someone.sees_event("3 action", "armed")
+    await someone.sees_event("3 action", "arm: accepted")
     await someone.press("asterisk")
 
 

@@ -11,7 +11,8 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from gcs.errors import CommandRefused, NoAnswer
+from gcs.commands.log import log
+from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.fleet_state import FleetState
 from gcs.news import INFO, News
 from gcs.profile_file import load_profile
@@ -273,6 +274,20 @@ def test_a_log_plays_at_its_speed_to_its_end() -> None:
     assert (player.position_s, player.playing) == (player.length_s, False)
 
 
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [(None, "cannot read"), (b"", "no frame in it"), (b"x" * 50, "no MAVLink frame")],
+)
+def test_a_file_that_is_no_log_is_refused(
+    content: bytes | None, problem: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "file.tlog"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(BadInput, match=problem):
+        log(path)
+
+
 def test_a_log_cannot_be_asked() -> None:
     with pytest.raises(KeyError):
         playback().vehicle(1)
@@ -330,7 +345,7 @@ def test_parameters_are_searched_and_set_after_a_question() -> None:
     station.vehicles[1] = vehicle
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        log = app.view.source.journal.entries
+        entries = app.view.source.journal.entries
         await pilot.press("5")
         await pilot.pause(0.2)
         grid = app.query_one("#params", Grid)
@@ -343,12 +358,12 @@ def test_parameters_are_searched_and_set_after_a_question() -> None:
         assert "from 0.01 to 0.02" in app.export_screenshot().replace("&#160;", " ")
         await pilot.press("enter")
         await pilot.pause(0.1)
-        assert log[-1].text == "TRG_B1 is 0.02"
+        assert entries[-1].text == "TRG_B1 is 0.02"
         assert "TRG_B1 0.02" in grid.text
         vehicle.refuses = True
         await pilot.press("enter", *"7", "enter", "enter")
         await pilot.pause(0.1)
-        assert log[-1].text == "UAV 1 refused TRG_B1 = 7 (READ_ONLY)"
+        assert entries[-1].text == "UAV 1 refused TRG_B1 = 7 (READ_ONLY)"
         await pilot.press("enter", *"x", "enter")
         assert "TRG_B1 0.02" in grid.text
 
@@ -360,10 +375,10 @@ def test_every_failure_is_told() -> None:
     station.vehicles[1] = Obstinate()
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        log = app.view.source.journal.entries
+        entries = app.view.source.journal.entries
         await pilot.press("asterisk", "a", "enter")
         await pilot.pause(0.1)
-        texts = {entry.system: entry.text for entry in log if entry.kind == "action"}
+        texts = {entry.system: entry.text for entry in entries if entry.kind == "action"}
         assert "did not answer" in texts[1]
         assert "has not been heard of" in texts[2]
 
