@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks import codec
+from benchmarks import codec, dashboard
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
 ROUNDS = 5
@@ -36,6 +36,9 @@ def main() -> None:
     row("gcs reproduce: all flights, figures and the report", reproduced_s, "s", wanted="< 60")
     row("gcs fly to first simulated step, compile cache cold", cold_s, "s")
     row("gcs fly to first simulated step, compile cache warm", warm_s, "s", wanted="< 4")
+    load = dashboard.measure()
+    row("dashboard with 30 UAVs, from key to screen", load.key_ms, "ms", wanted="< 100")
+    row("the same, share of one core", [load.cpu_percent], "%", wanted="< 100")
     print()
     codec.main()
 

@@ -1,14 +1,15 @@
 """``gcs`` alone: the operator's dashboard."""
 
 import asyncio
+import signal
 import sys
 import time
-from collections.abc import Coroutine
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
 from gcs.client import Client
+from gcs.commands.station import run_interruptible
 from gcs.connection import choose_connection, own_identity
 from gcs.errors import BadInput
 
@@ -67,7 +68,7 @@ def dashboard(connect: str | None, theme: str) -> None:
             live.attach(client)
             await run_dashboard(Dashboard(live, theme))
 
-    run(work())
+    run_interruptible(work())
 
 
 async def run_dashboard(app: "Dashboard") -> None:
@@ -78,11 +79,9 @@ async def run_dashboard(app: "Dashboard") -> None:
     """
     if not has_terminal():
         raise BadInput("the dashboard needs a terminal", "scripts use `gcs status` and the like")
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGHUP):  # the terminal is left as it was found
+        loop.add_signal_handler(number, app.exit)
     await app.run_async()
     if app.defect is not None:
         raise app.defect
-
-
-def run(work: Coroutine[Any, Any, None]) -> None:
-    """Run until the operator leaves; Ctrl-C is Textual's to handle."""
-    asyncio.run(work)

@@ -69,13 +69,13 @@ class Dashboard(App[None]):
                 tooltip="Give the last fault to another UAV: the next that has it not"),
         Binding("C", "clear_all", "clear all faults", show=False,
                 tooltip="Clear all faults of the marked UAVs, or of all"),
-        Binding("k", "play", "play/pause", tooltip="Log: play or pause"),
-        Binding("j", "seek(-5)", "-5 s", tooltip="Log: 5 s back"),
-        Binding("l", "seek(5)", "+5 s", tooltip="Log: 5 s on"),
+        Binding("k", "play", "play/pause", show=False, tooltip="Log: play or pause"),
+        Binding("j", "seek(-5)", "-5 s", show=False, tooltip="Log: 5 s back"),
+        Binding("l", "seek(5)", "+5 s", show=False, tooltip="Log: 5 s on"),
         Binding("J", "seek(-60)", "-60 s", show=False, tooltip="Log: a minute back"),
         Binding("L", "seek(60)", "+60 s", show=False, tooltip="Log: a minute on"),
-        Binding("less_than_sign", "speed(-1)", "slower", tooltip="Log: slower"),
-        Binding("greater_than_sign", "speed(1)", "faster", tooltip="Log: faster"),
+        Binding("less_than_sign", "speed(-1)", "slower", show=False, tooltip="Log: slower"),
+        Binding("greater_than_sign", "speed(1)", "faster", show=False, tooltip="Log: faster"),
         Binding("t", "theme", "dark or light colours", show=False),
         Binding("question_mark,f1", "help", "help", tooltip="This help"),
         Binding("q", "quit", "quit", tooltip="Leave; the fleet flies on"),
@@ -286,7 +286,7 @@ class Dashboard(App[None]):
 
         async def act(vehicle: Vehicle, _: str) -> str:
             await vehicle.arm()
-            return "armed"
+            return ""
 
         targets = self.view.targets
         question = f"Arm {ids(targets)}?\nSimulated time begins for all when the last UAV is armed."
@@ -297,7 +297,7 @@ class Dashboard(App[None]):
 
         async def act(vehicle: Vehicle, _: str) -> str:
             await vehicle.start_mission()
-            return "mission started"
+            return ""
 
         self.post_message(Wish("start mission", self.view.targets, act))
 
@@ -306,7 +306,7 @@ class Dashboard(App[None]):
 
         async def act(vehicle: Vehicle, choice: str) -> str:
             await vehicle.disarm(force=choice == "force")
-            return "disarmed by force" if choice == "force" else "disarmed"
+            return "disarmed by force" if choice == "force" else ""
 
         targets = self.view.targets
         question = (

@@ -98,7 +98,7 @@ class EventsPanel(Vertical):
             kinds = [("all", ""), *((kind, kind) for kind in KINDS)]
             yield Select(kinds, value="", id="event-kind", compact=True, allow_blank=False)
             yield Input(placeholder="/ search", id="words", compact=True)
-        yield EventLog(id="log")
+        yield EventLog(id="log", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
         """Take in what is new."""

@@ -23,7 +23,7 @@ __all__ = ["FaultList", "FaultsPanel", "clear_all", "repeat"]
 _ROLES = {"active": "bad", "waiting": "warn", "over": "", "cleared": "muted",
           "replaced": "muted", "restarted": "muted"}  # fmt: skip
 _COLUMNS = (Column("UAV", 3), Column("state", 9, "left"), Column("fault", 0, "left"))
-_WIDE = (*_COLUMNS[:2], Column("fault", 38, "left"), Column("acknowledged", 0, "left"))
+_WIDE = (*_COLUMNS[:2], Column("fault", 42, "left"), Column("acknowledged", 0, "left"))
 _WIDE_FROM = 92
 
 
@@ -180,12 +180,12 @@ def _history(record: FaultRecord) -> str:
     parts = []
     if record.acknowledged is not None:
         ack = record.acknowledged
-        parts.append(f"UAV {record.system} at {clock(ack.at)} to {ack.asked_by}")
+        parts.append(f"by UAV {record.system} at {clock(ack.at)}, asked by {ack.asked_by}")
     if record.gone_at is not None:
-        by = f" by {record.cleared.asked_by}" if record.cleared else ""
+        by = f", asked by {record.cleared.asked_by}" if record.cleared else ""
         parts.append(f"{record.gone} {clock(record.gone_at)}{by}")
-    return "; ".join(parts) or "set before this station listened"
+    return "; ".join(parts) or "before this station listened"
 
 
 def _details(record: FaultRecord) -> str:
-    return f"UAV {record.system}: {describe_fault(record.fault)}\n{_history(record)}"
+    return f"UAV {record.system}: {describe_fault(record.fault)}\nacknowledged {_history(record)}"

@@ -94,7 +94,9 @@ class Grid(ScrollView, can_focus=True):
         self.columns: tuple[Column, ...] = ()
         self.rows: tuple[Row, ...] = ()
         self._follow = follow
-        self._styles: dict[str, Style] = {}
+        self._looks: dict[str, Style] = {}
+        self._widths: list[int] = []
+        self._room = 0
 
     # data in
 
@@ -107,7 +109,7 @@ class Grid(ScrollView, can_focus=True):
         self.columns, self.rows = columns, rows
         if not alike:
             self._resize()
-            self.refresh(layout=True)
+            self.refresh(layout=self.styles.auto_dimensions)
         elif rows != before:
             for i, (old, new) in enumerate(zip(before, rows, strict=True)):
                 if old != new:
@@ -144,13 +146,13 @@ class Grid(ScrollView, can_focus=True):
         """Width without a scroll bar."""
         return self.scrollable_content_region.width
 
-    def _widths(self) -> list[int]:
-        fixed = sum(column.width + 1 for column in self.columns) - 1
-        free = max(self.room - fixed, 8)
-        return [column.width or free for column in self.columns]
-
     def _resize(self) -> None:
-        self.virtual_size = Size(self.room, self._head + max(len(self.rows), 1))
+        """Work out the widths of the columns: they change less often than lines are drawn."""
+        self._room = self.room
+        fixed = sum(column.width + 1 for column in self.columns) - 1
+        free = max(self._room - fixed, 8)
+        self._widths = [column.width or free for column in self.columns]
+        self.virtual_size = Size(self._room, self._head + max(len(self.rows), 1))
 
     def on_resize(self, event: events.Resize) -> None:
         """Fit the column of width 0, and keep the cursor in sight."""
@@ -160,65 +162,55 @@ class Grid(ScrollView, can_focus=True):
     def notify_style_update(self) -> None:
         """Forget the colours of the theme before."""
         super().notify_style_update()
-        self._styles.clear()
+        self._looks.clear()
 
-    def _style(self, role: str) -> Style:
-        if role not in self._styles:
-            name = f"grid--{role}"
-            known = name in self.COMPONENT_CLASSES
-            self._styles[role] = (
-                self.get_component_rich_style(name, partial=True) if known else Style()
-            )
-        return self._styles[role]
+    def _look(self, role: str) -> Style:
+        """The style of a role, "" for plain text."""
+        if role not in self._looks:
+            base = self.rich_style
+            if f"grid--{role}" in self.COMPONENT_CLASSES:
+                base += self.get_component_rich_style(f"grid--{role}", partial=True)
+            self._looks[role] = base
+        return self._looks[role]
 
     def render_line(self, y: int) -> Strip:
         """Draw one line of the widget."""
-        scroll_y = self.scroll_offset.y
-        width = self.room
-        place = y - self._head + scroll_y
+        place = y - self._head + self.scroll_offset.y
         if y < self._head:
-            segments = self._groups() if y < self._head - 1 else self._titles()
-        elif 0 <= place < len(self.rows):
-            segments = self._cells(place)
-        elif place == 0 and self.empty:
-            segments = [Segment(self.empty, self._style("muted"))]
+            runs = self._groups() if y < self._head - 1 else self._titles()
+        elif place < len(self.rows):
+            runs = self._cells(place)
         else:
-            segments = []
-        strip = Strip(segments).crop(0, width)
-        base = self.rich_style
-        if 0 <= place < len(self.rows) and y >= self._head and place == self.cursor:
-            base += self._style("cursor") if self.has_focus else Style()
-        return strip.extend_cell_length(width, base).apply_style(base)
+            runs = [(self.empty, "muted")] if not self.rows and place == 0 else []
+        strip = Strip([Segment(text, self._look(role)) for text, role in runs])
+        strip = strip.adjust_cell_length(self._room, self._look(""))
+        at_cursor = y >= self._head and place == self.cursor and self.rows
+        if at_cursor and self.has_focus:
+            cursor = Style(bgcolor=self._look("cursor").bgcolor)  # colours of text stay
+            strip = Strip(
+                [Segment(text, (style or Style()) + cursor) for text, style, _ in strip],
+                strip.cell_length,
+            )
+        return strip
 
-    def _titles(self) -> list[Segment]:
-        texts = [
-            Segment(_fit(column.title, width, column.align), self._style("head"))
-            for column, width in zip(self.columns, self._widths(), strict=True)
-        ]
-        return _spaced(texts)
+    def _titles(self) -> list[Cell]:
+        titles = [(column.title, "head") for column in self.columns]
+        return _joined(titles, self.columns, self._widths)
 
-    def _groups(self) -> list[Segment]:
-        segments, widths, i = [], self._widths(), 0
+    def _groups(self) -> list[Cell]:
+        texts, i = [], 0
         while i < len(self.columns):
             end = i + 1
             group = self.columns[i].group
             while end < len(self.columns) and self.columns[end].group == group:
                 end += 1
-            width = sum(widths[i:end]) + end - i - 1
-            text = f" {group} ".center(width, "─")[:width] if group else " " * width
-            segments.append(Segment(text, self._style("group")))
+            width = sum(self._widths[i:end]) + end - i - 1
+            texts.append(f" {group} ".center(width, "─")[:width] if group else " " * width)
             i = end
-        return _spaced(segments)
+        return [(" ".join(texts), "group")]
 
-    def _cells(self, place: int) -> list[Segment]:
-        return _spaced(
-            [
-                Segment(_fit(text, width, column.align), self._style(role) if role else None)
-                for (text, role), column, width in zip(
-                    self.rows[place].cells, self.columns, self._widths(), strict=True
-                )
-            ]
-        )
+    def _cells(self, place: int) -> list[Cell]:
+        return _joined(self.rows[place].cells, self.columns, self._widths)
 
     def _refresh_row(self, place: int) -> None:
         y = place + self._head - self.scroll_offset.y
@@ -274,13 +266,20 @@ class Grid(ScrollView, can_focus=True):
 
 
 def _fit(text: str, width: int, align: Literal["left", "right"]) -> str:
-    size = cell_len(text)
+    size = len(text) if text.isascii() else cell_len(text)
     if size > width:
         return set_cell_size(text, width - 1) + "…" if width > 1 else text[:width]
     space = " " * (width - size)
     return text + space if align == "left" else space + text
 
 
-def _spaced(segments: list[Segment]) -> list[Segment]:
-    gap = Segment(" ")
-    return [part for segment in segments for part in (segment, gap)][:-1]
+def _joined(cells: Sequence[Cell], columns: Sequence[Column], widths: Sequence[int]) -> list[Cell]:
+    """The text of a line, in runs of the same role."""
+    runs: list[Cell] = []
+    for (text, role), column, width in zip(cells, columns, widths, strict=True):
+        fitted = _fit(text, width, column.align) + " "
+        if runs and (runs[-1][1] == role or not text):
+            runs[-1] = (runs[-1][0] + fitted, runs[-1][1])
+        else:
+            runs.append((fitted, role))
+    return runs

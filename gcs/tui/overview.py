@@ -2,6 +2,7 @@
 
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
+from textual.geometry import Size
 
 from gcs.tui.events import EventLog
 from gcs.tui.fleet_table import FleetTable
@@ -12,10 +13,16 @@ from gcs.tui.wire_panel import WirePanel
 __all__ = ["Overview"]
 
 _TRAIL_S = 10.0
+_WIRE_S = 0.5
+_FORMATION_S = 1.0
 
 
 class Overview(Vertical):
     """What an operator looks at most of the time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: dict[str, object] = {}
 
     def compose(self) -> ComposeResult:
         """Lay out the panels."""
@@ -26,10 +33,17 @@ class Overview(Vertical):
         yield EventLog(short=True, id="overview-events", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
-        """Show what is known now."""
+        """Show what is known now; what costs more or says less is shown less often."""
         self.query_one(FleetTable).show_view(view)
-        self.query_one(WirePanel).show_view(view)
         self.query_one(EventLog).show_view(view)
-        formation = self.query_one(Chart)
-        if formation.display:
+        wire, formation = self.query_one(WirePanel), self.query_one(Chart)
+        if self._is_due("wire", _WIRE_S, view, wire.size):
+            wire.show_view(view)
+        if formation.display and self._is_due("formation", _FORMATION_S, view, formation.size):
             formation.draw(view, _TRAIL_S, None)
+
+    def _is_due(self, what: str, period_s: float, view: FleetView, size: Size) -> bool:
+        choice = None if view.source.can_act else view.selected  # a log may stand still
+        token = (view.now // period_s, len(view.states), choice, size, self.app.theme)
+        due, self._shown[what] = self._shown.get(what) != token, token
+        return due

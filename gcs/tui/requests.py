@@ -44,8 +44,8 @@ class Wish(Message):
     Attributes:
         what: What is to be done, in few words: "arm".
         systems: System ids of the vehicles.
-        act: Does it with one vehicle and gives words for the log; its second argument is the
-            value of the choice that the operator made, "" if there was nothing to choose.
+        act: Does it with one vehicle and gives words for the log, "" for "accepted"; its second
+            argument is the value of the operator's choice, "" if there was nothing to choose.
         question: What the operator is asked first; "" for nothing.
         choices: The answers besides "cancel".
         on_done: Called with each outcome.

@@ -8,6 +8,7 @@ then look at what has changed in ``tests/data/dashboard/*.svg``.
 import asyncio
 import functools
 import os
+import re
 import shutil
 import time
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ from mavlink_defs.tlog import read_frames
 
 DATA = Path(__file__).parents[2] / "data" / "dashboard"
 SCENARIO_1 = Path(__file__).parents[3] / "scenarios" / "paper" / "scenario1.yaml"
+_FONTS = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)  # links to a font on the internet
 FAULT_S = 25.5  # of the log: the fault of UAV 3 acts
 SIZES = ((80, 24), (120, 40))
 
@@ -74,7 +76,7 @@ def screens(
             for name, pressed in keys.items():
                 await pilot.press(*pressed)
                 await settle(app, pilot)
-                pictures[name] = app.export_screenshot()
+                pictures[name] = _FONTS.sub("", app.export_screenshot())
         return pictures
 
     return asyncio.run(show())
