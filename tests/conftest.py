@@ -7,6 +7,8 @@ import pytest
 from hypothesis import settings
 
 from gcs.scenario import Scenario, load_scenario
+from gcs.warm_up import compile_everything
+from mavlink_defs.jit import cache_is_cold, mark_cache_warm
 from sitl_plant.aircraft import aircraft_record
 
 # the first call of a function compiles it; the same examples in every run
@@ -15,6 +17,13 @@ settings.load_profile("ftc-sitl")
 
 DATA = Path(__file__).parent / "data"
 SCENARIO_1 = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile once, before workers and their fleets would all do it at the same time."""
+    if not hasattr(config, "workerinput") and cache_is_cold():
+        compile_everything(load_scenario(SCENARIO_1))
+        mark_cache_warm()
 
 
 @pytest.fixture(scope="session")
