@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from mavsdk import ComponentType, Configuration, Mavsdk, System
+from mavsdk import Autopilot, ComponentType, Configuration, Mavsdk, System
 from mavsdk.plugins.action import Action, ActionError, ActionResult
 from mavsdk.plugins.failure import Failure, FailureError, FailureResult, FailureType, FailureUnit
 from mavsdk.plugins.info import Info, InfoError
@@ -38,7 +38,8 @@ def systems(fleet: Standing) -> Iterator[list[System]]:
     try:
         wait(lambda: mavsdk.system_count() == 3, "three systems")
         found = sorted(mavsdk.get_systems(), key=lambda system: system.get_system_id())
-        wait(lambda: all(s.is_connected() and s.has_autopilot() for s in found), "autopilots")
+        ardupilots = [Autopilot.ARDUPILOT] * 3  # until then, MAVSDK encodes integers bytewise
+        wait(lambda: [s.autopilot_type() for s in found] == ardupilots, "their types")
         yield found
     finally:
         mavsdk.destroy()
