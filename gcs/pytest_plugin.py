@@ -6,7 +6,7 @@ nothing of the project until a fixture is used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Generator, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -84,9 +84,14 @@ def ftc_launch(
 @pytest.fixture
 def ftc_fleet(request: pytest.FixtureRequest, ftc_launch: Launch) -> FlyingFleet:
     """The fleet of ``@pytest.mark.ftc_scenario``: it has its profile and faults, is not armed."""
+    from gcs.errors import GcsError  # noqa: PLC0415
+
     path, options = _marked(request)
     options.pop("mode", None)
-    return ftc_launch(path, **options)
+    try:
+        return ftc_launch(path, **options)
+    except GcsError as problem:
+        pytest.fail(str(problem), pytrace=False)
 
 
 @pytest.fixture
@@ -118,12 +123,19 @@ def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 @pytest.fixture
 def ftc_flight(request: pytest.FixtureRequest, ftc_fly: Fly) -> Flight:
     """The flight of ``@pytest.mark.ftc_scenario``, when it is over."""
+    from gcs.errors import GcsError  # noqa: PLC0415
+
     path, options = _marked(request)
-    return ftc_fly(path, **options)
+    try:
+        return ftc_fly(path, **options)
+    except GcsError as problem:
+        pytest.fail(str(problem), pytrace=False)
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item) -> Iterator[Any]:
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Say where a fleet's files are, and how far it came, when its test fails."""
     report = yield
     if report.failed:

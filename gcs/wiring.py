@@ -25,7 +25,7 @@ def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None 
     wanted = links.impairments
     if wanted is None and gate is None:
         return Relay([])
-    routes = [_route(links, "plant", links.plant_port, wanted and wanted.plant)]
+    routes = [_route(links, "plant", links.plant_port, wanted.plant if wanted else None)]
     if wanted is not None and wanted.gcs is not None:
         routes.append(_route(links, "gcs", links.gcs_port, wanted.gcs))
     if wanted is not None and wanted.formation is not None:

@@ -18,6 +18,7 @@ from gcs.client import Client
 from gcs.errors import BadInput, FlightLost, NoAnswer
 from gcs.flight import collect, prepare
 from gcs.launcher import Fleet
+from gcs.recording import Mode
 from gcs.scenario import Scenario
 from gcs.testing.gate import Gate
 from gcs.testing.results import Flight
@@ -30,7 +31,7 @@ __all__ = ["FlyingFleet"]
 
 T = TypeVar("T")
 
-_LOOK_S = 0.002
+_LOOK_S = 0.005
 _SETTLE_S = 0.03  # until autopilots have told what they know at the step that time stands at
 _END_TIMEOUT_S = 10.0
 _PATIENCE_S = 10.0
@@ -64,7 +65,9 @@ class FlyingFleet:
         self._flight: Flight | None = None
 
     def open(self) -> None:
-        """Start everything; whoever does has to `close`. Profile and faults are on board then, and nobody is armed.
+        """Start everything; profile and faults are on board then, and nobody is armed.
+
+        Whoever opens a fleet has to `close` it; unless this fails, which leaves nothing behind.
 
         Raises:
             GcsError: As of `gcs.flight.prepare`.
@@ -199,7 +202,7 @@ class FlyingFleet:
             self._gate.open()
             over = self._fleet.plant_returncode is not None
             self._fleet.wait(_END_TIMEOUT_S if over else 0.0)
-            mode = "real_time" if self._speed else "lockstep"
+            mode: Mode = "real_time" if self._speed else "lockstep"
             recording = collect(self.scenario, self._fleet, mode)
             self._flight = Flight(self.scenario, recording, self.wire(), self.folder)
         return self._flight

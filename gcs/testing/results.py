@@ -169,8 +169,8 @@ class UavFlight:
         complaints = []
         bounds = (airspeed_m_s, roll_deg, pitch_deg, yaw_deg)
         for c, (name, unit, bound) in enumerate(zip(QUANTITIES, _UNITS, bounds, strict=True)):
-            beyond = np.flatnonzero(~(errors[:, c] < bound)) if bound < math.inf else []
-            if len(beyond):
+            beyond = np.flatnonzero(~(errors[:, c] < bound))
+            if bound < math.inf and len(beyond):
                 worst = int(np.argmax(errors[:, c]))
                 complaints.append(
                     f"UAV {self.id} {name} error: expected below {bound:g} {unit} {window}, "
