@@ -7,7 +7,7 @@ nothing of the project until a fixture is used.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -84,14 +84,10 @@ def ftc_launch(
 @pytest.fixture
 def ftc_fleet(request: pytest.FixtureRequest, ftc_launch: Launch) -> FlyingFleet:
     """The fleet of ``@pytest.mark.ftc_scenario``: it has its profile and faults, is not armed."""
-    from gcs.errors import GcsError  # noqa: PLC0415
-
     path, options = _marked(request)
     options.pop("mode", None)
-    try:
+    with _plainly():
         return ftc_launch(path, **options)
-    except GcsError as problem:
-        pytest.fail(str(problem), pytrace=False)
 
 
 @pytest.fixture
@@ -123,13 +119,9 @@ def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 @pytest.fixture
 def ftc_flight(request: pytest.FixtureRequest, ftc_fly: Fly) -> Flight:
     """The flight of ``@pytest.mark.ftc_scenario``, when it is over."""
-    from gcs.errors import GcsError  # noqa: PLC0415
-
     path, options = _marked(request)
-    try:
+    with _plainly():
         return ftc_fly(path, **options)
-    except GcsError as problem:
-        pytest.fail(str(problem), pytrace=False)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -143,6 +135,17 @@ def pytest_runtest_makereport(
         if lines and report.when == "call":
             report.sections.append(("ftc-sitl", "\n".join(lines)))
     return report
+
+
+@contextmanager
+def _plainly() -> Iterator[None]:
+    """Say what is wrong with a scenario or its fleet without a traceback through our code."""
+    from gcs.errors import GcsError  # noqa: PLC0415
+
+    try:
+        yield
+    except GcsError as problem:
+        raise pytest.fail.Exception(str(problem), pytrace=False) from None
 
 
 def _marked(request: pytest.FixtureRequest) -> tuple[str | Path, dict[str, Any]]:

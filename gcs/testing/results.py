@@ -63,12 +63,12 @@ class Channel:
         if self.min_interval_s is None or self.min_interval_s >= min_s * (1.0 - 1e-9):
             return
         gaps = np.diff(self.times_s)
-        short = np.flatnonzero(gaps < min_s * (1.0 - 1e-9))
+        short = int(np.count_nonzero(gaps < min_s * (1.0 - 1e-9)))
         where = ""
-        if len(short):
-            first, second = self.times_s[short[0]], self.times_s[short[0] + 1]
-            where = f", first at {first:.3f} s and {second:.3f} s; {len(short)} of {len(gaps)}"
-            where += " intervals are shorter"
+        if short:
+            k = int(np.argmin(gaps))
+            where = f" between {self.times_s[k]:.3f} s and {self.times_s[k + 1]:.3f} s; "
+            where += f"{short} of {len(gaps)} intervals are too short"
         raise AssertionError(
             f"UAV {self.uav} {self.name}: expected transmissions at least {1e3 * min_s:g} ms "
             f"apart, got {1e3 * self.min_interval_s:g} ms{where}"
@@ -174,8 +174,8 @@ class UavFlight:
                 worst = int(np.argmax(errors[:, c]))
                 complaints.append(
                     f"UAV {self.id} {name} error: expected below {bound:g} {unit} {window}, "
-                    f"got {errors[worst, c]:.3g} {unit} at {times[worst]:.3f} s (from "
-                    f"{times[beyond[0]]:.3f} s on, {len(beyond)} of {len(times)} steps)"
+                    f"got {errors[worst, c]:.3g} {unit} at {times[worst]:.3f} s "
+                    f"({len(beyond)} of {len(times)} steps, first at {times[beyond[0]]:.3f} s)"
                 )
         if complaints:
             raise AssertionError("\n".join(complaints))

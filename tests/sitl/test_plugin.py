@@ -24,7 +24,7 @@ def test_sent(ftc_flight):
     assert ftc_flight.uav(2).rudder.sent <= 3
 
 def test_error(ftc_flight):
-    ftc_flight.uav(2).assert_error_below(airspeed_m_s=0.001, after_s=4.0)
+    ftc_flight.uav(2).assert_error_below(airspeed_m_s=0.1, after_s=4.0)
 
 def test_dwell(ftc_flight):
     ftc_flight.uav(2).aileron.assert_dwell(min_s=0.5)
@@ -34,6 +34,21 @@ def test_completed(ftc_launch):
     fleet.begin()
     fleet.run_until(0.2)
     fleet.end().assert_completed()
+
+def test_pauses_change_nothing(ftc_launch, ftc_fly):
+    fault = {"actuator": "rudder", "effectiveness": 0.5, "bias_deg": 1.0}
+    fleet = ftc_launch("my.yaml", duration_s=1.5, faults=[])
+    fleet.begin()
+    assert fleet.time_s == 0.0
+    fleet.run_until(0.7)
+    fleet.uav(2).set_fault(**fault)
+    fleet.run_for(0.1)
+    assert fleet.time_s == 0.8
+    stepwise = fleet.run_to_end()
+    faults = [{"uav": 2, "start_s": 0.7, **fault}]
+    at_once = ftc_fly("my.yaml", duration_s=1.5, faults=faults, mode="in_process")
+    assert (stepwise.recording.states == at_once.recording.states).all()
+    assert stepwise.uav(2).rudder.sent == at_once.uav(2).rudder.sent > 0
 
 @pytest.mark.ftc_scenario("my.yaml", duration_s=-1)
 def test_scenario(ftc_fleet):
@@ -55,6 +70,13 @@ def block_of(document: str, language: str) -> str:
     found = re.search(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     assert found is not None
     return found[1]
+
+
+def documented_message() -> str:
+    text = (ROOT / "docs" / "testing.md").read_text()
+    found = re.search(r"^    AssertionError: .*?\n\n", text, re.MULTILINE | re.DOTALL)
+    assert found is not None
+    return " ".join(found[0].split())
 
 
 @pytest.fixture
@@ -87,7 +109,7 @@ def run(project: Path, *options: str) -> tuple[int, str]:
 
 def test_the_documented_example_passes(project: Path) -> None:
     (project / "test_my.py").write_text(block_of("testing.md", "python"))
-    status, output = run(project, "-n2")
+    status, output = run(project)
     assert status == 0, output
     assert "4 passed" in output
 
@@ -96,30 +118,29 @@ def test_a_wrong_expectation_says_what_came_instead_and_where(project: Path) -> 
     (project / "test_wrong.py").write_text(WRONG)
     status, output = run(project)
     assert status == 1
-    assert "4 failed, 1 error" in output, output
+    assert "4 failed, 1 passed, 1 error" in output, output
     number = r"[\d.e-]+"
     for line in (
         rf"assert {number} <= 3\n.*where {number} = <rudder of UAV 2: {number} sent>\.sent",
-        rf"UAV 2 airspeed error: expected below 0\.001 m/s after 4 s, got {number} m/s at ",
-        rf"UAV 2 aileron: expected transmissions at least 500 ms apart, got {number} ms, first at ",
+        re.escape(documented_message()),
+        rf"UAV 2 aileron: expected transmissions at least 500 ms apart, got {number} ms between ",
         r"expected a flight of 6 s, got 0\.200 s: it was stopped",
         r"<fleet of 'two UAVs' at 0\.200 s>, files in ",
-        r"my\.yaml: duration_s: expected > 0 s, got -1",
+        r"my\.yaml: duration_s: expected \(0, 86400\] s, got -1\n(?!\nDuring)",
     ):
         assert re.search(line, output), (line, output)
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_nothing_is_left_of_an_interrupted_test(project: Path, how: signal.Signals) -> None:
+def test_nothing_is_left_of_an_interrupted_test(project: Path) -> None:
     (project / "test_for_ever.py").write_text(FOR_EVER)
     popen = start(project)
     try:
         wait_until(lambda: (project / "up").exists() or popen.poll() is not None, "fleet is up")
         assert len(processes_of(project / "temp")) == 3
-        popen.send_signal(how)
+        popen.send_signal(signal.SIGINT)
         output, _ = popen.communicate(timeout=30.0)
     finally:
         popen.kill()
         popen.wait()
-    assert how != signal.SIGINT or "KeyboardInterrupt" in output
-    wait_until(lambda: not processes_of(project / "temp"), "processes end", 10.0)
+    assert "KeyboardInterrupt" in output
+    assert processes_of(project / "temp") == {}
