@@ -22,7 +22,7 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Address, Connection
 from mavlink_defs.tlog import TlogWriter
 
-__all__ = ["fly_over_udp", "prepare"]
+__all__ = ["collect", "fly_over_udp", "prepare"]
 
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.05
@@ -75,7 +75,7 @@ async def fly_over_udp(
                     if relay.via:
                         report = json.dumps(relay.report(), indent=2)
                         (folder / "wire.json").write_text(report + "\n")
-                return _collect(scenario, fleet, "real_time" if speed else "lockstep")
+                return collect(scenario, fleet, "real_time" if speed else "lockstep")
 
 
 async def prepare(client: Client, fleet: Fleet, scenario: Scenario, start: bool) -> None:
@@ -107,8 +107,12 @@ async def prepare(client: Client, fleet: Fleet, scenario: Scenario, start: bool)
     fleet.check()
 
 
-def _collect(scenario: Scenario, fleet: Fleet, mode: Mode) -> Recording:
-    """Put together what the processes have recorded."""
+def collect(scenario: Scenario, fleet: Fleet, mode: Mode) -> Recording:
+    """Put together what the processes of a fleet have recorded when they ended.
+
+    Raises:
+        FlightLost: Something is missing.
+    """
     ids = tuple(uav.id for uav in scenario.uavs)
     try:
         with np.load(fleet.recording_of("plant")) as plant:

@@ -1,6 +1,6 @@
 """What stands between the processes of a flight: the relays that its scenario asks for."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from ftc_autopilot.config import AutopilotConfig
 from gcs.scenario import Scenario
@@ -12,22 +12,26 @@ from mavlink_defs.relay import Relay, Route
 __all__ = ["relay_of", "through"]
 
 
-def relay_of(scenario: Scenario) -> Relay:
+def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None = None) -> Relay:
     """The relay that a scenario's `links.impairments` ask for; without them, one of no routes.
 
     The plant link is relayed with any other, since it is what tells the simulation time.
+
+    Args:
+        scenario: The scenario.
+        gate: As of `Relay`; with one, the plant link is relayed in any case.
     """
     links = scenario.links
     wanted = links.impairments
-    if wanted is None:
+    if wanted is None and gate is None:
         return Relay([])
-    routes = [_route(links, "plant", links.plant_port, wanted.plant)]
-    if wanted.gcs is not None:
+    routes = [_route(links, "plant", links.plant_port, wanted.plant if wanted else None)]
+    if wanted is not None and wanted.gcs is not None:
         routes.append(_route(links, "gcs", links.gcs_port, wanted.gcs))
-    if wanted.formation is not None:
+    if wanted is not None and wanted.formation is not None:
         ports = (links.formation_base_port + uav.id for uav in scenario.uavs)
         routes += [_route(links, "formation", port, wanted.formation) for port in ports]
-    return Relay(routes, simulated=True)
+    return Relay(routes, simulated=True, gate=gate)
 
 
 def through(config: AutopilotConfig, via: Mapping[str, str]) -> AutopilotConfig:

@@ -14,7 +14,7 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
@@ -76,13 +76,20 @@ class Relay:
         tap: Counts everything; its times are seconds since the relay was started.
         simulated: Outages are in simulation time, as FTC_SIM_STATE on a relayed link shows it
             (none before it runs); otherwise in seconds since the relay was started.
+        gate: Asked with link, direction and content of each datagram whether it passes; one that
+            does not is neither counted nor delivered. Called on the relay's thread.
     """
 
     def __init__(
-        self, routes: Sequence[Route], tap: Tap | None = None, simulated: bool = False
+        self,
+        routes: Sequence[Route],
+        tap: Tap | None = None,
+        simulated: bool = False,
+        gate: Callable[[str, str, bytes], bool] | None = None,
     ) -> None:
         self._routes, self._simulated = routes, simulated
         self._tap = tap or Tap()
+        self._gate = gate
         self._lock = threading.Lock()
         self._selector = selectors.DefaultSelector()
         self._fronts: list[_Front] = []
@@ -202,6 +209,8 @@ class Relay:
     def _pass_on(
         self, way: _Way, sock: socket.socket, address: tuple[str, int] | None, datagram: bytes
     ) -> None:
+        if self._gate is not None and not self._gate(way.link, way.direction, datagram):
+            return
         now = time.monotonic()
         with self._lock:
             self._tap.count(now - self._start_s, way.link, way.direction, datagram)

@@ -13,7 +13,7 @@ ALLOWED: dict[str, set[str]] = {
     "ftc_autopilot": {"mavlink_defs", "sitl_plant"},
     "gcs": {"mavlink_defs", "sitl_plant", "ftc_autopilot"},
 }
-SHELL_FOLDERS = {"commands", "tui"}
+SHELL_FOLDERS = {"commands", "testing", "tui"}
 SHELLS = {"process", "launcher", "client", "cli", "flight", "up", "relay", "wiring"}
 
 

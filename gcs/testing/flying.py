@@ -1,0 +1,234 @@
+"""A fleet in a test: real processes and a connected client, behind plain function calls.
+
+The asyncio client lives on a thread of its own. In lockstep simulated time stands still except
+within `run_until` and its like, so that whatever a test does meanwhile happens at an exact step,
+and every run gives the same events. At a given speed time runs on, as it does for an operator.
+"""
+
+import asyncio
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any, TypeVar
+
+from gcs.client import Client
+from gcs.errors import BadInput, FlightLost, NoAnswer
+from gcs.flight import collect, prepare
+from gcs.launcher import Fleet
+from gcs.recording import Mode
+from gcs.scenario import Scenario
+from gcs.testing.gate import Gate
+from gcs.testing.results import Flight
+from gcs.testing.uav import FlyingUav
+from gcs.wiring import relay_of
+from mavlink_defs.endpoint import Address, Connection
+from mavlink_defs.tlog import TlogWriter
+
+__all__ = ["FlyingFleet"]
+
+T = TypeVar("T")
+
+_LOOK_S = 0.005
+_SETTLE_S = 0.03  # until autopilots have told what they know at the step that time stands at
+_END_TIMEOUT_S = 10.0
+_PATIENCE_S = 10.0
+
+
+class FlyingFleet:
+    """The processes of a scenario, and what a test can do with them.
+
+    Attributes:
+        scenario: The scenario, on the ports that it flies on.
+        folder: `flight.tlog`, and `processes/` with configurations and words of all processes.
+        client: The asyncio client; `call` runs what its methods give.
+    """
+
+    def __init__(self, scenario: Scenario, folder: Path, speed: float | None = None) -> None:
+        """Prepare a fleet.
+
+        Args:
+            scenario: On ports that are free.
+            folder: Exists.
+            speed: Real-time factor; None for lockstep.
+        """
+        self.scenario, self.folder = scenario, folder
+        self._speed = speed
+        self._ids = [uav.id for uav in scenario.uavs]
+        self._gate = Gate(self._ids, closed=speed is None)
+        self._relay = relay_of(scenario, self._gate)
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="client", daemon=True)
+        self._stack = contextlib.ExitStack()
+        self._flight: Flight | None = None
+
+    def open(self) -> None:
+        """Start everything; profile and faults are on board then, and nobody is armed.
+
+        Whoever opens a fleet has to `close` it; unless this fails, which leaves nothing behind.
+
+        Raises:
+            GcsError: As of `gcs.flight.prepare`.
+        """
+        links = self.scenario.links
+        connection = Connection("in", Address(links.host, links.gcs_port))
+        with contextlib.ExitStack() as stack:
+            self._thread.start()
+            stack.callback(self._end_loop)
+            tlog = stack.enter_context(TlogWriter(self.folder / "flight.tlog"))
+            relay = stack.enter_context(self._relay)
+            self.client = Client(connection, tlog=tlog)
+            self.call(self.client.__aenter__())
+            stack.callback(lambda: self.call(self.client.__aexit__(None, None, None)))
+            folder = self.folder / "processes"
+            self._fleet = Fleet(self.scenario, self._speed, folder, via=relay.via)
+            stack.enter_context(self._fleet)
+            self.call(prepare(self.client, self._fleet, self.scenario, start=False))
+            self._stack = stack.pop_all()
+
+    def close(self) -> None:
+        """Stop whatever still runs; none of its processes is left."""
+        self._gate.open()  # processes say goodbye to each other through it
+        self._stack.close()
+
+    def __repr__(self) -> str:
+        return f"<fleet of {self.scenario.name!r} at {self.time_s:.3f} s>"
+
+    def call(self, work: Coroutine[Any, Any, T]) -> T:
+        """Run a coroutine of the client to its end, and give its result."""
+        future = asyncio.run_coroutine_threadsafe(work, self._loop)
+        try:
+            return future.result()
+        except BaseException:
+            future.cancel()
+            raise
+
+    @property
+    def uavs(self) -> dict[int, FlyingUav]:
+        """All UAVs, by system id."""
+        return {i: self.uav(i) for i in self._ids}
+
+    def uav(self, system: int) -> FlyingUav:
+        """One UAV, by its system id; KeyError if there is none."""
+        return FlyingUav(self.client.vehicle(system), self.call, self.sent)
+
+    # the wire
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time [s], as the tap has seen it; 0 before it runs."""
+        with self._relay.counting() as tap:
+            return tap.simulated_s or 0.0
+
+    def sent(self, system: int, channel: str) -> int:
+        """Transmissions of a channel ("rudder") of one UAV so far, as the tap has seen them."""
+        with self._relay.counting() as tap:
+            return tap.events(system, channel)
+
+    def wire(self) -> dict[str, Any]:
+        """Everything that the tap has counted so far: `mavlink_defs.tap.Tap.report`."""
+        return self._relay.report()
+
+    # time
+
+    def begin(self) -> None:
+        """Start the missions and arm everybody: simulated time begins, and stands at 0."""
+        for uav in self.uavs.values():
+            uav.start()
+        for uav in self.uavs.values():
+            uav.arm()
+
+    def run_until(self, time_s: float) -> None:
+        """Let simulated time pass until the step at a time [s], which is done, but not over.
+
+        Raises:
+            BadInput: The scenario ends before, or the time is over.
+            FlightLost: An aircraft or a process was lost.
+            NoAnswer: Time does not pass, because not everybody is armed.
+        """
+        step = round(time_s * 1e6 / self.scenario.step_us)
+        if not self.time_s <= step * self.scenario.step_us / 1e6 < self.scenario.duration_s:
+            raise BadInput(
+                f"cannot run until {time_s:g} s: it is {self.time_s:g} s, and the scenario ends "
+                f"at {self.scenario.duration_s:g} s, which run_to_end() flies to"
+            )
+        if self._speed is not None:
+            self._wait(lambda: self.time_s >= time_s)
+        else:
+            self._gate.move(step)
+            self._wait(lambda: self._gate.is_reached)
+            time.sleep(_SETTLE_S)
+        if self._fleet.plant_returncode is not None:
+            raise FlightLost(self.end().loss or "the plant ended")
+
+    def run_for(self, duration_s: float) -> None:
+        """Let simulated time pass [s]; as `run_until`."""
+        self.run_until(self.time_s + duration_s)
+
+    def wait_until(
+        self, condition: Callable[[], bool], within_s: float, every_s: float = 0.1
+    ) -> None:
+        """Let simulated time pass until a condition is met, looked at now and then [s].
+
+        Raises:
+            AssertionError: It is not, within this simulated time [s].
+            GcsError: As of `run_until`.
+        """
+        __tracebackhide__ = True
+        begin_s = self.time_s
+        while not condition():
+            if self.time_s - begin_s >= within_s - 1e-9:
+                text = f"expected within {within_s:g} s from {begin_s:.3f} s on, but it was not so"
+                raise AssertionError(f"{text} at {self.time_s:.3f} s")
+            self.run_until(min(self.time_s + every_s, begin_s + within_s))
+
+    def run_to_end(self) -> Flight:
+        """Fly until the scenario's end, or until an aircraft is lost."""
+        self._gate.open()
+        self._wait(lambda: False)
+        return self.end()
+
+    def end(self) -> Flight:
+        """End the flight now; what it was until then.
+
+        Raises:
+            FlightLost: It had not begun, or a process left no recording.
+        """
+        if self._flight is None:
+            if not self._has_begun:
+                raise FlightLost("the flight had not begun: begin() arms everybody")
+            self._gate.open()
+            over = self._fleet.plant_returncode is not None
+            self._fleet.wait(_END_TIMEOUT_S if over else 0.0)
+            mode: Mode = "real_time" if self._speed else "lockstep"
+            recording = collect(self.scenario, self._fleet, mode)
+            self._flight = Flight(self.scenario, recording, self.wire(), self.folder)
+        return self._flight
+
+    # inside
+
+    @property
+    def _has_begun(self) -> bool:
+        with self._relay.counting() as tap:
+            return tap.simulated_s is not None
+
+    def _wait(self, condition: Callable[[], bool]) -> None:
+        """Wait for a condition or the end of the plant, as long as time passes."""
+        newest_s, moved_at = -math.inf, time.monotonic()
+        while not condition() and self._fleet.plant_returncode is None:
+            self._fleet.check()
+            time.sleep(_LOOK_S)
+            if (now_s := self.time_s) > newest_s:
+                newest_s, moved_at = now_s, time.monotonic()
+            elif time.monotonic() - moved_at > _PATIENCE_S:
+                idle = [str(i) for i, uav in self.uavs.items() if not uav.state.armed]
+                why = f": UAV {', '.join(idle)} not armed" if idle else ""
+                raise NoAnswer(f"simulated time stands at {newest_s:.3f} s{why}")
+        self._fleet.check()
+
+    def _end_loop(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()

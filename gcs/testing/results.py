@@ -1,0 +1,265 @@
+"""What a flight gives to a test: plain values to assert on, and assertions that say where.
+
+Transmissions are those that the tap saw on the wire. A flight in one process has no wire; there
+they are the events that the controllers recorded.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gcs.recording import Recording
+from gcs.scenario import Scenario
+from gcs.summary import QUANTITIES, summarise
+from mavlink_defs.faults import ACTUATORS
+
+__all__ = ["Channel", "Errors", "Flight", "UavFlight"]
+
+_UNITS = ("m/s", "deg", "deg", "deg")
+
+
+class Errors(NamedTuple):
+    """One value for each quantity that is tracked."""
+
+    airspeed_m_s: float
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float
+
+
+@dataclass(frozen=True)
+class Channel:
+    """The transmissions of one actuator channel of one UAV.
+
+    Attributes:
+        uav: System id.
+        name: "aileron", "elevator", "rudder" or "throttle".
+        sent: Transmissions.
+        min_interval_s: Shortest time between two of them [s]; None with fewer than two.
+        saving: Share of the periodic sender's transmissions that were not sent.
+        times_s: When the controller had an event [s], from its recording.
+        claimed: How many the vehicle says it sent.
+        repeats: How many it sent again because the plant had not applied them.
+    """
+
+    uav: int
+    name: str
+    sent: int
+    min_interval_s: float | None
+    saving: float | None
+    times_s: np.ndarray
+    claimed: int
+    repeats: int
+
+    def __repr__(self) -> str:
+        return f"<{self.name} of UAV {self.uav}: {self.sent} sent>"
+
+    def assert_dwell(self, min_s: float) -> None:
+        """No two transmissions are closer than this [s]."""
+        __tracebackhide__ = True
+        if self.min_interval_s is None or self.min_interval_s >= min_s * (1.0 - 1e-9):
+            return
+        gaps = np.diff(self.times_s)
+        short = int(np.count_nonzero(gaps < min_s * (1.0 - 1e-9)))
+        where = ""
+        if short:
+            k = int(np.argmin(gaps))
+            where = f" between {self.times_s[k]:.3f} s and {self.times_s[k + 1]:.3f} s; "
+            where += f"{short} of {len(gaps)} intervals are too short"
+        raise AssertionError(
+            f"UAV {self.uav} {self.name}: expected transmissions at least {1e3 * min_s:g} ms "
+            f"apart, got {1e3 * self.min_interval_s:g} ms{where}"
+        )
+
+
+class UavFlight:
+    """One UAV's part of a flight.
+
+    Attributes:
+        id: Its system id.
+        summary: Its part of `summary.json`.
+        channels: By name; `aileron`, `elevator`, `rudder`, `throttle` give them, too.
+        sent: Transmissions of all channels.
+        messages: HIL_ACTUATOR_CONTROLS that carried them; several may travel in one.
+        saving: Share of the periodic sender's transmissions that were not sent.
+        departed_at_s: When roll, pitch or yaw was more than 90° off first [s]; None if never.
+    """
+
+    def __init__(
+        self, recording: Recording, i: int, summary: dict[str, Any], wire: dict[str, Any] | None
+    ) -> None:
+        self.id: int = summary["id"]
+        self.summary = summary
+        self.departed_at_s: float | None = summary["departed_at_s"]
+        self._time_s, self._errors = recording.time_s, recording.signals["error"][:, i]
+        self.messages: int = (wire or {}).get("messages", 0 if wire is not None else
+                                              summary["actuator_messages"])  # fmt: skip
+        events = recording.signals["events"][:, i]
+        steps = len(events)
+        self.channels = {}
+        for c, name in enumerate(ACTUATORS):
+            claimed = summary["channels"][name]
+            seen = claimed if wire is None else wire.get("channels", {}).get(name, {})
+            sent = seen.get("events", 0)
+            self.channels[name] = Channel(
+                self.id,
+                name,
+                sent,
+                seen.get("min_interval_s"),
+                1.0 - sent / steps if steps else None,
+                recording.time_s[events & (1 << c) > 0],
+                claimed["events"],
+                claimed["repeats"],
+            )
+        self.sent = sum(channel.sent for channel in self.channels.values())
+        self.saving = 1.0 - self.sent / (len(ACTUATORS) * steps) if steps else None
+
+    def __repr__(self) -> str:
+        return f"<UAV {self.id}>"
+
+    @property
+    def aileron(self) -> Channel:
+        """Its aileron."""
+        return self.channels["aileron"]
+
+    @property
+    def elevator(self) -> Channel:
+        """Its elevator."""
+        return self.channels["elevator"]
+
+    @property
+    def rudder(self) -> Channel:
+        """Its rudder."""
+        return self.channels["rudder"]
+
+    @property
+    def throttle(self) -> Channel:
+        """Its throttle."""
+        return self.channels["throttle"]
+
+    def max_error(self, after_s: float = 0.0, until_s: float = math.inf) -> Errors:
+        """Largest errors against the filtered reference in a time window [s], both ends included.
+
+        NaN if nothing was flown in it.
+        """
+        _, errors = self._within(after_s, until_s)
+        worst = errors.max(axis=0) if len(errors) else [math.nan] * len(QUANTITIES)
+        return Errors(*map(float, worst))
+
+    def assert_error_below(
+        self,
+        *,
+        airspeed_m_s: float = math.inf,
+        roll_deg: float = math.inf,
+        pitch_deg: float = math.inf,
+        yaw_deg: float = math.inf,
+        after_s: float = 0.0,
+        until_s: float = math.inf,
+    ) -> None:
+        """Errors against the filtered reference stay below bounds in a time window [s]."""
+        __tracebackhide__ = True
+        times, errors = self._within(after_s, until_s)
+        window = f"after {after_s:g} s" if until_s == math.inf else f"in [{after_s:g}, {until_s:g}]"
+        if len(times) == 0:
+            flown_s = float(self._time_s[-1]) if len(self._time_s) else 0.0
+            raise AssertionError(f"UAV {self.id}: nothing flown {window}, only {flown_s:.3f} s")
+        complaints = []
+        bounds = (airspeed_m_s, roll_deg, pitch_deg, yaw_deg)
+        for c, (name, unit, bound) in enumerate(zip(QUANTITIES, _UNITS, bounds, strict=True)):
+            beyond = np.flatnonzero(~(errors[:, c] < bound))
+            if bound < math.inf and len(beyond):
+                worst = int(np.argmax(errors[:, c]))
+                complaints.append(
+                    f"UAV {self.id} {name} error: expected below {bound:g} {unit} {window}, "
+                    f"got {errors[worst, c]:.3g} {unit} at {times[worst]:.3f} s "
+                    f"({len(beyond)} of {len(times)} steps, first at {times[beyond[0]]:.3f} s)"
+                )
+        if complaints:
+            raise AssertionError("\n".join(complaints))
+
+    def _within(self, after_s: float, until_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Times and absolute errors in a window: m/s, deg."""
+        here = (self._time_s >= after_s) & (self._time_s <= until_s)
+        errors = np.abs(self._errors[here])
+        errors[:, 1:] = np.degrees(errors[:, 1:])
+        return self._time_s[here], errors
+
+
+class Flight:
+    """One flight that is over.
+
+    Attributes:
+        scenario: As it was flown.
+        recording: Everything at full rate; arrays are read-only.
+        summary: The content of `summary.json`.
+        wire: `Tap.report` of what was counted between autopilots and plant; None in process.
+        folder: Configuration, words and tlog of the processes; None in process.
+        saving: Share of the periodic sender's transmissions that were not sent.
+        completed: Whether it was flown until the scenario's end.
+        loss: Why an aircraft was lost; None if none was.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        recording: Recording,
+        wire: dict[str, Any] | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        for array in (recording.states, recording.applied, recording.signals, recording.repeats):
+            array.flags.writeable = False
+        self.scenario, self.recording = scenario, recording
+        self.wire, self.folder = wire, folder
+        self.summary = summarise(recording, scenario.name)
+        self.loss = recording.loss
+        steps = len(recording.states)
+        self.completed = self.loss is None and steps == round(
+            scenario.duration_s * 1e6 / scenario.step_us
+        )
+        counted = {uav["system"]: uav for uav in wire["uavs"]
+                   if uav["link"] == "plant"} if wire is not None else None  # fmt: skip
+        self.uavs = {
+            uav["id"]: UavFlight(
+                recording, i, uav, None if counted is None else counted.get(uav["id"], {})
+            )
+            for i, uav in enumerate(self.summary["uavs"])
+        }
+        sent = sum(uav.sent for uav in self.uavs.values())
+        self.saving = 1.0 - sent / (len(ACTUATORS) * len(self.uavs) * steps) if steps else None
+
+    def __repr__(self) -> str:
+        return f"<flight of {self.scenario.name!r}, {self.duration_s:g} s>"
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time flown [s]."""
+        return self.recording.duration_s
+
+    def uav(self, system: int) -> UavFlight:
+        """One UAV, by its system id; KeyError if there is none."""
+        return self.uavs[system]
+
+    def assert_completed(self) -> None:
+        """Flown until the scenario's end."""
+        __tracebackhide__ = True
+        if not self.completed:
+            raise AssertionError(
+                f"expected a flight of {self.scenario.duration_s:g} s, got "
+                f"{self.duration_s:.3f} s: {self.loss or 'it was stopped'}"
+            )
+
+    def assert_no_departure(self) -> None:
+        """No aircraft was lost or departed: roll, pitch, yaw stayed within 90° of the reference."""
+        __tracebackhide__ = True
+        complaints = [
+            f"UAV {uav.id}: expected no departure, got one at {uav.departed_at_s:.3f} s"
+            for uav in self.uavs.values()
+            if uav.departed_at_s is not None
+        ]
+        if self.loss is not None:
+            complaints.append(f"expected no loss, got: {self.loss}")
+        if complaints:
+            raise AssertionError("\n".join(complaints))

@@ -1,0 +1,122 @@
+"""One UAV of a fleet in a test: what can be asked of it, as plain function calls."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from pydantic import ValidationError
+
+from gcs.errors import BadInput
+from gcs.scenario_parts import ScenarioFault
+from gcs.vehicle import Vehicle
+from gcs.vehicle_state import VehicleState
+from mavlink_defs.config import problems_of
+from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.param import Param
+from mavlink_defs.profile import Segment
+
+__all__ = ["FlyingUav"]
+
+
+class FlyingUav:
+    """What can be asked of one UAV; each call ends with its answer.
+
+    All raise `gcs.errors.CommandRefused` if it refuses and `NoAnswer` if it says nothing.
+
+    Attributes:
+        id: Its system id.
+        vehicle: The asyncio client's vehicle, for `FlyingFleet.call`.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        call: Callable[[Any], Any],
+        sent: Callable[[int, str], int],
+    ) -> None:
+        self.id = vehicle.system
+        self.vehicle = vehicle
+        self._call, self._sent = call, sent
+
+    def __repr__(self) -> str:
+        return f"<UAV {self.id}>"
+
+    @property
+    def state(self) -> VehicleState:
+        """What its telemetry has told so far."""
+        return self.vehicle.state
+
+    def sent(self, channel: str) -> int:
+        """Transmissions of a channel ("rudder") so far, as the tap has seen them."""
+        return self._sent(self.id, channel)
+
+    def arm(self) -> None:
+        """Arm; simulated time begins when the last UAV of the fleet is armed."""
+        self._call(self.vehicle.arm())
+
+    def disarm(self, force: bool = False) -> None:
+        """Disarm; in flight only by `force`, which cuts the thrust."""
+        self._call(self.vehicle.disarm(force))
+
+    def start(self) -> None:
+        """Start to fly the profile."""
+        self._call(self.vehicle.start_mission())
+
+    def set_mode(self, mode: str) -> None:
+        """Change the mode: "AUTO", "LOITER" or "GUIDED"."""
+        self._call(self.vehicle.set_mode(mode))
+
+    def upload(self, segments: Sequence[Segment]) -> None:
+        """Upload another profile than the scenario's, which it has already."""
+        self._call(self.vehicle.upload(segments))
+
+    def download(self) -> tuple[Segment, ...]:
+        """The profile that it holds."""
+        segments: tuple[Segment, ...] = self._call(self.vehicle.download())
+        return segments
+
+    def command(self, number: int, *params: float) -> None:
+        """Send any COMMAND_LONG: MAV_CMD and up to seven parameters."""
+        self._call(self.vehicle.command(number, params))
+
+    def get_param(self, name: str) -> Param:
+        """Ask for a parameter."""
+        param: Param = self._call(self.vehicle.get_param(name))
+        return param
+
+    def set_param(self, name: str, value: float) -> Param:
+        """Set a parameter; gives what it holds then."""
+        param: Param = self._call(self.vehicle.set_param(name, value))
+        return param
+
+    def set_fault(self, actuator: str, *, start_s: float | None = None, **keys: float) -> None:
+        """Set an actuator fault, with the keys of a scenario's `faults`.
+
+        Args:
+            actuator: Its name.
+            start_s: Start in simulated time, exclusive; None for now [s].
+            **keys: `effectiveness`, `bias_deg`, `bias_n`, `stuck_deg`, `stuck_n`,
+                `frequency_hz`, `end_s`.
+
+        Raises:
+            BadInput: They do not make a fault.
+        """
+        tree = {"uav": self.id, "actuator": actuator, "start_s": start_s or 0.0, **keys}
+        try:
+            fault = ScenarioFault.model_validate(tree).command()
+        except ValidationError as problem:
+            raise BadInput("; ".join(problems_of(ScenarioFault, problem))) from None
+        if start_s is None:
+            fault = replace(fault, start_s=math.nan)
+        self._call(self.vehicle.set_fault(fault))
+
+    def clear_faults(self, actuator: str | None = None) -> None:
+        """Clear the faults of one actuator, or all."""
+        index = None if actuator is None else ACTUATORS.index(actuator)
+        self._call(self.vehicle.clear_faults(index))
+
+    def faults(self) -> tuple[Fault, ...]:
+        """Its faults, past and future ones too."""
+        faults: tuple[Fault, ...] = self._call(self.vehicle.list_faults())
+        return faults
