@@ -25,6 +25,7 @@ from mavlink_defs.endpoint import Connection, parse_address, sockaddr
 from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.tlog import TlogError, read_tlog
 from sitl_plant import link as plant_link
+from sitl_plant.fleet import fly
 from sitl_plant.process import Plant
 
 __all__ = ["AutopilotTarget", "PlantTarget", "StationTarget", "Target", "parse_all_ways",
@@ -96,6 +97,8 @@ class AutopilotTarget:
         self._is_formation = door == "formation"
         self._link, self._crew = self._autopilot._link, self._autopilot._crew
         self._steps = 0
+        self._crew.guidance[0]["active"] = 1
+        self._autopilot._vehicle.modes.armed = True
         self._link.measured[0]["velocity"] = (40.0, 0.0, 0.5)
         self._link.clock["flags"], self._link.clock["heard_s"] = 0, time.monotonic()
         self.step()
@@ -186,7 +189,7 @@ class PlantTarget:
     def fly(self, steps: int) -> np.ndarray:
         """Let time pass; the states that come of it."""
         for step in range(steps):
-            plant_link.fly(self._fleet, step, 1000)
+            fly(self._fleet, step, 1000)
         return self._fleet.states
 
     def state(self) -> bytes:
