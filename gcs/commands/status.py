@@ -1,6 +1,7 @@
 """``gcs status``: what the vehicles of a running fleet do."""
 
 import asyncio
+from functools import partial
 from typing import Annotated, Any
 
 import typer
@@ -89,7 +90,8 @@ def status(
 
 async def _ask(client: Client, vehicle: Vehicle) -> None:
     """Get everything about a vehicle that can be had."""
-    for question in (vehicle.list_faults, vehicle.download):
+    drops = partial(vehicle.request, dialect.MAVLINK_MSG_ID_FTC_DROPS)
+    for question in (vehicle.list_faults, vehicle.download, drops):
         try:
             await question()
         except (CommandRefused, NoAnswer):

@@ -1,13 +1,12 @@
 """Whole processes under a hail of datagrams from a socket that is none of theirs."""
 
-import json
 import os
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 from socket import AF_INET, SOCK_DGRAM, socket
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ pytestmark = pytest.mark.sitl
 
 IDS = sorted(MESSAGES)
 PROCESSES = ("plant", "uav1", "uav2", "uav3")
-STRANGER, NOBODY = (77, 77), (99, 1)
+NOBODY = (99, 1)
 PAUSE_S = 0.002  # a receive buffer holds some 250 datagrams: none of the flight's may be lost
 
 
@@ -57,21 +56,22 @@ class Hail(threading.Thread):
 
     def run(self) -> None:
         random = Random(1)
+        to_plant, to_others = ([_datagram(random, of) for _ in range(500)] for of in (True, False))
         with socket(AF_INET, SOCK_DGRAM) as sock:
-            while not self._closing.is_set():
+            while not self._closing.wait(PAUSE_S):
                 for port in self._ports:
-                    sock.sendto(self._datagram(random, port), ("127.0.0.1", port))
+                    datagrams = to_plant if port == self._plant_port else to_others
+                    sock.sendto(random.choice(datagrams), ("127.0.0.1", port))
                     self.sent[port] += 1
-                time.sleep(PAUSE_S)
 
-    def _datagram(self, random: Random, port: int) -> bytes:
-        sender = (random.randint(1, 3), 1)
-        frame = message_frame(random, random.choice(IDS), sender, NOBODY)
-        kind = random.randrange(3)
-        if kind == 0:
-            return noise(random)
-        # what is whole and comes from a vehicle is believed elsewhere: there are no keys
-        return frame if kind == 1 and port == self._plant_port else damaged(random, frame)
+
+def _datagram(random: Random, to_plant: bool) -> bytes:
+    frame = message_frame(random, random.choice(IDS), (random.randint(1, 3), 1), NOBODY)
+    kind = random.randrange(3)
+    if kind == 0:
+        return noise(random)
+    # what is whole and says that a vehicle sent it is believed elsewhere: there are no keys
+    return frame if kind == 1 and to_plant else damaged(random, frame)
 
 
 def ports_of(folder: Path) -> Iterator[int]:
@@ -80,7 +80,7 @@ def ports_of(folder: Path) -> Iterator[int]:
 
 
 def test_a_lockstep_flight_is_the_same_bit_for_bit(tmp_path: Path) -> None:
-    scenario = write_scenario(tmp_path, duration_s=12.0)
+    scenario = write_scenario(tmp_path, duration_s=8.0)
     expected = event_table(fly_in_process(load_scenario(scenario)))
     folder = tmp_path / "run"
     with flying(folder, scenario, "--quiet") as popen:
@@ -103,8 +103,7 @@ def test_status_tells_what_was_dropped_and_why(tmp_path: Path) -> None:
         hub_port = int(fleet.hub.rpartition(":")[2])
         with Hail({*ports_of(fleet.folder), hub_port}, plant_port) as hail:
             wait_until(lambda: min(hail.sent.values()) > 300, "enough is sent")
-            wait_until(lambda: _all_tell(fleet.gcs_json("status")["vehicles"]), "all is told", 20.0)
-            assert len(fleet.gcs_json("arm")) == 3
+        wait_until(lambda: _all_tell(fleet.gcs_json("status")["vehicles"]), "all is told", 20.0)
         text = fleet.gcs("status").stdout
         assert "dropped by UAV 1: gcs link " in text
         assert "wrong checksum" in text
@@ -112,8 +111,8 @@ def test_status_tells_what_was_dropped_and_why(tmp_path: Path) -> None:
         assert fleet.stop() == (0, "")
 
 
-def _all_tell(states: list[dict[str, object]]) -> bool:
-    told = [json.loads(json.dumps(state["link"]))["drops"] or {} for state in states]
+def _all_tell(states: list[dict[str, Any]]) -> bool:
+    told = [state["link"]["drops"] or {} for state in states]
     return all(
         drops.get("gcs", {}).get("truncated", 0) > 0
         and drops.get("formation", {}).get("wrong checksum", 0) > 0
