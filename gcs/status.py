@@ -95,18 +95,22 @@ def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[
         here: Datagrams that the ground station dropped, by reason.
         states: The vehicles.
     """
-    dropped = {"here": {"": here}}
+    dropped: dict[str, Mapping[str, Mapping[str, int]]] = {"here": {"": here}}
     for state in states:
-        dropped[f"UAV {state.system}"] = {f"{k} link ": v for k, v in (state.drops or {}).items()}
+        links = dict(state.drops or {})
+        dropped["by the plant"] = {
+            "": links.pop("plant", dropped.get("by the plant", {}).get("", {}))
+        }
+        dropped[f"by UAV {state.system}"] = {f"{link} link ": n for link, n in links.items()}
     lines = []
-    for who, links in dropped.items():
+    for who, doors in dropped.items():
         words = [
-            f"{link}{', '.join(f'{n} {word}' for word, n in reasons.items())}"
-            for link, reasons in links.items()
+            f"{door}{', '.join(f'{n} {reason}' for reason, n in reasons.items())}"
+            for door, reasons in doors.items()
             if reasons
         ]
         if words:
-            lines.append(f"dropped by {who}: {'; '.join(words)}")
+            lines.append(f"dropped {who}: {'; '.join(words)}")
     return lines
 
 

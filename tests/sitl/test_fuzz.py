@@ -106,6 +106,7 @@ def test_status_tells_what_was_dropped_and_why(tmp_path: Path) -> None:
         wait_until(lambda: _all_tell(fleet.gcs_json("status")["vehicles"]), "all is told", 20.0)
         text = fleet.gcs("status").stdout
         assert "dropped by UAV 1: gcs link " in text
+        assert text.count("dropped by the plant: ") == 1
         assert "wrong checksum" in text
         assert len(processes_of(fleet.folder)) == 5
         assert fleet.stop() == (0, "")
@@ -115,7 +116,7 @@ def _all_tell(states: list[dict[str, Any]]) -> bool:
     told = [state["link"]["drops"] or {} for state in states]
     return all(
         drops.get("gcs", {}).get("truncated", 0) > 0
-        and drops.get("formation", {}).get("wrong checksum", 0) > 0
+        and drops.get("formation", {}).get("truncated", 0) > 0
         and drops.get("plant", {}).get("wrong sender", 0) > 0
         for drops in told
     )
