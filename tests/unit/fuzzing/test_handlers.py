@@ -174,3 +174,49 @@ def test_a_fault_of_no_actuator_is_ignored() -> None:
     lister.receive(parse(speaker.pack(ack)), 0.0)  # type: ignore[arg-type]
     (listed,) = lister.events()
     assert [describe_fault(fault).split()[0] for fault in listed.faults] == ["rudder"]
+
+
+def hot(target: Target, record: np.ndarray, message_id: int) -> bytes:
+    datagram = codec.new_buffer()
+    length = codec.pack(datagram, record, message_id, *target.sender, 0)
+    return datagram[:length].tobytes()
+
+
+@pytest.mark.parametrize("time_usec", [1, 2**63, 2**64 - 2, 2**64 - 1])
+def test_an_actuator_message_of_the_future_does_not_hold_off_all_others(
+    scenario1: Scenario, time_usec: int
+) -> None:
+    """UINT64_MAX, taken over, would even mean that none was applied."""
+    target = PlantTarget(scenario1, stranger=False)
+    target.feed(b"")  # the states of step 0 are sent
+    before = target.state()
+    message = np.zeros(1, codec.ACTUATORS)
+    message["controls"][0, 3], message["time_usec"] = 0.5, time_usec
+    target.feed(hot(target, message, codec.ID_ACTUATORS))
+    assert target.state() == before
+    message["time_usec"] = 0
+    target.feed(hot(target, message, codec.ID_ACTUATORS))
+    assert target.state() != before
+    target.close()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300])
+def test_a_state_that_is_none_is_not_worked_on(scenario1: Scenario, value: float) -> None:
+    target = AutopilotTarget(scenario1, "simulator")
+    before, drops = target.state(), target.drops()
+    for field in ("position", "velocity", "attitude", "rates", "specific_force"):
+        state = np.zeros(1, codec.SIM_STATE)
+        state[field][0, 1] = value
+        target.feed(hot(target, state, codec.ID_SIM_STATE))
+    assert target.state() == before
+    assert target.drops() == drops + 5
+    target.close()
+
+
+def test_only_a_vehicle_itself_says_where_it_is() -> None:
+    target = StationTarget()
+    beat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
+    system = target.sender[0]
+    known = dict(target.client._peers)
+    target.client.datagram_received(Speaker(system, 77).pack(beat), ("127.0.0.1", 9))
+    assert target.client._peers == known
