@@ -103,8 +103,7 @@ def with_coverage(runs: int, function: Callable[[bytes], object]) -> None:
     except ImportError:
         print("atheris is not installed: pip install atheris (dependency group `fuzz`)")
         return
-    atheris.instrument_all()
-    atheris.Setup([sys.argv[0], f"-runs={runs}", "-max_len=300"], function)
+    atheris.Setup([sys.argv[0], f"-runs={runs}", "-max_len=300"], atheris.instrument_func(function))
     atheris.Fuzz()
 
 
