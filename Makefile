@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: fly test bench lock clean
+.PHONY: fly test bench fuzz lock clean
 
 fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
 	$(BIN)/gcs fly scenarios/paper/scenario1.yaml
@@ -16,6 +16,9 @@ test: $(READY)  ## everything that must pass: format, lint, types, tests
 
 bench: $(READY)  ## the speed figures of the README
 	$(BIN)/python -m benchmarks
+
+fuzz: $(READY)  ## over a million datagrams through every parser and handler; memory must stay
+	$(BIN)/python -m fuzzing
 
 lock:  ## choose new dependency versions (wants uv on the PATH)
 	uv pip compile pyproject.toml --group build --group test --universal --python-version 3.11 \

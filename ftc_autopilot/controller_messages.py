@@ -1,4 +1,4 @@
-"""Private messages about the controller: tracking, events, adaptation."""
+"""Private messages: tracking, events, adaptation, and what was dropped on the links."""
 
 import math
 
@@ -9,6 +9,7 @@ from ftc_autopilot.link import AutopilotLink
 from ftc_autopilot.onboard import Crew
 from ftc_autopilot.reference import wrap
 from mavlink_defs import dialect
+from mavlink_defs.codec import drop_counts
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.values import float32s
 
@@ -55,6 +56,11 @@ class ControllerMessages:
         return dialect.MAVLink_ftc_adaptation_message(
             self._time_ms, *float32s(c[name] for name in names)
         )
+
+    def drops(self) -> MAVLink_message:
+        """FTC_DROPS."""
+        links = map(drop_counts, self._link.drops)  # in the order of the fields
+        return dialect.MAVLink_ftc_drops_message(self._time_ms, *links)
 
     @property
     def _time_ms(self) -> int:

@@ -22,8 +22,12 @@ from mavlink_defs.codec import (
     ID_SIM_STATE,
     ID_STEP_DONE,
     NEIGHBOUR_SIZE,
+    NOT_NEWER,
+    OUT_OF_RANGE,
     SIGNED,
     SIM_STATE_SIZE,
+    STRANGER,
+    UNEXPECTED,
     check,
     expand,
     pack,
@@ -47,12 +51,16 @@ from mavlink_defs.native import (
     send_to,
 )
 
-__all__ = ["OVER", "SERVICE", "TICK", "AutopilotLink", "new_link", "run"]
+__all__ = ["FORMATION", "GCS", "OVER", "PLANT", "SERVICE", "SIMULATOR", "TICK", "AutopilotLink",
+           "new_link", "run"]  # fmt: skip
 
 # what `run` comes back with
 SERVICE = 1  # link.received holds a datagram of clock["received"] bytes that is not hot
 TICK = 2  # the time or the step until which it should run has come
 OVER = 3  # the plant has ended the simulation
+
+# rows of `AutopilotLink.drops`; the last is what the plant says of its own
+GCS, FORMATION, SIMULATOR, PLANT = range(4)
 
 _NEIGHBOUR_WAIT_S = 0.05
 """How long a lockstep step waits for a word that is under way: over a relay, say, that delays."""
@@ -93,7 +101,7 @@ class AutopilotLink(NamedTuple):
     early: np.ndarray  # (degree,), dtype NEIGHBOUR: its word of a step that is not over here
     early_step: np.ndarray  # (degree,), the step of that word
     late: np.ndarray  # (degree,), steps in a row that waited for it in vain
-    drops: np.ndarray  # (16,), datagrams dropped, by negated code of `codec.check`
+    drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated code
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
     state: np.ndarray  # view of `received`
@@ -139,7 +147,7 @@ def new_link(
         np.zeros(degree, codec.NEIGHBOUR),
         np.full(degree, _NEVER_HEARD),
         np.zeros(degree, np.int64),
-        np.zeros(16, np.int64),
+        np.zeros((4, codec.DROPS_SIZE), np.int64),
         codec.new_buffer(),
         received,
         codec.payload_view(received, codec.SIM_STATE),
@@ -185,15 +193,36 @@ def run(
             if code in (FOREIGN, SIGNED):
                 clock["received"] = length
                 return SERVICE
-            if code == ID_SIM_STATE and system_of(link.received) == link.system:
+            if code == ID_SIM_STATE:
                 expand(link.received, SIM_STATE_SIZE)
-                _work(plant_fd, formation_fd, link, crew)
-                if clock["flags"] & FTC_SIM_FLAGS_ENDED:
-                    return OVER
-            elif code < 0:
-                link.drops[-code] += 1
+                code = _objection(link)
+                if code == 0:
+                    _work(plant_fd, formation_fd, link, crew)
+                    if clock["flags"] & FTC_SIM_FLAGS_ENDED:
+                        return OVER
+            elif code > 0:
+                code = UNEXPECTED
+            if code < 0:
+                link.drops[SIMULATOR, -code] += 1
         if clock["step"] >= until_step or monotonic_s() >= until_s:
             return TICK
+
+
+@compiled
+def _objection(link: AutopilotLink) -> int:
+    """Why the received state is not to be worked on: one of DROP_REASONS; 0 if it is.
+
+    One NaN would spread through controller and formation. A square that is too large for a
+    float is no state either.
+    """
+    if system_of(link.received) != link.system:
+        return STRANGER
+    state = link.state[0]
+    total = 0.0
+    for i in range(3):
+        total += state["position"][i] ** 2 + state["velocity"][i] ** 2 + state["attitude"][i] ** 2
+        total += state["rates"][i] ** 2 + state["specific_force"][i] ** 2
+    return 0 if np.isfinite(total) else OUT_OF_RANGE
 
 
 @compiled
@@ -343,17 +372,19 @@ def _take_reports(formation_fd: int, link: AutopilotLink, crew: Crew, newest: in
 def _take_report(link: AutopilotLink, crew: Crew, length: int, newest: int) -> None:
     """Keep a neighbour's word: for use if its step is over here, for later if not."""
     code = check(link.word, length)
-    if code < 0:
-        link.drops[-code] += 1
     if code != ID_NEIGHBOUR:
+        link.drops[FORMATION, -(code if code < SIGNED else UNEXPECTED)] += 1
         return
     expand(link.word, NEIGHBOUR_SIZE)
     system = system_of(link.word)
     report = link.report[0]
     step = int(report["step"])
     for d in range(len(link.neighbours)):
-        if link.neighbours[d] != system or not _is_sane(report):
+        if link.neighbours[d] != system:
             continue
+        if not _is_sane(report):
+            link.drops[FORMATION, -OUT_OF_RANGE] += 1
+            return
         link.late[d] = 0
         if step > newest:
             link.early[d] = report
@@ -361,6 +392,10 @@ def _take_report(link: AutopilotLink, crew: Crew, length: int, newest: int) -> N
         elif step >= link.heard_step[d]:
             crew.inboxes[0, d] = report
             link.heard_step[d] = step
+        else:
+            link.drops[FORMATION, -NOT_NEWER] += 1
+        return
+    link.drops[FORMATION, -STRANGER] += 1
 
 
 @compiled

@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.link import OVER, SERVICE, new_link, run
+from ftc_autopilot.link import GCS, OVER, SERVICE, SIMULATOR, new_link, run
 from ftc_autopilot.onboard import new_crew
 from ftc_autopilot.vehicle import Vehicle
 from mavlink_defs import dialect
+from mavlink_defs.codec import STRANGER
 from mavlink_defs.config import ConfigError, load
 from mavlink_defs.endpoint import (
     EndpointError,
@@ -28,7 +29,7 @@ from mavlink_defs.endpoint import (
     parse_address,
     set_receive_timeout,
 )
-from mavlink_defs.frames import Speaker, parse
+from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
 from sitl_plant.link import SIMULATOR_COMPONENT
 
@@ -58,6 +59,7 @@ class Autopilot:
         gcs.setblocking(False)
         addresses = map(parse_address, config.gcs)
         self._ground_stations = [(address.host, address.port) for address in addresses]
+        self._simulator = (config.id, SIMULATOR_COMPONENT)
         self._crew = new_crew([config])
         self._link = new_link(
             config.id, config.neighbours, config.step_us, config.neighbour_timeout_s, record_steps
@@ -119,12 +121,13 @@ class Autopilot:
         return None
 
     def _hear_simulator(self) -> None:
-        message = parse(self._link.received[: int(self._clock["received"])].tobytes())
-        if (
-            message is not None
-            and message.get_srcSystem() == self._config.id
-            and message.get_srcComponent() == SIMULATOR_COMPONENT
-        ):
+        datagram = self._link.received[: int(self._clock["received"])].tobytes()
+        message = parse(datagram)
+        if message is None:
+            self._link.drops[SIMULATOR, -drop_reason(datagram)] += 1
+        elif (message.get_srcSystem(), message.get_srcComponent()) != self._simulator:
+            self._link.drops[SIMULATOR, -STRANGER] += 1
+        else:
             self._vehicle.receive_from_simulator(message, time.monotonic())
 
     def _hear_ground_stations(self) -> None:
@@ -134,7 +137,9 @@ class Autopilot:
             except (BlockingIOError, ConnectionRefusedError):
                 return
             message = parse(datagram)
-            if message is not None:
+            if message is None:
+                self._link.drops[GCS, -drop_reason(datagram)] += 1
+            else:
                 self._vehicle.receive(message, time.monotonic())
 
     def _speak(self) -> None:

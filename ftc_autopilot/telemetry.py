@@ -36,6 +36,7 @@ DEFAULT_INTERVALS_US = {
     dialect.MAVLINK_MSG_ID_HOME_POSITION: 1_000_000,
     dialect.MAVLINK_MSG_ID_MISSION_CURRENT: 1_000_000,
     dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 2_000_000,
+    dialect.MAVLINK_MSG_ID_FTC_DROPS: 2_000_000,
 }
 """Message ids that are streamed from the start, and their intervals [µs]."""
 
@@ -89,6 +90,7 @@ def makers_of(
         dialect.MAVLINK_MSG_ID_FTC_TRACKING: controller.tracking,
         dialect.MAVLINK_MSG_ID_FTC_EVENTS: controller.events,
         dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,
+        dialect.MAVLINK_MSG_ID_FTC_DROPS: controller.drops,
         dialect.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
         dialect.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
         dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: status.ekf_status_report,

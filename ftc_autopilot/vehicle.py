@@ -10,7 +10,7 @@ from functools import partial
 from ftc_autopilot.commands import Commands, Handler
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.controller_messages import ControllerMessages
-from ftc_autopilot.link import AutopilotLink
+from ftc_autopilot.link import GCS, PLANT, AutopilotLink
 from ftc_autopilot.mission import Mission
 from ftc_autopilot.modes import AUTO, GUIDED, LOITER, MODE_NAMES, Modes
 from ftc_autopilot.onboard import Crew
@@ -18,7 +18,7 @@ from ftc_autopilot.state_messages import StateMessages, home_item
 from ftc_autopilot.status_messages import StatusMessages
 from ftc_autopilot.telemetry import Telemetry, makers_of
 from ftc_autopilot.tuning import parameters_of
-from mavlink_defs import dialect
+from mavlink_defs import codec, dialect
 from mavlink_defs.courtesy import Courtesy
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.frames import text_chunks
@@ -68,6 +68,7 @@ class Vehicle:
     def receive(self, message: MAVLink_message, now: float) -> None:
         """Take in a message of a ground station; those of no concern are ignored."""
         if not is_for(message, self._own):
+            self._link.drops[GCS, -codec.OTHER_TARGET] += 1
             return
         match message:
             case dialect.MAVLink_set_attitude_target_message():
@@ -84,6 +85,9 @@ class Vehicle:
         match message:
             case dialect.MAVLink_statustext_message() | dialect.MAVLink_ftc_fault_message():
                 self._gcs_outbox.append(message)
+            case dialect.MAVLink_ftc_drops_message():
+                for code, count in zip(codec.DROP_REASONS, message.plant, strict=True):
+                    self._link.drops[PLANT, -code] = count
         self._commands.receive_from_simulator(message, now)
         self._collect()
 

@@ -14,7 +14,7 @@ import asyncio
 import contextlib
 import math
 import time
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Collection, Iterable
 from types import TracebackType
 from typing import Any, Self
@@ -24,15 +24,17 @@ from gcs.fleet_state import FleetState
 from gcs.news import ERROR, News
 from gcs.vehicle import Vehicle
 from mavlink_defs import dialect
+from mavlink_defs.codec import DROP_REASONS
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, EndpointError, bind_udp, connect_udp
-from mavlink_defs.frames import Speaker, parse
+from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.machine import Address, Machine
 from mavlink_defs.tlog import TlogWriter
 
 __all__ = ["GROUND_STATION", "Client"]
 
 GROUND_STATION = Address(255, dialect.MAV_COMP_ID_MISSIONPLANNER)
+_AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 _TICK_S = 0.2
 _HEARTBEAT_S = 1.0
 _DISCOVERY_S = 1.2  # every vehicle sends a HEARTBEAT within a second
@@ -49,6 +51,7 @@ class Client(asyncio.DatagramProtocol):
         fleet: What is known of the vehicles.
         log: The latest news, oldest first.
         unreachable: Whether nobody listens where an outgoing connection leads.
+        drops: Datagrams that were dropped here, by reason in words.
     """
 
     def __init__(
@@ -78,6 +81,7 @@ class Client(asyncio.DatagramProtocol):
         self.fleet = FleetState()
         self.log: deque[News] = deque(maxlen=_NEWS_KEPT)
         self.unreachable = False
+        self.drops: Counter[str] = Counter()
         self._tlog = tlog
         self._on_message, self._on_news = on_message, on_news
         self._inquire = inquire
@@ -252,11 +256,13 @@ class Client(asyncio.DatagramProtocol):
         """Take in a datagram; called by asyncio."""
         message = parse(data)
         if message is None:
+            self.drops[DROP_REASONS[drop_reason(data)]] += 1
             return
         self._record(data)
         self.unreachable = False
         now, system = self.now(), message.get_srcSystem()
-        self._peers[system] = addr
+        if system not in self._peers or message.get_srcComponent() == _AUTOPILOT:
+            self._peers[system] = addr
         self.tell(self.fleet.receive(message, now))
         if system not in self._vehicles and system in self.fleet.vehicles:
             self._vehicles[system] = Vehicle(self, self.fleet.vehicles[system])

@@ -31,7 +31,10 @@ class Hub:
     def route(self, datagram: bytes, sender: _Peer, now: float) -> list[_Peer]:
         """Give the addresses that a datagram is to be sent on to."""
         if self._is_of_vehicle(datagram):
-            self._vehicles[datagram[5]] = sender
+            if self._vehicles.get(datagram[5]) != sender:
+                if parse(datagram) is None:
+                    return []
+                self._vehicles[datagram[5]] = sender
             alive = {peer: at for peer, at in self._stations.items() if now - at <= PATIENCE_S}
             self._stations = alive
             return list(alive)
@@ -45,7 +48,7 @@ class Hub:
         return [self._vehicles[target]] if target in self._vehicles else []
 
     def _is_of_vehicle(self, datagram: bytes) -> bool:
-        """Look at the header only: most of what passes is telemetry."""
+        """Look at the header only: most of what passes is telemetry from where it came before."""
         return (
             len(datagram) >= _MIN_FRAME
             and datagram[0] == dialect.PROTOCOL_MARKER_V2

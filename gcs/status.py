@@ -1,7 +1,7 @@
 """The state of vehicles as plain data and as a table."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.table import Table
@@ -10,7 +10,7 @@ from gcs.vehicle_state import VehicleState
 from mavlink_defs.faults import ACTUATORS, Fault
 from mavlink_defs.profile import Segment
 
-__all__ = ["fault_dict", "fleet_table", "segment_dict", "status_dict"]
+__all__ = ["drop_lines", "fault_dict", "fleet_table", "segment_dict", "status_dict"]
 
 _QUANTITIES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
 
@@ -51,6 +51,7 @@ def status_dict(state: VehicleState, now: float) -> dict[str, Any]:
             "age_s": state.age_s(now),
             "rate_hz": state.rate_hz(now),
             "restarts": state.restarts,
+            "drops": state.drops,
         },
         "armed": state.armed,
         "ready": state.is_ready,
@@ -85,6 +86,32 @@ def _event_dict(state: VehicleState) -> dict[str, Any]:
         for i, name in enumerate(ACTUATORS)
     }
     return {"steps": counts.steps, "saving": counts.saving, "channels": channels}
+
+
+def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[str]:
+    """What was dropped and why, one line for each that dropped something.
+
+    Args:
+        here: Datagrams that the ground station dropped, by reason.
+        states: The vehicles.
+    """
+    dropped: dict[str, Mapping[str, Mapping[str, int]]] = {"here": {"": here}}
+    for state in states:
+        links = dict(state.drops or {})
+        dropped["by the plant"] = {
+            "": links.pop("plant", dropped.get("by the plant", {}).get("", {}))
+        }
+        dropped[f"by UAV {state.system}"] = {f"{link} link ": n for link, n in links.items()}
+    lines = []
+    for who, doors in dropped.items():
+        words = [
+            f"{door}{', '.join(f'{n} {reason}' for reason, n in reasons.items())}"
+            for door, reasons in doors.items()
+            if reasons
+        ]
+        if words:
+            lines.append(f"dropped {who}: {'; '.join(words)}")
+    return lines
 
 
 def fleet_table(states: Iterable[VehicleState], now: float) -> Table:

@@ -12,6 +12,7 @@ from gcs.event_counts import EventCounts
 from gcs.history import History
 from gcs.news import ERROR, INFO, NOTICE, WARNING, Kind, News, enum_name
 from mavlink_defs import dialect
+from mavlink_defs.codec import DROP_REASONS
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import ACTUATORS, Fault
 from mavlink_defs.machine import Address
@@ -248,6 +249,17 @@ class VehicleState:
         """The faults whose window is over."""
         time_s = self.time_s or 0.0
         return tuple(f for f in self.faults or () if f.end_s < time_s)
+
+    @property
+    def drops(self) -> dict[str, dict[str, int]] | None:
+        """Datagrams that it and the plant dropped, by link and reason; None before it told."""
+        message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_DROPS)
+        if message is None:
+            return None
+        links = ("gcs", "formation", "simulator", "plant")
+        words = DROP_REASONS.values()
+        told = {link: zip(words, getattr(message, link), strict=True) for link in links}
+        return {link: {word: n for word, n in counts if n} for link, counts in told.items()}
 
     # inside
 

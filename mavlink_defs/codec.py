@@ -30,11 +30,12 @@ from mavlink_defs import dialect
 from mavlink_defs.jit import compiled
 
 __all__ = ["ACTUATORS", "ACTUATORS_SIZE", "BAD_CRC", "BAD_FLAGS", "BAD_LENGTH", "BAD_MAGIC",
-           "BUFFER_SIZE", "DROP_REASONS", "FOREIGN", "ID_ACTUATORS", "ID_NEIGHBOUR",
-           "ID_SIM_STATE", "ID_STEP_DONE", "NEIGHBOUR", "NEIGHBOUR_SIZE", "SIGNED", "SIM_STATE",
-           "SIM_STATE_SIZE", "STEP_DONE", "STEP_DONE_SIZE", "TRUNCATED", "check", "component_of",
-           "expand", "new_buffer", "pack", "payload_dtype", "payload_view", "sequence_of",
-           "system_of"]  # fmt: skip
+           "BAD_SIGNATURE", "BUFFER_SIZE", "DROPS_SIZE", "DROP_REASONS", "FOREIGN", "ID_ACTUATORS",
+           "ID_NEIGHBOUR", "ID_SIM_STATE", "ID_STEP_DONE", "NEIGHBOUR", "NEIGHBOUR_SIZE",
+           "NOT_NEWER", "OTHER_TARGET", "OUT_OF_RANGE", "SIGNED", "SIM_STATE", "SIM_STATE_SIZE",
+           "STEP_DONE", "STEP_DONE_SIZE", "STRANGER", "TRUNCATED", "UNEXPECTED", "check",
+           "component_of", "drop_counts", "expand", "new_buffer", "pack", "payload_dtype",
+           "payload_view", "sequence_of", "system_of"]  # fmt: skip
 
 BUFFER_SIZE = 280  # the longest MAVLink 2 frame: 10 header, 255 payload, 2 CRC, 13 signature
 _MAGIC = 0xFD
@@ -51,13 +52,30 @@ BAD_MAGIC = -4
 BAD_LENGTH = -5
 BAD_FLAGS = -6
 BAD_CRC = -7
+# Why a good frame is dropped after that; `check` does not know.
+UNEXPECTED = -8
+STRANGER = -9
+OTHER_TARGET = -10
+NOT_NEWER = -11
+OUT_OF_RANGE = -12
+BAD_SIGNATURE = -13
 DROP_REASONS = {
     TRUNCATED: "truncated",
     BAD_MAGIC: "not MAVLink 2",
     BAD_LENGTH: "bytes after the frame",
     BAD_FLAGS: "unknown incompatibility flags",
     BAD_CRC: "wrong checksum",
+    UNEXPECTED: "unknown message",
+    STRANGER: "wrong sender",
+    OTHER_TARGET: "wrong target",
+    NOT_NEWER: "not newer",
+    OUT_OF_RANGE: "out of range",
+    BAD_SIGNATURE: "wrong signature",
 }
+"""Why a datagram is dropped, in the order of the arrays of FTC_DROPS."""
+
+DROPS_SIZE = 16
+"""Counters of dropped datagrams: ``drops[-code]`` for each of DROP_REASONS."""
 
 
 def payload_dtype(message_class: type[dialect.MAVLink_message]) -> np.dtype[np.void]:
@@ -120,6 +138,11 @@ def payload_view(datagram: np.ndarray, dtype: np.dtype[np.void]) -> np.ndarray:
     Valid after `check` has returned this message's id and `expand` has been called.
     """
     return datagram[_HEADER_SIZE : _HEADER_SIZE + dtype.itemsize].view(dtype)
+
+
+def drop_counts(drops: np.ndarray) -> list[int]:
+    """Counters of shape (DROPS_SIZE,) as FTC_DROPS carries them: in order, at most UINT32_MAX."""
+    return [min(int(drops[-code]), 2**32 - 1) for code in DROP_REASONS]
 
 
 @compiled

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from mavlink_defs import dialect
 from mavlink_defs.command import CommandClient, CommandFinished
 from mavlink_defs.dialect import MAVLink_ftc_fault_message, MAVLink_message
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults import ACTUATORS, Fault
 from mavlink_defs.machine import Address, Machine
 from mavlink_defs.values import decimal_of_float32
 
@@ -59,7 +59,8 @@ class FaultLister(Machine[FaultsListed]):
     def receive(self, message: MAVLink_message, now: float) -> None:
         """Take in an FTC_FAULT or the acknowledgement."""
         if isinstance(message, MAVLink_ftc_fault_message):
-            if message.get_srcSystem() == self._vehicle.system:
+            ours = message.get_srcSystem() == self._vehicle.system
+            if ours and message.actuator < len(ACTUATORS):
                 self._collect(message)
         else:
             self._command.receive(message, now)

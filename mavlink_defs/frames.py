@@ -4,13 +4,15 @@ from collections.abc import Callable
 
 from fastcrc.crc16 import mcrf4xx
 
-from mavlink_defs import dialect
+from mavlink_defs import codec, dialect
 
-__all__ = ["Speaker", "frame_size", "parse", "text_chunks"]
+__all__ = ["Speaker", "drop_reason", "frame_size", "parse", "text_chunks"]
 
 _TEXT_SIZE = 50  # of one STATUSTEXT
 _CRC = 2  # bytes
 _SHORTEST = dialect.HEADER_LEN_V2 + _CRC
+_CODES = {words: code for code, words in codec.DROP_REASONS.items()}
+_CODES |= {"empty": codec.TRUNCATED, "MAVLink 1": codec.BAD_MAGIC}
 
 
 class Speaker:
@@ -40,10 +42,20 @@ _decoder = dialect.MAVLink(None)
 
 def parse(datagram: bytes) -> dialect.MAVLink_message | None:
     """Decode a datagram that holds one MAVLink 2 frame of the dialect; None if it does not."""
+    if frame_size(datagram)[0] != len(datagram) or not datagram:
+        return None  # pymavlink would take MAVLink 1, unknown messages and unknown flags, too
     try:
         return _decoder.decode(bytearray(datagram))
     except Exception:  # pymavlink raises struct.error, IndexError, … besides its MAVError
         return None
+
+
+def drop_reason(datagram: bytes) -> int:
+    """Tell why `parse` refuses a datagram: one of `codec.DROP_REASONS`."""
+    size, words = frame_size(datagram)
+    if size == 0:
+        return _CODES[words]
+    return codec.BAD_LENGTH if size != len(datagram) else codec.OUT_OF_RANGE
 
 
 def frame_size(data: bytes) -> tuple[int, str]:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs.codec import SIM_STATE
+from mavlink_defs.codec import NOT_NEWER, OUT_OF_RANGE, SIM_STATE
 from mavlink_defs.jit import compiled
 from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
@@ -58,8 +58,11 @@ def _initial_state(initial: InitialState) -> np.ndarray:
 
 
 @compiled
-def receive_controls(fleet: Fleet, i: int, actuators: np.void) -> bool:
+def receive_controls(fleet: Fleet, i: int, actuators: np.void) -> int:
     """Take over an HIL_ACTUATOR_CONTROLS payload, unless it is not newer than the last one.
+
+    Nor is one from the future: its time is that of a state sent, and would hold off all later
+    ones.
 
     Args:
         fleet: The fleet.
@@ -67,23 +70,25 @@ def receive_controls(fleet: Fleet, i: int, actuators: np.void) -> bool:
         actuators: Payload of dtype `mavlink_defs.codec.ACTUATORS`.
 
     Returns:
-        True if it was taken over; False if it is old, or holds a number that is no command.
+        0 if it was taken over; NOT_NEWER; OUT_OF_RANGE if it holds a number that is no command.
     """
     message = fleet.messages[i]
     last = message["actuator_time_usec"]
     if last != _NOTHING_APPLIED and actuators["time_usec"] <= last:
-        return False
+        return NOT_NEWER
+    if actuators["time_usec"] > message["time_usec"]:
+        return OUT_OF_RANGE
     controls = actuators["controls"]
     for c in range(4):
         lowest = 0.0 if c == 3 else -1.0
         if not lowest <= controls[c] <= 1.0:  # false for NaN, too
-            return False
+            return OUT_OF_RANGE
     aircraft = fleet.aircraft[i]
     for c in range(3):
         fleet.controls[i, c] = controls[c] * aircraft["surface_limit"]
     fleet.controls[i, 3] = controls[3] * aircraft["thrust_limit"]
     message["actuator_time_usec"] = actuators["time_usec"]
-    return True
+    return 0
 
 
 @compiled

@@ -20,8 +20,11 @@ from mavlink_defs.codec import (
     ID_ACTUATORS,
     ID_SIM_STATE,
     ID_STEP_DONE,
+    OUT_OF_RANGE,
     SIGNED,
     STEP_DONE_SIZE,
+    STRANGER,
+    UNEXPECTED,
     check,
     expand,
     pack,
@@ -58,7 +61,6 @@ LOST = 4  # aircraft clock["lost"] left the model's range of validity
 
 _RESEND_S = 0.05
 _MAX_LAG_S = 0.1
-_UNKNOWN_SENDER = 0  # index into drops; others are the negated codes of `codec.check`
 
 CLOCK = np.dtype(
     [
@@ -88,7 +90,7 @@ class PlantLink(NamedTuple):
     heard_s: np.ndarray  # (n,), wall-clock time of its last datagram [s]
     done: np.ndarray  # (n,), last step that it has finished
     sequences: np.ndarray  # (n,), frames sent by each simulator component
-    drops: np.ndarray  # (16,), datagrams dropped, by reason
+    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated code of DROP_REASONS
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
     sender: np.ndarray  # (ADDRESS_SIZE,), where it came from
@@ -127,7 +129,7 @@ def new_link(
         np.zeros(n),
         np.full(n, -1),
         np.zeros(n, np.int64),
-        np.zeros(16, np.int64),
+        np.zeros(codec.DROPS_SIZE, np.int64),
         codec.new_buffer(),
         received,
         np.zeros(ADDRESS_SIZE, np.uint8),
@@ -263,23 +265,30 @@ def _take(link: PlantLink, fleet: Fleet, length: int) -> bool:
     code = check(link.received, length)
     if code in (FOREIGN, SIGNED):
         return True
-    if code < 0:
-        link.drops[-code] += 1
-        return False
+    problem = code if code < 0 else _take_hot(link, fleet, code)
+    if problem < 0:
+        link.drops[-problem] += 1
+    return False
+
+
+@compiled
+def _take_hot(link: PlantLink, fleet: Fleet, message_id: int) -> int:
+    """Work on a checked hot message; one of DROP_REASONS if it is not to be followed, else 0."""
     i = _index_of_sender(link)
     if i < 0:
-        link.drops[_UNKNOWN_SENDER] += 1
-        return False
+        return STRANGER
     link.heard_s[i] = monotonic_s()
-    if code == ID_STEP_DONE:
+    if message_id == ID_STEP_DONE:
         expand(link.received, STEP_DONE_SIZE)
         step = link.step_done[0]["step"]
-        if step <= link.clock[0]["step"]:
-            link.done[i] = max(link.done[i], step)
-    elif code == ID_ACTUATORS:
+        if step > link.clock[0]["step"]:
+            return OUT_OF_RANGE
+        link.done[i] = max(link.done[i], step)
+        return 0
+    if message_id == ID_ACTUATORS:
         expand(link.received, ACTUATORS_SIZE)
-        receive_controls(fleet, i, link.actuators[0])
-    return False
+        return receive_controls(fleet, i, link.actuators[0])
+    return UNEXPECTED
 
 
 @compiled

@@ -15,12 +15,15 @@ from typing import Any
 
 import numpy as np
 
+from mavlink_defs.codec import DROP_REASONS, STRANGER, drop_counts
 from mavlink_defs.config import ConfigError, load
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOST,
     FTC_SIM_FLAGS_RUNNING,
     MAV_COMP_ID_AUTOPILOT1,
+    MAVLink_ftc_drops_message,
+    MAVLink_message,
 )
 from mavlink_defs.endpoint import (
     EndpointError,
@@ -31,7 +34,7 @@ from mavlink_defs.endpoint import (
     set_receive_timeout,
 )
 from mavlink_defs.faults import FaultLimits
-from mavlink_defs.frames import Speaker, parse
+from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_fleet
@@ -51,6 +54,7 @@ __all__ = ["main"]
 
 _TICK_S = 0.02
 _FAREWELL_S = 1.0
+_DROPS_PERIOD_S = 1.0
 _STEPS_MAX = 2**31  # 24 days at 1 kHz
 
 
@@ -84,6 +88,7 @@ class Plant:
             for i, uav in enumerate(config.uavs)
         ]
         self._begin_s = 0.0
+        self._drops_due_s = 0.0
         self.wall_s = 0.0
         self.stopping = False
 
@@ -105,6 +110,7 @@ class Plant:
                 loss = self._look_around()
                 if loss is not None:
                     break
+            self._report_drops()
         if self._running:
             self.wall_s = time.monotonic() - self._begin_s
         self._say_goodbye(lost=outcome == LOST)
@@ -141,23 +147,42 @@ class Plant:
         datagram = self._link.received[: int(self._clock["received"])].tobytes()
         message = parse(datagram)
         systems = list(self._link.systems)
+        if message is None:
+            self._link.drops[-drop_reason(datagram)] += 1
+            return
         if (
-            message is None
-            or message.get_srcComponent() != MAV_COMP_ID_AUTOPILOT1
+            message.get_srcComponent() != MAV_COMP_ID_AUTOPILOT1
             or message.get_srcSystem() not in systems
         ):
+            self._link.drops[-STRANGER] += 1
             return
         i = systems.index(message.get_srcSystem())
         now = time.monotonic()
         if not self._register(i, now):
+            self._link.drops[-STRANGER] += 1
             return
         service = self._services[i]
         service.receive(message, self.time_s, now)
         for answer in service.messages_to_send():
-            host = address_of(self._link.addresses[i])
-            self._sock.sendto(self._speakers[i].pack(answer), (host.host, host.port))
+            self._send(i, answer)
         if not self._running and self._link.known.all() and all(s.armed for s in self._services):
             self._start()
+
+    def _send(self, i: int, message: MAVLink_message) -> None:
+        host = address_of(self._link.addresses[i])
+        self._sock.sendto(self._speakers[i].pack(message), (host.host, host.port))
+
+    def _report_drops(self) -> None:
+        """Tell the autopilots, from time to time, what was dropped here."""
+        now = time.monotonic()
+        if now < self._drops_due_s:
+            return
+        self._drops_due_s = now + _DROPS_PERIOD_S
+        counts, none = drop_counts(self._link.drops), [0] * len(DROP_REASONS)
+        time_ms = round(self.time_s * 1e3) & 0xFFFFFFFF
+        message = MAVLink_ftc_drops_message(time_ms, none, none, none, counts)
+        for i in np.flatnonzero(self._link.known):
+            self._send(int(i), message)
 
     def _register(self, i: int, now: float) -> bool:
         """Note who flies aircraft i; a second claimant is ignored while the first is heard."""

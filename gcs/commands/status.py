@@ -1,10 +1,11 @@
 """``gcs status``: what the vehicles of a running fleet do."""
 
 import asyncio
+from functools import partial
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
+from rich.console import Console, Group
 from rich.live import Live
 
 from gcs.client import Client
@@ -17,7 +18,7 @@ from gcs.commands.station import (
     print_json,
 )
 from gcs.errors import CommandRefused, Interrupted, NoAnswer
-from gcs.status import fleet_table, status_dict
+from gcs.status import drop_lines, fleet_table, status_dict
 from gcs.vehicle import Vehicle
 from mavlink_defs import dialect
 
@@ -31,7 +32,8 @@ Examples:
 - gcs status --uav 3 --json | jq '.vehicles[0].channels.rudder.events'
 - gcs status --connect udpin:0.0.0.0:14550
 
-Faults are shown as active/all. Exit status: 0 shown, 2 bad input, 4 no vehicle heard;
+Faults are shown as active/all; below the table, what was dropped on the links, if anything.
+Exit status: 0 shown, 2 bad input, 4 no vehicle heard;
 --watch goes on until Ctrl-C (0).
 """
 
@@ -42,6 +44,7 @@ _WANTED = (
     dialect.MAVLINK_MSG_ID_VFR_HUD,
     dialect.MAVLINK_MSG_ID_FTC_TRACKING,
     dialect.MAVLINK_MSG_ID_FTC_EVENTS,
+    dialect.MAVLINK_MSG_ID_FTC_DROPS,
 )
 
 
@@ -71,8 +74,9 @@ def status(
                 await asyncio.sleep(_REFRESH_S)
         with Live(auto_refresh=False) as live:
             while True:
-                table = fleet_table((v.state for v in chosen()), client.now())
-                live.update(table, refresh=True)
+                states = [vehicle.state for vehicle in chosen()]
+                lines = drop_lines(client.drops, states)
+                live.update(Group(fleet_table(states, client.now()), *lines), refresh=True)
                 await asyncio.sleep(_REFRESH_S)
 
     if not watch:
@@ -86,7 +90,8 @@ def status(
 
 async def _ask(client: Client, vehicle: Vehicle) -> None:
     """Get everything about a vehicle that can be had."""
-    for question in (vehicle.list_faults, vehicle.download):
+    drops = partial(vehicle.request, dialect.MAVLINK_MSG_ID_FTC_DROPS)
+    for question in (vehicle.list_faults, vehicle.download, drops):
         try:
             await question()
         except (CommandRefused, NoAnswer):
@@ -97,11 +102,15 @@ async def _ask(client: Client, vehicle: Vehicle) -> None:
 def _show(client: Client, vehicles: list[Vehicle], as_json: bool) -> None:
     now = client.now()
     if not as_json:
-        Console(highlight=False).print(fleet_table((v.state for v in vehicles), now))
+        console, states = Console(highlight=False), [vehicle.state for vehicle in vehicles]
+        console.print(fleet_table(states, now))
+        for line in drop_lines(client.drops, states):
+            console.print(line)
         return
     answer: dict[str, Any] = {
         "connection": str(client.connection),
         "saving": client.fleet.saving,
+        "drops": client.drops,
         "vehicles": [status_dict(vehicle.state, now) for vehicle in vehicles],
     }
     print_json(answer)

@@ -1,0 +1,1 @@
+"""Fuzzing of everything that takes datagrams: ``make fuzz``, and what its tests share."""

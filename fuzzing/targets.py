@@ -1,0 +1,291 @@
+"""What is fuzzed: each target takes datagrams, and tells its state so that one can compare it.
+
+Autopilot and plant are those of the processes, with their compiled loops, on loopback sockets;
+they are driven from here instead of by `fly`. Nothing waits: a datagram is there before it is
+looked for.
+"""
+
+import socket
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ftc_autopilot import link as autopilot_link
+from ftc_autopilot.onboard import onboard_step
+from ftc_autopilot.process import Autopilot
+from gcs.client import Client
+from gcs.scenario import Scenario
+from gcs.status import drop_lines, fleet_table, status_dict
+from mavlink_defs import codec, dialect
+from mavlink_defs.endpoint import Address as Endpoint
+from mavlink_defs.endpoint import Connection, parse_address, sockaddr
+from mavlink_defs.frames import Speaker, drop_reason, parse
+from mavlink_defs.tlog import TlogError, read_tlog
+from sitl_plant import link as plant_link
+from sitl_plant.fleet import fly
+from sitl_plant.process import Plant
+
+__all__ = ["AutopilotTarget", "PlantTarget", "StationTarget", "Target", "parse_all_ways",
+           "records_of_tlog"]  # fmt: skip
+
+UAV = 2
+"""The autopilot's system id: it has one neighbour, `NEIGHBOUR`."""
+NEIGHBOUR = 1
+_LOOPBACK = ("127.0.0.1", 0)
+_LOCKSTEP = dialect.FTC_SIM_FLAGS_RUNNING | dialect.FTC_SIM_FLAGS_LOCKSTEP
+
+
+class Target(Protocol):
+    """Something that takes datagrams.
+
+    Attributes:
+        sender: System and component id that are believed, or might be.
+        target: System and component id of the one that listens.
+    """
+
+    sender: tuple[int, int]
+    target: tuple[int, int]
+
+    def feed(self, datagram: bytes) -> None:
+        """Take in a datagram and do all that it causes."""
+
+    def state(self) -> bytes:
+        """All that an invalid datagram must leave as it is."""
+
+    def drops(self) -> int:
+        """Datagrams counted as dropped."""
+
+    def close(self) -> None:
+        """Give the sockets back."""
+
+
+def _udp() -> socket.socket:
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.bind(_LOOPBACK)
+    sock.setblocking(False)
+    return sock
+
+
+class AutopilotTarget:
+    """An autopilot in flight, fuzzed on one of its three sockets."""
+
+    target = (UAV, dialect.MAV_COMP_ID_AUTOPILOT1)
+
+    def __init__(self, scenario: Scenario, door: str) -> None:
+        """Start one.
+
+        Args:
+            scenario: Whose UAV 2 it is.
+            door: "gcs", "simulator" or "formation": where the datagrams come in.
+        """
+        self._plant, self._own, self._formation, self._gcs = (_udp() for _ in range(4))
+        self._own.connect(self._plant.getsockname())
+        config = scenario.autopilot_config(UAV)
+        station = "{}:{}".format(*self._plant.getsockname())
+        update = {"gcs": (station,), "plant": station}
+        self._autopilot = Autopilot(
+            config.model_copy(update=update), self._own, self._formation, self._gcs, 0
+        )
+        self._formation.setblocking(False)
+        self._own.setblocking(False)
+        self._door = {"gcs": self._gcs, "simulator": self._own, "formation": self._formation}[door]
+        senders = {"gcs": (255, 190), "simulator": (UAV, 25), "formation": (NEIGHBOUR, 1)}
+        self.sender = senders[door]
+        self._is_formation = door == "formation"
+        self._link, self._crew = self._autopilot._link, self._autopilot._crew
+        self._steps = 0
+        self._crew.guidance[0]["active"] = 1
+        self._autopilot._vehicle.modes.armed = True
+        self._link.measured[0]["velocity"] = (40.0, 0.0, 0.5)
+        self._link.clock["flags"], self._link.clock["heard_s"] = 0, time.monotonic()
+        self.step()
+
+    def feed(self, datagram: bytes) -> None:
+        """Take in a datagram and do all that it causes."""
+        self._plant.sendto(datagram, self._door.getsockname())
+        self._link.clock["flags"] &= _LOCKSTEP
+        self._link.clock["heard_s"] = time.monotonic()
+        if self._is_formation:
+            autopilot_link._take_reports(self._formation.fileno(), self._link, self._crew, 0)
+            return
+        fds = self._own.fileno(), self._formation.fileno()
+        outcome = autopilot_link.run(*fds, self._link, self._crew, 0.0, 2**62)
+        if outcome == autopilot_link.SERVICE:
+            self._autopilot._hear_simulator()
+        self._autopilot._hear_ground_stations()
+        self._autopilot._speak()
+
+    def tick(self, now: float) -> None:
+        """Let timers run; what it says goes out, and must be possible to pack."""
+        self._autopilot._vehicle.tick(now)
+        self._autopilot._speak()
+        _drain(self._plant)
+
+    def step(self) -> np.ndarray:
+        """Make a control step of a healthy aircraft; the commands that come of it."""
+        state = np.zeros(1, codec.SIM_STATE)
+        state["velocity"] = (40.0, 0.0, 0.5)
+        state["step"], self._steps = self._steps, self._steps + 1
+        onboard_step(self._crew, 0, state[0], 1000)
+        controls: np.ndarray = self._crew.actuators[0]["controls"]
+        return controls
+
+    def state(self) -> bytes:
+        """All that an invalid datagram must leave as it is."""
+        vehicle, clock = self._autopilot._vehicle, self._link.clock[0]
+        names = ("step", "sent_usec", "pending", "repeated", "edge_changes")
+        words = repr((
+            vehicle.modes.mode, vehicle.modes.armed, vehicle.telemetry._intervals_us,
+            vehicle._mission.server.items, [p.get() for p in vehicle._params._parameters],
+        ))  # fmt: skip
+        return (
+            b"".join(array.tobytes() for array in self._crew)
+            + b"".join(clock[name].tobytes() for name in names)
+            + self._link.early.tobytes()
+            + self._link.heard_step.tobytes()
+            + self._link.measured.tobytes()
+            + words.encode()
+        )
+
+    def drops(self) -> int:
+        """Datagrams counted as dropped."""
+        return int(self._link.drops[:3].sum())
+
+    def close(self) -> None:
+        """Give the sockets back."""
+        for sock in (self._plant, self._own, self._formation, self._gcs):
+            sock.close()
+
+
+class PlantTarget:
+    """A plant whose simulated time runs, fuzzed by its autopilot or by a stranger."""
+
+    target = (1, 25)
+
+    def __init__(self, scenario: Scenario, stranger: bool) -> None:
+        self._peer, self._other, self._sock = _udp(), _udp(), _udp()
+        self._plant = Plant(scenario.plant_config(), self._sock, record=False)
+        self._sock.setblocking(False)
+        self._door = self._other if stranger else self._peer
+        self.sender = (1, dialect.MAV_COMP_ID_AUTOPILOT1)
+        self._link, self._fleet = self._plant._link, self._plant._fleet
+        self._link.addresses[:] = sockaddr(Endpoint(*self._peer.getsockname()))
+        self._link.known[:] = 1
+        self._link.clock["flags"] = _LOCKSTEP
+
+    def feed(self, datagram: bytes) -> None:
+        """Take in a datagram and do all that it causes."""
+        self._link.heard_s[:] = self._link.clock["sent_s"] = time.monotonic()
+        self._door.sendto(datagram, self._sock.getsockname())
+        outcome = plant_link.run(self._sock.fileno(), self._link, self._fleet, 0.0)
+        if outcome == plant_link.SERVICE:
+            self._plant._serve()
+        assert outcome in {plant_link.SERVICE, plant_link.TICK}, outcome
+        _drain(self._peer)
+
+    def fly(self, steps: int) -> np.ndarray:
+        """Let time pass; the states that come of it."""
+        for step in range(steps):
+            fly(self._fleet, step, 1000)
+        return self._fleet.states
+
+    def state(self) -> bytes:
+        """All that an invalid datagram must leave as it is."""
+        services = [service.armed for service in self._plant._services]
+        arrays = (self._fleet.states, self._fleet.controls, self._fleet.faults, self._link.done,
+                  self._fleet.messages["actuator_time_usec"], self._link.known,
+                  self._link.addresses)  # fmt: skip
+        return b"".join(array.tobytes() for array in arrays) + repr(services).encode()
+
+    def drops(self) -> int:
+        """Datagrams counted as dropped."""
+        return int(self._link.drops.sum())
+
+    def close(self) -> None:
+        """Give the sockets back."""
+        for sock in (self._peer, self._other, self._sock):
+            sock.close()
+
+
+class StationTarget:
+    """A ground station's client that knows a vehicle; it has no socket here."""
+
+    sender = (UAV, dialect.MAV_COMP_ID_AUTOPILOT1)
+    target = (255, 190)
+
+    def __init__(self) -> None:
+        self.client = Client(Connection("in", parse_address("127.0.0.1:14550")))
+        heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
+        self._now = 0.0
+        self.client.now = lambda: self._now  # type: ignore[method-assign]
+        self.feed(Speaker(*self.sender).pack(heartbeat))
+
+    def feed(self, datagram: bytes) -> None:
+        """Take in a datagram and do all that it causes."""
+        self.client.datagram_received(datagram, ("127.0.0.1", 14601))
+
+    def tick(self, now: float) -> None:
+        """Let time pass, and show everything as `gcs status` does."""
+        self._now = now
+        self.client.fleet.tick(now)
+        states = list(self.client.fleet.vehicles.values())
+        fleet_table(states, now)
+        drop_lines(self.client.drops, states)
+        for state in states:
+            status_dict(state, now)
+            state.counts.rates()
+
+    def state(self) -> bytes:
+        """All that an invalid datagram must leave as it is."""
+        fleet = self.client.fleet
+        known = {i: (s.heard_at, len(s.texts), s.restarts, {k: id(m) for k, m in s.latest.items()})
+                 for i, s in fleet.vehicles.items()}  # fmt: skip
+        return repr((known, fleet.rumoured, self.client._peers, len(self.client.log))).encode()
+
+    def drops(self) -> int:
+        """Datagrams counted as dropped."""
+        return self.client.drops.total()
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def parse_all_ways(datagram: bytes) -> bool:
+    """Put a datagram through the parsers; whether it is a good frame, on which all agree."""
+    message = parse(datagram)
+    buffer = codec.new_buffer()
+    length = min(len(datagram), codec.BUFFER_SIZE)
+    buffer[:length] = np.frombuffer(datagram[:length], np.uint8)
+    code = codec.check(buffer, length)
+    if message is None:
+        assert drop_reason(datagram) in codec.DROP_REASONS
+        assert code < 0 or len(datagram) > codec.BUFFER_SIZE, code
+    else:
+        assert code in {codec.FOREIGN, codec.SIGNED, message.get_msgId()}, code
+    return message is not None
+
+
+def records_of_tlog(data: bytes) -> int:
+    """Read bytes as a telemetry log; the number of records before what is no record."""
+    count = 0
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "fuzz.tlog"
+        path.write_bytes(data)
+        try:
+            for _ in read_tlog(path):
+                count += 1
+        except TlogError:
+            pass
+    return count
+
+
+def _drain(sock: socket.socket) -> list[Any]:
+    received = []
+    try:
+        while True:
+            received.append(sock.recv(codec.BUFFER_SIZE))
+    except BlockingIOError:
+        return received

@@ -1,0 +1,122 @@
+"""Whole processes under a hail of datagrams from a socket that is none of theirs."""
+
+import os
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from socket import AF_INET, SOCK_DGRAM, socket
+from typing import Any
+
+import numpy as np
+import pytest
+from flying import arrays_of, flying, process_of, processes_of, wait_until, write_scenario
+from station import up
+
+from fuzzing.frames import MESSAGES, damaged, message_frame, noise
+from gcs.closed_loop import fly_in_process
+from gcs.scenario import load_scenario
+from gcs.summary import event_table
+
+pytestmark = pytest.mark.sitl
+
+IDS = sorted(MESSAGES)
+PROCESSES = ("plant", "uav1", "uav2", "uav3")
+NOBODY = (99, 1)
+PAUSE_S = 0.002  # a receive buffer holds some 250 datagrams: none of the flight's may be lost
+
+
+def udp_ports(pid: int) -> set[int]:
+    """The UDP ports that a process has (Linux)."""
+    inodes = set()
+    for entry in Path(f"/proc/{pid}/fd").iterdir():
+        link = os.readlink(entry)
+        if link.startswith("socket:["):
+            inodes.add(link[8:-1])
+    rows = [row.split() for row in Path("/proc/net/udp").read_text().splitlines()[1:]]
+    return {int(row[1].split(":")[1], 16) for row in rows if row[9] in inodes}
+
+
+class Hail(threading.Thread):
+    """Sends noise, damaged frames and, to the plant, good frames of every system, to all ports."""
+
+    def __init__(self, ports: set[int], plant_port: int) -> None:
+        super().__init__(daemon=True)
+        self._ports, self._plant_port = sorted(ports), plant_port
+        self._closing = threading.Event()
+        self.sent = dict.fromkeys(self._ports, 0)
+
+    def __enter__(self) -> "Hail":
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._closing.set()
+        self.join()
+
+    def run(self) -> None:
+        random = Random(1)
+        to_plant, to_others = ([_datagram(random, of) for _ in range(500)] for of in (True, False))
+        with socket(AF_INET, SOCK_DGRAM) as sock:
+            while not self._closing.wait(PAUSE_S):
+                for port in self._ports:
+                    datagrams = to_plant if port == self._plant_port else to_others
+                    sock.sendto(random.choice(datagrams), ("127.0.0.1", port))
+                    self.sent[port] += 1
+
+
+def _datagram(random: Random, to_plant: bool) -> bytes:
+    frame = message_frame(random, random.choice(IDS), (random.randint(1, 3), 1), NOBODY)
+    kind = random.randrange(3)
+    if kind == 0:
+        return noise(random)
+    # what is whole and says that a vehicle sent it is believed elsewhere: there are no keys
+    return frame if kind == 1 and to_plant else damaged(random, frame)
+
+
+def ports_of(folder: Path) -> Iterator[int]:
+    for name in PROCESSES:
+        yield from udp_ports(process_of(folder, name))
+
+
+def test_a_lockstep_flight_is_the_same_bit_for_bit(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, duration_s=8.0)
+    expected = event_table(fly_in_process(load_scenario(scenario)))
+    folder = tmp_path / "run"
+    with flying(folder, scenario, "--quiet") as popen:
+        (plant_port,) = udp_ports(process_of(folder, "plant"))
+        ports = {*ports_of(folder), *udp_ports(popen.pid)}
+        assert len(ports) == 1 + 3 * 3 + 1
+        with Hail(ports, plant_port) as hail:
+            wait_until(lambda: popen.poll() is not None or not processes_of(folder), "the end")
+        assert popen.wait(60.0) == 0, popen.communicate()
+    assert min(hail.sent.values()) > 100
+    flown = arrays_of(folder / "events.npz")
+    assert flown.keys() == expected.keys()
+    for name, values in expected.items():
+        assert np.array_equal(flown[name], values), name
+
+
+def test_status_tells_what_was_dropped_and_why(tmp_path: Path) -> None:
+    with up(tmp_path, "--start") as fleet:
+        (plant_port,) = udp_ports(process_of(fleet.folder, "plant"))
+        hub_port = int(fleet.hub.rpartition(":")[2])
+        with Hail({*ports_of(fleet.folder), hub_port}, plant_port) as hail:
+            wait_until(lambda: min(hail.sent.values()) > 300, "enough is sent")
+        wait_until(lambda: _all_tell(fleet.gcs_json("status")["vehicles"]), "all is told", 20.0)
+        text = fleet.gcs("status").stdout
+        assert "dropped by UAV 1: gcs link " in text
+        assert text.count("dropped by the plant: ") == 1
+        assert "wrong checksum" in text
+        assert len(processes_of(fleet.folder)) == 5
+        assert fleet.stop() == (0, "")
+
+
+def _all_tell(states: list[dict[str, Any]]) -> bool:
+    told = [state["link"]["drops"] or {} for state in states]
+    return all(
+        drops.get("gcs", {}).get("truncated", 0) > 0
+        and drops.get("formation", {}).get("truncated", 0) > 0
+        and drops.get("plant", {}).get("wrong sender", 0) > 0
+        for drops in told
+    )
