@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 from mavlink_defs import dialect
 from mavlink_defs.frames import parse
+from mavlink_defs.signing import Signer
 
 __all__ = ["PATIENCE_S", "Hub"]
 
@@ -23,13 +24,22 @@ _MIN_FRAME = 12
 class Hub:
     """Passes datagrams on between the vehicles of one fleet and its ground stations."""
 
-    def __init__(self, systems: Collection[int]) -> None:
+    def __init__(self, systems: Collection[int], signer: Signer | None = None) -> None:
+        """Make a hub.
+
+        Args:
+            systems: System ids of the vehicles.
+            signer: Checks what comes from either side; frames are passed on as they are.
+        """
         self._systems = frozenset(systems)
+        self._signer = signer
         self._vehicles: dict[int, _Peer] = {}
         self._stations: dict[_Peer, float] = {}  # when each was heard last
 
     def route(self, datagram: bytes, sender: _Peer, now: float) -> list[_Peer]:
         """Give the addresses that a datagram is to be sent on to."""
+        if self._signer is not None and not self._signer.accepts(datagram):
+            return []
         if self._is_of_vehicle(datagram):
             self._vehicles[datagram[5]] = sender
             alive = {peer: at for peer, at in self._stations.items() if now - at <= PATIENCE_S}

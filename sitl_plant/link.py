@@ -22,7 +22,6 @@ from mavlink_defs.codec import (
     ID_STEP_DONE,
     SIGNED,
     STEP_DONE_SIZE,
-    check,
     expand,
     pack,
     system_of,
@@ -42,6 +41,8 @@ from mavlink_defs.native import (
     send_to,
     sleep_until,
 )
+from mavlink_defs.seal import Seal, new_seal, open_frame, seal_frame
+from mavlink_defs.signing import PLANT_LINK
 from sitl_plant.fleet import Fleet, fly, observe, receive_controls
 
 __all__ = ["LOST", "OVER", "SERVICE", "SIMULATOR_COMPONENT", "TICK", "PlantLink",
@@ -58,7 +59,7 @@ LOST = 4  # aircraft clock["lost"] left the model's range of validity
 
 _RESEND_S = 0.05
 _MAX_LAG_S = 0.1
-_UNKNOWN_SENDER = 0  # index into drops; others are the negated codes of `codec.check`
+_UNKNOWN_SENDER = 0  # index into drops; others are the negated codes of `seal.open_frame`
 
 CLOCK = np.dtype(
     [
@@ -96,10 +97,16 @@ class PlantLink(NamedTuple):
     actuators: np.ndarray
     states: np.ndarray  # (steps, n, 12), recorded; no steps: nothing is recorded
     applied: np.ndarray  # (steps, n, 4), recorded
+    seal: Seal
 
 
 def new_link(
-    systems: list[int], step_us: int, last_step: int, speed: float | None, record: bool
+    systems: list[int],
+    step_us: int,
+    last_step: int,
+    speed: float | None,
+    record: bool,
+    seal: Seal | None = None,
 ) -> PlantLink:
     """The link of a plant that has not heard of any autopilot.
 
@@ -109,6 +116,7 @@ def new_link(
         last_step: Step at which the simulation ends.
         speed: Real-time factor; None for lockstep.
         record: Keep states and applied controls of every step.
+        seal: Signs the link.
     """
     n = len(systems)
     clock = np.zeros(1, CLOCK)
@@ -135,6 +143,7 @@ def new_link(
         codec.payload_view(received, codec.ACTUATORS),
         np.zeros((rows, n, 12)),
         np.zeros((rows, n, 4)),
+        seal or new_seal(b"", PLANT_LINK),
     )
 
 
@@ -161,6 +170,7 @@ def send_states(fd: int, link: PlantLink, fleet: Fleet, unfinished_only: bool) -
             link.sequences[i],
         )  # fmt: skip
         link.sequences[i] += 1
+        length = seal_frame(link.seal, link.sent, length)
         send_to(fd, link.sent, length, link.addresses[i])
     clock["sent_s"] = monotonic_s()
 
@@ -260,7 +270,7 @@ def _all_done(link: PlantLink) -> bool:
 @compiled
 def _take(link: PlantLink, fleet: Fleet, length: int) -> bool:
     """Work on a received datagram; True if it is for Python."""
-    code = check(link.received, length)
+    code = open_frame(link.seal, link.received, length)
     if code in (FOREIGN, SIGNED):
         return True
     if code < 0:

@@ -13,6 +13,7 @@ from gcs.commands.station import (
     UavOption,
 )
 from gcs.news import enum_name
+from gcs.signing import keyed
 from gcs.vehicle import Vehicle
 from mavlink_defs.param import Param
 
@@ -45,6 +46,7 @@ Examples:
 
 
 @app.command(name="list", epilog=_LIST_EPILOG)
+@keyed
 def list_(
     uav: UavOption = None,
     connect: ConnectOption = None,
@@ -65,6 +67,7 @@ def list_(
 
 
 @app.command(epilog=_GET_EPILOG)
+@keyed
 def get(
     name: _Name,
     uav: UavOption = None,
@@ -84,6 +87,7 @@ def get(
 
 
 @app.command(name="set", epilog=_SET_EPILOG)
+@keyed
 def set_(
     name: _Name,
     value: Annotated[float, typer.Argument(metavar="VALUE")],
