@@ -6,6 +6,7 @@ clock: datagrams and the time go in, addresses to pass them on to come out.
 """
 
 from collections.abc import Collection
+from ipaddress import ip_address
 from typing import TypeAlias
 
 from mavlink_defs import dialect
@@ -50,6 +51,11 @@ class Hub:
             return []
         self._stations[sender] = now
         target = getattr(message, "target_system", 0)
+        if isinstance(message, dialect.MAVLink_setup_signing_message):
+            if self._signer is None and not ip_address(sender[0]).is_loopback:
+                return []  # to the vehicle it would seem to come from this machine
+            if target == 0:
+                return []  # a key is for one
         if target == 0:
             return list(self._vehicles.values())
         return [self._vehicles[target]] if target in self._vehicles else []

@@ -3,9 +3,11 @@
 The key itself is read by who uses it; here is only where it lies.
 """
 
+import contextlib
 import functools
 import inspect
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,9 +16,10 @@ import typer
 
 from gcs.errors import BadInput
 from gcs.scenario import Scenario
+from mavlink_defs.endpoint import Address, EndpointError, exposed, is_loopback
 from mavlink_defs.signing import SigningError, read_key
 
-__all__ = ["keyed", "signed", "signing_key"]
+__all__ = ["keyed", "signed", "signing_key", "warn_if_exposed"]
 
 _VARIABLE = "FTC_SITL_SIGNING_KEY"
 _Option = Annotated[
@@ -36,7 +39,7 @@ def signing_key() -> str | None:
 
 
 def signed(scenario: Scenario) -> Scenario:
-    """The scenario with the key that the user gave; else as it is.
+    """The scenario with the key that the user gave; else as it is. Warns of open ports.
 
     Raises:
         BadInput: The key, or that of the scenario, cannot be used.
@@ -49,7 +52,16 @@ def signed(scenario: Scenario) -> Scenario:
             read_key(scenario.links.signing_key)
         except SigningError as problem:
             raise BadInput(str(problem)) from None
+    links = scenario.links
+    warn_if_exposed(Address(links.host, links.gcs_port), links.signing_key is not None)
     return scenario
+
+
+def warn_if_exposed(address: Address, with_key: bool) -> None:
+    """Say so on standard error if a port that is to be bound can be reached from elsewhere."""
+    with contextlib.suppress(EndpointError):  # whoever binds it will complain
+        if not is_loopback(address):
+            print(exposed(address, with_key), file=sys.stderr)
 
 
 def keyed(command: Callable[..., None]) -> Callable[..., None]:

@@ -117,7 +117,11 @@ def exposed(address: Address, signed: bool) -> str:
         signed: Whether unsigned frames are refused there.
     """
     text = f"warning: {address} can be reached from other machines"
-    return f"{text}; signed frames only" if signed else f"{text}; sign with links.signing_key"
+    return (
+        f"{text}; signed frames only"
+        if signed
+        else f"{text}; sign (links.signing_key, --signing-key)"
+    )
 
 
 def bind_udp(address: Address, what: str, hint: str = "") -> socket.socket:
