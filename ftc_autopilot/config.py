@@ -76,6 +76,7 @@ class AutopilotConfig(Model):
     formation_bind: HostPort = Field(description="Where the formation link is received.")
     plant: HostPort = Field(description="Where the plant receives the simulator link.")
     gcs: tuple[HostPort, ...] = Field(min_length=1, description="Ground stations to talk to.")
+    signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
     silence_timeout_s: float = quantity(
         "s", gt=0.0, default=5.0, doc="Silence after which the plant counts as gone."
     )

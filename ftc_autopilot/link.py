@@ -28,7 +28,6 @@ from mavlink_defs.codec import (
     SIM_STATE_SIZE,
     STRANGER,
     UNEXPECTED,
-    check,
     expand,
     pack,
     system_of,
@@ -50,6 +49,8 @@ from mavlink_defs.native import (
     send,
     send_to,
 )
+from mavlink_defs.seal import Seal, new_seal, open_frame, seal_frame
+from mavlink_defs.signing import FORMATION_LINK, PLANT_LINK
 
 __all__ = ["FORMATION", "GCS", "OVER", "PLANT", "SERVICE", "SIMULATOR", "TICK", "AutopilotLink",
            "new_link", "run"]  # fmt: skip
@@ -110,6 +111,8 @@ class AutopilotLink(NamedTuple):
     report: np.ndarray  # view of `word`
     step_done: np.ndarray  # (1,), payload
     signals: np.ndarray  # (steps,), recorded; no steps: nothing is recorded
+    plant_seal: Seal
+    formation_seal: Seal
 
 
 def new_link(
@@ -118,6 +121,8 @@ def new_link(
     step_us: int,
     neighbour_timeout_s: float,
     record_steps: int,
+    plant_seal: Seal | None = None,
+    formation_seal: Seal | None = None,
 ) -> AutopilotLink:
     """The link of an autopilot that has not heard of the plant.
 
@@ -127,6 +132,8 @@ def new_link(
         step_us: Control period [µs].
         neighbour_timeout_s: Simulated silence after which a neighbour is dropped [s].
         record_steps: Number of steps to keep signals of.
+        plant_seal: Signs the simulator link.
+        formation_seal: Signs the formation link.
     """
     degree = len(neighbours)
     clock = np.zeros(1, CLOCK)
@@ -156,6 +163,8 @@ def new_link(
         codec.payload_view(word, codec.NEIGHBOUR),
         np.zeros(1, codec.STEP_DONE),
         np.zeros(record_steps, SIGNALS),
+        plant_seal or new_seal(b"", PLANT_LINK),
+        formation_seal or new_seal(b"", FORMATION_LINK),
     )
 
 
@@ -189,7 +198,7 @@ def run(
         else:
             length = receive(plant_fd, link.received)
         if length >= 0:
-            code = check(link.received, length)
+            code = open_frame(link.plant_seal, link.received, length)
             if code in (FOREIGN, SIGNED):
                 clock["received"] = length
                 return SERVICE
@@ -266,7 +275,7 @@ def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: i
         link.sent, payload, message_id, link.system, MAV_COMP_ID_AUTOPILOT1, clock["sequence"]
     )
     clock["sequence"] += 1
-    send(plant_fd, link.sent, length)
+    send(plant_fd, link.sent, seal_frame(link.plant_seal, link.sent, length))
 
 
 @compiled
@@ -303,6 +312,7 @@ def _tell_neighbours(formation_fd: int, link: AutopilotLink, crew: Crew) -> None
         clock["formation_sequence"],
     )  # fmt: skip
     clock["formation_sequence"] += 1
+    length = seal_frame(link.formation_seal, link.sent, length)
     for d in range(len(link.neighbours)):
         send_to(formation_fd, link.sent, length, link.addresses[d])
 
@@ -371,7 +381,7 @@ def _take_reports(formation_fd: int, link: AutopilotLink, crew: Crew, newest: in
 @compiled
 def _take_report(link: AutopilotLink, crew: Crew, length: int, newest: int) -> None:
     """Keep a neighbour's word: for use if its step is over here, for later if not."""
-    code = check(link.word, length)
+    code = open_frame(link.formation_seal, link.word, length)
     if code != ID_NEIGHBOUR:
         link.drops[FORMATION, -(code if code < SIGNED else UNEXPECTED)] += 1
         return

@@ -9,28 +9,33 @@ import argparse
 import socket
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.link import GCS, OVER, SERVICE, SIMULATOR, new_link, run
+from ftc_autopilot.door import Door
+from ftc_autopilot.link import GCS, OVER, PLANT, SERVICE, SIMULATOR, new_link, run
 from ftc_autopilot.onboard import new_crew
 from ftc_autopilot.vehicle import Vehicle
-from mavlink_defs import dialect
+from mavlink_defs import codec, dialect
 from mavlink_defs.codec import STRANGER
 from mavlink_defs.config import ConfigError, load
 from mavlink_defs.endpoint import (
     EndpointError,
     bind_udp,
     connect_udp,
+    exposed,
     is_loopback,
     parse_address,
     set_receive_timeout,
 )
 from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
+from mavlink_defs.seal import load_seal, seal_bytes
+from mavlink_defs.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
 from sitl_plant.link import SIMULATOR_COMPONENT
 
 __all__ = ["main"]
@@ -62,12 +67,15 @@ class Autopilot:
         self._simulator = (config.id, SIMULATOR_COMPONENT)
         self._crew = new_crew([config])
         self._link = new_link(
-            config.id, config.neighbours, config.step_us, config.neighbour_timeout_s, record_steps
-        )
+            config.id, config.neighbours, config.step_us, config.neighbour_timeout_s, record_steps,
+            load_seal(config.signing_key, PLANT_LINK),
+            load_seal(config.signing_key, FORMATION_LINK),
+        )  # fmt: skip
         self._clock = self._link.clock[0]
         self._vehicle = Vehicle(config, self._link, self._crew)
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         self._to_gcs = Speaker(config.id, component)
+        self._door = Door(config.id, config.signing_key)
         self._to_plant = Speaker(config.id, component, self._next_sequence)
         self.stopping = False
 
@@ -104,6 +112,11 @@ class Autopilot:
             "repeats": self._clock["repeated"],
         }
 
+    def refused(self) -> Counter[str]:
+        """Datagrams dropped on all links, by reason."""
+        drops = self._link.drops[:PLANT].sum(axis=0)
+        return +Counter({words: int(drops[-code]) for code, words in codec.DROP_REASONS.items()})
+
     def _next_sequence(self) -> int:
         self._clock["sequence"] += 1
         return int(self._clock["sequence"]) - 1
@@ -133,20 +146,24 @@ class Autopilot:
     def _hear_ground_stations(self) -> None:
         for _ in range(_MAX_GCS_DATAGRAMS):
             try:
-                datagram = self._gcs.recv(_LONGEST_FRAME)
+                datagram, (host, _) = self._gcs.recvfrom(_LONGEST_FRAME + 1)
             except (BlockingIOError, ConnectionRefusedError):
                 return
-            message = parse(datagram)
+            message = self._door.admit(datagram)
             if message is None:
-                self._link.drops[GCS, -drop_reason(datagram)] += 1
+                self._link.drops[GCS, -self._door.refusal] += 1
+            elif isinstance(message, dialect.MAVLink_setup_signing_message):
+                words = self._door.set_key(message, host, self._vehicle.modes.armed)
+                if words is not None:
+                    self._vehicle.say(dialect.MAV_SEVERITY_WARNING, words)
             else:
                 self._vehicle.receive(message, time.monotonic())
 
     def _speak(self) -> None:
         for message in self._vehicle.simulator_messages():
-            _send(self._plant, self._to_plant.pack(message))
+            _send(self._plant, seal_bytes(self._link.plant_seal, self._to_plant.pack(message)))
         for message in self._vehicle.gcs_messages():
-            frame = self._to_gcs.pack(message)
+            frame = self._door.sign(self._to_gcs.pack(message))
             for ground_station in self._ground_stations:
                 _send(self._gcs, frame, ground_station)
 
@@ -192,9 +209,13 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(2)
     prefix = f"ftc-autopilot {config.id}"
     if not is_loopback(address):
-        print(f"{prefix}: warning: {address} can be reached from other machines", file=sys.stderr)
+        print(f"{prefix}: {exposed(address, bool(config.signing_key))}", file=sys.stderr)
     gcs = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    autopilot = Autopilot(config, plant, formation, gcs, options.record_steps)
+    try:
+        autopilot = Autopilot(config, plant, formation, gcs, options.record_steps)
+    except SigningError as problem:
+        print(problem, file=sys.stderr)
+        sys.exit(2)
 
     def stop() -> None:
         autopilot.stopping = True
@@ -204,6 +225,8 @@ def main(arguments: list[str] | None = None) -> None:
         loss = autopilot.fly()
     if options.record:
         np.savez(options.record, **autopilot.recording())
+    if refused := autopilot.refused():
+        print(f"{prefix}: frames dropped: {words_of(refused)}", file=sys.stderr)
     if loss is not None:
         print(f"{prefix}: {loss}", file=sys.stderr)
     sys.exit(0 if loss is None else 1)

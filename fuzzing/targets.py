@@ -23,6 +23,8 @@ from mavlink_defs import codec, dialect
 from mavlink_defs.endpoint import Address as Endpoint
 from mavlink_defs.endpoint import Connection, parse_address, sockaddr
 from mavlink_defs.frames import Speaker, drop_reason, parse
+from mavlink_defs.seal import new_seal
+from mavlink_defs.signing import PLANT_LINK
 from mavlink_defs.tlog import TlogError, read_tlog
 from sitl_plant import link as plant_link
 from sitl_plant.fleet import fly
@@ -167,7 +169,8 @@ class PlantTarget:
 
     def __init__(self, scenario: Scenario, stranger: bool) -> None:
         self._peer, self._other, self._sock = _udp(), _udp(), _udp()
-        self._plant = Plant(scenario.plant_config(), self._sock, record=False)
+        seal = new_seal(b"", PLANT_LINK)
+        self._plant = Plant(scenario.plant_config(), self._sock, record=False, seal=seal)
         self._sock.setblocking(False)
         self._door = self._other if stranger else self._peer
         self.sender = (1, dialect.MAV_COMP_ID_AUTOPILOT1)

@@ -29,6 +29,7 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, EndpointError, bind_udp, connect_udp
 from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.machine import Address, Machine
+from mavlink_defs.signing import SigningError, load_signer
 from mavlink_defs.tlog import TlogWriter
 
 __all__ = ["GROUND_STATION", "Client"]
@@ -63,6 +64,7 @@ class Client(asyncio.DatagramProtocol):
         on_news: Callable[[News], None] | None = None,
         inquire: bool = False,
         own: Address = GROUND_STATION,
+        signing_key: str | None = None,
     ) -> None:
         """Prepare a client.
 
@@ -75,6 +77,10 @@ class Client(asyncio.DatagramProtocol):
                 may have changed.
             own: System and component id. Ground stations that talk to the same vehicles at the
                 same time should have different ones.
+            signing_key: Key file; with one, unsigned frames are refused.
+
+        Raises:
+            BadInput: The key cannot be used.
         """
         self.own = own
         self.connection = connection
@@ -86,6 +92,10 @@ class Client(asyncio.DatagramProtocol):
         self._on_message, self._on_news = on_message, on_news
         self._inquire = inquire
         self._speaker = Speaker(*own)
+        try:
+            self.signer = load_signer(signing_key)
+        except SigningError as problem:
+            raise BadInput(str(problem)) from None
         self._vehicles: dict[int, Vehicle] = {}
         self._peers: dict[int, tuple[str, int]] = {}
         self._machines: dict[Machine[Any], Callable[[Any], None]] = {}
@@ -254,6 +264,8 @@ class Client(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Take in a datagram; called by asyncio."""
+        if self.signer is not None and not self.signer.accepts(data):
+            return
         message = parse(data)
         if message is None:
             self.drops[DROP_REASONS[drop_reason(data)]] += 1
@@ -306,6 +318,8 @@ class Client(asyncio.DatagramProtocol):
         if self._transport is None or self._transport.is_closing():
             return
         frame = self._speaker.pack(message)
+        if self.signer is not None:
+            frame = self.signer.sign(frame)
         self._record(frame)
         if self.connection.direction == "out":
             self._transport.sendto(frame)

@@ -3,6 +3,7 @@
 import os
 
 from gcs.errors import BadInput
+from gcs.signing import signing_key, warn_if_exposed
 from mavlink_defs.endpoint import (
     Address,
     Connection,
@@ -30,9 +31,12 @@ def choose_connection(wanted: str | None) -> Connection:
     """
     if wanted is not None:
         try:
-            return parse_connection(wanted)
+            connection = parse_connection(wanted)
         except EndpointError as problem:
             raise BadInput(f"--connect: {problem}") from problem
+        if connection.direction == "in":
+            warn_if_exposed(connection.address, signing_key() is not None)
+        return connection
     hub = Address(_HOST, HUB_PORT)
     if someone_listens(hub):
         return Connection("out", hub)

@@ -6,10 +6,12 @@ clock: datagrams and the time go in, addresses to pass them on to come out.
 """
 
 from collections.abc import Collection
+from ipaddress import ip_address
 from typing import TypeAlias
 
 from mavlink_defs import dialect
 from mavlink_defs.frames import parse
+from mavlink_defs.signing import Signer
 
 __all__ = ["PATIENCE_S", "Hub"]
 
@@ -23,13 +25,22 @@ _MIN_FRAME = 12
 class Hub:
     """Passes datagrams on between the vehicles of one fleet and its ground stations."""
 
-    def __init__(self, systems: Collection[int]) -> None:
+    def __init__(self, systems: Collection[int], signer: Signer | None = None) -> None:
+        """Make a hub.
+
+        Args:
+            systems: System ids of the vehicles.
+            signer: Checks what comes from either side; frames are passed on as they are.
+        """
         self._systems = frozenset(systems)
+        self._signer = signer
         self._vehicles: dict[int, _Peer] = {}
         self._stations: dict[_Peer, float] = {}  # when each was heard last
 
     def route(self, datagram: bytes, sender: _Peer, now: float) -> list[_Peer]:
         """Give the addresses that a datagram is to be sent on to."""
+        if self._signer is not None and not self._signer.accepts(datagram):
+            return []
         if self._is_of_vehicle(datagram):
             if self._vehicles.get(datagram[5]) != sender:
                 if parse(datagram) is None:
@@ -43,6 +54,11 @@ class Hub:
             return []
         self._stations[sender] = now
         target = getattr(message, "target_system", 0)
+        if isinstance(message, dialect.MAVLink_setup_signing_message):
+            if self._signer is None and not ip_address(sender[0]).is_loopback:
+                return []  # to the vehicle it would seem to come from this machine
+            if target == 0:
+                return []  # a key is for one
         if target == 0:
             return list(self._vehicles.values())
         return [self._vehicles[target]] if target in self._vehicles else []

@@ -6,7 +6,7 @@ count simulation time, which starts together with the mission.
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from pydantic import Field, model_validator
 
@@ -71,6 +71,7 @@ class Scenario(Model):
             duration_s=self.duration_s,
             speed=speed,
             bind=self.links.address(self.links.plant_port),
+            signing_key=self.links.signing_key,
             disturbance=self.disturbance,
             uavs=tuple(
                 PlantUav(id=uav.id, initial=uav.initial, aircraft=aircraft) for uav in self.uavs
@@ -101,7 +102,13 @@ class Scenario(Model):
             formation_bind=self._formation_address(uav_id),
             plant=links.plant_relay or links.address(links.plant_port),
             gcs=(links.address(links.gcs_port),),
+            signing_key=links.signing_key,
         )
+
+    def signed(self, key_file: Path) -> Self:
+        """The same scenario with every link signed."""
+        links = self.links.model_copy(update={"signing_key": str(key_file.resolve())})
+        return self.model_copy(update={"links": links})
 
     def segments(self) -> tuple[Segment, ...]:
         """The profile as it is uploaded to every UAV."""
@@ -255,4 +262,6 @@ def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:
     Raises:
         ConfigError: It is no scenario; every problem is named, after the path.
     """
-    return validate(path, tree, Scenario)
+    scenario = validate(path, tree, Scenario)
+    key = scenario.links.signing_key
+    return scenario if key is None else scenario.signed(Path(path).parent / key)

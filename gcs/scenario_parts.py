@@ -171,6 +171,7 @@ class Links(Model):
     plant_relay: HostPort | None = Field(
         default=None, description="Where autopilots send instead of to the plant itself."
     )
+    signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
     impairments: Impairments | None = Field(
         default=None, description="Relays that the flight puts in front of links."
     )

@@ -13,6 +13,7 @@ from gcs.launcher import Fleet
 from gcs.scenario import Scenario
 from gcs.wiring import relay_of
 from mavlink_defs.endpoint import Address, Connection, EndpointError, bind_udp
+from mavlink_defs.signing import SigningError, load_signer
 
 __all__ = ["keep_up"]
 
@@ -46,14 +47,16 @@ async def keep_up(
         CommandRefused: A vehicle refused its profile, a fault, its mission or arming.
         NoAnswer: A vehicle did not appear or did not answer.
     """
+    key = scenario.links.signing_key
     try:
+        signer = load_signer(key)
         sock = bind_udp(hub, "hub", "choose another one with --hub-port")
-    except EndpointError as problem:
+    except (EndpointError, SigningError) as problem:
         raise BadInput(str(problem)) from problem
     sock.setblocking(False)
     loop = asyncio.get_running_loop()
     ids = [uav.id for uav in scenario.uavs]
-    transport, _ = await loop.create_datagram_endpoint(lambda: _Relay(Hub(ids)), sock=sock)
+    transport, _ = await loop.create_datagram_endpoint(lambda: _Relay(Hub(ids, signer)), sock=sock)
     try:
         processes = folder / "processes"
         with (
@@ -62,7 +65,7 @@ async def keep_up(
                 scenario, speed, processes, endless=True, ground_stations=[hub], via=relay.via
             ) as fleet,
         ):
-            async with Client(Connection("out", hub)) as client:
+            async with Client(Connection("out", hub), signing_key=key) as client:
                 await prepare(client, fleet, scenario, start)
             on_ready()
             while True:

@@ -21,7 +21,7 @@ To receive, look at the payload of one buffer through prebuilt views::
         z = state[0]["position"][2]
 
 Wire format: MAVLink 2, https://mavlink.io/en/guide/serialization.html. One frame per datagram;
-signed frames are recognised and left to pymavlink.
+signed frames are recognised and left to `mavlink_defs.seal`.
 """
 
 import numpy as np
@@ -30,12 +30,13 @@ from mavlink_defs import dialect
 from mavlink_defs.jit import compiled
 
 __all__ = ["ACTUATORS", "ACTUATORS_SIZE", "BAD_CRC", "BAD_FLAGS", "BAD_LENGTH", "BAD_MAGIC",
-           "BAD_SIGNATURE", "BUFFER_SIZE", "DROPS_SIZE", "DROP_REASONS", "FOREIGN", "ID_ACTUATORS",
+           "BUFFER_SIZE", "DROPS_SIZE", "DROP_REASONS", "FOREIGN", "ID_ACTUATORS",
            "ID_NEIGHBOUR", "ID_SIM_STATE", "ID_STEP_DONE", "NEIGHBOUR", "NEIGHBOUR_SIZE",
-           "NOT_NEWER", "OTHER_TARGET", "OUT_OF_RANGE", "SIGNED", "SIM_STATE", "SIM_STATE_SIZE",
-           "STEP_DONE", "STEP_DONE_SIZE", "STRANGER", "TRUNCATED", "UNEXPECTED", "check",
-           "component_of", "drop_counts", "expand", "new_buffer", "pack", "payload_dtype",
-           "payload_view", "sequence_of", "system_of"]  # fmt: skip
+           "NOT_NEWER", "OTHER_TARGET", "OUT_OF_RANGE", "REPLAYED", "SIGNED", "SIM_STATE",
+           "SIM_STATE_SIZE", "STEP_DONE", "STEP_DONE_SIZE", "STRANGER", "TRUNCATED", "UNEXPECTED",
+           "UNSIGNED", "WRONG_SIGNATURE", "add_checksum", "check", "component_of", "drop_counts",
+           "expand", "identify", "new_buffer", "pack", "payload_dtype", "payload_view",
+           "sequence_of", "system_of"]  # fmt: skip
 
 BUFFER_SIZE = 280  # the longest MAVLink 2 frame: 10 header, 255 payload, 2 CRC, 13 signature
 _MAGIC = 0xFD
@@ -58,7 +59,9 @@ STRANGER = -9
 OTHER_TARGET = -10
 NOT_NEWER = -11
 OUT_OF_RANGE = -12
-BAD_SIGNATURE = -13
+WRONG_SIGNATURE = -13  # with a key only, see `mavlink_defs.seal`
+UNSIGNED = -14
+REPLAYED = -15
 DROP_REASONS = {
     TRUNCATED: "truncated",
     BAD_MAGIC: "not MAVLink 2",
@@ -70,7 +73,9 @@ DROP_REASONS = {
     OTHER_TARGET: "wrong target",
     NOT_NEWER: "not newer",
     OUT_OF_RANGE: "out of range",
-    BAD_SIGNATURE: "wrong signature",
+    WRONG_SIGNATURE: "wrong signature",
+    UNSIGNED: "unsigned",
+    REPLAYED: "replayed",
 }
 """Why a datagram is dropped, in the order of the arrays of FTC_DROPS."""
 
@@ -171,8 +176,7 @@ def pack(
     Raises:
         ValueError: `message_id` is not a hot message.
     """
-    extra = _crc_extra(message_id)
-    if extra < 0:
+    if _crc_extra(message_id) < 0:
         raise ValueError("not a hot message")
     source = payload.view(np.uint8)
     size = source.size
@@ -190,11 +194,17 @@ def pack(
     datagram[9] = message_id >> 16
     for i in range(size):
         datagram[_HEADER_SIZE + i] = source[i]
-    end = _HEADER_SIZE + size
-    crc = _checksum(datagram, end, extra)
+    add_checksum(datagram)
+    return _HEADER_SIZE + size + _CRC_SIZE
+
+
+@compiled
+def add_checksum(datagram: np.ndarray) -> None:
+    """Write the checksum of a hot message that stands in a datagram buffer."""
+    end = _HEADER_SIZE + _byte(datagram, 1)
+    crc = _checksum(datagram, end, _crc_extra(_message_id(datagram)))
     datagram[end] = crc & 0xFF
     datagram[end + 1] = crc >> 8
-    return end + _CRC_SIZE
 
 
 @compiled
@@ -225,7 +235,17 @@ def check(datagram: np.ndarray, length: int) -> int:
         return TRUNCATED if length < whole else BAD_LENGTH
     if flags == _FLAG_SIGNED:
         return SIGNED
-    message_id = _byte(datagram, 7) + (_byte(datagram, 8) << 8) + (_byte(datagram, 9) << 16)
+    return identify(datagram)
+
+
+@compiled
+def identify(datagram: np.ndarray) -> int:
+    """Message id of a whole frame if it is hot and its checksum right; or FOREIGN, BAD_CRC.
+
+    For frames whose signature has been checked; `check` does it for unsigned ones.
+    """
+    end = _HEADER_SIZE + _byte(datagram, 1)
+    message_id = _message_id(datagram)
     extra = _crc_extra(message_id)
     if extra < 0:
         return FOREIGN
@@ -270,6 +290,11 @@ def component_of(datagram: np.ndarray) -> int:
 @compiled
 def _byte(datagram: np.ndarray, i: int) -> int:
     return int(np.int64(datagram[i]))  # compiled, an unsigned and a signed int would make a float
+
+
+@compiled
+def _message_id(datagram: np.ndarray) -> int:
+    return _byte(datagram, 7) + (_byte(datagram, 8) << 8) + (_byte(datagram, 9) << 16)
 
 
 @compiled

@@ -17,7 +17,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 __all__ = ["Address", "Connection", "EndpointError", "address_of", "bind_udp", "connect_udp",
-           "free_ports", "is_loopback", "parse_address", "parse_connection",
+           "exposed", "free_ports", "is_loopback", "parse_address", "parse_connection",
            "set_receive_timeout", "sockaddr", "someone_listens"]  # fmt: skip
 
 Direction: TypeAlias = Literal["in", "out"]
@@ -107,6 +107,21 @@ def is_loopback(address: Address) -> bool:
         EndpointError: The host's name cannot be resolved.
     """
     return ipaddress.ip_address(_resolve(address)).is_loopback
+
+
+def exposed(address: Address, signed: bool) -> str:
+    """Warn of an address that is not loopback.
+
+    Args:
+        address: The address.
+        signed: Whether unsigned frames are refused there.
+    """
+    text = f"warning: {address} can be reached from other machines"
+    return (
+        f"{text}; signed frames only"
+        if signed
+        else f"{text}; sign (links.signing_key, --signing-key)"
+    )
 
 
 def bind_udp(address: Address, what: str, hint: str = "") -> socket.socket:

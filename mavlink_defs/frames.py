@@ -6,7 +6,7 @@ from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import codec, dialect
 
-__all__ = ["Speaker", "drop_reason", "frame_size", "parse", "text_chunks"]
+__all__ = ["Speaker", "code_of", "drop_reason", "frame_size", "parse", "text_chunks"]
 
 _TEXT_SIZE = 50  # of one STATUSTEXT
 _CRC = 2  # bytes
@@ -54,8 +54,13 @@ def drop_reason(datagram: bytes) -> int:
     """Tell why `parse` refuses a datagram: one of `codec.DROP_REASONS`."""
     size, words = frame_size(datagram)
     if size == 0:
-        return _CODES[words]
+        return code_of(words)
     return codec.BAD_LENGTH if size != len(datagram) else codec.OUT_OF_RANGE
+
+
+def code_of(words: str) -> int:
+    """The one of `codec.DROP_REASONS` that words of `frame_size` or of a signer stand for."""
+    return _CODES[words]
 
 
 def frame_size(data: bytes) -> tuple[int, str]:

@@ -2,8 +2,8 @@
 
 Numba's own cache looks only at the file that a function stands in, so a caller goes on
 running the old code of a function that it calls from another file. Here the cache folder's
-name is a digest of every compiled source of the four packages, of the dialect and of the
-versions of numba and numpy, so that a change anywhere starts a new folder.
+name is a digest of every compiled source of the four packages and where they lie, of the dialect
+and of the versions of numba and numpy, so that a change anywhere starts a new folder.
 
 The cache lies in ``$NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/ftc-sitl``, or
 ``~/.cache/ftc-sitl``. With ``NUMBA_DISABLE_JIT=1`` the same functions run as plain Python.
@@ -61,8 +61,8 @@ def mark_cache_warm() -> None:
 def _find_cache_folder() -> Path:
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     base = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(home) / "ftc-sitl")
-    digest = hashlib.sha256(f"{numba.__version__} {np.__version__}".encode())
-    root = Path(__file__).parent.parent
+    root = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {root}".encode())
     for package in _PACKAGES:
         for source in sorted((root / package).rglob("*.py")):
             text = source.read_bytes()

@@ -26,11 +26,11 @@ from mavlink_defs.jit import compiled
 
 __all__ = ["ADDRESS_SIZE", "monotonic_s", "receive", "receive_from", "receive_from_now",
            "receive_from_soon", "receive_now", "receive_soon", "send", "send_to",
-           "sleep_until"]  # fmt: skip
+           "sleep_until", "unix_s"]  # fmt: skip
 
 ADDRESS_SIZE = 16  # struct sockaddr_in
 
-_CLOCK = int(time.CLOCK_MONOTONIC)
+_MONOTONIC, _UNIX = int(time.CLOCK_MONOTONIC), int(time.CLOCK_REALTIME)
 _NOW = int(socket.MSG_DONTWAIT)
 _YIELDS = 100  # about a tenth of a millisecond
 _NUMBA_TYPES: dict[object, Any] = {
@@ -156,7 +156,15 @@ def send_to(fd: int, buffer: np.ndarray, length: int, address: np.ndarray) -> in
 def monotonic_s() -> float:
     """The time of `time.monotonic` [s]."""
     timespec = np.empty(2, np.int64)
-    _read_clock(timespec)
+    _read_clock(_MONOTONIC, timespec)
+    return float(timespec[0] + 1e-9 * timespec[1])
+
+
+@compiled
+def unix_s() -> float:
+    """The time of `time.time` [s]."""
+    timespec = np.empty(2, np.int64)
+    _read_clock(_UNIX, timespec)
     return float(timespec[0] + 1e-9 * timespec[1])
 
 
@@ -185,8 +193,8 @@ def _receive_from(
 
 
 @compiled
-def _read_clock(timespec: np.ndarray) -> int:
-    return _clock_gettime(_CLOCK, timespec.ctypes.data)
+def _read_clock(clock: int, timespec: np.ndarray) -> int:
+    return _clock_gettime(clock, timespec.ctypes.data)
 
 
 @compiled

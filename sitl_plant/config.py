@@ -221,6 +221,7 @@ class PlantConfig(Model):
         "", gt=0.0, default=None, doc="Real-time factor; none: lockstep."
     )
     bind: HostPort = Field(description="Where the simulator link is received.")
+    signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
     silence_timeout_s: float = quantity(
         "s", gt=0.0, default=5.0, doc="Silence after which an autopilot counts as gone."
     )

@@ -25,7 +25,6 @@ from mavlink_defs.codec import (
     STEP_DONE_SIZE,
     STRANGER,
     UNEXPECTED,
-    check,
     expand,
     pack,
     system_of,
@@ -45,6 +44,8 @@ from mavlink_defs.native import (
     send_to,
     sleep_until,
 )
+from mavlink_defs.seal import Seal, new_seal, open_frame, seal_frame
+from mavlink_defs.signing import PLANT_LINK
 from sitl_plant.fleet import Fleet, fly, observe, receive_controls
 
 __all__ = ["LOST", "OVER", "SERVICE", "SIMULATOR_COMPONENT", "TICK", "PlantLink",
@@ -98,10 +99,16 @@ class PlantLink(NamedTuple):
     actuators: np.ndarray
     states: np.ndarray  # (steps, n, 12), recorded; no steps: nothing is recorded
     applied: np.ndarray  # (steps, n, 4), recorded
+    seal: Seal
 
 
 def new_link(
-    systems: list[int], step_us: int, last_step: int, speed: float | None, record: bool
+    systems: list[int],
+    step_us: int,
+    last_step: int,
+    speed: float | None,
+    record: bool,
+    seal: Seal | None = None,
 ) -> PlantLink:
     """The link of a plant that has not heard of any autopilot.
 
@@ -111,6 +118,7 @@ def new_link(
         last_step: Step at which the simulation ends.
         speed: Real-time factor; None for lockstep.
         record: Keep states and applied controls of every step.
+        seal: Signs the link.
     """
     n = len(systems)
     clock = np.zeros(1, CLOCK)
@@ -137,6 +145,7 @@ def new_link(
         codec.payload_view(received, codec.ACTUATORS),
         np.zeros((rows, n, 12)),
         np.zeros((rows, n, 4)),
+        seal or new_seal(b"", PLANT_LINK),
     )
 
 
@@ -163,6 +172,7 @@ def send_states(fd: int, link: PlantLink, fleet: Fleet, unfinished_only: bool) -
             link.sequences[i],
         )  # fmt: skip
         link.sequences[i] += 1
+        length = seal_frame(link.seal, link.sent, length)
         send_to(fd, link.sent, length, link.addresses[i])
     clock["sent_s"] = monotonic_s()
 
@@ -262,7 +272,7 @@ def _all_done(link: PlantLink) -> bool:
 @compiled
 def _take(link: PlantLink, fleet: Fleet, length: int) -> bool:
     """Work on a received datagram; True if it is for Python."""
-    code = check(link.received, length)
+    code = open_frame(link.seal, link.received, length)
     if code in (FOREIGN, SIGNED):
         return True
     problem = code if code < 0 else _take_hot(link, fleet, code)

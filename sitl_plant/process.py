@@ -9,6 +9,7 @@ import argparse
 import socket
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from mavlink_defs.endpoint import (
     EndpointError,
     address_of,
     bind_udp,
+    exposed,
     is_loopback,
     parse_address,
     set_receive_timeout,
@@ -36,6 +38,8 @@ from mavlink_defs.endpoint import (
 from mavlink_defs.faults import FaultLimits
 from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
+from mavlink_defs.seal import Seal, load_seal, seal_bytes
+from mavlink_defs.signing import PLANT_LINK, SigningError, words_of
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_fleet
 from sitl_plant.link import (
@@ -61,7 +65,7 @@ _STEPS_MAX = 2**31  # 24 days at 1 kHz
 class Plant:
     """The plant's shell: socket, wall clock, registration."""
 
-    def __init__(self, config: PlantConfig, sock: socket.socket, record: bool) -> None:
+    def __init__(self, config: PlantConfig, sock: socket.socket, record: bool, seal: Seal) -> None:
         self._config = config
         self._sock = sock
         self._fd = sock.fileno()
@@ -71,7 +75,7 @@ class Plant:
             last_step = round(config.duration_s * 1e6 / config.step_us)
         systems = [uav.id for uav in config.uavs]
         self._fleet = new_fleet(config)
-        self._link = new_link(systems, config.step_us, last_step, config.speed, record)
+        self._link = new_link(systems, config.step_us, last_step, config.speed, record, seal)
         self._clock = self._link.clock[0]
         self._services = [
             AircraftService(
@@ -170,7 +174,8 @@ class Plant:
 
     def _send(self, i: int, message: MAVLink_message) -> None:
         host = address_of(self._link.addresses[i])
-        self._sock.sendto(self._speakers[i].pack(message), (host.host, host.port))
+        frame = seal_bytes(self._link.seal, self._speakers[i].pack(message))
+        self._sock.sendto(frame, (host.host, host.port))
 
     def _report_drops(self) -> None:
         """Tell the autopilots, from time to time, what was dropped here."""
@@ -224,6 +229,11 @@ class Plant:
             _say(f"{text}; holding its last command and waiting for it to come back")
         return None
 
+    def refused(self) -> Counter[str]:
+        """Datagrams dropped, by reason."""
+        drops = self._link.drops
+        return +Counter({words: int(drops[-code]) for code, words in DROP_REASONS.items()})
+
     def _say_goodbye(self, lost: bool) -> None:
         """Tell every autopilot that the simulation is over, until each has answered."""
         self._clock["flags"] |= FTC_SIM_FLAGS_ENDED | (FTC_SIM_FLAGS_LOST if lost else 0)
@@ -256,14 +266,15 @@ def main(arguments: list[str] | None = None) -> None:
         config = load(options.config, PlantConfig)
         if options.record and config.duration_s is None:
             raise ConfigError(options.config, ["duration_s: missing; --record needs an end"])
+        seal = load_seal(config.signing_key, PLANT_LINK)
         address = parse_address(config.bind)
         sock = bind_udp(address, "plant", "change `bind`")
-    except (ConfigError, EndpointError) as problem:
+    except (ConfigError, EndpointError, SigningError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
     if not is_loopback(address):
-        _say(f"warning: {address} can be reached from other machines")
-    plant = Plant(config, sock, record=options.record is not None)
+        _say(exposed(address, config.signing_key is not None))
+    plant = Plant(config, sock, options.record is not None, seal)
 
     def stop() -> None:
         plant.stopping = True
@@ -273,6 +284,8 @@ def main(arguments: list[str] | None = None) -> None:
         loss = plant.fly()
     if options.record:
         np.savez(options.record, loss=loss or "", **plant.recording())
+    if refused := plant.refused():
+        _say(f"frames dropped: {words_of(refused)}")
     if loss is not None:
         _say(loss)
     sys.exit(0 if loss is None else 1)

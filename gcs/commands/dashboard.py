@@ -12,6 +12,7 @@ from gcs.client import Client
 from gcs.commands.station import run_interruptible
 from gcs.connection import choose_connection, own_identity
 from gcs.errors import BadInput
+from gcs.signing import signing_key
 
 if TYPE_CHECKING:
     from gcs.tui.app import Dashboard
@@ -64,7 +65,9 @@ def dashboard(connect: str | None, theme: str) -> None:
     async def work() -> None:
         own = own_identity()
         live = Live(str(connection), time.time() - time.monotonic(), own)
-        async with Client(connection, on_news=live.hear, inquire=True, own=own) as client:
+        async with Client(
+            connection, on_news=live.hear, inquire=True, own=own, signing_key=signing_key()
+        ) as client:
             live.attach(client)
             await run_dashboard(Dashboard(live, theme))
 

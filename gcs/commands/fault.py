@@ -19,6 +19,7 @@ from gcs.commands.station import (
 )
 from gcs.errors import BadInput, NoAnswer
 from gcs.scenario_parts import ScenarioFault
+from gcs.signing import keyed
 from gcs.status import fault_dict
 from gcs.vehicle import Vehicle
 from gcs.vehicle_state import describe_fault
@@ -58,6 +59,7 @@ Examples:
 
 
 @app.command(name="set", epilog=_SET_EPILOG)
+@keyed
 def set_(
     actuator: Annotated[_Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
     effectiveness: Annotated[
@@ -118,6 +120,7 @@ def set_(
 
 
 @app.command(epilog=_CLEAR_EPILOG)
+@keyed
 def clear(
     actuator: Annotated[
         _Actuator | None,
@@ -138,6 +141,7 @@ def clear(
 
 
 @app.command(name="list", epilog=_LIST_EPILOG)
+@keyed
 def list_(
     uav: UavOption = None,
     connect: ConnectOption = None,

@@ -11,6 +11,7 @@ from rich.console import Console
 from gcs.commands.common import flight_progress, warm_up
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.scenario import Scenario, load_scenario
+from gcs.signing import signed
 
 __all__ = ["EPILOG", "fly"]
 
@@ -65,7 +66,7 @@ def fly(
     from gcs.launcher import check_ports, on_free_ports  # noqa: PLC0415 - numba comes with it
     from gcs.run_folder import make_run_folder  # noqa: PLC0415
 
-    loaded = load_scenario(scenario)
+    loaded = signed(load_scenario(scenario))
     if in_process and loaded.links.impairments is not None:
         text = "links.impairments are about the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")

@@ -14,6 +14,7 @@ from gcs.commands.station import (
 )
 from gcs.news import enum_name
 from gcs.parameter_help import known_quantity
+from gcs.signing import keyed
 from gcs.vehicle import Vehicle
 from mavlink_defs.param import Param
 
@@ -46,6 +47,7 @@ Examples:
 
 
 @app.command(name="list", epilog=_LIST_EPILOG)
+@keyed
 def list_(
     uav: UavOption = None,
     connect: ConnectOption = None,
@@ -66,6 +68,7 @@ def list_(
 
 
 @app.command(epilog=_GET_EPILOG)
+@keyed
 def get(
     name: _Name,
     uav: UavOption = None,
@@ -87,6 +90,7 @@ def get(
 @app.command(  # a negative value is not an option
     name="set", epilog=_SET_EPILOG, context_settings={"ignore_unknown_options": True}
 )
+@keyed
 def set_(
     name: _Name,
     value: Annotated[float, typer.Argument(metavar="VALUE")],

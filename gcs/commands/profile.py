@@ -19,6 +19,7 @@ from gcs.commands.station import (
 )
 from gcs.errors import BadInput, CommandRefused
 from gcs.profile_file import load_profile, profile_yaml
+from gcs.signing import keyed
 from gcs.status import segment_dict
 from gcs.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -59,6 +60,7 @@ refused to tell, 4 no answer from one.
 
 
 @app.command(epilog=_UPLOAD_EPILOG)
+@keyed
 def upload(
     file: _File,
     uav: UavOption = None,
@@ -85,6 +87,7 @@ def upload(
 
 
 @app.command(epilog=_DOWNLOAD_EPILOG)
+@keyed
 def download(
     out: Annotated[
         Path | None,
@@ -115,6 +118,7 @@ def download(
 
 
 @app.command(epilog=_CHECK_EPILOG)
+@keyed
 def check(
     file: _File,
     held: Annotated[

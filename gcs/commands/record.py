@@ -14,6 +14,7 @@ from gcs.commands.station import ConnectOption, JsonOption, TimeoutOption, print
 from gcs.commands.station import run_interruptible as run
 from gcs.connection import choose_connection, own_identity
 from gcs.errors import BadInput, NoAnswer
+from gcs.signing import signing_key
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.tlog import TlogWriter
 
@@ -77,7 +78,9 @@ async def _record(
     except OSError as problem:
         raise BadInput(f"cannot write {path}: {problem.strerror}") from problem
     with tlog:
-        async with Client(connection, tlog=tlog, on_message=count, own=own_identity()) as client:
+        async with Client(
+            connection, tlog=tlog, on_message=count, own=own_identity(), signing_key=signing_key()
+        ) as client:
             heard = await client.until(lambda: bool(counts) or stop.is_set(), timeout_s)
             if heard and not stop.is_set():
                 try:

@@ -15,6 +15,7 @@ import typer
 from gcs.client import Client
 from gcs.connection import choose_connection, own_identity
 from gcs.errors import BadInput, CommandRefused, Interrupted, NoAnswer
+from gcs.signing import signing_key
 from gcs.vehicle import Vehicle
 
 __all__ = [
@@ -110,7 +111,9 @@ class Station:
         systems, connection = _systems(self.uavs), choose_connection(self.connect)
 
         async def connected() -> T:
-            async with Client(connection, own=own_identity(), inquire=inquire) as client:
+            async with Client(
+                connection, own=own_identity(), inquire=inquire, signing_key=signing_key()
+            ) as client:
                 try:
                     vehicles = await client.discover(self.timeout_s, systems)
                 except NoAnswer as problem:

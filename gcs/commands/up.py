@@ -15,6 +15,7 @@ from gcs.commands.common import warm_up
 from gcs.connection import HUB_PORT
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario import Scenario, load_scenario
+from gcs.signing import signed
 from mavlink_defs.endpoint import Address, Connection, free_ports
 
 __all__ = ["EPILOG", "up"]
@@ -73,7 +74,7 @@ def up(
     from gcs.launcher import check_ports, on_free_ports  # noqa: PLC0415 - numba comes with it
     from gcs.run_folder import make_run_folder  # noqa: PLC0415
 
-    loaded = load_scenario(scenario)
+    loaded = signed(load_scenario(scenario))
     if free:
         loaded = on_free_ports(loaded)
         (hub_port,) = free_ports(1, loaded.links.host)
