@@ -1,4 +1,5 @@
 import json
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ SCENARIO_1 = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.y
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compile once, before workers and their fleets would all do it at the same time."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background of a shell script
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # children get Ctrl-C all the same
     if not hasattr(config, "workerinput") and cache_is_cold():
         compile_everything(load_scenario(SCENARIO_1))
         mark_cache_warm()
