@@ -16,6 +16,8 @@ __all__ = ["main", "offer_dialect"]
 
 NAME = "ftc"
 
+_BORROWED = {"MAVLINK_MSG_ID_RADIO": 166}  # ArduPilot's; MAVProxy's signing wants the name
+
 
 def offer_dialect() -> None:
     """Let pymavlink's tools find our dialect in this process; call it before they are imported."""
@@ -25,6 +27,9 @@ def offer_dialect() -> None:
 
     sys.modules[f"{v20.__name__}.{NAME}"] = dialect
     setattr(v20, NAME, dialect)
+    for name, value in _BORROWED.items():
+        if not hasattr(dialect, name):
+            setattr(dialect, name, value)
     os.environ["MAVLINK_DIALECT"], os.environ["MAVLINK20"] = NAME, "1"
 
 

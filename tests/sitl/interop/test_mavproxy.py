@@ -63,6 +63,15 @@ def test_missions(mavproxy: MavProxy, tmp_path: Path) -> None:
     mavproxy.say("wp list", r"Requesting 0 waypoints")
 
 
+def test_signing(mavproxy: MavProxy) -> None:
+    mavproxy.say("vehicle 2", r"Set vehicle 2 \(link 1\)")
+    mavproxy.say("signing setup correct-horse", r"AP: signing: key set")
+    mavproxy.say("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 2")
+    mavproxy.say("signing remove", r"AP: signing: off, anyone may command")
+    mavproxy.say("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 2")
+    mavproxy.say("vehicle 1", r"Set vehicle 1 \(link 1\)")
+
+
 def test_modes_and_arming(mavproxy: MavProxy) -> None:
     mavproxy.say("mode GUIDED", r"Got COMMAND_ACK: DO_SET_MODE: ACCEPTED")
     mavproxy.say("mode LOITER", r"AP: mode LOITER")
