@@ -264,11 +264,10 @@ class Client(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Take in a datagram; called by asyncio."""
-        if self.signer is not None and not self.signer.accepts(data):
-            return
-        message = parse(data)
+        wrong = "" if self.signer is None else self.signer.problem(data)
+        message = None if wrong else parse(data)
         if message is None:
-            self.drops[DROP_REASONS[drop_reason(data)]] += 1
+            self.drops[wrong or DROP_REASONS[drop_reason(data)]] += 1
             return
         self._record(data)
         self.unreachable = False

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable, Coroutine
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +20,7 @@ from mavlink_defs.frames import Speaker, parse, text_chunks
 from mavlink_defs.machine import Address as Identity
 from mavlink_defs.mission_server import MissionServer
 from mavlink_defs.profile import Segment
+from mavlink_defs.signing import make_key
 
 REAL, INT = dialect.MAV_PARAM_TYPE_REAL32, dialect.MAV_PARAM_TYPE_INT32
 PATIENCE_S = 10.0
@@ -210,5 +212,19 @@ def test_silence_and_nobody_there() -> None:
             with pytest.raises(BadInput, match=f"UDP port {port} .* is in use"):
                 async with Client(Connection("in", Address("127.0.0.1", port))):
                     pass
+
+    run(test)
+
+
+def test_unsigned_frames_change_nothing_and_are_counted(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    make_key(key)
+
+    async def test() -> None:
+        async with Client(Connection("in", Address("127.0.0.1", 0)), signing_key=key) as client:
+            heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 3, 3)
+            client.datagram_received(Speaker(7, 1).pack(heartbeat), ("127.0.0.1", 9))
+            assert client.drops == {"unsigned": 1}
+            assert not client.fleet.vehicles
 
     run(test)
