@@ -13,11 +13,13 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Footer, TabbedContent, TabPane
 
+from gcs.tui.actions import arm, change_mode, disarm, start_mission
 from gcs.tui.dialogs import Help, Question
 from gcs.tui.events import EventsPanel
 from gcs.tui.faults import FaultsPanel, clear_all, repeat
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
+from gcs.tui.keys import ACTING, KEYS, REPLAYING
 from gcs.tui.line import Line
 from gcs.tui.operations import Operations
 from gcs.tui.overview import Overview
@@ -31,9 +33,6 @@ from gcs.tui.requests import Choice, Refresh, Wish
 from gcs.tui.status_bar import StatusBar
 from gcs.tui.themes import DARK, LIGHT
 from gcs.tui.view import FleetView, Source
-from gcs.tui.words import ids
-from gcs.vehicle import Vehicle
-from gcs.vehicle_state import MODES
 
 __all__ = ["MIN_SIZE", "REFRESH_S", "Dashboard"]
 
@@ -41,11 +40,6 @@ REFRESH_S = 0.2
 """How often the data are looked at."""
 
 MIN_SIZE = (80, 24)
-
-_TABS = ("fleet", "plots", "faults", "profiles", "parameters", "events")
-
-_REPLAYING = {"play", "seek", "speed"}
-_ACTING = {"arm", "start", "mode", "disarm", "repeat", "clear_all"}
 
 
 class Dashboard(App[None]):
@@ -55,31 +49,7 @@ class Dashboard(App[None]):
     CSS_PATH = "style.tcss"
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-medium"), (150, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-short"), (34, "-tall")]  # noqa: RUF012
-    BINDINGS: ClassVar[list[BindingType]] = [
-        *(Binding(str(i + 1), f"tab('{name}')", f"{name} panel", show=False)
-          for i, name in enumerate(_TABS)),
-        Binding("left_square_bracket", "select(-1)", "UAV before", show=False),
-        Binding("right_square_bracket", "select(1)", "next UAV", show=False),
-        Binding("asterisk", "mark_all", "mark all UAVs, or none", show=False),
-        Binding("a", "arm", "arm", tooltip="Arm the marked UAVs, or the selected one"),
-        Binding("s", "start", "start", tooltip="Start the mission: fly the profile"),
-        Binding("m", "mode", "mode", tooltip="Change the mode"),
-        Binding("x", "disarm", "disarm", tooltip="Disarm; by force in flight"),
-        Binding("r", "repeat", "repeat fault", show=False,
-                tooltip="Give the last fault to another UAV: the next that has it not"),
-        Binding("C", "clear_all", "clear all faults", show=False,
-                tooltip="Clear all faults of the marked UAVs, or of all"),
-        Binding("k", "play", "play/pause", show=False, tooltip="Log: play or pause"),
-        Binding("j", "seek(-5)", "-5 s", show=False, tooltip="Log: 5 s back"),
-        Binding("l", "seek(5)", "+5 s", show=False, tooltip="Log: 5 s on"),
-        Binding("J", "seek(-60)", "-60 s", show=False, tooltip="Log: a minute back"),
-        Binding("L", "seek(60)", "+60 s", show=False, tooltip="Log: a minute on"),
-        Binding("less_than_sign", "speed(-1)", "slower", show=False, tooltip="Log: slower"),
-        Binding("greater_than_sign", "speed(1)", "faster", show=False, tooltip="Log: faster"),
-        Binding("t", "theme", "dark or light colours", show=False),
-        Binding("question_mark,f1", "help", "help", tooltip="This help"),
-        Binding("q", "quit", "quit", tooltip="Leave; the fleet flies on"),
-    ]  # fmt: skip
+    BINDINGS: ClassVar[list[BindingType]] = list(KEYS)
 
     def __init__(self, source: Source, theme: str = "dark") -> None:
         """Prepare the dashboard.
@@ -249,9 +219,9 @@ class Dashboard(App[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """A log cannot be acted upon."""
-        if action in _REPLAYING:
+        if action in REPLAYING:
             return self.playback is not None
-        return self.view.source.can_act if action in _ACTING else True
+        return self.view.source.can_act if action in ACTING else True
 
     @on(Wish)
     def _asked_for(self, wish: Wish) -> None:
@@ -283,38 +253,19 @@ class Dashboard(App[None]):
 
     def action_arm(self) -> None:
         """Arm."""
-
-        async def act(vehicle: Vehicle, _: str) -> str:
-            await vehicle.arm()
-            return ""
-
-        targets = self.view.targets
-        question = f"Arm {ids(targets)}?\nSimulated time begins for all when the last UAV is armed."
-        self.post_message(Wish("arm", targets, act, question=question))
+        self.post_message(arm(self.view.targets))
 
     def action_start(self) -> None:
         """Start the mission."""
-
-        async def act(vehicle: Vehicle, _: str) -> str:
-            await vehicle.start_mission()
-            return ""
-
-        self.post_message(Wish("start mission", self.view.targets, act))
+        self.post_message(start_mission(self.view.targets))
 
     def action_disarm(self) -> None:
         """Disarm."""
+        self.post_message(disarm(self.view.targets))
 
-        async def act(vehicle: Vehicle, choice: str) -> str:
-            await vehicle.disarm(force=choice == "force")
-            return "disarmed by force" if choice == "force" else ""
-
-        targets = self.view.targets
-        question = (
-            f"Disarm {ids(targets)}?\nVehicles in flight refuse, unless forced: then the "
-            "controller stops and the thrust goes to zero for good."
-        )
-        choices = (Choice("Disarm", "", "warning"), Choice("Force: no thrust", "force", "error"))
-        self.post_message(Wish("disarm", targets, act, question=question, choices=choices))
+    def action_mode(self) -> None:
+        """Change the mode."""
+        self.post_message(change_mode(self.view.targets))
 
     def action_repeat(self) -> None:
         """Repeat the last fault."""
@@ -327,18 +278,6 @@ class Dashboard(App[None]):
     def action_clear_all(self) -> None:
         """Clear all faults."""
         self.post_message(clear_all(self.view))
-
-    def action_mode(self) -> None:
-        """Change the mode."""
-
-        async def act(vehicle: Vehicle, choice: str) -> str:
-            await vehicle.set_mode(choice)
-            return f"mode {choice}"
-
-        targets = self.view.targets
-        choices = tuple(Choice(mode, mode) for mode in MODES.values())
-        question = f"Mode of {ids(targets)}?"
-        self.post_message(Wish("mode", targets, act, question=question, choices=choices))
 
     # the end
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from flying import BIN, environment, processes_of, run, scenario_tree
+from flying import BIN, environment, processes_of, run, scenario_tree, wait_until
 from station import Up, up
 
 TLOG = Path(__file__).parents[1] / "data" / "dashboard" / "flight.tlog"
@@ -53,6 +53,9 @@ class Tmux:
             assert time.monotonic() < end, f"{missing} not on the screen:\n{screen}"
             time.sleep(0.05)
 
+    def hides(self, word: str) -> None:
+        wait_until(lambda: word not in self.screen, f"no {word}", 60.0)
+
     def close(self) -> None:
         with contextlib.suppress(subprocess.CalledProcessError):
             self._run("kill-server")
@@ -82,16 +85,26 @@ def test_an_operator_flies_the_fleet_and_sets_a_fault(fleet: Up, tmp_path: Path)
         terminal.shows("Arm UAV 1, 2, 3?", "Simulated time begins")
         terminal.press("Enter")
         terminal.shows("3 armed", "ARMED AUTO")
-        terminal.press("3", "n", "Tab", "Tab", "0", ".", "5", "C-s")
+        terminal.press("3")
+        terminal.shows("New fault")
+        terminal.press("n", "Tab", "Tab")
+        terminal.hides("x disarm")  # a field takes the keys now
+        terminal.press("0", ".", "5")
+        terminal.shows("effectiveness 0.5")
+        terminal.press("C-s")
         terminal.shows("1 active", "rudder at 50 %")
         assert fleet.gcs_json("fault", "list", "--uav", "1")[0]["faults"][0]["active"]
-        terminal.press("Escape", "C")
+        terminal.press("Escape")
+        terminal.shows("x disarm")
+        terminal.press("C")
         terminal.shows("Clear all faults of UAV 1, 2, 3")
         terminal.press("Enter")
         terminal.shows("0 active", "cleared")
         terminal.press("?")
         terminal.shows("Keys", "Arm the marked UAVs")
-        terminal.press("Escape", "q")
+        terminal.press("Escape")
+        terminal.hides("Keys")
+        terminal.press("q")
         terminal.shows("status 0")
     assert fleet.gcs_json("status")["vehicles"][0]["armed"]  # the fleet flies on
     assert not [c for c in processes_of(tmp_path).values() if "--connect" in c]

@@ -1,0 +1,55 @@
+"""The actions that work on every panel, as wishes."""
+
+from gcs.tui.requests import Choice, Wish
+from gcs.tui.words import ids
+from gcs.vehicle import Vehicle
+from gcs.vehicle_state import MODES
+
+__all__ = ["arm", "change_mode", "disarm", "start_mission"]
+
+
+def arm(systems: tuple[int, ...]) -> Wish:
+    """Arm, after a question: when all are armed time begins."""
+
+    async def act(vehicle: Vehicle, _: str) -> str:
+        await vehicle.arm()
+        return ""
+
+    question = f"Arm {ids(systems)}?\nSimulated time begins for all when the last UAV is armed."
+    return Wish("arm", systems, act, question=question)
+
+
+def start_mission(systems: tuple[int, ...]) -> Wish:
+    """Start to fly the profile."""
+
+    async def act(vehicle: Vehicle, _: str) -> str:
+        await vehicle.start_mission()
+        return ""
+
+    return Wish("start mission", systems, act)
+
+
+def disarm(systems: tuple[int, ...]) -> Wish:
+    """Disarm, by force if the operator chooses that."""
+
+    async def act(vehicle: Vehicle, choice: str) -> str:
+        await vehicle.disarm(force=choice == "force")
+        return "disarmed by force" if choice == "force" else ""
+
+    question = (
+        f"Disarm {ids(systems)}?\nVehicles in flight refuse, unless forced: then the "
+        "controller stops and the thrust goes to zero for good."
+    )
+    choices = (Choice("Disarm", "", "warning"), Choice("Force: no thrust", "force", "error"))
+    return Wish("disarm", systems, act, question=question, choices=choices)
+
+
+def change_mode(systems: tuple[int, ...]) -> Wish:
+    """Change to the mode that the operator chooses."""
+
+    async def act(vehicle: Vehicle, choice: str) -> str:
+        await vehicle.set_mode(choice)
+        return f"mode {choice}"
+
+    choices = tuple(Choice(mode, mode) for mode in MODES.values())
+    return Wish("mode", systems, act, question=f"Mode of {ids(systems)}?", choices=choices)
