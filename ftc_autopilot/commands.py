@@ -18,7 +18,7 @@ from mavlink_defs.command import (
     CommandServer,
     command_params,
 )
-from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.dialect import MAVLink_command_long_message, MAVLink_message
 from mavlink_defs.machine import Address
 from sitl_plant.link import SIMULATOR_COMPONENT
 
@@ -98,14 +98,7 @@ class Commands:
         self._server.finish(command.token, result, now=now)
 
 
-def _readdressed(message: CommandMessage, own: Address) -> CommandMessage:
-    """The same command for the own simulator component."""
+def _readdressed(message: CommandMessage, own: Address) -> MAVLink_command_long_message:
+    """The same command for the own simulator component; as COMMAND_LONG it can say it repeats."""
     target = (own.system, SIMULATOR_COMPONENT)
-    p1, p2, p3, p4, p5, p6, p7 = command_params(message)
-    if isinstance(message, dialect.MAVLink_command_int_message):
-        return dialect.MAVLink_command_int_message(
-            *target, message.frame, message.command, 0, 0, p1, p2, p3, p4, message.x, message.y, p7
-        )
-    return dialect.MAVLink_command_long_message(
-        *target, message.command, 0, p1, p2, p3, p4, p5, p6, p7
-    )
+    return MAVLink_command_long_message(*target, message.command, 0, *command_params(message))

@@ -37,7 +37,7 @@ class Bench:
 
     def say(self, message: Any) -> list[Any]:
         """Send a message as the ground station; what the vehicle answers."""
-        self.now += 2.0
+        self.now += 0.01
         received = parse(GCS.pack(message))
         assert received is not None
         self.vehicle.receive(received, self.now)
@@ -104,6 +104,16 @@ def test_a_mission_started_in_flight_begins_with_the_next_step(scenario1: Scenar
     bench.link.clock["step"] = 500
     bench.command(START)
     assert bench.crew.guidance[0]["start_step"] == 501
+
+
+def test_a_mission_is_started_again_after_another_upload(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    for _ in range(2):
+        bench.upload(scenario1)
+        assert bench.command(START) == ACCEPTED
+        assert bench.vehicle.modes.started
+        bench.say(dialect.MAVLink_mission_clear_all_message(UAV, 1, 0))
+        assert not bench.vehicle.modes.started
 
 
 def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
