@@ -18,7 +18,7 @@ from mavlink_defs.command import (
     CommandServer,
     command_params,
 )
-from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.dialect import MAVLink_command_long_message, MAVLink_message
 from mavlink_defs.machine import Address
 from sitl_plant.link import SIMULATOR_COMPONENT
 
@@ -47,11 +47,19 @@ class Commands:
         self._own, self._handlers = own, handlers
         self._server = CommandServer(own)
         self._simulator = CommandClient(own)
-        self._waiting: deque[CommandReceived] = deque()  # the first one is with the simulator
+        # for the simulator, each with the station that gave it; the first one is there
+        self._waiting: deque[tuple[CommandReceived, int]] = deque()
 
-    def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in a message of a ground station."""
+    @property
+    def asking(self) -> int:
+        """Number of the ground station whose command is with the simulator; 0 if none is."""
+        return self._waiting[0][1] if self._waiting else 0
+
+    def receive(self, message: MAVLink_message, now: float, station: int) -> None:
+        """Take in a message of a ground station, which has a number."""
         self._server.receive(message, now)
+        for command in self._server.events():
+            self._execute(command, now, station)
         self._work(now)
 
     def receive_from_simulator(self, message: MAVLink_message, now: float) -> None:
@@ -74,38 +82,30 @@ class Commands:
         return self._simulator.messages_to_send()
 
     def _work(self, now: float) -> None:
-        for command in self._server.events():
-            self._execute(command, now)
         for done in self._simulator.events():
             if isinstance(done, CommandFinished):
-                token = self._waiting.popleft().token
+                command, _ = self._waiting.popleft()
                 result = dialect.MAV_RESULT_FAILED if done.result is None else done.result
-                self._server.finish(token, result, now=now)
+                self._server.finish(command.token, result, now=now)
         if self._waiting and not self._simulator.busy:
-            self._simulator.send(_readdressed(self._waiting[0].message, self._own), now)
+            command, _ = self._waiting[0]
+            self._simulator.send(_readdressed(command.message, self._own), now)
 
-    def _execute(self, command: CommandReceived, now: float) -> None:
+    def _execute(self, command: CommandReceived, now: float, station: int) -> None:
         number, params = command.message.command, command_params(command.message)
         is_fault_list = (
             number == dialect.MAV_CMD_REQUEST_MESSAGE
             and params[0] == dialect.MAVLINK_MSG_ID_FTC_FAULT
         )
         if number in _FOR_THE_SIMULATOR or is_fault_list:
-            self._waiting.append(command)
+            self._waiting.append((command, station))
             return
         handler = self._handlers.get(number)
         result = handler(params) if handler else dialect.MAV_RESULT_UNSUPPORTED
         self._server.finish(command.token, result, now=now)
 
 
-def _readdressed(message: CommandMessage, own: Address) -> CommandMessage:
-    """The same command for the own simulator component."""
+def _readdressed(message: CommandMessage, own: Address) -> MAVLink_command_long_message:
+    """The same command for the own simulator component; as COMMAND_LONG it can say it repeats."""
     target = (own.system, SIMULATOR_COMPONENT)
-    p1, p2, p3, p4, p5, p6, p7 = command_params(message)
-    if isinstance(message, dialect.MAVLink_command_int_message):
-        return dialect.MAVLink_command_int_message(
-            *target, message.frame, message.command, 0, 0, p1, p2, p3, p4, message.x, message.y, p7
-        )
-    return dialect.MAVLink_command_long_message(
-        *target, message.command, 0, p1, p2, p3, p4, p5, p6, p7
-    )
+    return MAVLink_command_long_message(*target, message.command, 0, *command_params(message))

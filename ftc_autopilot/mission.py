@@ -32,11 +32,12 @@ class Mission:
             own, lambda items: check_mission(items, modes.airspeeds), home=home
         )
         self._reached: list[MAVLink_message] = []
+        self._follows = False  # whether the current item is one that was flown
         self._note_state()
 
-    def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in a message of a ground station."""
-        self.server.receive(message, now)
+    def receive(self, message: MAVLink_message, now: float, station: int) -> None:
+        """Take in a message of a ground station, which has a number."""
+        self.server.receive(message, now, station)
         self._work()
 
     def tick(self, now: float) -> None:
@@ -45,10 +46,11 @@ class Mission:
         self._follow()
         self._work()
 
-    def messages_to_send(self) -> list[MAVLink_message]:
-        """Hand over what is to be sent to the ground stations."""
-        messages, self._reached = self._reached, []
-        return messages + self.server.messages_to_send()
+    def messages_to_send(self) -> list[tuple[MAVLink_message, int | None]]:
+        """Hand over what is to be sent, and the number of the station; None: to all."""
+        messages, self._reached = self._reached + self.server.messages_to_send(), []
+        asking = self.server.asking
+        return [(m, asking if hasattr(m, "target_system") else None) for m in messages]
 
     def current(self) -> MAVLink_message:
         """MISSION_CURRENT."""
@@ -63,6 +65,7 @@ class Mission:
             self._say(dialect.MAV_SEVERITY_WARNING, text)
             return dialect.MAV_RESULT_DENIED
         result = self._modes.start_mission(1 if self._modes.started else self.server.current)
+        self._follows = True
         self._note_state()
         return result
 
@@ -82,6 +85,7 @@ class Mission:
         for event in self.server.events():
             match event:
                 case MissionAccepted(items):
+                    self._follows = False
                     self._modes.take_profile(items)
                 case CurrentChanged(seq):
                     self._modes.jump_to(seq)
@@ -90,15 +94,21 @@ class Mission:
         self._note_state()
 
     def _follow(self) -> None:
-        """Let MISSION_CURRENT and MISSION_ITEM_REACHED follow the profile."""
+        """Let MISSION_CURRENT and MISSION_ITEM_REACHED follow the profile.
+
+        Items that ended before the profile was uploaded or while another mode was flown were
+        not reached.
+        """
         self._note_state()
         if not self._modes.flies_profile:
+            self._follows = False
             return
         current, before = self._modes.current_item(), self.server.current
         if current != before:
-            for seq in range(max(before, 1), current):
-                self._reached.append(dialect.MAVLink_mission_item_reached_message(seq))
+            reached = range(max(before, 1), current) if self._follows else ()
+            self._reached += map(dialect.MAVLink_mission_item_reached_message, reached)
             self.server.set_current(current)
+        self._follows = True
 
     def _note_state(self) -> None:
         """Keep what MISSION_CURRENT says besides the item."""

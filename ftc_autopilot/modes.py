@@ -98,13 +98,16 @@ class Modes:
             return
         segments = items_to_segments(items, self.airspeeds)
         self._crew.profiles[0] = profile_record(segments)
-        self._say(dialect.MAV_SEVERITY_INFO, f"profile of {len(segments)} segments in force")
+        text = f"profile of {len(segments)} segments in force"
+        if self.flies_profile:
+            text += f", segment {self.current_item()} at {self._elapsed_s():.3f} s of the mission"
+            if self.is_over():
+                text += "; to fly it from its start, start the mission again"
+        self._say(dialect.MAV_SEVERITY_INFO, text)
 
     def current_item(self) -> int:
         """Number of the mission item whose segment the next step of the mission flies."""
-        clock, profile = self._link.clock[0], self._crew.profiles[0]
-        steps = int(clock["step"]) - int(self._guidance["start_step"])
-        elapsed_s = steps * int(clock["step_us"]) / 1e6
+        profile, elapsed_s = self._crew.profiles[0], self._elapsed_s()
         return 1 + sum(
             elapsed_s >= float(start) for start in profile["start"][1 : int(profile["count"])]
         )
@@ -194,6 +197,12 @@ class Modes:
         self.armed = armed
         self._crew.actuators[0]["mode"] = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
         self._guidance["active"] = int(armed)
+
+    def _elapsed_s(self) -> float:
+        """Time since the start of the mission [s]."""
+        clock = self._link.clock[0]
+        steps = int(clock["step"]) - int(self._guidance["start_step"])
+        return steps * int(clock["step_us"]) / 1e6
 
     def _steps_to(self, seq: int) -> int:
         """Steps from the start of the mission to the segment of an item."""

@@ -27,6 +27,7 @@ from mavlink_defs.endpoint import (
     EndpointError,
     bind_udp,
     connect_udp,
+    destination,
     exposed,
     is_loopback,
     parse_address,
@@ -62,8 +63,7 @@ class Autopilot:
         set_receive_timeout(plant, _TICK_S)
         set_receive_timeout(formation, _TICK_S)
         gcs.setblocking(False)
-        addresses = map(parse_address, config.gcs)
-        self._ground_stations = [(address.host, address.port) for address in addresses]
+        self._ground_stations = [destination(parse_address(text)) for text in config.gcs]
         self._simulator = (config.id, SIMULATOR_COMPONENT)
         self._crew = new_crew([config])
         self._link = new_link(
@@ -74,7 +74,8 @@ class Autopilot:
         self._clock = self._link.clock[0]
         self._vehicle = Vehicle(config, self._link, self._crew)
         component = dialect.MAV_COMP_ID_AUTOPILOT1
-        self._to_gcs = Speaker(config.id, component)
+        # each has its own sequence numbers: not all get the same messages
+        self._to_gcs = [Speaker(config.id, component) for _ in config.gcs]
         self._door = Door(config.id, config.signing_key)
         self._to_plant = Speaker(config.id, component, self._next_sequence)
         self.stopping = False
@@ -124,7 +125,7 @@ class Autopilot:
     def _next_telemetry_step(self) -> int:
         if not self._vehicle.running:
             return 2**62
-        return -(-self._vehicle.telemetry.next_due_us() // self._config.step_us)
+        return -(-self._vehicle.next_telemetry_us() // self._config.step_us)
 
     def _silence(self) -> str | None:
         heard_s = float(self._clock["heard_s"])
@@ -146,26 +147,30 @@ class Autopilot:
     def _hear_ground_stations(self) -> None:
         for _ in range(_MAX_GCS_DATAGRAMS):
             try:
-                datagram, (host, _) = self._gcs.recvfrom(_LONGEST_FRAME + 1)
+                datagram, sender = self._gcs.recvfrom(_LONGEST_FRAME + 1)
             except (BlockingIOError, ConnectionRefusedError):
                 return
+            if sender not in self._ground_stations:
+                self._link.drops[GCS, -STRANGER] += 1
+                continue
             message = self._door.admit(datagram)
             if message is None:
                 self._link.drops[GCS, -self._door.refusal] += 1
             elif isinstance(message, dialect.MAVLink_setup_signing_message):
-                words = self._door.set_key(message, host, self._vehicle.modes.armed)
+                words = self._door.set_key(message, sender[0], self._vehicle.modes.armed)
                 if words is not None:
                     self._vehicle.say(dialect.MAV_SEVERITY_WARNING, words)
             else:
-                self._vehicle.receive(message, time.monotonic())
+                station = self._ground_stations.index(sender)
+                self._vehicle.receive(message, time.monotonic(), station)
 
     def _speak(self) -> None:
         for message in self._vehicle.simulator_messages():
             _send(self._plant, seal_bytes(self._link.plant_seal, self._to_plant.pack(message)))
-        for message in self._vehicle.gcs_messages():
-            frame = self._door.sign(self._to_gcs.pack(message))
-            for ground_station in self._ground_stations:
-                _send(self._gcs, frame, ground_station)
+        for station, address in enumerate(self._ground_stations):
+            for message in self._vehicle.gcs_messages(station):
+                frame = self._door.sign(self._to_gcs[station].pack(message))
+                _send(self._gcs, frame, address)
 
 
 def _send(sock: socket.socket, frame: bytes, address: tuple[str, int] | None = None) -> None:

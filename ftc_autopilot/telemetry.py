@@ -1,4 +1,4 @@
-"""Telemetry of one autopilot: what it can tell, what it streams, and how often.
+"""Telemetry of one autopilot to one ground station: what it can tell, streams, and how often.
 
 Intervals count simulated time while it runs, so that a flight faster than real time is as
 finely resolved as any, and wall-clock time while the aircraft is frozen.
@@ -14,20 +14,17 @@ from ftc_autopilot.status_messages import StatusMessages
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 
-__all__ = ["DEFAULT_INTERVALS_US", "Maker", "Telemetry", "makers_of"]
+__all__ = ["DEFAULT_INTERVALS_US", "MIN_INTERVAL_US", "Maker", "Telemetry", "makers_of"]
 
 Maker: TypeAlias = Callable[[], MAVLink_message]
 
 DEFAULT_INTERVALS_US = {
     dialect.MAVLINK_MSG_ID_ATTITUDE: 100_000,
     dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 100_000,
-    dialect.MAVLINK_MSG_ID_FTC_TRACKING: 100_000,
     dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: 100_000,
     dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 200_000,
     dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 200_000,
     dialect.MAVLINK_MSG_ID_VFR_HUD: 200_000,
-    dialect.MAVLINK_MSG_ID_FTC_EVENTS: 200_000,
-    dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 500_000,
     dialect.MAVLINK_MSG_ID_GPS_RAW_INT: 500_000,
     dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: 500_000,
     dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1_000_000,
@@ -36,15 +33,20 @@ DEFAULT_INTERVALS_US = {
     dialect.MAVLINK_MSG_ID_HOME_POSITION: 1_000_000,
     dialect.MAVLINK_MSG_ID_MISSION_CURRENT: 1_000_000,
     dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 2_000_000,
-    dialect.MAVLINK_MSG_ID_FTC_DROPS: 2_000_000,
 }
-"""Message ids that are streamed from the start, and their intervals [µs]."""
+"""Message ids that are streamed from the start, and their intervals [µs].
 
-_MIN_INTERVAL_US = 20_000
+All are of common.xml: a station without our dialect cannot read others, and counts them as lost.
+"""
+
+MIN_INTERVAL_US = 20_000
+"""No message is streamed more often."""
+
+_HEARTBEAT_US = 1_000_000  # it cannot be changed
 _MAX_INTERVAL_US = 2**31 - 1  # what MESSAGE_INTERVAL can tell
 _OFF, _NOT_AVAILABLE = -1, 0
 
-# REQUEST_DATA_STREAM, as ArduPlane groups its messages; private ones keep their own rates
+# REQUEST_DATA_STREAM, as ArduPlane groups its messages; private ones keep their rates
 _GROUPS: dict[int, tuple[int, ...]] = {
     dialect.MAV_DATA_STREAM_RAW_SENSORS: (),
     dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (
@@ -134,6 +136,10 @@ class Telemetry:
         """When the next message is due, on the clock of `due` [µs]; far away if none is."""
         return min((self._due_us[i] for i in self._intervals_us), default=2**62)
 
+    def streams(self, message_id: int) -> bool:
+        """Whether a message is sent again and again."""
+        return message_id in self._intervals_us
+
     def make(self, message_id: int) -> MAVLink_message:
         """Make one message now; its id must be among the makers'."""
         return self._makers[message_id]()
@@ -143,6 +149,8 @@ class Telemetry:
     def set_interval(self, params: Sequence[float]) -> int:
         """MAV_CMD_SET_MESSAGE_INTERVAL: id, then µs; 0 restores the default, negative stops."""
         message_id, interval_us = _whole(params[0]), params[1]
+        if message_id == dialect.MAVLINK_MSG_ID_HEARTBEAT and interval_us in {0.0, _HEARTBEAT_US}:
+            return dialect.MAV_RESULT_ACCEPTED
         if message_id not in self._makers or not math.isfinite(interval_us):
             return dialect.MAV_RESULT_DENIED
         self._set_interval(message_id, interval_us)
@@ -161,10 +169,12 @@ class Telemetry:
         message_id = _whole(params[0])
         interval_us = _OFF if message_id in self._makers else _NOT_AVAILABLE
         interval_us = self._intervals_us.get(message_id, interval_us)
+        if message_id == dialect.MAVLINK_MSG_ID_HEARTBEAT:
+            interval_us = _HEARTBEAT_US
         return dialect.MAVLink_message_interval_message(message_id & 0xFFFF, interval_us)
 
     def _set_interval(self, message_id: int, interval_us: float) -> None:
-        wanted: int | None = round(min(max(interval_us, _MIN_INTERVAL_US), _MAX_INTERVAL_US))
+        wanted: int | None = round(min(max(interval_us, MIN_INTERVAL_US), _MAX_INTERVAL_US))
         if interval_us == 0.0:
             wanted = DEFAULT_INTERVALS_US.get(message_id)
         if wanted is None or interval_us < 0.0:
@@ -176,5 +186,5 @@ class Telemetry:
 
 
 def _whole(value: float) -> int:
-    """A parameter that should be a whole number; -1 if it is no number at all."""
-    return int(value) if math.isfinite(value) else -1
+    """A parameter that should be a whole number; -1 if it is not."""
+    return int(value) if math.isfinite(value) and value == int(value) else -1

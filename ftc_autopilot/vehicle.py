@@ -5,6 +5,7 @@ are modules of their own; here they are put together.
 """
 
 import math
+from collections.abc import Iterable
 from functools import partial
 
 from ftc_autopilot.commands import Commands, Handler
@@ -16,7 +17,7 @@ from ftc_autopilot.modes import AUTO, GUIDED, LOITER, MODE_NAMES, Modes
 from ftc_autopilot.onboard import Crew
 from ftc_autopilot.state_messages import StateMessages, home_item
 from ftc_autopilot.status_messages import StatusMessages
-from ftc_autopilot.telemetry import Telemetry, makers_of
+from ftc_autopilot.telemetry import MIN_INTERVAL_US, Telemetry, makers_of
 from ftc_autopilot.tuning import parameters_of
 from mavlink_defs import codec, dialect
 from mavlink_defs.courtesy import Courtesy
@@ -40,7 +41,9 @@ class Vehicle:
     def __init__(self, config: AutopilotConfig, link: AutopilotLink, crew: Crew) -> None:
         own = Address(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._own, self._link, self._crew = own, link, crew
-        self._gcs_outbox: list[MAVLink_message] = []
+        self._stations = range(len(config.gcs))
+        self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
+        self._asking = 0  # the ground station whose message is being worked on
         self._simulator_outbox: list[MAVLink_message] = []
         self._next_heartbeat = -math.inf
         self._told = (-1, False, -1)
@@ -56,7 +59,7 @@ class Vehicle:
             StatusMessages(config),
         )
         makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
-        self.telemetry = Telemetry(makers)
+        self.telemetry = [Telemetry(makers) for _ in self._stations]
         self._params = ParamServer(
             own, parameters_of(config, link, crew), bytewise=config.identity == "generic"
         )
@@ -65,8 +68,14 @@ class Vehicle:
 
     # messages in
 
-    def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in a message of a ground station; those of no concern are ignored."""
+    def receive(self, message: MAVLink_message, now: float, station: int = 0) -> None:
+        """Take in a message of a ground station; those of no concern are ignored.
+
+        Args:
+            message: The message.
+            now: Wall-clock time [s].
+            station: Number of the station in `AutopilotConfig.gcs`.
+        """
         if not is_for(message, self._own):
             self._link.drops[GCS, -codec.OTHER_TARGET] += 1
             return
@@ -75,16 +84,22 @@ class Vehicle:
                 self.modes.set_attitude_target(message)
             case dialect.MAVLink_set_mode_message():  # the old way, which has no answer
                 self.modes.set_mode(float(message.custom_mode))
-        self.telemetry.receive(message)
-        for service in (self._commands, self._mission, self._params, self._courtesy):
-            service.receive(message, now)
+        self._asking = station
+        self.telemetry[station].receive(message)
+        self._commands.receive(message, now, station)
+        self._mission.receive(message, now, station)
+        self._params.receive(message, now)
+        self._courtesy.receive(message, self.time_s)
+        self._tell(self._courtesy.messages_to_send(), station)
         self._collect()
 
     def receive_from_simulator(self, message: MAVLink_message, now: float) -> None:
         """Take in a message of the own aircraft's simulator component."""
         match message:
-            case dialect.MAVLink_statustext_message() | dialect.MAVLink_ftc_fault_message():
-                self._gcs_outbox.append(message)
+            case dialect.MAVLink_statustext_message():
+                self._tell([message])
+            case dialect.MAVLink_ftc_fault_message():
+                self._tell([message], self._commands.asking)
             case dialect.MAVLink_ftc_drops_message():
                 for code, count in zip(codec.DROP_REASONS, message.plant, strict=True):
                     self._link.drops[PLANT, -code] = count
@@ -103,31 +118,38 @@ class Vehicle:
         news = (self.modes.status, self.modes.armed, self.modes.mode)
         if now >= self._next_heartbeat or news != self._told:
             self._next_heartbeat, self._told = now + _HEARTBEAT_S, news
-            self._gcs_outbox.append(self.modes.heartbeat())
+            self._tell([self.modes.heartbeat()])
             self._simulator_outbox.append(self.modes.heartbeat())
         self._report_edges()
         if self._link.clock[0]["heard_s"] > 0.0:
             time_us = int(self._link.measured[0]["time_usec"])
             clock_us = time_us if self.running else round(now * 1e6)
-            self._gcs_outbox += self.telemetry.due(clock_us)
+            for station, telemetry in enumerate(self.telemetry):
+                self._tell(telemetry.due(clock_us), station)
         self._collect()
 
     def farewell(self, text: str) -> None:
         """Say last words, and the final counters, before the process ends."""
         self.say(dialect.MAV_SEVERITY_NOTICE, text)
-        self._gcs_outbox.append(self.telemetry.make(dialect.MAVLINK_MSG_ID_FTC_EVENTS))
+        for station, telemetry in enumerate(self.telemetry):
+            if telemetry.streams(dialect.MAVLINK_MSG_ID_FTC_EVENTS):
+                self._tell([telemetry.make(dialect.MAVLINK_MSG_ID_FTC_EVENTS)], station)
 
     def say(self, severity: int, text: str) -> None:
         """Queue a STATUSTEXT."""
         self._texts += 1
-        self._gcs_outbox += text_chunks(severity, text, self._texts)
+        self._tell(text_chunks(severity, text, self._texts))
 
     # messages out
 
-    def gcs_messages(self) -> list[MAVLink_message]:
-        """Hand over what is to be sent to the ground stations."""
-        messages, self._gcs_outbox = self._gcs_outbox, []
+    def gcs_messages(self, station: int = 0) -> list[MAVLink_message]:
+        """Hand over what is to be sent to a ground station."""
+        messages, self._gcs_outboxes[station] = self._gcs_outboxes[station], []
         return messages
+
+    def next_telemetry_us(self) -> int:
+        """Simulated time at which the next message is due [µs]; far away if none is."""
+        return min(telemetry.next_due_us() for telemetry in self.telemetry)
 
     def simulator_messages(self) -> list[MAVLink_message]:
         """Hand over what is to be sent to the simulator component."""
@@ -156,7 +178,7 @@ class Vehicle:
             dialect.MAV_CMD_DO_CHANGE_SPEED: modes.change_speed,
             dialect.MAV_CMD_MISSION_START: mission.start,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
-            dialect.MAV_CMD_SET_MESSAGE_INTERVAL: self.telemetry.set_interval,
+            dialect.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             dialect.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             dialect.MAV_CMD_REQUEST_MESSAGE: self._request,
         }
@@ -169,18 +191,32 @@ class Vehicle:
         if params[0] == dialect.MAVLINK_MSG_ID_HEARTBEAT:
             message: MAVLink_message | None = self.modes.heartbeat()
         else:
-            message = self.telemetry.request(params)
+            message = self.telemetry[self._asking].request(params)
         if message is None:
             return dialect.MAV_RESULT_UNSUPPORTED
-        self._gcs_outbox.append(message)
+        self._tell([message], self._asking)
         return dialect.MAV_RESULT_ACCEPTED
 
     def _request_one(self, message_id: int, _: tuple[float, ...]) -> int:
         return self._request((float(message_id),))
 
+    def _set_interval(self, params: tuple[float, ...]) -> int:
+        telemetry = self.telemetry[self._asking]
+        result = telemetry.set_interval(params)
+        if result == dialect.MAV_RESULT_ACCEPTED and 0.0 < params[1] < MIN_INTERVAL_US:
+            text = f"interval is {params[1]:g} us, must be >= {MIN_INTERVAL_US} us, which it is now"
+            self.say(dialect.MAV_SEVERITY_NOTICE, f"Message {params[0]:g}: {text}")
+            self._tell([telemetry.interval(params)], self._asking)
+        return result
+
     def _get_interval(self, params: tuple[float, ...]) -> int:
-        self._gcs_outbox.append(self.telemetry.interval(params))
+        self._tell([self.telemetry[self._asking].interval(params)], self._asking)
         return dialect.MAV_RESULT_ACCEPTED
+
+    def _tell(self, messages: Iterable[MAVLink_message], station: int | None = None) -> None:
+        """Queue messages for a ground station; None: for all."""
+        for number in self._stations if station is None else (station,):
+            self._gcs_outboxes[number] += messages
 
     def _collect(self) -> None:
         """Announce what happened to parameters, and gather what the services have to send."""
@@ -190,9 +226,10 @@ class Vehicle:
                     self.say(dialect.MAV_SEVERITY_INFO, f"{name} is {value:g} now")
                 case ParamRefused(_, text):
                     self.say(dialect.MAV_SEVERITY_WARNING, text)
-        self._gcs_outbox += self._commands.gcs_messages()
-        for service in (self._mission, self._params, self._courtesy):
-            self._gcs_outbox += service.messages_to_send()
+        self._tell(self._commands.gcs_messages())
+        self._tell(self._params.messages_to_send())
+        for message, station in self._mission.messages_to_send():
+            self._tell([message], station)
         self._simulator_outbox += self._commands.simulator_messages()
 
     def _report_edges(self) -> None:

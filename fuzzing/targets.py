@@ -140,7 +140,7 @@ class AutopilotTarget:
         vehicle, clock = self._autopilot._vehicle, self._link.clock[0]
         names = ("step", "sent_usec", "pending", "repeated", "edge_changes")
         words = repr((
-            vehicle.modes.mode, vehicle.modes.armed, vehicle.telemetry._intervals_us,
+            vehicle.modes.mode, vehicle.modes.armed, vehicle.telemetry[0]._intervals_us,
             vehicle._mission.server.items, [p.get() for p in vehicle._params._parameters],
         ))  # fmt: skip
         return (

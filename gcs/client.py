@@ -15,7 +15,7 @@ import contextlib
 import math
 import time
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Coroutine, Iterable
 from types import TracebackType
 from typing import Any, Self
 
@@ -63,6 +63,7 @@ class Client(asyncio.DatagramProtocol):
         on_message: Callable[[MAVLink_message], None] | None = None,
         on_news: Callable[[News], None] | None = None,
         inquire: bool = False,
+        private: bool = False,
         own: Address = GROUND_STATION,
         signing_key: str | None = None,
     ) -> None:
@@ -75,6 +76,8 @@ class Client(asyncio.DatagramProtocol):
             on_news: Called with all news.
             inquire: Ask every vehicle for its faults and its profile, and again whenever they
                 may have changed.
+            private: Let every vehicle stream its private messages (errors, events, estimates,
+                drops), which it does not do on its own.
             own: System and component id. Ground stations that talk to the same vehicles at the
                 same time should have different ones.
             signing_key: Key file; with one, unsigned frames are refused.
@@ -90,7 +93,7 @@ class Client(asyncio.DatagramProtocol):
         self.drops: Counter[str] = Counter()
         self._tlog = tlog
         self._on_message, self._on_news = on_message, on_news
-        self._inquire = inquire
+        self._inquire, self._private = inquire, private
         self._speaker = Speaker(*own)
         try:
             self.signer = load_signer(signing_key)
@@ -104,7 +107,7 @@ class Client(asyncio.DatagramProtocol):
         self._timer: asyncio.TimerHandle | None = None
         self._transport: asyncio.DatagramTransport | None = None
         self._pulse: asyncio.Task[None] | None = None
-        self._inquiries: dict[int, asyncio.Task[None]] = {}
+        self._inquiries: dict[tuple[int, str], asyncio.Task[None]] = {}
 
     async def __aenter__(self) -> Self:
         """Open the port.
@@ -156,13 +159,21 @@ class Client(asyncio.DatagramProtocol):
     async def wait_for(self, systems: Iterable[int], timeout_s: float) -> None:
         """Wait until every one of these vehicles has been heard and is ready to be armed.
 
+        If private messages are wanted, they come then.
+
         Raises:
             NoAnswer: Some are not; they are named.
         """
         wanted = set(systems)
 
+        def is_complete(vehicle: Vehicle | None) -> bool:
+            if vehicle is None or not vehicle.state.is_ready:
+                return False
+            state = vehicle.state
+            return state.tells_private or not (self._private and state.offers_private)
+
         def missing() -> set[int]:
-            return {i for i in wanted if not (v := self._vehicles.get(i)) or not v.state.is_ready}
+            return {i for i in wanted if not is_complete(self._vehicles.get(i))}
 
         if not await self.until(lambda: not missing(), timeout_s):
             names = ", ".join(map(str, sorted(missing())))
@@ -277,6 +288,7 @@ class Client(asyncio.DatagramProtocol):
         self.tell(self.fleet.receive(message, now))
         if system not in self._vehicles and system in self.fleet.vehicles:
             self._vehicles[system] = Vehicle(self, self.fleet.vehicles[system])
+            self._ask_what_is_due(now)
         self._heard.set()
         for machine in list(self._machines):
             machine.receive(message, now)
@@ -302,16 +314,23 @@ class Client(asyncio.DatagramProtocol):
                 beat_due = now + _HEARTBEAT_S
                 self._send(_heartbeat(), set(self._peers.values()))
             self.tell(self.fleet.tick(now))
-            if self._inquire:
-                self._ask_what_is_due(now)
+            self._ask_what_is_due(now)
             await asyncio.sleep(_TICK_S)
 
     def _ask_what_is_due(self, now: float) -> None:
-        for system, vehicle in self._vehicles.items():
-            before = self._inquiries.get(system)
-            if vehicle.state.is_asking_due(now) and (before is None or before.done()):
-                asking = asyncio.get_running_loop().create_task(vehicle.ask_what_is_due())
-                self._inquiries[system] = asking
+        for vehicle in self._vehicles.values():
+            if self._private and vehicle.state.is_private_due(now):
+                self._start_asking(vehicle, "private", vehicle.ask_for_private)
+            if self._inquire and vehicle.state.is_asking_due(now):
+                self._start_asking(vehicle, "rest", vehicle.ask_what_is_due)
+
+    def _start_asking(
+        self, vehicle: Vehicle, what: str, ask: Callable[[], Coroutine[Any, Any, None]]
+    ) -> None:
+        before = self._inquiries.get((vehicle.system, what))
+        if before is None or before.done():
+            task = asyncio.get_running_loop().create_task(ask())
+            self._inquiries[vehicle.system, what] = task
 
     def _send(self, message: MAVLink_message, peers: Collection[tuple[str, int]]) -> None:
         if self._transport is None or self._transport.is_closing():

@@ -46,7 +46,7 @@ def choose_connection(wanted: str | None) -> Connection:
 def own_identity() -> Identity:
     """System and component id of this process.
 
-    Several may talk to a vehicle at a time or shortly one after the other. It must tell them
-    apart: it takes a command that comes again from the same sender for a repetition.
+    Several may talk to a vehicle at a time or shortly one after the other. The id tells its
+    answers apart.
     """
     return Identity(_SYSTEM, _FIRST_COMPONENT + os.getpid() % _COMPONENTS)

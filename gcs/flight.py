@@ -62,7 +62,9 @@ async def fly_over_udp(
     with TlogWriter(folder / "flight.tlog") as tlog, relay_of(scenario) as relay:
         connection = Connection("in", Address(links.host, links.gcs_port))
         key = links.signing_key
-        async with Client(connection, tlog=tlog, on_message=follow, signing_key=key) as client:
+        async with Client(
+            connection, tlog=tlog, on_message=follow, private=True, signing_key=key
+        ) as client:
             with Fleet(scenario, speed, folder / "processes", via=relay.via) as fleet:
                 try:
                     await prepare(client, fleet, scenario, start=True)

@@ -38,10 +38,18 @@ from mavlink_defs.profile import (
     segments_to_items,
 )
 
-__all__ = ["Progress", "Runner", "Vehicle"]
+__all__ = ["PRIVATE_INTERVALS_S", "Progress", "Runner", "Vehicle"]
 
 Progress = Callable[[int, int], None]
 """Called with what is done and what there is in all."""
+
+PRIVATE_INTERVALS_S = {
+    dialect.MAVLINK_MSG_ID_FTC_TRACKING: 0.1,
+    dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 0.5,
+    dialect.MAVLINK_MSG_ID_FTC_DROPS: 2.0,
+    dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: when it comes, all do
+}
+"""Private messages that vehicles stream on demand, and how often they are to come [s]."""
 
 _FORCE = 21196.0
 
@@ -126,6 +134,17 @@ class Vehicle:
         """Let a message come every `interval_s`; 0 the vehicle's default, negative never."""
         params = (message_id, interval_s * 1e6 if interval_s >= 0.0 else -1.0)
         await self.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, params)
+
+    async def ask_for_private(self) -> None:
+        """Let its private messages come; what it refuses is not asked for again."""
+        try:
+            for message_id, interval_s in PRIVATE_INTERVALS_S.items():
+                await self.set_interval(message_id, interval_s)
+        except CommandRefused:
+            self.state.offers_private = False
+        except NoAnswer:
+            pass  # later
+        self.state.learn_private(self._now())
 
     async def request(self, message_id: int) -> None:
         """Ask for one message now; `state.latest` has it when this returns, unless it got lost."""

@@ -30,6 +30,7 @@ _RATE_WINDOW_S = 2.0
 _BACK_IN_TIME_S = 1.0  # older messages than the newest only, for so long: another run
 _FAULTS_REFRESH_S = 5.0
 _PROFILE_REFRESH_S = 30.0
+_PRIVATE_PATIENCE_S = 5.0
 _TRY_AGAIN_S = 2.0
 _TEXTS_KEPT = 500
 _FAULT_COMMANDS = {
@@ -58,6 +59,7 @@ class VehicleState:
         profile: The segments that it holds; None until it was asked.
         offers_faults: Whether it answers when asked for its faults; True until shown otherwise.
         offers_profile: The same for its profile.
+        offers_private: The same for the streams of its private messages.
     """
 
     def __init__(self, address: Address, now: float) -> None:
@@ -69,7 +71,7 @@ class VehicleState:
         self.restarts = 0
         self.texts: deque[Text] = deque(maxlen=_TEXTS_KEPT)
         self.texts_heard = 0
-        self.offers_faults = self.offers_profile = True
+        self.offers_faults = self.offers_profile = self.offers_private = True
         self._assembler = TextAssembler()
         self._arrivals: deque[float] = deque()
         self._forget(now)
@@ -80,7 +82,7 @@ class VehicleState:
         self.history = History()
         self.faults: tuple[Fault, ...] | None = None
         self.profile: tuple[Segment, ...] | None = None
-        self.faults_due = self.profile_due = now
+        self.faults_due = self.profile_due = self.private_due = now
         self._newest_ms = -1
         self._back_since: float | None = None
 
@@ -93,7 +95,7 @@ class VehicleState:
             self.lost = False
             silence = f"link back after {now - self.heard_at:.1f} s"
             news.append(self._news(now, "link", NOTICE, silence))
-            self.faults_due = self.profile_due = now
+            self.faults_due = self.profile_due = self.private_due = now
         self.heard_at = now
         self._arrivals.append(now)
         if self._is_another_run(message, now):
@@ -110,6 +112,7 @@ class VehicleState:
                 news += self._said(self._assembler.receive(message, now), now)
             case dialect.MAVLink_ftc_events_message():
                 self.counts.receive(message)
+                self.private_due = now + _PRIVATE_PATIENCE_S
             case dialect.MAVLink_ftc_tracking_message():
                 self._remember(message)
             case dialect.MAVLink_command_ack_message():
@@ -150,6 +153,10 @@ class VehicleState:
         words = f"profile of {len(profile)} segments" if profile else "no profile"
         return [self._news(now, "profile", INFO, f"holds {words}", profile)]
 
+    def learn_private(self, now: float) -> None:
+        """Note that it was asked for its private messages."""
+        self.private_due = now + _PRIVATE_PATIENCE_S
+
     # what is known
 
     @property
@@ -162,6 +169,15 @@ class VehicleState:
         faults = self.offers_faults and now >= self.faults_due
         profile = self.offers_profile and now >= self.profile_due
         return not self.lost and (faults or profile)
+
+    def is_private_due(self, now: float) -> bool:
+        """Whether it should be asked to stream its private messages (again)."""
+        return not self.lost and self.offers_private and now >= self.private_due
+
+    @property
+    def tells_private(self) -> bool:
+        """Whether its private messages come."""
+        return dialect.MAVLINK_MSG_ID_FTC_EVENTS in self.latest
 
     def texts_since(self, heard: int) -> list[Text]:
         """The texts that came after `texts_heard` was `heard`, as far as they are kept."""

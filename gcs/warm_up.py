@@ -10,6 +10,7 @@ from gcs.closed_loop import fly_in_process
 from gcs.scenario import Scenario
 from gcs.summary import summarise
 from gcs.theory import check_theory
+from gcs.vehicle import PRIVATE_INTERVALS_S
 from mavlink_defs.endpoint import set_receive_timeout
 from sitl_plant import link as plant_link
 from sitl_plant.fleet import new_fleet
@@ -39,6 +40,6 @@ def compile_everything(scenario: Scenario) -> None:
         crew = new_crew([autopilot])
         own = autopilot_link.new_link(autopilot.id, autopilot.neighbours, plant.step_us, 1.0, 1)
         autopilot_link.run(fd, fd, own, crew, 0.0, 0)
-        telemetry = Vehicle(autopilot, own, crew).telemetry
-        for message_id in DEFAULT_INTERVALS_US:
+        telemetry = Vehicle(autopilot, own, crew).telemetry[0]
+        for message_id in (*DEFAULT_INTERVALS_US, *PRIVATE_INTERVALS_S):
             telemetry.make(message_id)

@@ -22,13 +22,11 @@ from mavlink_defs.machine import Address, Machine, is_for, sender_of
 __all__ = [
     "ACK_TIMEOUT_S",
     "CONFIRMED_WINDOW_S",
-    "INT_PROGRESS_TIMEOUT_S",
-    "INT_RESEND_SPAN_S",
+    "LATE_S",
     "MAX_PENDING",
     "MAX_SENDS",
     "PENDING_TIMEOUT_S",
     "PROGRESS_TIMEOUT_S",
-    "REPEAT_WINDOW_S",
     "CommandClient",
     "CommandFinished",
     "CommandMessage",
@@ -45,29 +43,46 @@ MAX_SENDS = 8
 PROGRESS_TIMEOUT_S = 3.0
 """When a client asks again after MAV_RESULT_IN_PROGRESS."""
 
-# A client sends again after 0.5 s (MAVSDK, ours) to 1 s, and a person who means the same command
-# twice takes longer than that; who does not gets the answer of the first. All our commands leave
-# the vehicle in the same state when given twice, so neither mistake does harm.
-REPEAT_WINDOW_S = 1.5
-"""How long an identical command counts as a repetition if nothing in it says so."""
-
-INT_RESEND_SPAN_S = 1.0
-"""COMMAND_INT has no confirmation field: a client repeats it within the window or not at all."""
-
 CONFIRMED_WINDOW_S = PROGRESS_TIMEOUT_S + MAX_SENDS * ACK_TIMEOUT_S + 1.0
-"""The same if it does (confirmation > 0): all repetitions of our client fall within."""
+"""How long after its answer a command may come again (confirmation > 0) because that got lost."""
+
+LATE_S = 0.1
+"""How long the network may hold a datagram back, or its duplicate; nobody repeats sooner."""
 
 PENDING_TIMEOUT_S = 10.0
 """How long an executor may take before the vehicle answers FAILED for it."""
-
-INT_PROGRESS_TIMEOUT_S = PENDING_TIMEOUT_S + 1.0
-"""Patience with a COMMAND_INT in progress, which cannot be asked again."""
 
 MAX_PENDING = 32
 _MAX_RECORDS = 2 * MAX_PENDING
 
 _PROGRESS_UNKNOWN = 255
 _INT32_MAX = 2**31 - 1
+
+_QUESTIONS = {
+    dialect.MAV_CMD_REQUEST_MESSAGE,
+    dialect.MAV_CMD_GET_HOME_POSITION,
+    dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
+    dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+}
+"""Commands that change nothing."""
+_FLIGHT, _FAULTS, _STREAMS = "flight", "faults", "streams"
+_CHANGED_BY_COMMAND = {
+    dialect.MAV_CMD_FTC_SET_FAULT: _FAULTS,
+    dialect.MAV_CMD_FTC_CLEAR_FAULTS: _FAULTS,
+    dialect.MAV_CMD_INJECT_FAILURE: _FAULTS,
+    dialect.MAV_CMD_SET_MESSAGE_INTERVAL: _STREAMS,
+}
+"""What a command changes; _FLIGHT if it is not here, nothing if it is one of the _QUESTIONS."""
+_CHANGED_BY_MESSAGE = {
+    dialect.MAVLINK_MSG_ID_SET_MODE: _FLIGHT,
+    dialect.MAVLINK_MSG_ID_MISSION_COUNT: _FLIGHT,
+    dialect.MAVLINK_MSG_ID_MISSION_ITEM: _FLIGHT,
+    dialect.MAVLINK_MSG_ID_MISSION_ITEM_INT: _FLIGHT,
+    dialect.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: _FLIGHT,
+    dialect.MAVLINK_MSG_ID_MISSION_SET_CURRENT: _FLIGHT,
+    dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM: _STREAMS,
+}
+"""What other messages change. Parameters are missing: no command changes them, too."""
 
 
 @dataclass(frozen=True)
@@ -134,8 +149,7 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
     An answer names only the MAV_CMD, so a late second answer could pass for that of the next
     command. For one timeout after a command, answers for the same MAV_CMD are therefore
     believed only if they were sent later than the one that ended it, and not at all if it was
-    repeated, as then more may be on their way; the next command is then sent once more. What
-    remains is a network that duplicates a command that was sent once.
+    repeated, as then more may be on their way; the next command is then sent once more.
     """
 
     def __init__(self, own: Address) -> None:
@@ -144,8 +158,6 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
         self._command: CommandMessage | None = None
         self._sends = 0  # since the vehicle was last heard
         self._confirmation = 0
-        self._first_sent = 0.0
-        self._acknowledged = False
         self._deadline: float | None = None
         self._last: _Last | None = None
 
@@ -162,9 +174,8 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
         """
         if self._command is not None:
             raise RuntimeError(f"command {self._command.command} is still in flight")
-        self._command, self._first_sent = message, now
+        self._command = message
         self._sends = self._confirmation = 0
-        self._acknowledged = False
         self._transmit(now)
 
     def cancel(self, now: float) -> None:
@@ -179,11 +190,8 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
         if message.result == dialect.MAV_RESULT_IN_PROGRESS:
             percent = None if message.progress == _PROGRESS_UNKNOWN else message.progress
             self._happened.append(CommandProgress(message.command, percent))
-            self._acknowledged = True
             self._sends = 0
-            self._deadline = now + (
-                INT_PROGRESS_TIMEOUT_S if self._is_int() else PROGRESS_TIMEOUT_S
-            )
+            self._deadline = now + PROGRESS_TIMEOUT_S
         else:
             finished = CommandFinished(
                 message.command, message.result, message.progress, message.result_param2
@@ -194,7 +202,7 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
         """Send the command again, or give it up."""
         if self._command is None or self._deadline is None or now < self._deadline:
             return
-        if self._sends >= MAX_SENDS or (self._acknowledged and self._is_int()):
+        if self._sends >= MAX_SENDS:
             self._finish(CommandFinished(self._command.command, None), now)
         else:
             self._transmit(now)
@@ -220,15 +228,11 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
         message = copy.copy(self._command)
         if isinstance(message, MAVLink_command_long_message):
             message.confirmation = min(self._confirmation, 255)  # counts repetitions
-            self._outbox.append(message)
-        elif message is not None and now <= self._first_sent + INT_RESEND_SPAN_S:
+        if message is not None:
             self._outbox.append(message)
         self._sends += 1
         self._confirmation += 1
         self._deadline = now + ACK_TIMEOUT_S
-
-    def _is_int(self) -> bool:
-        return isinstance(self._command, MAVLink_command_int_message)
 
     def _finish(
         self,
@@ -249,45 +253,61 @@ class _Record:
     sender: Address
     message: CommandMessage
     content: bytes
-    seen: float  # last time that it arrived or was answered
+    received: float
+    answered: float = math.inf
     ack: MAVLink_command_ack_message | None = None
     progress: int = _PROGRESS_UNKNOWN
     deadline: float = field(default=math.inf)  # finite while it is pending
 
 
-class CommandServer(Machine[CommandReceived]):
-    """Passes each command on once, however often it arrives, and answers every arrival.
+@dataclass(frozen=True)
+class _Change:
+    """The last message that changed something; it came after all commands of lower tokens."""
 
-    A command with the same content from the same sender is a repetition while the first one
-    is not yet answered, and for some time after: `CONFIRMED_WINDOW_S` if it says so, unless
-    the sender has used the same MAV_CMD otherwise in between; `REPEAT_WINDOW_S` if not, unless
-    the sender has sent any other command in between. A packet that was sent before the newest
-    one (by its sequence number) and came late is a repetition within the same time.
+    token: int
+    message: MAVLink_message
+    received: float
+
+    def is_late(self, message: MAVLink_message, now: float) -> bool:
+        """Whether a message that arrives now may have been sent before this one was executed."""
+        from_others = sender_of(message) != sender_of(self.message)
+        return now <= self.received + LATE_S and (
+            from_others or _sent_before(message, self.message)
+        )
+
+
+class CommandServer(Machine[CommandReceived]):
+    """Passes commands on to be executed, and answers them.
+
+    Every command that arrives is executed, as all of ours leave the vehicle in the same state
+    when given twice, but for:
+
+    - one that is still pending: its sender is told so;
+    - a repetition (confirmation > 0) of an executed one: it gets the same answer again, unless
+      something that the command acts on was changed since (it may be a new command, whose
+      first datagram was lost) or it only asks (its sender wants to know anew);
+    - a datagram that the network duplicated or held back for up to `LATE_S`. It is dropped, so
+      that it cannot undo what was commanded meanwhile: the same sequence number and content, or
+      a repetition just after such a change. Who still means it says it again.
+
+    Besides commands, it must be given all messages that change what commands act on.
     """
 
     def __init__(self, own: Address) -> None:
         super().__init__()
         self._own = own
         self._records: list[_Record] = []  # oldest first
+        self._changes: dict[str, _Change] = {}
         self._next_token = 1
 
     def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in a COMMAND_LONG or COMMAND_INT."""
-        if not isinstance(message, MAVLink_command_long_message | MAVLink_command_int_message):
-            return
+        """Take in any message; commands are answered."""
         if not is_for(message, self._own):
             return
-        sender, content = sender_of(message), _content(message)
-        record = self._repeated(message, sender, content, now)
-        if record is None:
-            self._accept(message, sender, content, now)
-            return
-        record.seen = now
-        if record.ack is not None:
-            self._outbox.append(copy.copy(record.ack))
-        else:
-            in_progress = dialect.MAV_RESULT_IN_PROGRESS
-            self._outbox.append(_ack(record, in_progress, record.progress, 0))
+        if isinstance(message, MAVLink_command_long_message | MAVLink_command_int_message):
+            self._on_command(message, now)
+        elif message.get_msgId() in _CHANGED_BY_MESSAGE:
+            self._note_change(_CHANGED_BY_MESSAGE[message.get_msgId()], message, now)
 
     def finish(
         self,
@@ -310,13 +330,12 @@ class CommandServer(Machine[CommandReceived]):
         record = next((r for r in self._records if r.token == token and r.ack is None), None)
         if record is None:
             return
-        record.seen = now
         if result == dialect.MAV_RESULT_IN_PROGRESS:
             record.progress = _PROGRESS_UNKNOWN if progress is None else progress
             record.deadline = now + PENDING_TIMEOUT_S
             self._outbox.append(_ack(record, result, record.progress, result_param2))
         else:
-            record.deadline = math.inf
+            record.deadline, record.answered = math.inf, now
             record.ack = _ack(record, result, progress or 0, result_param2)
             self._outbox.append(copy.copy(record.ack))
 
@@ -331,36 +350,56 @@ class CommandServer(Machine[CommandReceived]):
         earliest = min((r.deadline for r in self._records), default=math.inf)
         return None if earliest == math.inf else earliest
 
+    def _on_command(self, message: CommandMessage, now: float) -> None:
+        sender, content = sender_of(message), _content(message)
+        record = next(
+            (r for r in reversed(self._records) if (r.sender, r.content) == (sender, content)), None
+        )
+        if record is None or now > record.answered + CONFIRMED_WINDOW_S:
+            self._accept(message, sender, content, now)
+            return
+        if message.get_seq() == record.message.get_seq() and now <= record.received + LATE_S:
+            return  # the network has duplicated it
+        subject = _changed_by(message)
+        change = self._changes[subject] if subject is not None else None
+        if isinstance(message, MAVLink_command_long_message):
+            may_repeat = repeats = message.confirmation > 0
+        else:  # does not say; it does if it was sent before its sender can have had the answer
+            may_repeat, repeats = True, now <= record.answered + 2.0 * LATE_S
+        if change is not None and change.token > record.token:
+            if not (may_repeat and change.is_late(message, now)):
+                self._accept(message, sender, content, now)
+        elif record.ack is None:
+            in_progress = dialect.MAV_RESULT_IN_PROGRESS
+            self._outbox.append(_ack(record, in_progress, record.progress, 0))
+        elif change is not None and repeats:
+            self._outbox.append(copy.copy(record.ack))
+        else:
+            self._accept(message, sender, content, now)
+
     def _accept(self, message: CommandMessage, sender: Address, content: bytes, now: float) -> None:
-        record = _Record(self._next_token, sender, message, content, seen=now)
+        record = _Record(self._next_token, sender, message, content, received=now)
         if sum(r.ack is None for r in self._records) >= MAX_PENDING:
             result = dialect.MAV_RESULT_TEMPORARILY_REJECTED
             self._outbox.append(_ack(record, result, 0, 0))
             return
-        self._next_token += 1
         record.deadline = now + PENDING_TIMEOUT_S
         self._records.append(record)
         if len(self._records) > _MAX_RECORDS:
             self._records.remove(next(r for r in self._records if r.ack is not None))
+        self._note_change(_changed_by(message), message, now)
         self._happened.append(CommandReceived(record.token, message, sender))
 
-    def _repeated(
-        self, message: CommandMessage, sender: Address, content: bytes, now: float
-    ) -> _Record | None:
-        """Find the record that an arriving command repeats."""
-        earlier = [r for r in self._records if r.sender == sender]
-        record = next((r for r in reversed(earlier) if r.content == content), None)
-        if record is None:
-            return None
-        confirmed = isinstance(message, MAVLink_command_long_message) and message.confirmation > 0
-        age = now - record.seen
-        if record.ack is not None and age > (CONFIRMED_WINDOW_S if confirmed else REPEAT_WINDOW_S):
-            return None
-        rivals = [r for r in earlier if not confirmed or r.message.command == message.command]
-        latest = rivals[-1]
-        if record is latest or _sent_before(message, latest.message):
-            return record
+    def _note_change(self, subject: str | None, message: MAVLink_message, now: float) -> None:
+        if subject is not None:
+            self._changes[subject] = _Change(self._next_token, message, now)
+        self._next_token += 1
+
+
+def _changed_by(command: CommandMessage) -> str | None:
+    if command.command in _QUESTIONS:
         return None
+    return _CHANGED_BY_COMMAND.get(command.command, _FLIGHT)
 
 
 def _sent_before(message: MAVLink_message, other: MAVLink_message) -> bool:

@@ -31,7 +31,12 @@ class Courtesy(Machine[None]):
         self._own = own
 
     def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in any message; answer it if that is all there is to do."""
+        """Take in any message; answer it if that is all there is to do.
+
+        Args:
+            message: The message.
+            now: Time by the clock that the vehicle's time stamps have [s].
+        """
         if not is_for(message, self._own):
             return
         sender = sender_of(message)

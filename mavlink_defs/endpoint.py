@@ -17,8 +17,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 __all__ = ["Address", "Connection", "EndpointError", "address_of", "bind_udp", "connect_udp",
-           "exposed", "free_ports", "is_loopback", "parse_address", "parse_connection",
-           "set_receive_timeout", "sockaddr", "someone_listens"]  # fmt: skip
+           "destination", "exposed", "free_ports", "is_loopback", "parse_address",
+           "parse_connection", "set_receive_timeout", "sockaddr", "someone_listens"]  # fmt: skip
 
 Direction: TypeAlias = Literal["in", "out"]
 
@@ -160,6 +160,18 @@ def connect_udp(address: Address) -> socket.socket:
         sock.close()
         raise EndpointError(f"cannot reach {address} over UDP: {exc.strerror}") from exc
     return sock
+
+
+def destination(address: Address) -> tuple[str, int]:
+    """IPv4 address and port that datagrams to an address go to, and that answers come from.
+
+    Systems take 0.0.0.0 as a destination for this machine.
+
+    Raises:
+        EndpointError: The host's name cannot be resolved.
+    """
+    ip = _resolve(address)
+    return ("127.0.0.1" if ip == "0.0.0.0" else ip), address.port
 
 
 def someone_listens(address: Address) -> bool:

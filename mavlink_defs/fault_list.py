@@ -1,8 +1,7 @@
 """Listing the faults of a vehicle: MAV_CMD_REQUEST_MESSAGE of FTC_FAULT, client side.
 
 The vehicle sends one FTC_FAULT for each fault before it acknowledges. What was lost is asked
-for again, with a new number in the command's parameter 2 (which the vehicle ignores): a
-command that came again unchanged would be acknowledged only, not carried out.
+for again.
 """
 
 from dataclasses import dataclass
@@ -51,7 +50,7 @@ class FaultLister(Machine[FaultsListed]):
         self._deadline = None
         message = dialect.MAVLink_command_long_message(
             *self._vehicle, dialect.MAV_CMD_REQUEST_MESSAGE, 0,
-            dialect.MAVLINK_MSG_ID_FTC_FAULT, self._requests, 0, 0, 0, 0, 0,
+            dialect.MAVLINK_MSG_ID_FTC_FAULT, 0, 0, 0, 0, 0, 0,
         )  # fmt: skip
         self._command.send(message, now)
         self._pass_on()

@@ -1,9 +1,10 @@
 """The mission microservice (https://mavlink.io/en/services/mission.html), vehicle side."""
 
 import copy
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import (
@@ -69,17 +70,28 @@ class CurrentChanged:
 MissionEvent: TypeAlias = MissionAccepted | MissionRefused | CurrentChanged
 
 
+class _Client(NamedTuple):
+    """Who is talking: an address, and the station that it is heard from."""
+
+    address: Address
+    station: int
+
+
 @dataclass
 class _Upload:
-    """An upload, going on (`result` None) or over."""
+    """An upload, going on (`result` None) or over: then only its last item is kept."""
 
-    sender: Address
+    sender: _Client
     mission_type: int
     count: int
     items: list[MissionItem] = field(default_factory=list)
     retries: int = 0
     deadline: float = 0.0
     result: int | None = None
+
+    def differs(self, item: MissionItem | MAVLink_mission_item_message, index: int) -> bool:
+        """Whether an item is another one than that of its number, which we have."""
+        return bool(self.items) and _content(item_as_int(item)) != _content(self.items[index])
 
 
 class MissionServer(Machine[MissionEvent]):
@@ -89,8 +101,15 @@ class MissionServer(Machine[MissionEvent]):
     points are always empty. One client can upload at a time; any number can download, and a
     download that a change of the mission overtakes is cancelled, so that none is a mixture.
 
+    Two ground stations may have the same address by mistake. Their uploads are not mixed: from
+    another station the second one is denied; from the same one it must wait until the first is
+    over or stuck, and is cancelled with it when they are seen to differ.
+
     The vehicle keeps `mission_state` (MISSION_STATE) and `mission_mode` (of MISSION_CURRENT)
     up to date, and broadcasts `mission_current()` at its own rate besides.
+
+    Attributes:
+        asking: The station that the addressed messages to send are for.
     """
 
     def __init__(
@@ -115,9 +134,10 @@ class MissionServer(Machine[MissionEvent]):
         self._current = 0
         self._upload: _Upload | None = None
         self._revision = 0
-        self._readers: dict[Address, int] = {}  # downloads going on: revision that they read
+        self._readers: dict[_Client, int] = {}  # downloads going on: revision that they read
         self.mission_state = 0
         self.mission_mode = 0
+        self.asking = 0
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
@@ -145,11 +165,18 @@ class MissionServer(Machine[MissionEvent]):
             self._current, total, self.mission_state, self.mission_mode
         )
 
-    def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in any message; those of the mission protocol that are for us are answered."""
+    def receive(self, message: MAVLink_message, now: float, station: int = 0) -> None:
+        """Take in any message; those of the mission protocol that are for us are answered.
+
+        Args:
+            message: The message.
+            now: Time [s].
+            station: Tells apart where messages come from; answers must go back there.
+        """
         if not is_for(message, self._own):
             return
-        sender = sender_of(message)
+        sender = _Client(sender_of(message), station)
+        self.asking = station
         match message:
             case MAVLink_mission_count_message():
                 self._on_count(message, sender, now)
@@ -179,6 +206,7 @@ class MissionServer(Machine[MissionEvent]):
         upload = self._going_on()
         if upload is None or now < upload.deadline:
             return
+        self.asking = upload.sender.station
         if upload.retries >= MAX_RETRIES:
             text = f"Mission upload: item {len(upload.items)} did not come"
             self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
@@ -195,18 +223,24 @@ class MissionServer(Machine[MissionEvent]):
         upload = self._upload
         return upload if upload is not None and upload.result is None else None
 
-    def _busy_for(self, sender: Address) -> bool:
+    def _busy_for(self, sender: _Client) -> bool:
         upload = self._going_on()
         return upload is not None and upload.sender != sender
 
     def _on_count(
-        self, message: MAVLink_mission_count_message, sender: Address, now: float
+        self, message: MAVLink_mission_count_message, sender: _Client, now: float
     ) -> None:
         mission_type, count = message.mission_type, message.count
         if self._busy_for(sender):
             self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
             return
-        # From the same sender it begins anew: it may be a restarted client's other mission.
+        before = self._going_on()
+        if before is not None and before.retries == 0:
+            if (before.mission_type, before.count) != (mission_type, count):
+                text = f"Mission upload: another one of {count} items was begun meanwhile"
+                self._end_upload(before, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
+            return  # late, or of another client with this address
+        # When items do not come it begins anew: it may be a restarted client's other mission.
         self._upload = upload = _Upload(sender, mission_type, count)
         if mission_type not in _TYPES or (mission_type != _MISSION and count > 0):
             text = f"Mission type {mission_type} is not supported"
@@ -221,15 +255,19 @@ class MissionServer(Machine[MissionEvent]):
             self._request_item(upload, now)
 
     def _on_item(
-        self, item: MissionItem | MAVLink_mission_item_message, sender: Address, now: float
+        self, item: MissionItem | MAVLink_mission_item_message, sender: _Client, now: float
     ) -> None:
         upload = self._upload
         if upload is None or (upload.sender, upload.mission_type) != (sender, item.mission_type):
             self._ack(sender, item.mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
         elif upload.result is not None:
             # A last item that comes again asks for the answer that was lost; others are late.
-            if upload.result != dialect.MAV_MISSION_ACCEPTED or item.seq == upload.count - 1:
+            if upload.result != dialect.MAV_MISSION_ACCEPTED:
                 self._ack(sender, item.mission_type, upload.result)
+            elif item.seq == upload.count - 1:
+                differs = upload.differs(item, -1)
+                result = dialect.MAV_MISSION_INVALID_SEQUENCE if differs else upload.result
+                self._ack(sender, item.mission_type, result)
         elif item.seq == len(upload.items):
             upload.items.append(item_as_int(item))
             upload.retries = 0
@@ -239,6 +277,9 @@ class MissionServer(Machine[MissionEvent]):
                 self._complete(upload)
         elif item.seq > len(upload.items):
             self._request_item(upload, now)  # out of sequence: the expected one is asked for
+        elif upload.differs(item, item.seq):
+            text = f"Mission upload: item {item.seq} came twice, with different contents"
+            self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
         # An item that we have came twice. To ask then would double all that follow.
 
     def _complete(self, upload: _Upload) -> None:
@@ -252,7 +293,7 @@ class MissionServer(Machine[MissionEvent]):
             self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
 
     def _on_request_list(
-        self, message: MAVLink_mission_request_list_message, sender: Address
+        self, message: MAVLink_mission_request_list_message, sender: _Client
     ) -> None:
         mission_type = message.mission_type
         if mission_type not in _TYPES:
@@ -265,9 +306,9 @@ class MissionServer(Machine[MissionEvent]):
             self._readers[sender] = self._revision
             if len(self._readers) > _MAX_READERS:
                 del self._readers[next(iter(self._readers))]
-        self._outbox.append(MAVLink_mission_count_message(*sender, count, mission_type))
+        self._outbox.append(MAVLink_mission_count_message(*sender.address, count, mission_type))
 
-    def _on_request(self, seq: int, mission_type: int, sender: Address) -> None:
+    def _on_request(self, seq: int, mission_type: int, sender: _Client) -> None:
         if mission_type != _MISSION or seq >= len(self._items):
             self._ack(sender, mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
         elif self._readers.get(sender, self._revision) != self._revision:
@@ -275,11 +316,11 @@ class MissionServer(Machine[MissionEvent]):
             self._ack(sender, mission_type, dialect.MAV_MISSION_OPERATION_CANCELLED)
         else:
             item = copy.copy(self._items[seq])
-            item.target_system, item.target_component = sender
+            item.target_system, item.target_component = sender.address
             item.current = int(seq == self._current)
             self._outbox.append(item)
 
-    def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: Address) -> None:
+    def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: _Client) -> None:
         mission_type = message.mission_type
         if mission_type not in {*_TYPES, dialect.MAV_MISSION_TYPE_ALL}:
             self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
@@ -290,7 +331,7 @@ class MissionServer(Machine[MissionEvent]):
             self._replace(mission_type, ())
             self._ack(sender, mission_type, dialect.MAV_MISSION_ACCEPTED)
 
-    def _on_ack(self, message: MAVLink_mission_ack_message, sender: Address) -> None:
+    def _on_ack(self, message: MAVLink_mission_ack_message, sender: _Client) -> None:
         self._readers.pop(sender, None)
         upload = self._going_on()
         if upload is None or message.type == dialect.MAV_MISSION_ACCEPTED:
@@ -308,16 +349,23 @@ class MissionServer(Machine[MissionEvent]):
     def _request_item(self, upload: _Upload, now: float) -> None:
         upload.deadline = now + ITEM_TIMEOUT_S
         request = MAVLink_mission_request_int_message(
-            *upload.sender, len(upload.items), upload.mission_type
+            *upload.sender.address, len(upload.items), upload.mission_type
         )
         self._outbox.append(request)
 
     def _end_upload(self, upload: _Upload, result: int, text: str = "") -> None:
         upload.result = result
-        upload.items = []
+        upload.items = upload.items[-1:]
         self._ack(upload.sender, upload.mission_type, result)
         if result != dialect.MAV_MISSION_ACCEPTED:
             self._happened.append(MissionRefused(result, text))
 
-    def _ack(self, sender: Address, mission_type: int, result: int) -> None:
-        self._outbox.append(MAVLink_mission_ack_message(*sender, result, mission_type))
+    def _ack(self, sender: _Client, mission_type: int, result: int) -> None:
+        self._outbox.append(MAVLink_mission_ack_message(*sender.address, result, mission_type))
+
+
+def _content(item: MissionItem) -> bytes:
+    """Give all that makes an item, as bytes: NaN is equal to itself there."""
+    i = item
+    numbers = (i.param1, i.param2, i.param3, i.param4, i.z, i.x, i.y, i.command, i.frame)
+    return struct.pack("<5f2i2H", *numbers)

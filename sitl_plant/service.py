@@ -115,20 +115,20 @@ class AircraftService:
         if instance not in units[unit]:
             text = f"Failure: Instance is {instance:g}, must be 0 to {max(units[unit])}"
             raise InvalidParam(3, "Instance", text)
+        faults = self._faults.copy()  # there may not be room for all
         for actuator in units[unit][int(instance)]:
             if kind == dialect.FAILURE_TYPE_OK:
-                clear_faults(self._faults, actuator)
+                clear_faults(faults, actuator)
             elif kind == dialect.FAILURE_TYPE_OFF:
-                self._stick(actuator, 0.0, time_s)
+                _stick(faults, actuator, 0.0, time_s)
             elif kind == dialect.FAILURE_TYPE_STUCK:
                 applied = float(self._applied[actuator])
-                self._stick(actuator, applied if actuator == 3 else math.degrees(applied), time_s)
+                value = applied if actuator == 3 else math.degrees(applied)
+                _stick(faults, actuator, value, time_s)
             else:
                 return dialect.MAV_RESULT_UNSUPPORTED
+        self._faults[:] = faults
         return dialect.MAV_RESULT_ACCEPTED
-
-    def _stick(self, actuator: int, value: float, time_s: float) -> None:
-        add_fault(self._faults, Fault(actuator, 0.0, value, 0.0, _OPEN, _OPEN), time_s)
 
     def _list_faults(self, time_s: float) -> None:
         rows = self._faults[self._faults["actuator"] >= 0]
@@ -154,3 +154,7 @@ class AircraftService:
     def _say(self, text: str) -> None:
         self._texts += 1
         self._outbox += text_chunks(dialect.MAV_SEVERITY_WARNING, text, self._texts)
+
+
+def _stick(faults: np.ndarray, actuator: int, value: float, time_s: float) -> None:
+    add_fault(faults, Fault(actuator, 0.0, value, 0.0, _OPEN, _OPEN), time_s)

@@ -66,7 +66,12 @@ def dashboard(connect: str | None, theme: str) -> None:
         own = own_identity()
         live = Live(str(connection), time.time() - time.monotonic(), own)
         async with Client(
-            connection, on_news=live.hear, inquire=True, own=own, signing_key=signing_key()
+            connection,
+            on_news=live.hear,
+            inquire=True,
+            private=True,
+            own=own,
+            signing_key=signing_key(),
         ) as client:
             live.attach(client)
             await run_dashboard(Dashboard(live, theme))

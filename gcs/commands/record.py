@@ -79,7 +79,12 @@ async def _record(
         raise BadInput(f"cannot write {path}: {problem.strerror}") from problem
     with tlog:
         async with Client(
-            connection, tlog=tlog, on_message=count, own=own_identity(), signing_key=signing_key()
+            connection,
+            tlog=tlog,
+            on_message=count,
+            private=True,
+            own=own_identity(),
+            signing_key=signing_key(),
         ) as client:
             heard = await client.until(lambda: bool(counts) or stop.is_set(), timeout_s)
             if heard and not stop.is_set():

@@ -100,9 +100,18 @@ class Station:
         raise typer.Exit(max(outcome.status for outcome in outcomes))
 
     def run(
-        self, work: Callable[[Client, list[Vehicle]], Awaitable[T]], inquire: bool = False
+        self,
+        work: Callable[[Client, list[Vehicle]], Awaitable[T]],
+        *,
+        inquire: bool = False,
+        private: bool = False,
     ) -> T:
         """Do something with a client and the chosen vehicles.
+
+        Args:
+            work: What to do.
+            inquire: As of `Client`.
+            private: As of `Client`.
 
         Raises:
             BadInput: An option cannot be used.
@@ -112,7 +121,11 @@ class Station:
 
         async def connected() -> T:
             async with Client(
-                connection, own=own_identity(), inquire=inquire, signing_key=signing_key()
+                connection,
+                own=own_identity(),
+                inquire=inquire,
+                private=private,
+                signing_key=signing_key(),
             ) as client:
                 try:
                     vehicles = await client.discover(self.timeout_s, systems)

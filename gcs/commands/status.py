@@ -80,10 +80,10 @@ def status(
                 await asyncio.sleep(_REFRESH_S)
 
     if not watch:
-        station.run(once)
+        station.run(once, private=True)
         return
     try:
-        station.run(on_and_on, inquire=True)
+        station.run(on_and_on, inquire=True, private=True)
     except Interrupted:
         return
 

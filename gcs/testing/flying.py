@@ -79,7 +79,7 @@ class FlyingFleet:
             stack.callback(self._end_loop)
             tlog = stack.enter_context(TlogWriter(self.folder / "flight.tlog"))
             relay = stack.enter_context(self._relay)
-            self.client = Client(connection, tlog=tlog)
+            self.client = Client(connection, tlog=tlog, private=True)
             self.call(self.client.__aenter__())
             stack.callback(lambda: self.call(self.client.__aexit__(None, None, None)))
             folder = self.folder / "processes"

@@ -95,7 +95,7 @@ async def operator(
     """A dashboard that has heard every vehicle, and knows its faults and its profile."""
     live = Live(fleet.hub, time.time() - time.monotonic(), OWN)
     connection = parse_connection(fleet.hub)
-    async with Client(connection, on_news=live.hear, inquire=True, own=OWN) as client:
+    async with Client(connection, on_news=live.hear, inquire=True, private=True, own=OWN) as client:
         live.attach(client)
         app = Dashboard(live)
         async with app.run_test(size=size) as pilot:

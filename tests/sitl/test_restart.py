@@ -44,7 +44,7 @@ async def fly_with_a_restart(scenario: Scenario, folder: Path) -> None:
     processes = [start("sitl_plant.process", plant_file, log)]
     try:
         address = Address(scenario.links.host, scenario.links.gcs_port)
-        async with Client(Connection("in", address)) as client:
+        async with Client(Connection("in", address), private=True) as client:
 
             def simulated_ms() -> int:
                 message = client.vehicle(1).state.latest.get(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
@@ -54,12 +54,15 @@ async def fly_with_a_restart(scenario: Scenario, folder: Path) -> None:
             await client.wait_for([1], PATIENCE_S)
             await client.vehicle(1).command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
             await until(lambda: simulated_ms() > 1000)
+            events = client.vehicle(1).state.latest.pop(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
+            assert events.get_srcSystem() == 1
             processes[1].kill()
             processes[1].wait()
             await until(lambda: "waiting for it to come back" in log.read_text())
             held_ms = simulated_ms()
             processes.append(start("ftc_autopilot.process", uav_file, log))
             await until(lambda: simulated_ms() > held_ms + 1000)
+            await until(lambda: client.vehicle(1).state.tells_private)
             await client.vehicle(1).command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
         processes[0].terminate()
         assert processes[0].wait(PATIENCE_S) == 0

@@ -18,11 +18,13 @@ _NO_WINDOWS = "log,signing,wp,ftp,param,arm,mode,misc,cmdlong,fence,rally"
 class MavProxy:
     """A running MAVProxy, with our dialect; a context manager that leaves nothing behind."""
 
+    _program = (sys.executable, "-m", "mavlink_defs.with_dialect", "mavproxy.py",
+                "--dialect", "ftc")  # fmt: skip
+
     def __init__(self, port: int, folder: Path) -> None:
         self._lines: list[str] = []
         self._popen = subprocess.Popen(
-            [sys.executable, "-m", "mavlink_defs.with_dialect", "mavproxy.py", "--dialect", "ftc",
-             "--master", f"udpin:127.0.0.1:{port}", "--state-basedir", folder,
+            [*self._program, "--master", f"udpin:127.0.0.1:{port}", "--state-basedir", folder,
              "--logfile", folder / "mavproxy.tlog", "--default-modules", _NO_WINDOWS,
              "--show-errors"],
             cwd=folder, bufsize=0, env=os.environ | {"HOME": str(folder)},
@@ -83,3 +85,9 @@ class MavProxy:
         assert self._popen.stdout is not None
         for line in self._popen.stdout:
             self._lines.append(line.decode(errors="replace").rstrip())
+
+
+class PlainMavProxy(MavProxy):
+    """One that does not know our dialect."""
+
+    _program = (sys.executable, str(Path(sys.executable).parent / "mavproxy.py"))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import common
 
 from ftc_autopilot.geography import Origin, place_of
 from ftc_autopilot.link import new_link
@@ -36,7 +37,7 @@ class Bench:
         state["time_usec"] = 5_000_000
         self.crew.actuators[0]["controls"][:4] = (0.5, -1.0, 1.0, 0.25)
         self.vehicle = Vehicle(config, self.link, self.crew)
-        self.telemetry = self.vehicle.telemetry
+        (self.telemetry,) = self.vehicle.telemetry
         self.speaker = Speaker(3, 1)
 
     def heard(self, name: str) -> Any:
@@ -164,7 +165,8 @@ def test_what_is_not_streamed_at_first_can_be(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(
-    "params", [(31_000.0, 1e5), (math.nan, 1e5), (30.0, math.inf), (-1.0, 1.0)]
+    "params",
+    [(31_000.0, 1e5), (math.nan, 1e5), (30.0, math.inf), (-1.0, 1.0), (30.7, 1e5), (0.0, 1e5)],
 )
 def test_other_intervals_are_denied(params: tuple[float, float], bench: Bench) -> None:
     before = _interval(bench, ATTITUDE)
@@ -173,12 +175,25 @@ def test_other_intervals_are_denied(params: tuple[float, float], bench: Bench) -
     assert _interval(bench, 31_000) == 0
 
 
+def test_heartbeats_have_an_interval_that_stays(bench: Bench) -> None:
+    heartbeat = dialect.MAVLINK_MSG_ID_HEARTBEAT
+    for interval_us in (0.0, 1e6):
+        assert bench.telemetry.set_interval((heartbeat, interval_us)) == ACCEPTED
+    assert bench.telemetry.set_interval((heartbeat, -1.0)) == DENIED
+    assert _interval(bench, heartbeat) == 1_000_000
+
+
+def test_every_message_that_nobody_asked_for_is_of_the_common_dialect() -> None:
+    assert DEFAULT_INTERVALS_US.keys() <= common.mavlink_map.keys()
+
+
 @pytest.mark.parametrize(
     ("stream", "rate", "start", "expected"),
     [(10, 4, 1, 250_000), (0, 2, 1, 500_000), (10, 4, 0, -1), (10, 0, 1, -1), (11, 4, 1, 100_000),
      (99, 4, 1, 100_000), (10, 1000, 1, 20_000)],
 )  # fmt: skip
 def test_data_streams(stream: int, rate: int, start: int, expected: int, bench: Bench) -> None:
+    bench.telemetry.set_interval((dialect.MAVLINK_MSG_ID_FTC_EVENTS, 200_000.0))
     bench.vehicle.receive(dialect.MAVLink_request_data_stream_message(3, 1, stream, rate, start), 0)
     assert _interval(bench, ATTITUDE) == expected
     assert _interval(bench, dialect.MAVLINK_MSG_ID_FTC_EVENTS) == 200_000

@@ -23,8 +23,9 @@ UAV = 1
 class Bench:
     """A vehicle whose aircraft flies at 40 m/s to the North, and a ground station."""
 
-    def __init__(self, scenario: Scenario, heard: bool = True) -> None:
+    def __init__(self, scenario: Scenario, heard: bool = True, stations: int = 1) -> None:
         config = scenario.autopilot_config(UAV)
+        config = config.model_copy(update={"gcs": config.gcs * stations})
         self.crew: Crew = new_crew([config])
         self.link: AutopilotLink = new_link(UAV, config.neighbours, config.step_us, 0.25, 0)
         self.link.measured[0]["velocity"] = (40.0, 0.0, 0.0)
@@ -35,17 +36,18 @@ class Bench:
     def run(self, flags: int = dialect.FTC_SIM_FLAGS_RUNNING) -> None:
         self.link.clock["flags"] = flags
 
-    def say(self, message: Any) -> list[Any]:
-        """Send a message as the ground station; what the vehicle answers."""
-        self.now += 2.0
+    def say(self, message: Any, station: int = 0) -> list[Any]:
+        """Send a message as a ground station; what the vehicle answers it."""
+        self.now += 0.01
         received = parse(GCS.pack(message))
         assert received is not None
-        self.vehicle.receive(received, self.now)
-        return self.vehicle.gcs_messages()
+        self.vehicle.receive(received, self.now, station)
+        return self.vehicle.gcs_messages(station)
 
-    def command(self, number: int, *params: float) -> int:
+    def command(self, number: int, *params: float, station: int = 0) -> int:
         seven = (*params, *[0.0] * 7)[:7]
-        answers = self.say(dialect.MAVLink_command_long_message(UAV, 1, number, 0, *seven))
+        message = dialect.MAVLink_command_long_message(UAV, 1, number, 0, *seven)
+        answers = self.say(message, station)
         (ack,) = of_type(answers, "COMMAND_ACK")
         assert ack.command == number
         return int(ack.result)
@@ -104,6 +106,16 @@ def test_a_mission_started_in_flight_begins_with_the_next_step(scenario1: Scenar
     bench.link.clock["step"] = 500
     bench.command(START)
     assert bench.crew.guidance[0]["start_step"] == 501
+
+
+def test_a_mission_is_started_again_after_another_upload(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    for _ in range(2):
+        bench.upload(scenario1)
+        assert bench.command(START) == ACCEPTED
+        assert bench.vehicle.modes.started
+        bench.say(dialect.MAVLink_mission_clear_all_message(UAV, 1, 0))
+        assert not bench.vehicle.modes.started
 
 
 def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
@@ -370,3 +382,120 @@ def test_a_generic_autopilot_says_so(scenario1: Scenario) -> None:
     read = dialect.MAVLink_param_request_read_message(UAV, 1, b"SYSID_THISMAV", -1)
     (value,) = of_type(bench.say(read), "PARAM_VALUE")
     assert value.param_value == pytest.approx(1.4e-45)  # the integer 1, byte by byte
+
+
+EVENTS = dialect.MAVLINK_MSG_ID_FTC_EVENTS
+REQUEST, SET_INTERVAL = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL
+
+
+def test_private_messages_go_to_the_station_that_asks_for_them(scenario1: Scenario) -> None:
+    bench = Bench(scenario1, stations=2)
+
+    def told(station: int) -> set[str]:
+        bench.now += 1.0
+        bench.vehicle.tick(bench.now)
+        return {message.get_type() for message in bench.vehicle.gcs_messages(station)}
+
+    assert not any(name.startswith("FTC_") for name in told(0) | told(1))
+    assert bench.command(SET_INTERVAL, EVENTS, 2e5, station=1) == ACCEPTED
+    for _ in range(3):
+        assert "FTC_EVENTS" in told(1)
+    assert told(0) >= {"HEARTBEAT", "ATTITUDE"}
+    request = (UAV, 1, REQUEST, 0, EVENTS, 0, 0, 0, 0, 0, 0)
+    assert of_type(bench.say(dialect.MAVLink_command_long_message(*request), 1), "FTC_EVENTS")
+    bench.vehicle.farewell("over")
+    said = bench.vehicle.gcs_messages(0)
+    assert of_type(said, "STATUSTEXT")
+    assert not of_type(said, "FTC_EVENTS")
+    assert of_type(bench.vehicle.gcs_messages(1), "FTC_EVENTS")
+
+
+def test_faults_are_listed_to_the_station_that_asks(scenario1: Scenario) -> None:
+    bench = Bench(scenario1, stations=2)
+    fault = dialect.MAVLINK_MSG_ID_FTC_FAULT
+    request = (UAV, 1, REQUEST, 0, fault, 0, 0, 0, 0, 0, 0)
+    bench.say(dialect.MAVLink_command_long_message(*request), 1)
+    simulator = Speaker(UAV, SIMULATOR_COMPONENT)
+    for message in (
+        dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0),
+        dialect.MAVLink_command_ack_message(REQUEST, ACCEPTED, 0, 0, UAV, 1),
+    ):
+        received = parse(simulator.pack(message))
+        assert received is not None
+        bench.vehicle.receive_from_simulator(received, bench.now)
+    assert not of_type(bench.vehicle.gcs_messages(0), "FTC_FAULT")
+    assert of_type(bench.vehicle.gcs_messages(1), "FTC_FAULT")
+
+
+def test_an_interval_that_is_too_short_is_said_to_be(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    request = (UAV, 1, SET_INTERVAL, 0, dialect.MAVLINK_MSG_ID_ATTITUDE, 1000, 0, 0, 0, 0, 0)
+    answers = bench.say(dialect.MAVLink_command_long_message(*request))
+    assert of_type(answers, "COMMAND_ACK")[0].result == ACCEPTED
+    assert [m.interval_us for m in of_type(answers, "MESSAGE_INTERVAL")] == [20_000]
+    text = "".join(m.text for m in of_type(answers, "STATUSTEXT"))
+    assert text == "Message 30: interval is 1000 us, must be >= 20000 us, which it is now"
+
+
+def test_time_is_simulated_time_in_every_answer(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.now = 5000.0
+    bench.link.measured[0]["time_usec"] = 1_250_000
+    (answer,) = of_type(bench.say(dialect.MAVLink_timesync_message(0, 77)), "TIMESYNC")
+    assert (answer.tc1, answer.ts1) == (1_250_000_000, 77)
+
+
+def test_items_that_were_not_flown_are_not_reached(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    bench.command(START)
+    bench.run()
+
+    def fly_to(step: int) -> list[Any]:
+        bench.link.clock["step"] = step
+        bench.vehicle.tick(bench.now)
+        return bench.vehicle.gcs_messages()
+
+    fly_to(1000)
+    assert [m.seq for m in of_type(fly_to(4001), "MISSION_ITEM_REACHED")] == [1]
+    bench.upload(scenario1)
+    said = fly_to(4002)
+    assert not of_type(said, "MISSION_ITEM_REACHED")
+    assert {m.seq for m in of_type(said, "MISSION_CURRENT")} == {2}
+    bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, LOITER)
+    fly_to(15_001)
+    bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, AUTO)
+    assert not of_type(fly_to(15_002), "MISSION_ITEM_REACHED")
+
+
+def test_a_profile_uploaded_in_flight_says_what_is_flown(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    bench.command(START)
+    bench.run()
+    count = len(segments_to_items(scenario1.segments(), UAV, 1))
+    texts = {
+        4001: "profile of 3 segments in force, segment 2 at 4.001 s of the mission",
+        20_000: "profile of 3 segments in force, segment 3 at 20.000 s of the mission; "
+        "to fly it from its start, start the mission again",
+    }
+    for step, text in texts.items():
+        bench.link.clock["step"] = step
+        items = segments_to_items(scenario1.segments(), UAV, 1)
+        bench.say(dialect.MAVLink_mission_count_message(UAV, 1, count, 0))
+        said = [m for item in items for m in bench.say(item)]
+        assert "".join(m.text for m in of_type(said, "STATUSTEXT")) == text
+
+
+def test_one_of_two_stations_with_one_id_uploads(scenario1: Scenario) -> None:
+    """Each hears only what it is answered; the one that came second is told to wait."""
+    bench = Bench(scenario1, stations=2)
+    items = segments_to_items(scenario1.segments(), UAV, 1)
+    count = dialect.MAVLink_mission_count_message(UAV, 1, len(items), 0)
+    assert of_type(bench.say(count, 0), "MISSION_REQUEST_INT")
+    (refusal,) = of_type(bench.say(count, 1), "MISSION_ACK")
+    assert refusal.type == dialect.MAV_MISSION_DENIED
+    for item in items:
+        answers = bench.say(item, 0)
+        assert not [m for m in bench.vehicle.gcs_messages(1) if hasattr(m, "target_system")]
+    assert of_type(answers, "MISSION_ACK")[0].type == dialect.MAV_MISSION_ACCEPTED

@@ -11,7 +11,7 @@ import pytest
 from gcs.client import Client
 from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.news import News
-from gcs.vehicle import Vehicle
+from gcs.vehicle import PRIVATE_INTERVALS_S, Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.command import CommandServer
 from mavlink_defs.dialect import MAVLink_message
@@ -38,6 +38,7 @@ class FakeVehicle(asyncio.DatagramProtocol):
         self.transport: Any = None
         self.peer: Any = None
         self.heartbeats = 0
+        self.intervals: list[int] | None = None  # of which messages; None: it refuses them
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self.transport = transport
@@ -46,8 +47,8 @@ class FakeVehicle(asyncio.DatagramProtocol):
         for message in messages:
             self.transport.sendto(self.speaker.pack(message), self.peer)
 
-    def beat(self) -> None:
-        self.say(dialect.MAVLink_heartbeat_message(1, 3, 0, 12, dialect.MAV_STATE_STANDBY, 3))
+    def beat(self, status: int = dialect.MAV_STATE_STANDBY) -> None:
+        self.say(dialect.MAVLink_heartbeat_message(1, 3, 0, 12, status, 3))
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         self.peer = addr
@@ -78,6 +79,12 @@ class FakeVehicle(asyncio.DatagramProtocol):
             if number == dialect.MAV_CMD_MISSION_START:
                 self.say(*text_chunks(dialect.MAV_SEVERITY_WARNING, "no profile", 1))
                 self.commands.finish(command.token, dialect.MAV_RESULT_DENIED, now=now)
+            elif number == dialect.MAV_CMD_SET_MESSAGE_INTERVAL and self.intervals is not None:
+                self.intervals.append(int(command.message.param1))
+                if self.intervals[-1] == dialect.MAVLINK_MSG_ID_FTC_EVENTS:
+                    four = [0] * 4
+                    self.say(dialect.MAVLink_ftc_events_message(0, 0, four, four, 0, four, 0))
+                self.commands.finish(command.token, dialect.MAV_RESULT_ACCEPTED, now=now)
             elif number == dialect.MAV_CMD_COMPONENT_ARM_DISARM:
                 self.commands.finish(command.token, dialect.MAV_RESULT_ACCEPTED, now=now)
             elif number != dialect.MAV_CMD_DO_SET_MODE:
@@ -95,8 +102,11 @@ class FakeVehicle(asyncio.DatagramProtocol):
 
 
 @contextlib.asynccontextmanager
-async def connected(**options: Any) -> AsyncIterator[tuple[Client, Vehicle, FakeVehicle]]:
+async def connected(
+    tells_private: bool = False, **options: Any
+) -> AsyncIterator[tuple[Client, Vehicle, FakeVehicle]]:
     fake = FakeVehicle(7)
+    fake.intervals = [] if tells_private else None
     loop = asyncio.get_running_loop()
     transport, _ = await loop.create_datagram_endpoint(lambda: fake, ("127.0.0.1", 0))
     port = transport.get_extra_info("sockname")[1]
@@ -181,6 +191,33 @@ def test_profiles_and_inquiries() -> None:
             assert texts[0] == "vehicle found"
             assert "holds profile of 1 segments" in texts
             assert list(client.log) == news
+
+    run(test)
+
+
+def test_private_messages_are_asked_for_at_first_and_after_a_restart() -> None:
+    async def test() -> None:
+        async with connected(tells_private=True, private=True) as (client, vehicle, fake):
+            await client.wait_for([7], PATIENCE_S)
+            assert vehicle.state.tells_private
+            assert fake.intervals is not None
+            assert await client.until(lambda: len(fake.intervals or ()) == 4, PATIENCE_S)
+            assert set(fake.intervals) == set(PRIVATE_INTERVALS_S)
+            fake.beat(dialect.MAV_STATE_BOOT)
+            assert await client.until(lambda: len(fake.intervals or ()) == 8, PATIENCE_S)
+
+    run(test)
+
+
+def test_private_messages_are_not_asked_for_without_need_nor_of_who_has_none() -> None:
+    async def test() -> None:
+        async with connected(tells_private=True) as (client, _, fake):
+            await client.wait_for([7], PATIENCE_S)
+            await asyncio.sleep(0)
+            assert fake.intervals == []
+        async with connected(private=True) as (client, vehicle, _):
+            await client.wait_for([7], PATIENCE_S)
+            assert not vehicle.state.offers_private
 
     run(test)
 

@@ -1,8 +1,10 @@
 import math
+from collections import deque
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_GCS, OTHER_VEHICLE, VEHICLE, over_the_wire
 from mission_bench import (
@@ -83,12 +85,38 @@ class TestServerUpload:
         assert vehicle.answers(item(3)) == [("MISSION_REQUEST_INT", 1)]
         assert vehicle.answers(item(1)) == [("MISSION_REQUEST_INT", 2)]
 
-    def test_count_again_begins_anew(self) -> None:
+    def test_count_again_begins_anew_when_items_do_not_come(self) -> None:
         vehicle = Vehicle()
         vehicle.answers(count(3))
         vehicle.answers(item(0))
+        assert vehicle.answers(count(3)) == []
+        vehicle.server.handle_timer(ITEM_TIMEOUT_S)
+        vehicle.sent()
         assert vehicle.upload(mission(1)) == ACCEPTED
         assert len(vehicle.server.items) == 2
+
+    def test_two_contents_of_one_item_cancel_the_upload(self) -> None:
+        vehicle = Vehicle()
+        vehicle.answers(count(4))
+        vehicle.answers(item(0))
+        vehicle.answers(item(1))
+        assert vehicle.answers(item(1)) == []
+        assert vehicle.answers(item(1, mission(3, airspeed=40.0))) == ack(CANCELLED)
+        assert vehicle.server.items == ()
+        text = "Mission upload: item 1 came twice, with different contents"
+        assert vehicle.server.events() == [MissionRefused(CANCELLED, text)]
+
+    def test_two_lengths_of_a_mission_cancel_the_upload(self) -> None:
+        vehicle = Vehicle()
+        vehicle.answers(count(4))
+        assert vehicle.answers(count(3)) == ack(CANCELLED)
+        text = "Mission upload: another one of 3 items was begun meanwhile"
+        assert vehicle.server.events() == [MissionRefused(CANCELLED, text)]
+
+    def test_another_last_item_was_not_accepted(self) -> None:
+        vehicle = Vehicle(segments=2)
+        other = item(2, mission(2, airspeed=40.0))
+        assert vehicle.answers(other) == ack(dialect.MAV_MISSION_INVALID_SEQUENCE)
 
     def test_missing_item_is_asked_for_again_then_given_up(self) -> None:
         vehicle = Vehicle(segments=1)
@@ -326,3 +354,28 @@ def test_validation_is_by_profile_error_only() -> None:
     server.receive(over_the_wire(count(1), GCS), 0.0)
     with pytest.raises(ZeroDivisionError):  # our own mistakes are not answered INVALID
         server.receive(over_the_wire(item(0), GCS), 0.0)
+
+
+@settings(deadline=None)
+@given(
+    moves=st.lists(st.sampled_from([0, 1]), max_size=60),
+    sizes=st.tuples(st.integers(1, 4), st.integers(1, 4)),
+)
+def test_uploads_of_two_stations_with_one_address_never_mix(
+    moves: list[int], sizes: tuple[int, int]
+) -> None:
+    """All hear every answer, and send what is asked for until they hear that they are done."""
+    vehicle = Vehicle()
+    missions = [mission(n, airspeed=20.0 + 10.0 * k) for k, n in enumerate(sizes)]
+    held = [contents(items) for items in missions]
+    sent: list[deque[Any]] = [deque([count(len(items))]) for items in missions]
+    last = [-1, -1]
+    for move in moves:
+        for name, said in vehicle.answers(sent[move].popleft()) if sent[move] else ():
+            for k, items in enumerate(missions):
+                if name == "MISSION_REQUEST_INT":
+                    sent[k] += items[said : said + 1]
+                    last[k] = said
+                elif said == CANCELLED or last[k] == len(items) - 1:
+                    items.clear()
+        assert contents(vehicle.server.items) in ([], *held)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mavlink_defs import dialect
-from mavlink_defs.faults import FaultLimits
+from mavlink_defs.faults import MAX_FAULTS, FaultLimits
 from mavlink_defs.frames import Speaker, parse
 from sitl_plant.actuators import no_faults
 from sitl_plant.service import AircraftService
@@ -105,6 +105,18 @@ def test_other_failures_are_refused(params: tuple[float, ...], result: int) -> N
     bench = Bench()
     assert bench.command(INJECT, *params)[0] == result
     assert bench.active == []
+
+
+@pytest.mark.parametrize("kind", [OFF, STUCK])
+def test_a_failure_that_has_no_room_changes_nothing(kind: int) -> None:
+    bench = Bench()
+    for i in range(MAX_FAULTS - 2):
+        assert bench.command(SET, 3, 0.5, 0.0, 0.0, 20.0 + i, 21.0 + i)[0] == ACCEPTED
+    before = bench.faults.copy()
+    result, said = bench.command(INJECT, SERVO, kind, 0)
+    assert result == DENIED
+    assert "slots are in use" in "".join(str(m.text) for m in said)
+    assert np.array_equal(bench.faults, before)
 
 
 def test_faults_are_listed_on_request() -> None:
