@@ -70,7 +70,8 @@ async def fly_over_udp(
                         fleet.check()
                         await asyncio.sleep(_LOOK_S)
                     fleet.check()
-                    await asyncio.sleep(_LOOK_S)  # last words are on their way
+                    fleet.wait(_END_TIMEOUT_S)
+                    await asyncio.sleep(_LOOK_S)  # to read the autopilots' last words
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
                     if relay.via:
