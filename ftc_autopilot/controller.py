@@ -27,8 +27,11 @@ __all__ = [
     "PARAMETERS",
     "SIGNALS",
     "control_step",
+    "count_events",
     "new_controller",
+    "no_signals",
     "parameter_record",
+    "restart_law",
 ]
 
 _DEGREE = math.radians(1.0)
@@ -50,10 +53,11 @@ CONTROLLER = np.dtype(
         *((kind, law.STATE) for kind, law in LAWS.items()),
         ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
         ("held", "f8", (CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
+        ("started", "i8"),  # 0: the next step is the law's first one since the UAV was armed
         ("steps", "i8"),  # control steps made
         ("messages", "i8"),  # steps in which at least one channel had an event
         ("events", "i8", (CHANNELS,)),
-        ("last_event", "i8", (CHANNELS,)),  # control step of the channel's last event
+        ("last_event", "i8", (CHANNELS,)),  # step of the channel's last event
         ("min_interval", "i8", (CHANNELS,)),  # smallest interval between two events [steps]
     ]
 )
@@ -113,6 +117,26 @@ def new_controller() -> np.void:
     return state
 
 
+def restart_law(state: np.void) -> None:
+    """Let the law start anew with the next step; held commands and counters stay.
+
+    Args:
+        state: Record of dtype `CONTROLLER`, updated in place.
+    """
+    state["started"] = 0
+    for kind, law in LAWS.items():
+        state[kind] = np.zeros((), law.STATE)
+
+
+def no_signals(steps: int) -> np.ndarray:
+    """Signals of steps without control: NaN and no events, shape (steps,), dtype `SIGNALS`."""
+    signals = np.zeros(steps, SIGNALS)
+    for name in SIGNALS.names or ():
+        if name != "events":
+            signals[name] = np.nan
+    return signals
+
+
 @compiled
 def control_step(
     t: float,
@@ -128,6 +152,9 @@ def control_step(
     signals: np.void,
 ) -> int:
     """Make one control step.
+
+    The reference starts at the command in the very first step, and at the present motion when
+    the law starts anew in flight.
 
     Args:
         t: Time that the parameters' schedules run on [s].
@@ -146,9 +173,12 @@ def control_step(
         Bit mask of the channels that had an event, bit numbers as FTC_ACTUATOR; an actuator
         message is due unless it is 0.
     """
-    first = state["steps"] == 0
-    if first:
+    first = state["started"] == 0
+    if state["steps"] == 0:
         start_filter(command, state["reference"])
+    elif first:
+        roll, pitch, yaw = motion.phi
+        start_filter(np.array([motion.V, roll, pitch, yaw]), state["reference"])
     reference = read_reference(state["reference"])
     errors = formation_errors(motion, reference, neighbours, weights, parameters["common"])
     thresholds = parameters["trigger"]
@@ -167,7 +197,8 @@ def control_step(
         aircraft,
         controls,
     )
-    _count(mask, state)
+    state["started"] = 1
+    state["steps"] += 1
 
     signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
     _write(signals["reference"], reference.V, reference.phi)
@@ -189,18 +220,22 @@ def control_step(
 
 
 @compiled
-def _count(mask: int, state: np.void) -> None:
-    now = state["steps"]
+def count_events(mask: int, step: int, state: np.void) -> None:
+    """Count the events of one step.
+
+    Args:
+        mask: Channels that had an event, not 0.
+        step: Step number of the measured state.
+        state: Record of dtype `CONTROLLER`, updated in place.
+    """
     for i in range(CHANNELS):
         if mask & (1 << i):
             if state["events"][i] > 0:
-                interval = now - state["last_event"][i]
+                interval = step - state["last_event"][i]
                 state["min_interval"][i] = min(state["min_interval"][i], interval)
             state["events"][i] += 1
-            state["last_event"][i] = now
-    if mask:
-        state["messages"] += 1
-    state["steps"] += 1
+            state["last_event"][i] = step
+    state["messages"] += 1
 
 
 @compiled

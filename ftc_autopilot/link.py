@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.config import Neighbour
-from ftc_autopilot.controller import SIGNALS
+from ftc_autopilot.controller import no_signals
 from ftc_autopilot.onboard import Crew, announce, onboard_step
 from mavlink_defs import codec
 from mavlink_defs.codec import (
@@ -110,7 +110,7 @@ class AutopilotLink(NamedTuple):
     word: np.ndarray  # datagram buffer of the formation link
     report: np.ndarray  # view of `word`
     step_done: np.ndarray  # (1,), payload
-    signals: np.ndarray  # (steps,), recorded; no steps: nothing is recorded
+    signals: np.ndarray  # (steps,), recorded, NaN where no state came; no steps: nothing is
     plant_seal: Seal
     formation_seal: Seal
 
@@ -162,7 +162,7 @@ def new_link(
         word,
         codec.payload_view(word, codec.NEIGHBOUR),
         np.zeros(1, codec.STEP_DONE),
-        np.zeros(record_steps, SIGNALS),
+        no_signals(record_steps),
         plant_seal or new_seal(b"", PLANT_LINK),
         formation_seal or new_seal(b"", FORMATION_LINK),
     )

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.controller import restart_law
 from ftc_autopilot.link import AutopilotLink
 from ftc_autopilot.onboard import NOT_STARTED, Crew
 from ftc_autopilot.reference import profile_record
@@ -132,6 +133,7 @@ class Modes:
                 self._refuse("Arm: no state from the simulator yet")
                 return dialect.MAV_RESULT_TEMPORARILY_REJECTED
             if not self.armed:
+                restart_law(self._crew.controllers[0])
                 self._set_armed(True)
                 self._enter(self.mode)
         elif self.armed:

@@ -14,12 +14,14 @@ from ftc_autopilot.controller import (
     PARAMETERS,
     SIGNALS,
     control_step,
+    count_events,
     new_controller,
+    no_signals,
     parameter_record,
 )
-from ftc_autopilot.motion import motion_of, report
+from ftc_autopilot.motion import Motion, motion_of, report
 from ftc_autopilot.reference import PROFILE, profile_value
-from ftc_autopilot.trigger import THROTTLE
+from ftc_autopilot.trigger import CHANNELS, THROTTLE
 from mavlink_defs.codec import ACTUATORS, NEIGHBOUR
 from mavlink_defs.jit import compiled
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
@@ -27,6 +29,8 @@ from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 __all__ = ["GUIDANCE", "NOT_STARTED", "Crew", "announce", "new_crew", "onboard_step"]
 
 NOT_STARTED = -(2**62)
+
+_NO_SIGNALS = no_signals(1)
 
 GUIDANCE = np.dtype(
     [
@@ -104,16 +108,26 @@ def onboard_step(crew: Crew, i: int, measured: np.void, step_us: int) -> int:
     """
     motion = motion_of(measured, crew.aircraft[i])
     report(motion, measured["step"], crew.reports[i])
+    if crew.guidance[i]["active"] != 0:
+        mask = _control(crew, i, measured, motion, step_us)
+    else:
+        mask = _cut_thrust(crew, i, motion)
+    if mask != 0:
+        count_events(mask, int(measured["step"]), crew.controllers[i])
+        crew.actuators[i]["time_usec"] = measured["time_usec"]
+    return mask
+
+
+@compiled
+def _control(crew: Crew, i: int, measured: np.void, motion: Motion, step_us: int) -> int:
+    """Armed: follow the profile or the command."""
     guidance = crew.guidance[i]
-    if guidance["active"] == 0:
-        return _cut_thrust(crew, i, measured)
     clock = 0.0  # schedules belong to the profile, so they run on the mission's clock
     if guidance["start_step"] != NOT_STARTED:
         clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
     if guidance["auto"] != 0:
         profile_value(crew.profiles[i], clock, guidance["command"])
-    actuators = crew.actuators[i]
-    mask = control_step(
+    return control_step(
         clock,
         step_us / 1e6,
         motion,
@@ -123,26 +137,27 @@ def onboard_step(crew: Crew, i: int, measured: np.void, step_us: int) -> int:
         crew.aircraft[i],
         crew.parameters[i],
         crew.controllers[i],
-        actuators["controls"],
+        crew.actuators[i]["controls"],
         crew.signals[i],
     )
-    if mask != 0:
-        actuators["time_usec"] = measured["time_usec"]
-    return mask
 
 
 @compiled
-def _cut_thrust(crew: Crew, i: int, measured: np.void) -> int:
-    """Disarmed: thrust goes to zero, the surfaces stay; nothing else is an event."""
-    actuators, signals = crew.actuators[i], crew.signals[i]
+def _cut_thrust(crew: Crew, i: int, motion: Motion) -> int:
+    """Disarmed: thrust goes to zero, an event of the throttle; the surfaces stay.
+
+    Signals are what is measured and held; the law has none.
+    """
+    held, signals = crew.controllers[i]["held"], crew.signals[i]
     mask = 0
-    if actuators["controls"][THROTTLE] != 0.0:
-        actuators["controls"][THROTTLE] = 0.0
-        actuators["time_usec"] = measured["time_usec"]
-        crew.controllers[i]["held"][THROTTLE] = 0.0
-        crew.controllers[i]["events"][THROTTLE] += 1
-        crew.controllers[i]["messages"] += 1
-        signals["held"][THROTTLE] = 0.0
+    if held[THROTTLE] != 0.0:
+        crew.actuators[i]["controls"][THROTTLE] = 0.0
+        held[THROTTLE] = 0.0
         mask = 1 << THROTTLE
-    signals["events"] = mask
+    crew.signals[i] = _NO_SIGNALS[0]
+    signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
+    for k in range(3):
+        signals["attitude"][k] = motion.phi[k]
+    for c in range(CHANNELS):
+        signals["held"][c] = held[c]
     return mask

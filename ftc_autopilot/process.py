@@ -109,8 +109,9 @@ class Autopilot:
     def recording(self) -> dict[str, Any]:
         """Everything recorded, by name."""
         return {
-            "signals": self._link.signals[: int(self._clock["step"]) + 1],
+            "signals": self._link.signals,
             "repeats": self._clock["repeated"],
+            "heard_end": bool(self._clock["flags"] & dialect.FTC_SIM_FLAGS_ENDED),
         }
 
     def refused(self) -> Counter[str]:
@@ -229,7 +230,7 @@ def main(arguments: list[str] | None = None) -> None:
     with plant, formation, gcs:
         loss = autopilot.fly()
     if options.record:
-        np.savez(options.record, **autopilot.recording())
+        np.savez(options.record, loss=loss or "", **autopilot.recording())
     if refused := autopilot.refused():
         print(f"{prefix}: frames dropped: {words_of(refused)}", file=sys.stderr)
     if loss is not None:

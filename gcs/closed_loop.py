@@ -47,7 +47,7 @@ def fly_in_process(
             crew.weights[i, d] = neighbour.weight
     _brief(scenario, fleet, crew, ids)
 
-    steps = round(scenario.duration_s * 1e6 / scenario.step_us)
+    steps = scenario.steps
     states = np.zeros((steps, len(ids), 12))
     applied = np.zeros((steps, len(ids), 4))
     signals = np.zeros((steps, len(ids)), SIGNALS)

@@ -70,9 +70,9 @@ def _write_trajectory(path: Path, recording: Recording) -> None:
     }
     columns |= {f"{axis}_m_s": states[..., 3 + i] for i, axis in enumerate("uvw")}
     columns |= {f"{axis}_deg_s": np.degrees(states[..., 9 + i]) for i, axis in enumerate("pqr")}
-    attitude = {f"{angle}_deg": signals["attitude"][..., i] for i, angle in enumerate(_ANGLES)}
-    columns |= {"airspeed_m_s": signals["V"]}
-    columns |= {name: np.degrees(values) for name, values in attitude.items()}
+    response = recording.response[::every]
+    columns |= {"airspeed_m_s": response[..., 0]}
+    columns |= {f"{angle}_deg": np.degrees(response[..., i]) for i, angle in enumerate(_ANGLES, 1)}
     for name in ("command", "reference", "error", "sync_error"):
         columns |= _degrees(name, _TRACKED, signals[name], airspeed_first=True)
     columns |= _degrees("demand", _ACTUATED, signals["demand"])

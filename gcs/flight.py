@@ -72,7 +72,8 @@ async def fly_over_udp(
                         fleet.check()
                         await asyncio.sleep(_LOOK_S)
                     fleet.check()
-                    await asyncio.sleep(_LOOK_S)  # last words are on their way
+                    fleet.wait(_END_TIMEOUT_S)
+                    await asyncio.sleep(_LOOK_S)  # to read the autopilots' last words
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
                     if relay.via:
@@ -113,8 +114,11 @@ async def prepare(client: Client, fleet: Fleet, scenario: Scenario, start: bool)
 def collect(scenario: Scenario, fleet: Fleet, mode: Mode) -> Recording:
     """Put together what the processes of a fleet have recorded when they ended.
 
+    The flight is as long as the plant has flown it. It is lost if a process says so, and if an
+    autopilot did not hear that the plant had come to the end.
+
     Raises:
-        FlightLost: Something is missing.
+        FlightLost: A process left no recording.
     """
     ids = tuple(uav.id for uav in scenario.uavs)
     try:
@@ -124,15 +128,18 @@ def collect(scenario: Scenario, fleet: Fleet, mode: Mode) -> Recording:
         autopilots = [np.load(fleet.recording_of(f"uav{i}")) for i in ids]
     except OSError as problem:
         raise FlightLost(f"the flight left no complete recording: {problem}") from problem
-    steps = min(len(states), *(len(a["signals"]) for a in autopilots))
-    signals = np.stack([a["signals"][:steps] for a in autopilots], axis=1)
+    steps = len(states)
+    for i, autopilot in zip(ids, autopilots, strict=True):
+        if steps == scenario.steps and not autopilot["heard_end"]:
+            why = str(autopilot["loss"]) or "its autopilot was stopped"
+            loss = loss or f"UAV {i} did not hear the end of the flight: {why}"
     recording = Recording(
         mode=mode,
         step_us=scenario.step_us,
         uav_ids=ids,
-        states=states[:steps],
-        applied=applied[:steps],
-        signals=signals,
+        states=states,
+        applied=applied,
+        signals=np.stack([a["signals"][:steps] for a in autopilots], axis=1),
         repeats=np.stack([a["repeats"] for a in autopilots]),
         wall_s=wall_s,
         loss=loss or None,

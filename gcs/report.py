@@ -1,5 +1,6 @@
 """A flight's figures as tables for the terminal."""
 
+from collections.abc import Iterator
 from typing import Any
 
 from rich.table import Table
@@ -22,13 +23,29 @@ def flight_tables(summary: dict[str, Any], scenario: Scenario) -> list[Table | s
         f"{summary['mode'].replace('_', ' ')}); saved {_percent(summary['saving'])} of "
         "periodic transmissions"
     )
-    departed = [
-        f"[bold red]UAV {uav['id']} departed[/]: its attitude was more than 90° off first at "
-        f"{uav['departed_at_s']:.3f} s"
-        for uav in summary["uavs"]
-        if uav["departed_at_s"] is not None
-    ]
-    return [_transmissions(summary, names), _tracking(summary, names), *departed, total]
+    remarks = [line for uav in summary["uavs"] for line in _remarks(uav, summary["steps"])]
+    return [_transmissions(summary, names), _tracking(summary, names), *remarks, total]
+
+
+def _remarks(uav: dict[str, Any], steps: int) -> Iterator[str]:
+    """What the tables do not show of a UAV."""
+    for key, what in (("attitude_lost_at_s", "roll or pitch"), ("heading_lost_at_s", "yaw")):
+        if uav[key] is not None:
+            lost = key.partition("_")[0]
+            yield (
+                f"[bold red]UAV {uav['id']} lost its {lost}[/]: {what} was more than 90° off "
+                f"first at {uav[key]:.3f} s"
+            )
+    if missing := uav["missing_steps"]:
+        yield (
+            f"[bold red]UAV {uav['id']} missed {missing} of {steps} steps[/]: no state reached "
+            "it; errors are those of the true state against the last command"
+        )
+    if disarmed := steps - uav["active_steps"] - missing:
+        yield (
+            f"UAV {uav['id']} was disarmed for {disarmed} of {steps} steps, which count neither "
+            "as control periods nor as errors"
+        )
 
 
 def _transmissions(summary: dict[str, Any], names: dict[int, str]) -> Table:
@@ -41,7 +58,7 @@ def _transmissions(summary: dict[str, Any], names: dict[int, str]) -> Table:
         for channel in CHANNELS:
             row = uav["channels"][channel]
             shortest = row["min_interval_s"]
-            saved = 1.0 - row["events"] / summary["steps"] if summary["steps"] else None
+            saved = 1.0 - row["events"] / uav["active_steps"] if uav["active_steps"] else None
             table.add_row(
                 names[uav["id"]] if channel == CHANNELS[0] else "",
                 channel,

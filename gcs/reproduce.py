@@ -91,7 +91,7 @@ def reproduce(
 
     with ThreadPoolExecutor(jobs) as pool:
         recordings = dict(zip(FILES, pool.map(fly_and_export, FILES), strict=True))
-    summaries = {f: summarise(r, scenarios[f].name) for f, r in recordings.items()}
+    summaries = {f: summarise(r, scenarios[f]) for f, r in recordings.items()}
     for file, summary in summaries.items():
         (out / "data" / file / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     _write_table(out / "data" / "summary.csv", summaries)

@@ -234,6 +234,11 @@ class Scenario(Model):
                 yield ("links", "plant_relay"), text
 
     @property
+    def steps(self) -> int:
+        """Control periods of the whole flight."""
+        return round(self.duration_s * 1e6 / self.step_us)
+
+    @property
     def _ids(self) -> list[int]:
         return [uav.id for uav in self.uavs]
 

@@ -69,7 +69,11 @@ def status_dict(state: VehicleState, now: float) -> dict[str, Any]:
 
 
 def _quantities(values: Iterable[float | None] | None) -> dict[str, Any] | None:
-    return None if values is None else dict(zip(_QUANTITIES, values, strict=True))
+    """Values by name; what is NaN is not known, as a reference while disarmed."""
+    if values is None:
+        return None
+    known = (None if value is None or math.isnan(value) else value for value in values)
+    return dict(zip(_QUANTITIES, known, strict=True))
 
 
 def _event_dict(state: VehicleState) -> dict[str, Any]:

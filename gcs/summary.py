@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from ftc_autopilot.reference import wrap
 from gcs.recording import Recording
+from gcs.scenario import Scenario
 from mavlink_defs.faults import ACTUATORS
-from mavlink_defs.jit import compiled
 
 __all__ = ["CHANNELS", "QUANTITIES", "event_table", "summarise"]
 
@@ -18,35 +17,48 @@ QUANTITIES = ("airspeed", "roll", "pitch", "yaw")
 
 _SETTLING_S = 1.0  # the largest error counts after this time
 _FINAL_S = 1.0  # the final error is the largest one of this long before the end
-_DEPARTED = np.pi / 2.0  # attitude error beyond which an aircraft has departed [rad]
+_ASTRAY = np.pi / 2.0  # error of an angle beyond which attitude or heading is lost [rad]
 
 
-def summarise(recording: Recording, scenario_name: str) -> dict[str, Any]:
+def summarise(recording: Recording, scenario: Scenario) -> dict[str, Any]:
     """Make the content of `summary.json`.
 
     Saving is the share of the periodic sender's transmissions that the triggers did without;
-    a periodic sender transmits every channel in every control step.
+    a periodic sender transmits every channel in every step that the law is evaluated at.
+    Errors are those of the true state, as `Recording.error` gives them.
     """
     steps = len(recording.states)
-    uavs = [_summarise_uav(recording, i) for i in range(len(recording.uav_ids))]
+    commands, reference = recording.error("command"), recording.error("reference")
+    uavs = [
+        _summarise_uav(recording, i, commands[:, i], reference[:, i])
+        for i in range(len(recording.uav_ids))
+    ]
     sent = sum(c["events"] for uav in uavs for c in uav["channels"].values())
     wall_s = recording.wall_s
+    loss = recording.loss
+    if loss is None and steps < scenario.steps:
+        loss = f"stopped at {recording.duration_s:g} s of {scenario.duration_s:g} s"
     return {
-        "scenario": scenario_name,
-        "completed": recording.loss is None,
-        "loss": recording.loss,
+        "scenario": scenario.name,
+        "completed": loss is None,
+        "loss": loss,
         "mode": recording.mode,
         "duration_s": recording.duration_s,
         "steps": steps,
         "wall_s": wall_s,
         "real_time_factor": recording.duration_s / wall_s if wall_s > 0.0 else None,
-        "saving": _saving(sent, steps * len(CHANNELS) * len(uavs)),
+        "saving": _saving(sent, sum(uav["active_steps"] for uav in uavs) * len(CHANNELS)),
         "uavs": uavs,
     }
 
 
-def _summarise_uav(recording: Recording, i: int) -> dict[str, Any]:
+def _summarise_uav(
+    recording: Recording, i: int, commands: np.ndarray, reference: np.ndarray
+) -> dict[str, Any]:
+    """Summarise the i-th UAV, given its errors against commands and reference, (steps, 4)."""
     signals = recording.signals[:, i]
+    active = int(np.count_nonzero(recording.active[:, i]))
+    time_s = recording.time_s
     channels: dict[str, Any] = {}
     for name in CHANNELS:
         c = ACTUATORS.index(name)
@@ -57,21 +69,20 @@ def _summarise_uav(recording: Recording, i: int) -> dict[str, Any]:
             "repeats": int(recording.repeats[i, c]),
             "min_interval_s": int(gaps.min()) * recording.step_us / 1e6 if len(gaps) else None,
         }
-    steps = len(signals)
     sent = sum(c["events"] for c in channels.values())
-    actual = np.column_stack([signals["V"], signals["attitude"]])
     return {
         "id": recording.uav_ids[i],
-        "saving": _saving(sent, steps * len(CHANNELS)),
+        "active_steps": active,
+        "missing_steps": int(np.count_nonzero(recording.missing[:, i])),
+        "saving": _saving(sent, active * len(CHANNELS)),
         "channels": channels,
         "actuator_messages": int(np.count_nonzero(signals["events"])),
-        "iae": _by_quantity(_integral(recording, _error(actual, signals["command"]))),
-        "iae_filtered": _by_quantity(_integral(recording, signals["error"])),
-        "max_error": _by_quantity(_largest(recording.time_s > _SETTLING_S, signals["error"])),
-        "final_error": _by_quantity(
-            _largest(recording.time_s >= recording.duration_s - _FINAL_S, signals["error"])
-        ),
-        "departed_at_s": _departure(recording, i),
+        "iae": _by_quantity(_integral(recording, commands)),
+        "iae_filtered": _by_quantity(_integral(recording, reference)),
+        "max_error": _by_quantity(_largest(reference[time_s > _SETTLING_S])),
+        "final_error": _by_quantity(_largest(reference[time_s >= recording.duration_s - _FINAL_S])),
+        "attitude_lost_at_s": _astray_at_s(time_s, reference[:, 1:3]),
+        "heading_lost_at_s": _astray_at_s(time_s, reference[:, 3:]),
     }
 
 
@@ -97,32 +108,29 @@ def _saving(sent: int, periodic: int) -> float | None:
     return 1.0 - sent / periodic if periodic else None
 
 
-def _error(actual: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    error: np.ndarray = actual - wanted
-    _wrap_all(error[:, 3])
-    return error
-
-
-@compiled
-def _wrap_all(angles: np.ndarray) -> None:
-    for k in range(len(angles)):
-        angles[k] = wrap(angles[k])
-
-
 def _integral(recording: Recording, error: np.ndarray) -> np.ndarray:
-    return np.asarray(np.abs(error).sum(axis=0) * recording.step_us / 1e6)
+    """Integral of the absolute error over the steps that have one; NaN if none has."""
+    counted = np.abs(_defined(error))
+    total = counted.sum(axis=0) * recording.step_us / 1e6
+    return np.asarray(total) if len(counted) else np.full(len(QUANTITIES), np.nan)
 
 
-def _largest(when: np.ndarray, error: np.ndarray) -> np.ndarray:
-    counted = np.abs(error[when])
+def _largest(error: np.ndarray) -> np.ndarray:
+    """Largest absolute error of the steps that have one; NaN if none has."""
+    counted = np.abs(_defined(error))
     return np.asarray(counted.max(axis=0)) if len(counted) else np.full(len(QUANTITIES), np.nan)
 
 
-def _departure(recording: Recording, i: int) -> float | None:
-    """When roll, pitch or yaw first was more than 90° off [s]; None if never."""
-    attitude_error = np.abs(recording.signals["error"][:, i, 1:])
-    beyond = np.flatnonzero((attitude_error > _DEPARTED).any(axis=1))
-    return float(recording.time_s[beyond[0]]) if len(beyond) else None
+def _defined(error: np.ndarray) -> np.ndarray:
+    """Without the steps at which the UAV was disarmed: nothing was wanted of it."""
+    defined: np.ndarray = error[np.isfinite(error).all(axis=1)]
+    return defined
+
+
+def _astray_at_s(time_s: np.ndarray, angles: np.ndarray) -> float | None:
+    """When one of some angles' errors, shape (steps, k), first was beyond 90° [s], or None."""
+    beyond = np.flatnonzero((np.abs(angles) > _ASTRAY).any(axis=1))
+    return float(time_s[beyond[0]]) if len(beyond) else None
 
 
 def _by_quantity(values: np.ndarray) -> dict[str, float | None]:

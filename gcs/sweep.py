@@ -43,7 +43,7 @@ _PART = ".part"  # ends the name of a file that is being written
 _ROOT = Path(__file__).parent.parent
 _SOURCES = (
     "mavlink_defs/**/*.py", "mavlink_defs/*.xml", "sitl_plant/**/*.py", "ftc_autopilot/**/*.py",
-    "gcs/closed_loop.py", "gcs/scenario*.py", "gcs/summary.py",
+    "gcs/closed_loop.py", "gcs/recording.py", "gcs/scenario*.py", "gcs/summary.py",
 )  # fmt: skip
 """What makes a summary out of a scenario, below `_ROOT`."""
 
@@ -286,7 +286,7 @@ def _fly(run: Run, folder: Path, stop: threading.Event) -> Result:
 
     assert run.scenario is not None
     try:
-        summary = summarise(fly_in_process(run.scenario, go_on), run.scenario.name)
+        summary = summarise(fly_in_process(run.scenario, go_on), run.scenario)
     except _Stopped:
         raise
     except Exception as problem:

@@ -21,6 +21,11 @@ __all__ = ["IAE_UNITS", "Axis", "axes_of", "choose_uav", "position", "terminal_t
            "write_csv", "write_markdown"]  # fmt: skip
 
 IAE_UNITS = {"airspeed": "m", "roll": "deg s", "pitch": "deg s", "yaw": "deg s"}  # of the IAE
+_LOST = {
+    "attitude_lost_at_s": ("attitude lost", ("roll", "pitch")),
+    "heading_lost_at_s": ("heading lost", ("yaw",)),
+}
+"""Keys of a UAV's summary, the graver one first: in words, and the angles that it is about."""
 _TERMINAL_ROWS = 50
 _WIDEST_VALUE = 14  # characters of the terminal
 
@@ -60,7 +65,7 @@ def write_csv(results: Sequence[Result], path: Path) -> None:
             "uav", "uav_saving"]  # fmt: skip
     head += [f"iae_{quantity}_{IAE_UNITS[quantity].replace(' ', '_')}" for quantity in QUANTITIES]
     head += [f"events_{channel}" for channel in CHANNELS]
-    head += ["min_interval_s", "departed_at_s"]
+    head += ["min_interval_s", *_LOST]
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(head)
@@ -77,7 +82,8 @@ def write_csv(results: Sequence[Result], path: Path) -> None:
 def _uav_columns(uav: dict[str, Any]) -> list[Any]:
     iae = [uav["iae"][quantity] for quantity in QUANTITIES]
     events = [uav["channels"][channel]["events"] for channel in CHANNELS]
-    return [uav["id"], uav["saving"], *iae, *events, _shortest_s(uav), uav["departed_at_s"]]
+    lost = [uav[key] for key in _LOST]
+    return [uav["id"], uav["saving"], *iae, *events, _shortest_s(uav), *lost]
 
 
 def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) -> None:
@@ -89,8 +95,8 @@ def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) ->
     for result in results:
         where = [position(result.run, name) for name in names]
         cells = [*where, result.outcome, *_figures(result, uav_id), result.reason]
-        if departure := _departure(result, uav_id):
-            cells[len(where)], cells[-1] = "departed", departure
+        if lost := _lost(result, uav_id):
+            cells[len(where)], cells[-1] = lost
         lines.append(_markdown_row(cells))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -106,9 +112,9 @@ def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
     caption = (
         f"{left} more runs in table.md"
         if left > 0
-        else "red: not flown to the end, or departed; reasons in table.md"
+        else "red: not flown to the end, attitude or heading lost; reasons in table.md"
     )
-    marked = any(result.reason or _departure(result, uav_id) for result in results)
+    marked = any(result.reason or _lost(result, uav_id) for result in results)
     shown = left > 0 or marked
     table = Table(
         title=_title(uav_id),
@@ -131,7 +137,7 @@ def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
         where = [escape(position(result.run, name)) for name in names]
         saving, *iae = _figures(result, uav_id)[:-2]
         done = result.outcome == "completed"
-        style = "red" if not done or _departure(result, uav_id) else None
+        style = "red" if not done or _lost(result, uav_id) else None
         table.add_row(*where, saving if done else result.outcome, *iae, style=style)
     return table
 
@@ -154,16 +160,17 @@ def _figures(result: Result, uav_id: int | None) -> list[str]:
     ]
 
 
-def _departure(result: Result, uav_id: int | None) -> str:
-    """How far a UAV that departed came back; empty if it did not depart, or did not end."""
+def _lost(result: Result, uav_id: int | None) -> tuple[str, str] | None:
+    """What a UAV lost, and how far it came back; None if nothing, or if it did not end."""
     uav = uav_of(result, uav_id)
-    if uav is None or uav["departed_at_s"] is None:
-        return ""
-    left = max(uav["final_error"][angle] for angle in QUANTITIES[1:])
-    return (
-        f"attitude more than 90° off first at {uav['departed_at_s']:g} s, "
-        f"up to {left:.3g}° in the last second"
-    )
+    for key, (what, angles) in _LOST.items():
+        if uav is not None and uav[key] is not None:
+            left = max(uav["final_error"][angle] for angle in angles)
+            return what, (
+                f"{' or '.join(angles)} more than 90° off first at {uav[key]:g} s, "
+                f"up to {left:.3g}° in the last second"
+            )
+    return None
 
 
 def uav_of(result: Result, uav_id: int | None) -> dict[str, Any] | None:

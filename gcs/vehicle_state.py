@@ -340,10 +340,12 @@ class VehicleState:
 
     def _remember(self, message: dialect.MAVLink_ftc_tracking_message) -> None:
         nothing = (math.nan,) * 4
-        actual = [a + b for a, b in zip(message.reference, message.error, strict=True)]
+        actual = tuple(a + b for a, b in zip(message.reference, message.error, strict=True))
+        if math.isnan(actual[0]) and self.airspeed_m_s is not None:  # disarmed: no reference
+            actual = (self.airspeed_m_s, *(self.attitude_deg or nothing[:3]))
         self.history.add(
             (
-                message.time_boot_ms / 1e3, tuple(actual), tuple(message.reference),
+                message.time_boot_ms / 1e3, actual, tuple(message.reference),
                 tuple(message.sync_error), self.held or nothing, self.counts.events,
                 self.position_m or nothing[:3],
             )

@@ -26,7 +26,7 @@ def compile_everything(scenario: Scenario) -> None:
     """
     short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
     flight = fly_in_process(short)
-    summarise(flight, "warm-up")
+    summarise(flight, short)
     check_theory(flight, short)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         set_receive_timeout(sock, 1e-3)

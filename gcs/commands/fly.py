@@ -103,7 +103,7 @@ def _fly(
             recording = fly_in_process(scenario, on_progress)
         else:
             recording = asyncio.run(fly_over_udp(scenario, folder, speed, on_progress))
-    summary = summarise(recording, scenario.name)
+    summary = summarise(recording, scenario)
     save_flight(recording, summary, folder)
     with console.status("drawing flight.png"):
         draw_flight(recording, scenario, folder / "flight.png")
@@ -111,5 +111,5 @@ def _fly(
     console.print(f"results in [bold]{folder}[/bold]", highlight=False)
     if as_json:
         print(json.dumps(summary, indent=2))
-    if recording.loss is not None:
-        raise FlightLost(recording.loss, f"what was recorded is in {folder}")
+    if not summary["completed"]:
+        raise FlightLost(summary["loss"], f"what was recorded is in {folder}")

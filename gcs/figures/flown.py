@@ -33,9 +33,13 @@ class Flight:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the UAVs, in the order of the recording."""
+        """Names of the UAVs, in the order of the recording, and how many steps they missed."""
         names = {uav.id: uav.name for uav in self.scenario.uavs}
-        return tuple(names[uav_id] for uav_id in self.recording.uav_ids)
+        missing = np.count_nonzero(self.recording.missing, axis=0)
+        return tuple(
+            f"{names[uav_id]} ({count} steps missing)" if count else names[uav_id]
+            for uav_id, count in zip(self.recording.uav_ids, missing, strict=True)
+        )
 
     @property
     def title(self) -> str:
@@ -49,15 +53,17 @@ class Flight:
 
     def response(self, i: int) -> np.ndarray:
         """Airspeed [m/s], roll, pitch, yaw [deg, wrapped] of the i-th UAV, shape (steps, 4)."""
-        signals = self.recording.signals[:, i]
-        return wrapped(degrees(np.column_stack([signals["V"], signals["attitude"]])))
+        return wrapped(degrees(self.recording.response[:, i]))
 
     def reference(self, i: int = 0) -> np.ndarray:
-        """What the i-th UAV tracks, as `response`."""
+        """What the i-th UAV tracks, as `response`; NaN where it has no reference."""
         return wrapped(degrees(self.recording.signals["reference"][:, i]))
 
     def error(self, i: int) -> np.ndarray:
-        """Tracking errors of the i-th UAV against the reference [m/s, deg], shape (steps, 4)."""
+        """Tracking errors of the i-th UAV against the reference [m/s, deg], shape (steps, 4).
+
+        NaN where it has no reference.
+        """
         return degrees(self.recording.signals["error"][:, i])
 
     def sync_error(self, i: int) -> np.ndarray:

@@ -89,14 +89,18 @@ def decimated(t: np.ndarray, y: np.ndarray, buckets: int = _BUCKETS) -> tuple[np
     """Thin out a curve that is denser than what can be seen, but keep its extremes.
 
     Keeps the first and the last sample, and of every bucket of neighbouring samples the least
-    and the greatest; a curve without more samples than that stays as it is.
+    and the greatest; a curve without more samples than that stays as it is. A bucket without
+    any number leaves a gap.
     """
     if len(y) <= 2 * buckets:
         return t, y
     size = -(-len(y) // buckets)
     starts = np.arange(0, len(y), size)
     rows = np.pad(y, (0, len(starts) * size - len(y)), mode="edge").reshape(-1, size)
-    extremes = [starts + rows.argmin(axis=1), starts + rows.argmax(axis=1)]
+    none = np.isnan(rows)
+    least = np.where(none, np.inf, rows).argmin(axis=1)
+    greatest = np.where(none, -np.inf, rows).argmax(axis=1)
+    extremes = [starts + least, starts + greatest]
     kept = np.unique(np.concatenate([[0, len(y) - 1], *extremes]))
     return t[kept], y[kept]
 

@@ -126,8 +126,9 @@ def _draw_responses(axes: Sequence["Axes"], curves: Sequence[_Curves], reference
         wanted = reference.values[:, k]
         draw_curve(axes[k], reference.t, wanted, label=reference.name, **REFERENCE)
         shown = [wanted, *(one.values[:, k] for one in curves)]
-        if len(wanted):
-            frame(axes[k], shown, wanted.min() - _BEYOND, wanted.max() + _BEYOND)
+        if np.isfinite(wanted).any():
+            low, high = np.nanmin(wanted) - _BEYOND, np.nanmax(wanted) + _BEYOND
+            frame(axes[k], shown, low, high)
         axes[k].set_ylabel(f"{quantity} [{UNITS[quantity]}]")
 
 
@@ -142,8 +143,9 @@ def _draw_errors(
                 line["lw"] *= 0.6
             draw_curve(axes[k], one.t, one.values[:, k], label=one.name, **line)
             settled.append(one.values[one.t >= _SETTLING_S, k])
-        if len(usual := np.concatenate(settled)):
-            low, high = max(usual.min(), -_ASTRAY), min(usual.max(), _ASTRAY)
+        usual = np.concatenate(settled)
+        if np.isfinite(usual).any():
+            low, high = max(np.nanmin(usual), -_ASTRAY), min(np.nanmax(usual), _ASTRAY)
             frame(axes[k], [*settled, *(one.values[:, k] for one in curves)], low, high)
         if not zoom:
             axes[k].axhline(0.0, color="black", lw=0.5)

@@ -85,7 +85,9 @@ class UavFlight:
         sent: Transmissions of all channels.
         messages: HIL_ACTUATOR_CONTROLS that carried them; several may travel in one.
         saving: Share of the periodic sender's transmissions that were not sent.
-        departed_at_s: When roll, pitch or yaw was more than 90° off first [s]; None if never.
+        attitude_lost_at_s: When roll or pitch was more than 90° off first [s]; None if never.
+        heading_lost_at_s: The same for yaw.
+        missing_steps: Steps at which no state reached its autopilot.
     """
 
     def __init__(
@@ -93,12 +95,14 @@ class UavFlight:
     ) -> None:
         self.id: int = summary["id"]
         self.summary = summary
-        self.departed_at_s: float | None = summary["departed_at_s"]
-        self._time_s, self._errors = recording.time_s, recording.signals["error"][:, i]
+        self.attitude_lost_at_s: float | None = summary["attitude_lost_at_s"]
+        self.heading_lost_at_s: float | None = summary["heading_lost_at_s"]
+        self.missing_steps: int = summary["missing_steps"]
+        self._time_s, self._errors = recording.time_s, recording.error("reference")[:, i]
         self.messages: int = (wire or {}).get("messages", 0 if wire is not None else
                                               summary["actuator_messages"])  # fmt: skip
         events = recording.signals["events"][:, i]
-        steps = len(events)
+        steps = summary["active_steps"]
         self.channels = {}
         for c, name in enumerate(ACTUATORS):
             claimed = summary["channels"][name]
@@ -143,7 +147,7 @@ class UavFlight:
     def max_error(self, after_s: float = 0.0, until_s: float = math.inf) -> Errors:
         """Largest errors against the filtered reference in a time window [s], both ends included.
 
-        NaN if nothing was flown in it.
+        Errors are those of the true state; steps flown disarmed have none. NaN if no step has.
         """
         _, errors = self._within(after_s, until_s)
         worst = errors.max(axis=0) if len(errors) else [math.nan] * len(QUANTITIES)
@@ -181,8 +185,9 @@ class UavFlight:
             raise AssertionError("\n".join(complaints))
 
     def _within(self, after_s: float, until_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Times and absolute errors in a window: m/s, deg."""
+        """Times and absolute errors in a window, where there are any: m/s, deg."""
         here = (self._time_s >= after_s) & (self._time_s <= until_s)
+        here &= np.isfinite(self._errors).all(axis=1)
         errors = np.abs(self._errors[here])
         errors[:, 1:] = np.degrees(errors[:, 1:])
         return self._time_s[here], errors
@@ -199,7 +204,7 @@ class Flight:
         folder: Configuration, words and tlog of the processes; None in process.
         saving: Share of the periodic sender's transmissions that were not sent.
         completed: Whether it was flown until the scenario's end.
-        loss: Why an aircraft was lost; None if none was.
+        loss: Why the flight was lost, an aircraft or the link to an autopilot; None if it was not.
     """
 
     def __init__(
@@ -213,12 +218,9 @@ class Flight:
             array.flags.writeable = False
         self.scenario, self.recording = scenario, recording
         self.wire, self.folder = wire, folder
-        self.summary = summarise(recording, scenario.name)
+        self.summary = summarise(recording, scenario)
         self.loss = recording.loss
-        steps = len(recording.states)
-        self.completed = self.loss is None and steps == round(
-            scenario.duration_s * 1e6 / scenario.step_us
-        )
+        self.completed: bool = self.summary["completed"]
         counted = {uav["system"]: uav for uav in wire["uavs"]
                    if uav["link"] == "plant"} if wire is not None else None  # fmt: skip
         self.uavs = {
@@ -228,7 +230,8 @@ class Flight:
             for i, uav in enumerate(self.summary["uavs"])
         }
         sent = sum(uav.sent for uav in self.uavs.values())
-        self.saving = 1.0 - sent / (len(ACTUATORS) * len(self.uavs) * steps) if steps else None
+        steps = sum(uav["active_steps"] for uav in self.summary["uavs"])
+        self.saving = 1.0 - sent / (len(ACTUATORS) * steps) if steps else None
 
     def __repr__(self) -> str:
         return f"<flight of {self.scenario.name!r}, {self.duration_s:g} s>"
@@ -251,13 +254,22 @@ class Flight:
                 f"{self.duration_s:.3f} s: {self.loss or 'it was stopped'}"
             )
 
-    def assert_no_departure(self) -> None:
-        """No aircraft was lost or departed: roll, pitch, yaw stayed within 90° of the reference."""
+    def assert_attitude_kept(self) -> None:
+        """No aircraft was lost; roll and pitch stayed within 90° of the reference."""
+        __tracebackhide__ = True
+        self._assert_kept({i: uav.attitude_lost_at_s for i, uav in self.uavs.items()}, "attitude")
+
+    def assert_heading_kept(self) -> None:
+        """No aircraft was lost; yaw stayed within 90° of the reference."""
+        __tracebackhide__ = True
+        self._assert_kept({i: uav.heading_lost_at_s for i, uav in self.uavs.items()}, "heading")
+
+    def _assert_kept(self, lost_at_s: dict[int, float | None], what: str) -> None:
         __tracebackhide__ = True
         complaints = [
-            f"UAV {uav.id}: expected no departure, got one at {uav.departed_at_s:.3f} s"
-            for uav in self.uavs.values()
-            if uav.departed_at_s is not None
+            f"UAV {i}: expected it to keep its {what}, but it lost it at {time_s:.3f} s"
+            for i, time_s in lost_at_s.items()
+            if time_s is not None
         ]
         if self.loss is not None:
             complaints.append(f"expected no loss, got: {self.loss}")

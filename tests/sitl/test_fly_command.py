@@ -32,12 +32,12 @@ from flying import (
 pytestmark = pytest.mark.sitl
 
 SUMMARY_KEYS = {
-    "scenario", "completed", "duration_s", "steps", "wall_s", "real_time_factor", "mode",
+    "scenario", "completed", "loss", "duration_s", "steps", "wall_s", "real_time_factor", "mode",
     "saving", "uavs",
 }  # fmt: skip
 UAV_KEYS = {
-    "id", "saving", "channels", "actuator_messages", "iae", "iae_filtered", "max_error",
-    "final_error", "departed_at_s",
+    "id", "active_steps", "missing_steps", "saving", "channels", "actuator_messages", "iae",
+    "iae_filtered", "max_error", "final_error", "attitude_lost_at_s", "heading_lost_at_s",
 }  # fmt: skip
 QUANTITIES = {"airspeed", "roll", "pitch", "yaw"}
 

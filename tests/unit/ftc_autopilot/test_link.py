@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from ftc_autopilot.controller import restart_law
 from ftc_autopilot.link import OVER, SERVICE, TICK, new_link, run
 from ftc_autopilot.onboard import new_crew
 from ftc_autopilot.reference import profile_record
@@ -129,6 +130,41 @@ def test_the_same_state_again_is_answered_but_not_worked_on_again(rig: Rig) -> N
     rig.state(0)
     assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
     assert rig.crew.controllers[0]["steps"] == 1
+
+
+def test_disarmed_it_measures_holds_and_computes_nothing(rig: Rig) -> None:
+    for step in range(20):
+        rig.word(step)
+        rig.state(step)
+    controller, signals = rig.crew.controllers[0], rig.crew.signals[0]
+    before, held = controller.copy(), signals["held"].copy()
+    rig.crew.guidance[0]["active"] = 0
+    for step in range(20, 40):
+        rig.word(step)
+        rig.state(step)
+    assert signals["V"] == pytest.approx(math.hypot(40.0, 0.5))
+    assert signals["attitude"].tolist() == [0.0, math.radians(1.0), 0.0]
+    assert signals["held"].tolist() == [*held[:3], 0.0]
+    for name in ("command", "reference", "error", "sync_error", "demand", "beta_v"):
+        assert np.isnan(signals[name]).all()
+    assert controller["steps"] == before["steps"] == 20
+    assert (controller["events"] - before["events"]).tolist() == [0, 0, 0, 1]
+    assert controller["messages"] == before["messages"] + 1
+
+
+def test_armed_again_the_law_starts_from_where_the_aircraft_is(rig: Rig) -> None:
+    rig.word(0)
+    rig.state(0)
+    assert rig.crew.signals[0]["reference"].tolist() == rig.crew.signals[0]["command"].tolist()
+    controller = rig.crew.controllers[0]
+    controller["proposed"]["beta_v"] = 7.0
+    restart_law(controller)
+    rig.state(50)
+    signals = rig.crew.signals[0]
+    assert signals["reference"].tolist() == [signals["V"], *signals["attitude"]]
+    assert signals["beta_v"] == 1.0
+    assert signals["events"] == 0b1111
+    assert controller["min_interval"].tolist() == [50] * 4
 
 
 def test_a_lost_actuator_message_is_sent_again_and_counted_apart(rig: Rig) -> None:

@@ -69,7 +69,7 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     state["reference"][0, :2] = reference["V"], reference["V_dot"]
     state["reference"][1:, 0] = reference["attitude_rad"]
     state["reference"][1:, 1] = reference["attitude_rate_rad_s"]
-    state["steps"] = 1  # not the first step: filters stand as given
+    state["steps"] = state["started"] = 1  # not the first step: filters stand as given
     signals = np.zeros(1, SIGNALS)[0]
     control_step(
         0.0, DT, motions[i], state["reference"][:, 0].copy(), reports, weights, nominal,

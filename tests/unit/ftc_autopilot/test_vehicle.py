@@ -154,6 +154,21 @@ def test_disarming_in_flight_must_be_forced(scenario1: Scenario) -> None:
     assert bench.crew.guidance[0]["active"] == 0
 
 
+def test_arming_again_restarts_the_law(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    bench.command(ARM, 1.0)
+    bench.run()
+    controller = bench.crew.controllers[0]
+    controller["started"], controller["proposed"]["beta_v"] = 1, 5.0
+    controller["steps"] = controller["events"][:] = 7
+    bench.command(ARM, 1.0)  # is armed already
+    assert controller["started"] == 1
+    bench.command(ARM, 0.0, 21196.0)
+    bench.command(ARM, 1.0)
+    assert (controller["started"], controller["proposed"]["beta_v"]) == (0, 0.0)
+    assert (controller["steps"], controller["events"].tolist()) == (7, [7] * 4)
+
+
 @pytest.mark.parametrize("mode", [0.0, 5.0, 11.0, math.nan])
 def test_other_modes_are_refused(mode: float, scenario1: Scenario) -> None:
     bench = Bench(scenario1)

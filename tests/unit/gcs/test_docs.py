@@ -89,8 +89,8 @@ def test_fault_capacity_is_documented() -> None:
     assert f"at most {MAX_FAULTS} faults" in SCENARIO_MD
 
 
-def test_every_result_is_documented(flight: Recording, tmp_path: Path) -> None:
-    summary = summarise(flight, "example")
+def test_every_result_is_documented(example: Scenario, flight: Recording, tmp_path: Path) -> None:
+    summary = summarise(flight, example)
     save_flight(flight, summary, tmp_path)
     uav = summary["uavs"][0]
     keys = {*summary, *uav, *uav["channels"], *uav["channels"]["rudder"], *uav["iae"]}

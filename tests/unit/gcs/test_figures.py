@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
+from ftc_autopilot.controller import no_signals
 from gcs.closed_loop import fly_in_process
 from gcs.figures.flown import Flight, fault_windows
 from gcs.figures.overview import draw_flight
@@ -236,6 +237,49 @@ def test_a_line_breaks_where_the_angle_wraps() -> None:
     draw_curve(axis, np.arange(4.0), np.array([170.0, 179.0, -172.0, -160.0]))
     shown = axis.lines[0].get_ydata()
     np.testing.assert_array_equal(shown, [170.0, 179.0, np.nan, -172.0, -160.0])
+
+
+def with_missing(flight: Flight, begin: int, end: int) -> Flight:
+    """The same flight, of which UAV 2's autopilot missed some steps."""
+    signals = flight.recording.signals.copy()
+    signals[begin:end, 1] = no_signals(end - begin)
+    return replace(flight, recording=replace(flight.recording, signals=signals))
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_missing_steps_are_counted_in_every_figure_of_one_flight(flight: Flight, name: str) -> None:
+    figure = DRAW[name](with_missing(flight, 1000, 1500))
+    said = [*legend(figure), *(text.get_text() for axis in figure.axes for text in axis.texts)]
+    said += [label for axis in figure.axes for label in (axis.get_ylabel(), axis.get_xlabel())]
+    if name not in {"fig10", "fig11"}:  # they show UAV 3
+        assert any("follower 1 (500 steps missing)" in text for text in said)
+
+
+def test_missing_steps_are_gaps_except_in_the_true_response(flight: Flight) -> None:
+    axes = panels(fig6(with_missing(flight, 1000, 1500)))
+    for axis in axes:
+        t, shown = map(np.asarray, line(axis, "follower 1 (500 steps missing)").get_data())
+        inside = shown[(t > 1.005) & (t < 1.495)]
+        assert np.isnan(inside).any() == (axis not in axes[:4])
+        assert np.isnan(inside).all() == (axis not in axes[:4])
+        assert np.isfinite(shown[(t < 0.995) | (t > 1.505)]).all()
+
+
+def test_a_flight_without_any_signal_is_drawn(flight: Flight, tmp_path: Path) -> None:
+    signals = np.stack([no_signals(len(flight.recording.states))] * 3, axis=1)
+    recording = replace(flight.recording, signals=signals)
+    for draw in DRAW.values():
+        draw(replace(flight, recording=recording))
+    draw_flight(recording, flight.scenario, tmp_path / "flight.png")
+
+
+@given(st.lists(st.floats(-1e6, 1e6) | st.just(np.nan), min_size=1, max_size=200))
+def test_decimation_does_not_let_gaps_hide_extremes(values: list[float]) -> None:
+    y = np.array(values)
+    _, thin = decimated(np.arange(float(len(y))), y, 5)
+    assert np.isnan(y).all() == np.isnan(thin).all()
+    if not np.isnan(y).all():
+        assert (np.nanmin(thin), np.nanmax(thin)) == (np.nanmin(y), np.nanmax(y))
 
 
 def test_what_leaves_a_panel_is_noted() -> None:

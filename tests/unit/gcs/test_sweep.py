@@ -15,8 +15,8 @@ from ftc_autopilot.reference import wrap
 from gcs import sweep
 from gcs.errors import BadInput
 from gcs.figures.sweep import draw_sweep
+from gcs.recording import _wrap_all as wrap_all
 from gcs.scenario import scenario_of, scenario_tree
-from gcs.summary import _wrap_all as wrap_all
 from gcs.sweep import (
     Axis,
     Result,
@@ -318,6 +318,6 @@ def test_yaw_errors_are_wrapped_one_by_one() -> None:
     angles = np.random.default_rng(1).normal(0.0, 9.0, 1000)
     angles[:6] = np.pi, -np.pi, -0.0, np.nan, np.inf, 3.0 * np.pi
     one_by_one = np.array([wrap(angle) for angle in angles])
-    wrap_all(angles)
+    wrap_all(angles[:, None])
     assert angles.tobytes() == one_by_one.tobytes()
     assert np.abs(angles[5:]).max() <= np.pi

@@ -1,5 +1,6 @@
 """What a ground station makes of a vehicle's messages, with time passed in."""
 
+import json
 import math
 from typing import Any
 
@@ -9,6 +10,7 @@ from gcs.event_counts import EventCounts
 from gcs.fleet_state import FleetState
 from gcs.history import History
 from gcs.news import ERROR, WARNING, News
+from gcs.status import status_dict
 from gcs.vehicle_state import LOST_S, VehicleState, describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
@@ -110,6 +112,22 @@ def test_message_rate() -> None:
     bench.fleet.tick(2.0)
     assert bench.state().rate_hz(2.0) == pytest.approx(50.0, abs=1.0)
     assert bench.state().rate_hz(4.0) == 0.0
+
+
+def test_while_disarmed_the_measured_motion_is_shown_without_a_reference() -> None:
+    bench = Bench(1)
+    bench.say(dialect.MAVLink_attitude_message(1500, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0), 0.1)
+    bench.say(dialect.MAVLink_vfr_hud_message(31.0, 30.0, 0, 0, 0.0, 0.0), 0.1)
+    none = [math.nan] * 4
+    bench.say(dialect.MAVLink_ftc_tracking_message(1500, none, none, none), 0.1)
+    row = bench.state().history.rows()[-1]
+    assert row["actual"] == pytest.approx([31.0, *map(math.degrees, (0.1, 0.2, 0.3))], rel=1e-6)
+    assert all(map(math.isnan, row["reference"]))
+    told = status_dict(bench.state(), 0.1)
+    assert told["actual"]["airspeed_m_s"] == 31.0
+    for key in ("reference", "error", "sync_error"):
+        assert set(told[key].values()) == {None}
+    json.dumps(told, allow_nan=False)
 
 
 def test_what_tracking_tells() -> None:
