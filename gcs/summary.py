@@ -99,6 +99,7 @@ def _saving(sent: int, periodic: int) -> float | None:
 
 def _error(actual: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     error: np.ndarray = actual - wanted
+    _wrap_all(error[:, 1])
     _wrap_all(error[:, 3])
     return error
 
