@@ -16,7 +16,7 @@ class FormationErrors(NamedTuple):
     """Errors of one UAV against the reference and against its neighbours."""
 
     V_tilde: float  # Ṽ [m/s]
-    e: Vec3  # attitude error [rad]
+    e: Vec3  # attitude error, each angle in (-π, π] [rad]
     V_tilde_prime: float  # Ṽ', eq. (31) [m/s]
     e_prime: Vec3  # e', eq. (32) [rad]
     lambda_v: float  # λ = λ1 + λ2 Σ a_ij
@@ -35,6 +35,9 @@ def formation_errors(
 ) -> FormationErrors:
     """Evaluate eqs. (31) and (32) and the neighbours' sums that r_v and (57) need.
 
+    Angles and their differences are taken the short way round, so that whole turns of the own
+    aircraft or a neighbour change nothing.
+
     Args:
         motion: Own motion.
         reference: Filtered reference.
@@ -44,7 +47,7 @@ def formation_errors(
         weighting: Record made of `ftc_autopilot.laws.base.LawParameters`.
     """
     V_tilde = motion.V - reference.V
-    e = _attitude_error(motion.phi, reference.phi)
+    e = _difference(motion.phi, reference.phi)
     V_sum, a_sum, V_dot_sum = 0.0, 0.0, 0.0
     e_sum, e_dot_sum = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for j in range(len(weights)):
@@ -52,12 +55,12 @@ def formation_errors(
         if a == 0.0:
             continue
         other = neighbours[j]
-        e_j = _attitude_error(vec3(other["attitude"]), reference.phi)
+        e_j = _difference(vec3(other["attitude"]), reference.phi)
         e_dot_j = sub(vec3(other["attitude_rate"]), reference.phi_dot)
         a_sum += a
         V_sum += a * (V_tilde - (other["airspeed"] - reference.V))
         V_dot_sum += a * (other["airspeed_rate"] - reference.V_dot)
-        e_sum = add(e_sum, scale(a, sub(e, e_j)))
+        e_sum = add(e_sum, scale(a, _difference(e, e_j)))
         e_dot_sum = add(e_dot_sum, scale(a, e_dot_j))
     lambda1, lambda2 = weighting["lambda1"], weighting["lambda2"]
     lambda3, lambda4 = weighting["lambda3"], weighting["lambda4"]
@@ -74,5 +77,6 @@ def formation_errors(
 
 
 @compiled
-def _attitude_error(phi: Vec3, phi_r: Vec3) -> Vec3:
-    return phi[0] - phi_r[0], phi[1] - phi_r[1], wrap(phi[2] - phi_r[2])
+def _difference(phi: Vec3, other: Vec3) -> Vec3:
+    """Differences of roll, pitch and yaw, each the short way round [rad]."""
+    return wrap(phi[0] - other[0]), wrap(phi[1] - other[1]), wrap(phi[2] - other[2])

@@ -6,14 +6,14 @@ told them. No socket and no clock.
 
 import math
 from collections import defaultdict
-from dataclasses import replace
 
 from gcs.fleet_state import FleetState
 from gcs.news import News
 from gcs.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import Fault, FaultLimits, InvalidParam, fault_from_params
+from mavlink_defs.fault_list import FaultList
+from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
 from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, items_to_segments
 
 __all__ = ["Overheard"]
@@ -29,7 +29,7 @@ class Overheard:
     def __init__(self, fleet: FleetState) -> None:
         self._fleet = fleet
         self._commands: dict[tuple[int, int], MAVLink_message] = {}
-        self._listed: defaultdict[int, dict[int, Fault]] = defaultdict(dict)
+        self._lists: defaultdict[int, FaultList] = defaultdict(FaultList)
         self._items: defaultdict[int, dict[int, _Item]] = defaultdict(dict)
         self._counts: dict[int, int] = {}
 
@@ -78,33 +78,20 @@ class Overheard:
             fault = fault_from_params(params, _ANY)
         except InvalidParam:
             return []
-        start_s = (state.time_s or 0.0) if math.isnan(fault.start_s) else fault.start_s
-        end_s = math.inf if math.isnan(fault.end_s) else fault.end_s
-        fault = replace(fault, start_s=start_s, end_s=end_s)
-        kept = [
-            f for f in known
-            if f.actuator != fault.actuator or f.end_s <= start_s or f.start_s >= end_s
-        ]  # fmt: skip
+        time_s = state.time_s or 0.0
+        fault = fault.resolved(time_s)
+        kept = [f for f in known if fault.coexists_with(f.actuator, f.start_s, f.end_s, time_s)]
         return state.learn_faults((*kept, fault), now)
 
     def _listed_one(
         self, state: VehicleState, message: dialect.MAVLink_ftc_fault_message, now: float
     ) -> list[News]:
-        listed = self._listed[state.system]
-        if message.count:
-            listed[message.index] = Fault(
-                message.actuator,
-                round(message.effectiveness, 6),
-                round(message.value, 6),
-                round(message.frequency, 6),
-                round(message.start, 6),
-                message.end if math.isinf(message.end) else round(message.end, 6),
-            )
-        if len(listed) < message.count:
+        listed = self._lists[state.system]
+        listed.receive(message)
+        if listed.complete is None:
             return []
-        faults = tuple(fault for _, fault in sorted(listed.items()))
-        listed.clear()
-        return state.learn_faults(faults, now)
+        del self._lists[state.system]
+        return state.learn_faults(listed.complete, now)
 
     def _profile(self, state: VehicleState, now: float) -> list[News]:
         found = self._items.pop(state.system, {})

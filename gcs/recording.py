@@ -75,7 +75,7 @@ class Recording:
         return np.concatenate([airspeed[..., None], self.states[..., 6:9]], axis=-1)
 
     def error(self, wanted: Literal["command", "reference"]) -> np.ndarray:
-        """True response minus what was wanted, yaw wrapped [m/s, rad], shape (steps, n, 4).
+        """True response minus what was wanted, roll and yaw wrapped [m/s, rad], (steps, n, 4).
 
         Over missing steps the last command or reference holds, which the autopilot does not
         advance then; before its first step, that of its first step. NaN while disarmed.
@@ -84,6 +84,7 @@ class Recording:
             wanted: The unfiltered commands, or the filtered reference.
         """
         error: np.ndarray = self.response - self._held_over(self.signals[wanted])
+        _wrap_all(error[..., 1])
         _wrap_all(error[..., 3])
         return error
 

@@ -11,9 +11,8 @@ from mavlink_defs.command import CommandClient, CommandFinished
 from mavlink_defs.dialect import MAVLink_ftc_fault_message, MAVLink_message
 from mavlink_defs.faults import ACTUATORS, Fault
 from mavlink_defs.machine import Address, Machine
-from mavlink_defs.values import decimal_of_float32
 
-__all__ = ["MAX_REQUESTS", "FaultLister", "FaultsListed"]
+__all__ = ["MAX_REQUESTS", "FaultList", "FaultLister", "FaultsListed"]
 
 MAX_REQUESTS = 8
 _GAP_TIMEOUT_S = 0.2  # after the acknowledgement nothing should be on its way any more
@@ -32,6 +31,32 @@ class FaultsListed:
     faults: tuple[Fault, ...] = ()
 
 
+class FaultList:
+    """Collects the FTC_FAULT messages of a vehicle, in whatever order and however often."""
+
+    def __init__(self) -> None:
+        self._count: int | None = None
+        self._faults: dict[int, Fault] = {}
+
+    def receive(self, message: MAVLink_ftc_fault_message) -> None:
+        """Take in one of the messages; one of an unknown actuator is ignored."""
+        if message.actuator >= len(ACTUATORS):
+            return
+        fault = Fault.from_message(message)
+        if message.count != self._count or self._faults.get(message.index, fault) != fault:
+            self._faults.clear()  # the list has changed in between
+            self._count = message.count
+        if message.count > 0:
+            self._faults[message.index] = fault
+
+    @property
+    def complete(self) -> tuple[Fault, ...] | None:
+        """All faults in their order; None while some are missing."""
+        if len(self._faults) != self._count:
+            return None
+        return tuple(fault for _, fault in sorted(self._faults.items()))
+
+
 class FaultLister(Machine[FaultsListed]):
     """Fetches the list of faults once."""
 
@@ -40,8 +65,7 @@ class FaultLister(Machine[FaultsListed]):
         self._vehicle = vehicle
         self._command = CommandClient(own)
         self._requests = 0
-        self._count: int | None = None
-        self._faults: dict[int, Fault] = {}
+        self._list = FaultList()
         self._deadline: float | None = None
 
     def start(self, now: float) -> None:
@@ -58,9 +82,8 @@ class FaultLister(Machine[FaultsListed]):
     def receive(self, message: MAVLink_message, now: float) -> None:
         """Take in an FTC_FAULT or the acknowledgement."""
         if isinstance(message, MAVLink_ftc_fault_message):
-            ours = message.get_srcSystem() == self._vehicle.system
-            if ours and message.actuator < len(ACTUATORS):
-                self._collect(message)
+            if message.get_srcSystem() == self._vehicle.system:
+                self._list.receive(message)
         else:
             self._command.receive(message, now)
         for done in self._command.events():
@@ -68,14 +91,14 @@ class FaultLister(Machine[FaultsListed]):
                 continue
             if done.result != dialect.MAV_RESULT_ACCEPTED:
                 self._happened.append(FaultsListed(done.result))
-            elif self._is_complete():
-                self._finish()
+            elif self._list.complete is not None:
+                self._finish(self._list.complete)
             elif self._requests >= MAX_REQUESTS:
                 self._happened.append(FaultsListed(None))
             else:
                 self._deadline = now + _GAP_TIMEOUT_S
-        if self._deadline is not None and self._is_complete():
-            self._finish()
+        if self._deadline is not None and self._list.complete is not None:
+            self._finish(self._list.complete)
         self._pass_on()
 
     def handle_timer(self, now: float) -> None:
@@ -92,27 +115,8 @@ class FaultLister(Machine[FaultsListed]):
         """Give the time of the next request [s]."""
         return self._command.deadline() if self._deadline is None else self._deadline
 
-    def _collect(self, message: MAVLink_ftc_fault_message) -> None:
-        fault = Fault(
-            actuator=message.actuator,
-            effectiveness=decimal_of_float32(message.effectiveness),
-            value=decimal_of_float32(message.value),
-            frequency_hz=decimal_of_float32(message.frequency),
-            start_s=decimal_of_float32(message.start),
-            end_s=decimal_of_float32(message.end),
-        )
-        if message.count != self._count or self._faults.get(message.index, fault) != fault:
-            self._faults.clear()  # the list has changed in between
-            self._count = message.count
-        if message.count > 0:
-            self._faults[message.index] = fault
-
-    def _is_complete(self) -> bool:
-        return self._count is not None and len(self._faults) == self._count
-
-    def _finish(self) -> None:
+    def _finish(self, faults: tuple[Fault, ...]) -> None:
         self._deadline = None
-        faults = tuple(fault for _, fault in sorted(self._faults.items()))
         self._happened.append(FaultsListed(dialect.MAV_RESULT_ACCEPTED, faults))
 
     def _pass_on(self) -> None:

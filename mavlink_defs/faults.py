@@ -7,9 +7,10 @@ the command: deg for a surface, N for the throttle, s of simulation time.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
-from mavlink_defs.dialect import FTC_ACTUATOR_THROTTLE
+from mavlink_defs.dialect import FTC_ACTUATOR_THROTTLE, MAVLink_ftc_fault_message
 from mavlink_defs.values import decimal_of_float32
 
 __all__ = [
@@ -53,6 +54,40 @@ class Fault:
     frequency_hz: float
     start_s: float
     end_s: float
+
+    @classmethod
+    def from_message(cls, message: MAVLink_ftc_fault_message) -> Self:
+        """Decode an FTC_FAULT whose `count` is not 0; an open end is infinite."""
+        return cls(
+            actuator=message.actuator,
+            effectiveness=decimal_of_float32(message.effectiveness),
+            value=decimal_of_float32(message.value),
+            frequency_hz=decimal_of_float32(message.frequency),
+            start_s=decimal_of_float32(message.start),
+            end_s=decimal_of_float32(message.end),
+        )
+
+    def resolved(self, now_s: float) -> Self:
+        """Return the fault as set at `now_s` [s]: NaN becomes now or, for the end, infinity."""
+        return replace(
+            self,
+            start_s=now_s if math.isnan(self.start_s) else self.start_s,
+            end_s=math.inf if math.isnan(self.end_s) else self.end_s,
+        )
+
+    def coexists_with(self, actuator: int, start_s: float, end_s: float, now_s: float) -> bool:
+        """Tell whether an earlier fault stays when this one is set.
+
+        A fault that is over by now goes, and so does one of the same actuator that overlaps.
+
+        Args:
+            actuator: Of the earlier fault.
+            start_s: Start of its window, exclusive [s].
+            end_s: End of its window, inclusive [s].
+            now_s: Simulation time at which this fault, which is `resolved`, is set [s].
+        """
+        overlaps = start_s < self.end_s and self.start_s < end_s
+        return end_s > now_s and not (actuator == self.actuator and overlaps)
 
 
 @dataclass(frozen=True)

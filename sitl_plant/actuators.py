@@ -42,7 +42,7 @@ def no_faults(aircraft_count: int) -> np.ndarray:
 
 
 def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
-    """Put a fault into one aircraft's row; it replaces those that it overlaps on its actuator.
+    """Put a fault into one aircraft's row, where those stay that it `coexists_with`.
 
     Args:
         row: One aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
@@ -52,21 +52,21 @@ def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
     Raises:
         OverflowError: All slots are taken by other faults.
     """
-    start = now_s if math.isnan(fault.start_s) else fault.start_s
-    end = math.inf if math.isnan(fault.end_s) else fault.end_s
+    fault = fault.resolved(now_s)
     value = fault.value if fault.actuator == _THROTTLE else math.radians(fault.value)
     kept = [
         old.copy()
         for old in row[row["actuator"] != _EMPTY]
-        if old["end"] > now_s
-        and (old["actuator"] != fault.actuator or old["end"] <= start or end <= old["start"])
+        if fault.coexists_with(old["actuator"], old["start"], old["end"], now_s)
     ]
     if len(kept) == MAX_FAULTS:
         raise OverflowError(f"all {MAX_FAULTS} fault slots are in use; clear some first")
     row["actuator"] = _EMPTY
     for i, old in enumerate(kept):
         row[i] = old
-    row[len(kept)] = (fault.actuator, fault.effectiveness, value, fault.frequency_hz, start, end)
+    row[len(kept)] = (
+        fault.actuator, fault.effectiveness, value, fault.frequency_hz, fault.start_s, fault.end_s,
+    )  # fmt: skip
 
 
 def clear_faults(row: np.ndarray, actuator: int) -> None:

@@ -46,7 +46,7 @@ class Pid(LawParameters):
     rate_ff: _Axes = (0.08, 0.08, 0.08)  # deflection by wanted rate [rad per rad/s]
     rate_p: _Axes = (0.37, 0.68, 1.67)  # deflection by rate error [rad per rad/s]
     rate_i: _Axes = (3.7, 6.8, 16.7)  # deflection by integrated rate error [rad per rad]
-    integral_limit_deg: _PositiveAxes = (20.0, 20.0, 20.0)
+    integral_limit_deg: _PositiveAxes = (30.0, 30.0, 30.0)  # the rudder's trim is 20.3 deg
     trim_airspeed_m_s: float = quantity(
         "m/s", gt=0.0, default=45.0, doc="Airspeed at which the rate gains hold."
     )

@@ -1,7 +1,7 @@
 """All faults that were seen: who acknowledged them when, and when they went."""
 
 from collections import defaultdict, deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from gcs.news import News
@@ -103,12 +103,14 @@ class Ledger:
             there = []
         if state.faults is None:
             return
+        acks = self._set[state.system]
+        if not acks:
+            self._correct_starts(there, state.faults)
         new = [fault for fault in state.faults if fault not in (r.fault for r in there)]
         lost = [record for record in there if record.fault not in state.faults]
         replaced = {fault.actuator for fault in new}
         self._go([r for r in lost if r.fault.actuator in replaced], "replaced", at)
         self._go([r for r in lost if r.fault.actuator not in replaced], "cleared", at)
-        acks = self._set[state.system]
         while len(acks) > len(new):
             acks.popleft()  # of faults that were replaced before they were seen
         for fault in new:
@@ -126,6 +128,13 @@ class Ledger:
     def last(self) -> FaultRecord | None:
         """The record that came last."""
         return self.records[-1] if self.records else None
+
+    def _correct_starts(self, records: list[FaultRecord], faults: tuple[Fault, ...]) -> None:
+        """Take over starts that differ though nobody set a fault: a log can only estimate "now"."""
+        for record in records:
+            if record.fault not in faults:
+                same = (f for f in faults if replace(record.fault, start_s=f.start_s) == f)
+                record.fault = next(same, record.fault)
 
     def _go(self, records: list[FaultRecord], why: str, at: float) -> None:
         for record in records:

@@ -125,6 +125,14 @@ def test_pid_does_not_wind_up(nominal: np.void, phi: float) -> None:
     assert thrust <= nominal["thrust_limit"] + 1.0
 
 
+def test_pid_holds_the_trim_of_every_surface(scenario1: Scenario) -> None:
+    tree = scenario1.model_dump() | {"faults": (), "controller": {"kind": "pid"}}
+    flight = fly_in_process(Scenario.model_validate(tree))
+    last = np.abs(np.degrees(flight.signals["error"][-1000:, :, 1:])).max(axis=(0, 1))
+    assert np.degrees(np.abs(flight.signals["held"][-1, :, 2])).max() > 20.0
+    assert max(last) < 0.1
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("mode", ["per_channel", "joint", "periodic"])
 def test_every_law_flies_with_every_trigger(scenario1: Scenario, kind: str, mode: str) -> None:

@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.reference import wrap
 from gcs import sweep
+from gcs.closed_loop import fly_in_process
 from gcs.errors import BadInput
 from gcs.figures.sweep import draw_sweep
 from gcs.recording import _wrap_all as wrap_all
-from gcs.scenario import scenario_of, scenario_tree
+from gcs.scenario import load_scenario, scenario_of, scenario_tree
+from gcs.summary import summarise
 from gcs.sweep import (
     Axis,
     Result,
@@ -314,7 +316,14 @@ def test_report_has_every_run(short: Path, tmp_path: Path) -> None:
     assert (folder / "sweep.svg").read_text().startswith("<?xml")
 
 
-def test_yaw_errors_are_wrapped_one_by_one() -> None:
+def test_whole_rolls_are_no_error(short: Path) -> None:
+    recording = fly_in_process(load_scenario(short))
+    before = summarise(recording, "short")["uavs"][0]["iae"]
+    recording.signals["attitude"][:, 0, 0] += 4.0 * np.pi
+    assert summarise(recording, "short")["uavs"][0]["iae"] == pytest.approx(before)
+
+
+def test_angles_are_wrapped_one_by_one() -> None:
     angles = np.random.default_rng(1).normal(0.0, 9.0, 1000)
     angles[:6] = np.pi, -np.pi, -0.0, np.nan, np.inf, 3.0 * np.pi
     one_by_one = np.array([wrap(angle) for angle in angles])
