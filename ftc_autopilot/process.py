@@ -23,6 +23,7 @@ from ftc_autopilot.vehicle import Vehicle
 from mavlink_defs import codec, dialect
 from mavlink_defs.codec import STRANGER
 from mavlink_defs.config import ConfigError, load
+from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.endpoint import (
     EndpointError,
     bind_udp,
@@ -36,7 +37,6 @@ from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
 from mavlink_defs.seal import load_seal, seal_bytes
 from mavlink_defs.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
-from sitl_plant.link import SIMULATOR_COMPONENT
 
 __all__ = ["main"]
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from mavlink_defs.codec import DROP_REASONS, STRANGER, drop_counts
 from mavlink_defs.config import ConfigError, load
+from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOST,
@@ -46,7 +47,6 @@ from sitl_plant.link import (
     LOST,
     OVER,
     SERVICE,
-    SIMULATOR_COMPONENT,
     new_link,
     run,
     send_states,

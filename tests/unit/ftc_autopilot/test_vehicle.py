@@ -12,9 +12,9 @@ from ftc_autopilot.onboard import Crew, new_crew
 from ftc_autopilot.vehicle import AUTO, GUIDED, LOITER, Vehicle
 from gcs.scenario import Scenario
 from mavlink_defs import dialect
+from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.frames import Speaker, parse
 from mavlink_defs.profile import segments_to_items
-from sitl_plant.link import SIMULATOR_COMPONENT
 
 GCS = Speaker(255, 190)
 UAV = 1
