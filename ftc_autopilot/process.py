@@ -17,7 +17,7 @@ import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.door import Door
-from ftc_autopilot.link import GCS, OVER, PLANT, SERVICE, SIMULATOR, new_link, run
+from ftc_autopilot.link import GCS, OVER, PLANT, RESTARTED, SERVICE, SIMULATOR, new_link, run
 from ftc_autopilot.onboard import new_crew
 from ftc_autopilot.vehicle import Vehicle
 from mavlink_defs import codec, dialect
@@ -31,6 +31,7 @@ from mavlink_defs.endpoint import (
     exposed,
     is_loopback,
     parse_address,
+    resolve,
     set_receive_timeout,
 )
 from mavlink_defs.frames import Speaker, drop_reason, parse
@@ -62,7 +63,7 @@ class Autopilot:
         set_receive_timeout(plant, _TICK_S)
         set_receive_timeout(formation, _TICK_S)
         gcs.setblocking(False)
-        addresses = map(parse_address, config.gcs)
+        addresses = [resolve(parse_address(text)) for text in config.gcs]
         self._ground_stations = [(address.host, address.port) for address in addresses]
         self._simulator = (config.id, SIMULATOR_COMPONENT)
         self._crew = new_crew([config])
@@ -90,6 +91,8 @@ class Autopilot:
             )
             if outcome == SERVICE:
                 self._hear_simulator()
+            elif outcome == RESTARTED:
+                self._vehicle.restart()
             elif outcome == OVER:
                 lost = self._clock["flags"] & dialect.FTC_SIM_FLAGS_LOST
                 how = "lost" if lost else "over"
@@ -213,7 +216,7 @@ def main(arguments: list[str] | None = None) -> None:
     gcs = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         autopilot = Autopilot(config, plant, formation, gcs, options.record_steps)
-    except SigningError as problem:
+    except (EndpointError, SigningError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
 

@@ -10,10 +10,10 @@ from functools import partial
 from ftc_autopilot.commands import Commands, Handler
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.controller_messages import ControllerMessages
-from ftc_autopilot.link import GCS, PLANT, AutopilotLink
+from ftc_autopilot.link import GCS, PLANT, AutopilotLink, reset_link
 from ftc_autopilot.mission import Mission
 from ftc_autopilot.modes import AUTO, GUIDED, LOITER, MODE_NAMES, Modes
-from ftc_autopilot.onboard import Crew
+from ftc_autopilot.onboard import Crew, reset_crew
 from ftc_autopilot.state_messages import StateMessages, home_item
 from ftc_autopilot.status_messages import StatusMessages
 from ftc_autopilot.telemetry import Telemetry, makers_of
@@ -110,6 +110,16 @@ class Vehicle:
             time_us = int(self._link.measured[0]["time_usec"])
             clock_us = time_us if self.running else round(now * 1e6)
             self._gcs_outbox += self.telemetry.due(clock_us)
+        self._collect()
+
+    def restart(self) -> None:
+        """Forget the flight when the plant was started again: disarm and wait to be armed."""
+        reset_link(self._link)
+        reset_crew(self._crew)
+        self.modes.restart()
+        self._mission.restart()
+        self._edges, self._edge_changes = self._crew.weights[0] > 0.0, 0
+        self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
     def farewell(self, text: str) -> None:

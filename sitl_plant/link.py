@@ -38,6 +38,7 @@ from mavlink_defs.native import (
     receive_from,
     receive_from_now,
     receive_from_soon,
+    same_address,
     send_to,
     sleep_until,
 )
@@ -300,8 +301,5 @@ def _index_of_sender(link: PlantLink) -> int:
     system = system_of(link.received)
     for i in range(len(link.systems)):
         if link.systems[i] == system and link.known[i] == 1:
-            for k in range(2, 8):  # port and IPv4 address
-                if link.addresses[i, k] != link.sender[k]:
-                    return -1
-            return i
+            return i if same_address(link.addresses[i], link.sender) else -1
     return -1

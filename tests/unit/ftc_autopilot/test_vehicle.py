@@ -142,6 +142,34 @@ def test_disarming_in_flight_must_be_forced(scenario1: Scenario) -> None:
     assert bench.crew.guidance[0]["active"] == 0
 
 
+def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
+    scenario1: Scenario,
+) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    bench.command(ARM, 1.0)
+    bench.command(START)
+    bench.run()
+    bench.link.clock["step"] = 20_000
+    bench.link.clock["edge_changes"] = 2
+    bench.vehicle.tick(bench.now)
+    bench.vehicle.gcs_messages()
+    bench.run(flags=0)
+    bench.vehicle.restart()
+    bench.vehicle.tick(bench.now)
+    said = bench.vehicle.gcs_messages()
+    texts = [m.text for m in of_type(said, "STATUSTEXT")]
+    assert texts == ["mode LOITER", "plant restarted: disarmed, arm to fly again"]
+    (heartbeat,) = of_type(bench.vehicle.simulator_messages()[-1:], "HEARTBEAT")
+    assert (heartbeat.custom_mode, heartbeat.system_status) == (
+        LOITER, dialect.MAV_STATE_STANDBY,
+    )  # fmt: skip
+    assert not heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
+    assert bench.crew.guidance[0]["active"] == 0
+    assert bench.command(START) == ACCEPTED  # the profile is still there, and begins anew
+    assert bench.crew.guidance[0]["start_step"] == 0
+
+
 @pytest.mark.parametrize("mode", [0.0, 5.0, 11.0, math.nan])
 def test_other_modes_are_refused(mode: float, scenario1: Scenario) -> None:
     bench = Bench(scenario1)
