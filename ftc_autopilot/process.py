@@ -43,7 +43,9 @@ __all__ = ["main"]
 
 _TICK_S = 0.02
 _MAX_GCS_DATAGRAMS = 8
-"""Most datagrams of ground stations worked on between two steps."""
+"""Most datagrams of ground stations worked on at a time while no control step can be late."""
+_TURN_US = 20_000
+"""Lockstep: messages are attended to at multiples of this simulated time."""
 _LONGEST_FRAME = 280
 
 
@@ -76,6 +78,8 @@ class Autopilot:
         self._vehicle = Vehicle(config, self._link, self._crew)
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         self._to_gcs = Speaker(config.id, component)
+        self._most_per_step = self._vehicle.telemetry.most_per_step(config.step_us)
+        self._more_to_do = False
         self._door = Door(config.id, config.signing_key)
         self._to_plant = Speaker(config.id, component, self._next_sequence)
         self.stopping = False
@@ -87,7 +91,7 @@ class Autopilot:
         while not self.stopping:
             until_s = time.monotonic() + _TICK_S
             outcome = run(
-                plant_fd, formation_fd, self._link, self._crew, until_s, self._next_telemetry_step()
+                plant_fd, formation_fd, self._link, self._crew, until_s, self._until_step()
             )
             if outcome == SERVICE:
                 self._hear_simulator()
@@ -102,9 +106,7 @@ class Autopilot:
             if loss is not None:
                 self._vehicle.farewell(loss)
                 break
-            self._hear_ground_stations()
-            self._vehicle.tick(time.monotonic())
-            self._speak()
+            self._attend_to_messages()
         self._speak()
         return loss
 
@@ -124,10 +126,32 @@ class Autopilot:
         self._clock["sequence"] += 1
         return int(self._clock["sequence"]) - 1
 
-    def _next_telemetry_step(self) -> int:
+    def _attend_to_messages(self) -> None:
+        """Hear and answer ground stations; in real time a little between any two steps."""
+        most = self._most_per_step if self._in_real_time else None
+        more = True
+        if not self._vehicle.has_gcs_messages:  # answer first what was asked before
+            more = self._hear_ground_stations(most or _MAX_GCS_DATAGRAMS)
+        self._vehicle.tick(time.monotonic(), most)
+        self._speak(most)
+        self._more_to_do = more or self._vehicle.has_gcs_messages
+
+    def _until_step(self) -> int:
+        """Step after which messages are to be attended to."""
         if not self._vehicle.running:
             return 2**62
-        return -(-self._vehicle.telemetry.next_due_us() // self._config.step_us)
+        if self._more_to_do:
+            return int(self._clock["step"]) + 1
+        due_us = self._vehicle.telemetry.next_due_us()
+        if not self._in_real_time:  # nothing can be late: save turns
+            due_us = -(-due_us // _TURN_US) * _TURN_US
+        return -(-due_us // self._config.step_us)
+
+    @property
+    def _in_real_time(self) -> bool:
+        """Whether simulated time runs by the clock, so that a control step can be late."""
+        running, lockstep = dialect.FTC_SIM_FLAGS_RUNNING, dialect.FTC_SIM_FLAGS_LOCKSTEP
+        return bool(self._clock["flags"] & (running | lockstep) == running)
 
     def _silence(self) -> str | None:
         heard_s = float(self._clock["heard_s"])
@@ -146,12 +170,13 @@ class Autopilot:
         else:
             self._vehicle.receive_from_simulator(message, time.monotonic())
 
-    def _hear_ground_stations(self) -> None:
-        for _ in range(_MAX_GCS_DATAGRAMS):
+    def _hear_ground_stations(self, most: int) -> bool:
+        """Work on datagrams of ground stations, `most` at most; whether more may be there."""
+        for _ in range(most):
             try:
                 datagram, (host, _) = self._gcs.recvfrom(_LONGEST_FRAME + 1)
             except (BlockingIOError, ConnectionRefusedError):
-                return
+                return False
             message = self._door.admit(datagram)
             if message is None:
                 self._link.drops[GCS, -self._door.refusal] += 1
@@ -161,11 +186,12 @@ class Autopilot:
                     self._vehicle.say(dialect.MAV_SEVERITY_WARNING, words)
             else:
                 self._vehicle.receive(message, time.monotonic())
+        return True
 
-    def _speak(self) -> None:
+    def _speak(self, most: int | None = None) -> None:
         for message in self._vehicle.simulator_messages():
             _send(self._plant, seal_bytes(self._link.plant_seal, self._to_plant.pack(message)))
-        for message in self._vehicle.gcs_messages():
+        for message in self._vehicle.gcs_messages(most):
             frame = self._door.sign(self._to_gcs.pack(message))
             for ground_station in self._ground_stations:
                 _send(self._gcs, frame, ground_station)

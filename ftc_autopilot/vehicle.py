@@ -91,11 +91,12 @@ class Vehicle:
         self._commands.receive_from_simulator(message, now)
         self._collect()
 
-    def tick(self, now: float) -> None:
+    def tick(self, now: float, most: int | None = None) -> None:
         """Do what is due: timers, heartbeats, mission progress, telemetry. Call it often.
 
         Args:
             now: Wall-clock time [s].
+            most: How many messages of telemetry to make, at most; None: all that are due.
         """
         self._commands.tick(now)
         self._params.handle_timer(now)
@@ -109,7 +110,7 @@ class Vehicle:
         if self._link.clock[0]["heard_s"] > 0.0:
             time_us = int(self._link.measured[0]["time_usec"])
             clock_us = time_us if self.running else round(now * 1e6)
-            self._gcs_outbox += self.telemetry.due(clock_us)
+            self._gcs_outbox[:0] = self.telemetry.due(clock_us, most)
         self._collect()
 
     def restart(self) -> None:
@@ -134,10 +135,16 @@ class Vehicle:
 
     # messages out
 
-    def gcs_messages(self) -> list[MAVLink_message]:
-        """Hand over what is to be sent to the ground stations."""
-        messages, self._gcs_outbox = self._gcs_outbox, []
+    def gcs_messages(self, most: int | None = None) -> list[MAVLink_message]:
+        """Hand over what is to be sent to the ground stations; `most`: no more than so many."""
+        messages = self._gcs_outbox[:most]
+        del self._gcs_outbox[: len(messages)]
         return messages
+
+    @property
+    def has_gcs_messages(self) -> bool:
+        """Whether some are left to hand over."""
+        return bool(self._gcs_outbox)
 
     def simulator_messages(self) -> list[MAVLink_message]:
         """Hand over what is to be sent to the simulator component."""

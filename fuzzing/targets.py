@@ -120,7 +120,7 @@ class AutopilotTarget:
         elif outcome == autopilot_link.RESTARTED:
             self._autopilot._vehicle.restart()
             self._arm()
-        self._autopilot._hear_ground_stations()
+        self._autopilot._hear_ground_stations(1)
         self._autopilot._speak()
 
     def _arm(self) -> None:
