@@ -18,9 +18,9 @@ from mavlink_defs.command import (
     CommandServer,
     command_params,
 )
+from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import MAVLink_command_long_message, MAVLink_message
 from mavlink_defs.machine import Address
-from sitl_plant.link import SIMULATOR_COMPONENT
 
 __all__ = ["Commands", "Handler"]
 

@@ -1,9 +1,10 @@
 """The autopilot's hot path: the compiled loop from a received state to the datagrams it causes.
 
 For each running state: take the neighbours' words of the step before, make the control step,
-tell the neighbours, send an actuator message if a trigger fired (or if the plant shows that
-one was lost), and in lockstep report the step done. `run` comes back to Python between steps:
-for a datagram that is not hot, when it is time to look around, or when the simulation is over.
+send an actuator message if a trigger fired (or if the plant has not acknowledged one), tell the
+neighbours, and in lockstep report the step done. `run` comes back to Python between steps: for a
+datagram that is not hot, when a time or step is reached, or when the simulation is over or is
+another one.
 """
 
 from collections.abc import Sequence
@@ -44,21 +45,24 @@ from mavlink_defs.native import (
     ADDRESS_SIZE,
     monotonic_s,
     receive,
-    receive_now,
+    receive_from_now,
+    receive_from_soon,
     receive_soon,
+    same_address,
     send,
     send_to,
 )
 from mavlink_defs.seal import Seal, new_seal, open_frame, seal_frame
 from mavlink_defs.signing import FORMATION_LINK, PLANT_LINK
 
-__all__ = ["FORMATION", "GCS", "OVER", "PLANT", "SERVICE", "SIMULATOR", "TICK", "AutopilotLink",
-           "new_link", "run"]  # fmt: skip
+__all__ = ["FORMATION", "GCS", "OVER", "PLANT", "RESTARTED", "SERVICE", "SIMULATOR", "TICK",
+           "AutopilotLink", "new_link", "reset_link", "run"]  # fmt: skip
 
 # what `run` comes back with
 SERVICE = 1  # link.received holds a datagram of clock["received"] bytes that is not hot
 TICK = 2  # the time or the step until which it should run has come
 OVER = 3  # the plant has ended the simulation
+RESTARTED = 4  # link.measured is of another plant process; nothing of the last flight holds
 
 # rows of `AutopilotLink.drops`; the last is what the plant says of its own
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
@@ -67,9 +71,11 @@ _NEIGHBOUR_WAIT_S = 0.05
 """How long a lockstep step waits for a word that is under way: over a relay, say, that delays."""
 _NEIGHBOUR_MISSES = 5
 """Steps in a row that wait in vain for a neighbour before the next ones do not wait for it."""
-_REPEAT_AFTER_STEPS = 10
-"""Real time: patience with the plant's acknowledgement [steps]. Lockstep needs none."""
+_PATIENCE_S = 0.02
+"""Real time: wait for the plant's acknowledgement [s, wall time]. In lockstep the next state has
+it."""
 _NEVER_HEARD = -1
+_NONE = -1
 
 CLOCK = np.dtype(
     [
@@ -77,9 +83,9 @@ CLOCK = np.dtype(
         ("step_us", "i8"),
         ("flags", "i8"),  # FTC_SIM_FLAGS of the last state
         ("heard_s", "f8"),  # wall-clock time of the last state [s], 0: none
-        ("sent_usec", "i8"),  # time_usec of the last actuator message, -1: none
-        ("sent_step", "i8"),
-        ("pending", "i8"),  # channels with an event that the plant has not yet acknowledged
+        ("run", "i8"),  # the plant's, -1: no state yet
+        ("pending_usec", "i8", (4,)),  # time_usec of each channel's unacknowledged event, -1: none
+        ("pending_s", "f8", (4,)),  # wall-clock time at which it was sent last [s]
         ("repeated", "i8", (4,)),  # events sent again, per channel
         ("edge_changes", "i8"),
         ("timeout_steps", "i8"),  # silence after which a neighbour is dropped
@@ -97,6 +103,7 @@ class AutopilotLink(NamedTuple):
     system: int
     neighbours: np.ndarray  # (degree,), system ids
     addresses: np.ndarray  # (degree, ADDRESS_SIZE), their sockaddr
+    sender: np.ndarray  # (ADDRESS_SIZE,), where `word` came from
     weights: np.ndarray  # (degree,), a_ij as configured
     heard_step: np.ndarray  # (degree,), step of each neighbour's word in use
     early: np.ndarray  # (degree,), dtype NEIGHBOUR: its word of a step that is not over here
@@ -137,22 +144,23 @@ def new_link(
     """
     degree = len(neighbours)
     clock = np.zeros(1, CLOCK)
-    clock["step"] = clock["sent_usec"] = -1
+    clock["run"] = _NONE
     clock["step_us"] = step_us
     clock["timeout_steps"] = round(neighbour_timeout_s * 1e6 / step_us)
     addresses = np.zeros((degree, ADDRESS_SIZE), np.uint8)
     for d, neighbour in enumerate(neighbours):
         addresses[d] = sockaddr(parse_address(neighbour.address))
     received, word = codec.new_buffer(), codec.new_buffer()
-    return AutopilotLink(
+    link = AutopilotLink(
         clock,
         system,
         np.array([neighbour.id for neighbour in neighbours], np.int64),
         addresses,
+        np.zeros(ADDRESS_SIZE, np.uint8),
         np.array([neighbour.weight for neighbour in neighbours], np.float64),
-        np.full(degree, _NEVER_HEARD),
+        np.zeros(degree, np.int64),
         np.zeros(degree, codec.NEIGHBOUR),
-        np.full(degree, _NEVER_HEARD),
+        np.zeros(degree, np.int64),
         np.zeros(degree, np.int64),
         np.zeros((4, codec.DROPS_SIZE), np.int64),
         codec.new_buffer(),
@@ -166,6 +174,21 @@ def new_link(
         plant_seal or new_seal(b"", PLANT_LINK),
         formation_seal or new_seal(b"", FORMATION_LINK),
     )
+    reset_link(link)
+    return link
+
+
+def reset_link(link: AutopilotLink) -> None:
+    """Forget the flight: steps, unacknowledged events, neighbours' states, recorded signals.
+
+    Frames and drops are counted on, and the last state stays.
+    """
+    clock = link.clock
+    clock["step"] = clock["pending_usec"] = _NONE
+    clock["pending_s"] = clock["repeated"] = clock["edge_changes"] = 0
+    link.heard_step[:] = link.early_step[:] = _NEVER_HEARD
+    link.late[:] = 0
+    link.signals[:] = no_signals(len(link.signals))
 
 
 @compiled
@@ -189,7 +212,7 @@ def run(
         until_step: Step after which to come back.
 
     Returns:
-        SERVICE, TICK or OVER.
+        SERVICE, TICK, OVER or RESTARTED; after the last, `reset_link` before the next call.
     """
     clock = link.clock[0]
     while True:
@@ -206,6 +229,8 @@ def run(
                 expand(link.received, SIM_STATE_SIZE)
                 code = _objection(link)
                 if code == 0:
+                    if _is_of_another_run(link):
+                        return RESTARTED
                     _work(plant_fd, formation_fd, link, crew)
                     if clock["flags"] & FTC_SIM_FLAGS_ENDED:
                         return OVER
@@ -235,16 +260,26 @@ def _objection(link: AutopilotLink) -> int:
 
 
 @compiled
+def _is_of_another_run(link: AutopilotLink) -> bool:
+    """Keep the received state; tell whether another plant process than before has sent it."""
+    clock, state = link.clock[0], link.state[0]
+    before, run = clock["run"], int(state["run"])
+    clock["flags"] = int(state["flags"])
+    clock["heard_s"] = monotonic_s()
+    clock["run"] = run
+    link.measured[0] = state
+    return bool(before >= 0 and before != run)
+
+
+@compiled
 def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> None:
     """Answer one received state; in lockstep nothing is left to send after FTC_STEP_DONE.
 
-    So when the next state comes, the words of this step lie at every neighbour already.
+    So when the next state comes, the words of this step lie at every neighbour already. A step
+    that was not flown is never reported done.
     """
     clock, state = link.clock[0], link.state[0]
     step, flags = int(state["step"]), int(state["flags"])
-    clock["flags"] = flags
-    clock["heard_s"] = monotonic_s()
-    link.measured[0] = state
     running, ended = flags & FTC_SIM_FLAGS_RUNNING, flags & FTC_SIM_FLAGS_ENDED
     lockstep = (flags & FTC_SIM_FLAGS_LOCKSTEP) != 0
     if running and clock["step"] < 0:  # the first step needs words of the same state
@@ -263,7 +298,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> 
         announce(crew, 0, state)
         _tell_neighbours(formation_fd, link, crew)
         _take_reports(formation_fd, link, crew, 0)
-    if ended or (running and lockstep):
+    if ended or (running and lockstep and step == clock["step"]):
         link.step_done[0]["step"] = step
         _send(plant_fd, link, link.step_done, ID_STEP_DONE)
 
@@ -282,23 +317,31 @@ def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: i
 def _send_actuators(
     plant_fd: int, link: AutopilotLink, crew: Crew, mask: int, lockstep: bool
 ) -> None:
-    """Send the actuator message if there was an event, or again if the plant has missed one."""
+    """Send the actuator message if there was an event, or again if one was not acknowledged.
+
+    Each message carries all four channels, so that a channel's event is acknowledged by the
+    message that carried it first and by every later one.
+    """
     clock, state = link.clock[0], link.state[0]
-    time_usec = int(state["time_usec"])
-    if clock["pending"] != 0 and int(np.int64(state["actuator_time_usec"])) == clock["sent_usec"]:
-        clock["pending"] = 0
-    patience = 1 if lockstep else _REPEAT_AFTER_STEPS
-    overdue = clock["pending"] != 0 and int(state["step"]) - clock["sent_step"] >= patience
-    if mask == 0 and not overdue:
+    time_usec, now_s = int(state["time_usec"]), clock["heard_s"]
+    applied_usec = int(np.int64(state["actuator_time_usec"]))  # -1: none yet
+    patience_s = 0.0 if lockstep else _PATIENCE_S
+    overdue = 0
+    for c in range(4):
+        if clock["pending_usec"][c] <= applied_usec:
+            clock["pending_usec"][c] = _NONE
+        if clock["pending_usec"][c] != _NONE and now_s - clock["pending_s"][c] >= patience_s:
+            overdue |= 1 << c
+    if mask | overdue == 0:
         return
-    if overdue:
-        for c in range(4):
-            if clock["pending"] & ~mask & (1 << c):
-                clock["repeated"][c] += 1
+    for c in range(4):
+        if (mask | overdue) & (1 << c):
+            clock["pending_s"][c] = now_s
+        if mask & (1 << c):
+            clock["pending_usec"][c] = time_usec
+        elif overdue & (1 << c):
+            clock["repeated"][c] += 1
     crew.actuators[0]["time_usec"] = time_usec
-    clock["sent_usec"] = time_usec
-    clock["sent_step"] = int(state["step"])
-    clock["pending"] |= mask
     _send(plant_fd, link, crew.actuators, ID_ACTUATORS)
 
 
@@ -337,7 +380,7 @@ def _collect_reports(
     if lockstep and _some_missing(link, newest):
         end_s = monotonic_s() + _NEIGHBOUR_WAIT_S
         while _some_missing(link, newest) and monotonic_s() < end_s:
-            length = receive_soon(formation_fd, link.word)
+            length = receive_from_soon(formation_fd, link.word, link.sender)
             if length >= 0:
                 _take_report(link, crew, length, newest)
         for d in range(len(link.neighbours)):
@@ -372,7 +415,7 @@ def _some_given_up(link: AutopilotLink) -> bool:
 @compiled
 def _take_reports(formation_fd: int, link: AutopilotLink, crew: Crew, newest: int) -> None:
     while True:
-        length = receive_now(formation_fd, link.word)
+        length = receive_from_now(formation_fd, link.word, link.sender)
         if length < 0:
             return
         _take_report(link, crew, length, newest)
@@ -390,9 +433,9 @@ def _take_report(link: AutopilotLink, crew: Crew, length: int, newest: int) -> N
     report = link.report[0]
     step = int(report["step"])
     for d in range(len(link.neighbours)):
-        if link.neighbours[d] != system:
+        if link.neighbours[d] != system or not same_address(link.addresses[d], link.sender):
             continue
-        if not _is_sane(report):
+        if not _is_sane(report) or step > newest + link.clock[0]["timeout_steps"]:
             link.drops[FORMATION, -OUT_OF_RANGE] += 1
             return
         link.late[d] = 0

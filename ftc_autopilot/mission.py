@@ -56,6 +56,11 @@ class Mission:
         """MISSION_CURRENT."""
         return self.server.mission_current()
 
+    def restart(self) -> None:
+        """Be as after the upload of the mission, for another flight."""
+        self.server.set_current(0)
+        self._work()
+
     # commands
 
     def start(self, params: Sequence[float]) -> int:

@@ -193,6 +193,11 @@ class Modes:
             math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
         )
 
+    def restart(self) -> None:
+        """Be as at the start, for another flight: disarmed, in LOITER."""
+        self._set_armed(False)
+        self._enter(LOITER)
+
     # inside
 
     def _set_armed(self, armed: bool) -> None:

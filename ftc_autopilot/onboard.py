@@ -26,7 +26,8 @@ from mavlink_defs.codec import ACTUATORS, NEIGHBOUR
 from mavlink_defs.jit import compiled
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 
-__all__ = ["GUIDANCE", "NOT_STARTED", "Crew", "announce", "new_crew", "onboard_step"]
+__all__ = ["GUIDANCE", "NOT_STARTED", "Crew", "announce", "new_crew", "onboard_step",
+           "reset_crew"]  # fmt: skip
 
 NOT_STARTED = -(2**62)
 
@@ -76,9 +77,17 @@ def new_crew(configs: Sequence[AutopilotConfig]) -> Crew:
     for i, config in enumerate(configs):
         crew.aircraft[i] = aircraft_record(config.aircraft)
         crew.parameters[i] = parameter_record(config.controller, config.trigger)
-        crew.controllers[i] = new_controller()
-    crew.guidance["start_step"] = NOT_STARTED
+    reset_crew(crew)
     return crew
+
+
+def reset_crew(crew: Crew) -> None:
+    """Put a crew back before its first step, not active; parameters and profiles stay."""
+    for array in (crew.guidance, crew.inboxes, crew.actuators, crew.reports, crew.signals):
+        array[:] = np.zeros((), array.dtype)
+    crew.weights[:] = 0.0
+    crew.controllers[:] = new_controller()
+    crew.guidance["start_step"] = NOT_STARTED
 
 
 @compiled

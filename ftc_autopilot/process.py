@@ -17,33 +17,35 @@ import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.door import Door
-from ftc_autopilot.link import GCS, OVER, PLANT, SERVICE, SIMULATOR, new_link, run
+from ftc_autopilot.link import GCS, OVER, PLANT, RESTARTED, SERVICE, SIMULATOR, new_link, run
 from ftc_autopilot.onboard import new_crew
 from ftc_autopilot.vehicle import Vehicle
 from mavlink_defs import codec, dialect
 from mavlink_defs.codec import STRANGER
 from mavlink_defs.config import ConfigError, load
+from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.endpoint import (
     EndpointError,
     bind_udp,
     connect_udp,
-    destination,
     exposed,
     is_loopback,
     parse_address,
+    resolve,
     set_receive_timeout,
 )
 from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
 from mavlink_defs.seal import load_seal, seal_bytes
 from mavlink_defs.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
-from sitl_plant.link import SIMULATOR_COMPONENT
 
 __all__ = ["main"]
 
 _TICK_S = 0.02
 _MAX_GCS_DATAGRAMS = 8
-"""Most datagrams of ground stations worked on between two steps."""
+"""Most datagrams of ground stations worked on at a time while no control step can be late."""
+_TURN_US = 20_000
+"""Lockstep: messages are attended to at multiples of this simulated time."""
 _LONGEST_FRAME = 280
 
 
@@ -63,7 +65,8 @@ class Autopilot:
         set_receive_timeout(plant, _TICK_S)
         set_receive_timeout(formation, _TICK_S)
         gcs.setblocking(False)
-        self._ground_stations = [destination(parse_address(text)) for text in config.gcs]
+        addresses = [resolve(parse_address(text)) for text in config.gcs]
+        self._ground_stations = [(address.host, address.port) for address in addresses]
         self._simulator = (config.id, SIMULATOR_COMPONENT)
         self._crew = new_crew([config])
         self._link = new_link(
@@ -76,6 +79,8 @@ class Autopilot:
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
         self._to_gcs = [Speaker(config.id, component) for _ in config.gcs]
+        self._most_per_step = self._vehicle.most_per_step(config.step_us)
+        self._more_to_do = False
         self._door = Door(config.id, config.signing_key)
         self._to_plant = Speaker(config.id, component, self._next_sequence)
         self.stopping = False
@@ -87,10 +92,12 @@ class Autopilot:
         while not self.stopping:
             until_s = time.monotonic() + _TICK_S
             outcome = run(
-                plant_fd, formation_fd, self._link, self._crew, until_s, self._next_telemetry_step()
+                plant_fd, formation_fd, self._link, self._crew, until_s, self._until_step()
             )
             if outcome == SERVICE:
                 self._hear_simulator()
+            elif outcome == RESTARTED:
+                self._vehicle.restart()
             elif outcome == OVER:
                 lost = self._clock["flags"] & dialect.FTC_SIM_FLAGS_LOST
                 how = "lost" if lost else "over"
@@ -100,9 +107,7 @@ class Autopilot:
             if loss is not None:
                 self._vehicle.farewell(loss)
                 break
-            self._hear_ground_stations()
-            self._vehicle.tick(time.monotonic())
-            self._speak()
+            self._attend_to_messages()
         self._speak()
         return loss
 
@@ -123,10 +128,32 @@ class Autopilot:
         self._clock["sequence"] += 1
         return int(self._clock["sequence"]) - 1
 
-    def _next_telemetry_step(self) -> int:
+    def _attend_to_messages(self) -> None:
+        """Hear and answer ground stations; in real time a little between any two steps."""
+        most = self._most_per_step if self._in_real_time else None
+        more = True
+        if not self._vehicle.has_gcs_messages:  # answer first what was asked before
+            more = self._hear_ground_stations(most or _MAX_GCS_DATAGRAMS)
+        self._vehicle.tick(time.monotonic(), most)
+        self._speak(most)
+        self._more_to_do = more or self._vehicle.has_gcs_messages
+
+    def _until_step(self) -> int:
+        """Step after which messages are to be attended to."""
         if not self._vehicle.running:
             return 2**62
-        return -(-self._vehicle.next_telemetry_us() // self._config.step_us)
+        if self._more_to_do:
+            return int(self._clock["step"]) + 1
+        due_us = self._vehicle.next_telemetry_us()
+        if not self._in_real_time:  # nothing can be late: save turns
+            due_us = -(-due_us // _TURN_US) * _TURN_US
+        return -(-due_us // self._config.step_us)
+
+    @property
+    def _in_real_time(self) -> bool:
+        """Whether simulated time runs by the clock, so that a control step can be late."""
+        running, lockstep = dialect.FTC_SIM_FLAGS_RUNNING, dialect.FTC_SIM_FLAGS_LOCKSTEP
+        return bool(self._clock["flags"] & (running | lockstep) == running)
 
     def _silence(self) -> str | None:
         heard_s = float(self._clock["heard_s"])
@@ -145,12 +172,13 @@ class Autopilot:
         else:
             self._vehicle.receive_from_simulator(message, time.monotonic())
 
-    def _hear_ground_stations(self) -> None:
-        for _ in range(_MAX_GCS_DATAGRAMS):
+    def _hear_ground_stations(self, most: int) -> bool:
+        """Work on datagrams of ground stations, `most` at most; whether more may be there."""
+        for _ in range(most):
             try:
                 datagram, sender = self._gcs.recvfrom(_LONGEST_FRAME + 1)
             except (BlockingIOError, ConnectionRefusedError):
-                return
+                return False
             if sender not in self._ground_stations:
                 self._link.drops[GCS, -STRANGER] += 1
                 continue
@@ -164,12 +192,13 @@ class Autopilot:
             else:
                 station = self._ground_stations.index(sender)
                 self._vehicle.receive(message, time.monotonic(), station)
+        return True
 
-    def _speak(self) -> None:
+    def _speak(self, most: int | None = None) -> None:
         for message in self._vehicle.simulator_messages():
             _send(self._plant, seal_bytes(self._link.plant_seal, self._to_plant.pack(message)))
         for station, address in enumerate(self._ground_stations):
-            for message in self._vehicle.gcs_messages(station):
+            for message in self._vehicle.gcs_messages(station, most):
                 frame = self._door.sign(self._to_gcs[station].pack(message))
                 _send(self._gcs, frame, address)
 
@@ -219,7 +248,7 @@ def main(arguments: list[str] | None = None) -> None:
     gcs = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         autopilot = Autopilot(config, plant, formation, gcs, options.record_steps)
-    except SigningError as problem:
+    except (EndpointError, SigningError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
 

@@ -2,6 +2,10 @@
 
 Intervals count simulated time while it runs, so that a flight faster than real time is as
 finely resolved as any, and wall-clock time while the aircraft is frozen.
+
+Making and sending a message takes time that the next control step should not wait for. So no more
+than a few are made between two steps, those that are late longest first; and each message has its
+own phase, so that few are due at a time.
 """
 
 import math
@@ -43,6 +47,7 @@ MIN_INTERVAL_US = 20_000
 """No message is streamed more often."""
 
 _HEARTBEAT_US = 1_000_000  # it cannot be changed
+_PHASE_US = 1_000  # between the first messages of two streams
 _MAX_INTERVAL_US = 2**31 - 1  # what MESSAGE_INTERVAL can tell
 _OFF, _NOT_AVAILABLE = -1, 0
 
@@ -112,7 +117,9 @@ class Telemetry:
         """
         self._makers = makers
         self._intervals_us = {i: t for i, t in DEFAULT_INTERVALS_US.items() if i in makers}
-        self._due_us = dict.fromkeys(self._intervals_us, 0)
+        order = (*self._intervals_us, *(i for i in makers if i not in self._intervals_us))
+        self._phases_us = {i: k * _PHASE_US % MIN_INTERVAL_US for k, i in enumerate(order)}
+        self._due_us: dict[int, int] = {}  # without those that were not yet due
 
     def receive(self, message: MAVLink_message) -> None:
         """Take in a REQUEST_DATA_STREAM, the old way to ask for rates [Hz]."""
@@ -122,19 +129,37 @@ class Telemetry:
             for message_id in _GROUPS.get(message.req_stream_id, ()):
                 self._set_interval(message_id, interval_us)
 
-    def due(self, clock_us: int) -> list[MAVLink_message]:
-        """Make the messages whose interval has passed on the given clock [µs]."""
-        messages = []
+    def due(self, clock_us: int, most: int | None = None) -> list[MAVLink_message]:
+        """Make the messages whose interval has passed on the given clock [µs].
+
+        Args:
+            clock_us: The clock.
+            most: How many at most; the others come first at the next call. None: all.
+        """
+        late = []
         for message_id, interval_us in self._intervals_us.items():
-            due_us = self._due_us[message_id]
-            if clock_us >= due_us or due_us > clock_us + interval_us:  # or the clock was changed
-                self._due_us[message_id] = clock_us + interval_us
-                messages.append(self._makers[message_id]())
-        return messages
+            due_us = self._due_us.get(message_id)
+            if due_us is None or due_us > clock_us + interval_us:  # new, or the clock was set back
+                due_us = self._due_us[message_id] = clock_us + self._phases_us[message_id]
+            if due_us <= clock_us:
+                late.append((due_us, message_id))
+        chosen = [message_id for _, message_id in sorted(late)[:most]]
+        for message_id in chosen:
+            self._due_us[message_id] += self._intervals_us[message_id]
+            if self._due_us[message_id] <= clock_us:  # what was missed is not made up for
+                self._due_us[message_id] = clock_us + self._intervals_us[message_id]
+        return [self._makers[message_id]() for message_id in chosen]
 
     def next_due_us(self) -> int:
         """When the next message is due, on the clock of `due` [µs]; far away if none is."""
-        return min((self._due_us[i] for i in self._intervals_us), default=2**62)
+        return min((self._due_us.get(i, 0) for i in self._intervals_us), default=2**62)
+
+    def most_per_step(self, step_us: int) -> int:
+        """Messages per control period [µs] that are more than all of them at the shortest interval.
+
+        So, with no more between two steps, all rates hold, and something is left for answers.
+        """
+        return 1 + len(self._makers) * min(step_us, MIN_INTERVAL_US) // MIN_INTERVAL_US
 
     def streams(self, message_id: int) -> bool:
         """Whether a message is sent again and again."""
@@ -179,10 +204,11 @@ class Telemetry:
             wanted = DEFAULT_INTERVALS_US.get(message_id)
         if wanted is None or interval_us < 0.0:
             self._intervals_us.pop(message_id, None)
+            self._due_us.pop(message_id, None)
             return
         if self._intervals_us.get(message_id) != wanted:
             self._intervals_us[message_id] = wanted
-            self._due_us[message_id] = 0
+            self._due_us.pop(message_id, None)
 
 
 def _whole(value: float) -> int:

@@ -11,10 +11,10 @@ from functools import partial
 from ftc_autopilot.commands import Commands, Handler
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.controller_messages import ControllerMessages
-from ftc_autopilot.link import GCS, PLANT, AutopilotLink
+from ftc_autopilot.link import GCS, PLANT, AutopilotLink, reset_link
 from ftc_autopilot.mission import Mission
 from ftc_autopilot.modes import AUTO, GUIDED, LOITER, MODE_NAMES, Modes
-from ftc_autopilot.onboard import Crew
+from ftc_autopilot.onboard import Crew, reset_crew
 from ftc_autopilot.state_messages import StateMessages, home_item
 from ftc_autopilot.status_messages import StatusMessages
 from ftc_autopilot.telemetry import MIN_INTERVAL_US, Telemetry, makers_of
@@ -106,11 +106,12 @@ class Vehicle:
         self._commands.receive_from_simulator(message, now)
         self._collect()
 
-    def tick(self, now: float) -> None:
+    def tick(self, now: float, most: int | None = None) -> None:
         """Do what is due: timers, heartbeats, mission progress, telemetry. Call it often.
 
         Args:
             now: Wall-clock time [s].
+            most: How many messages of telemetry to make, at most; None: all that are due.
         """
         self._commands.tick(now)
         self._params.handle_timer(now)
@@ -125,7 +126,17 @@ class Vehicle:
             time_us = int(self._link.measured[0]["time_usec"])
             clock_us = time_us if self.running else round(now * 1e6)
             for station, telemetry in enumerate(self.telemetry):
-                self._tell(telemetry.due(clock_us), station)
+                self._gcs_outboxes[station][:0] = telemetry.due(clock_us, most)
+        self._collect()
+
+    def restart(self) -> None:
+        """Forget the flight when the plant was started again: disarm and wait to be armed."""
+        reset_link(self._link)
+        reset_crew(self._crew)
+        self.modes.restart()
+        self._mission.restart()
+        self._edges, self._edge_changes = self._crew.weights[0] > 0.0, 0
+        self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
     def farewell(self, text: str) -> None:
@@ -142,14 +153,24 @@ class Vehicle:
 
     # messages out
 
-    def gcs_messages(self, station: int = 0) -> list[MAVLink_message]:
-        """Hand over what is to be sent to a ground station."""
-        messages, self._gcs_outboxes[station] = self._gcs_outboxes[station], []
+    def gcs_messages(self, station: int = 0, most: int | None = None) -> list[MAVLink_message]:
+        """Hand over what is to be sent to a ground station; `most`: no more than so many."""
+        messages = self._gcs_outboxes[station][:most]
+        del self._gcs_outboxes[station][: len(messages)]
         return messages
+
+    @property
+    def has_gcs_messages(self) -> bool:
+        """Whether some are left to hand over."""
+        return any(self._gcs_outboxes)
 
     def next_telemetry_us(self) -> int:
         """Simulated time at which the next message is due [µs]; far away if none is."""
         return min(telemetry.next_due_us() for telemetry in self.telemetry)
+
+    def most_per_step(self, step_us: int) -> int:
+        """Messages to a ground station per control period [µs] with which all rates hold."""
+        return max(telemetry.most_per_step(step_us) for telemetry in self.telemetry)
 
     def simulator_messages(self) -> list[MAVLink_message]:
         """Hand over what is to be sent to the simulator component."""

@@ -87,7 +87,8 @@ class AutopilotTarget:
         self._own.connect(self._plant.getsockname())
         config = scenario.autopilot_config(UAV)
         station = "{}:{}".format(*self._plant.getsockname())
-        update = {"gcs": (station,), "plant": station}
+        neighbours = tuple(n.model_copy(update={"address": station}) for n in config.neighbours)
+        update = {"gcs": (station,), "plant": station, "neighbours": neighbours}
         self._autopilot = Autopilot(
             config.model_copy(update=update), self._own, self._formation, self._gcs, 0
         )
@@ -99,8 +100,7 @@ class AutopilotTarget:
         self._is_formation = door == "formation"
         self._link, self._crew = self._autopilot._link, self._autopilot._crew
         self._steps = 0
-        self._crew.guidance[0]["active"] = 1
-        self._autopilot._vehicle.modes.armed = True
+        self._arm()
         self._link.measured[0]["velocity"] = (40.0, 0.0, 0.5)
         self._link.clock["flags"], self._link.clock["heard_s"] = 0, time.monotonic()
         self.step()
@@ -117,8 +117,15 @@ class AutopilotTarget:
         outcome = autopilot_link.run(*fds, self._link, self._crew, 0.0, 2**62)
         if outcome == autopilot_link.SERVICE:
             self._autopilot._hear_simulator()
-        self._autopilot._hear_ground_stations()
+        elif outcome == autopilot_link.RESTARTED:
+            self._autopilot._vehicle.restart()
+            self._arm()
+        self._autopilot._hear_ground_stations(1)
         self._autopilot._speak()
+
+    def _arm(self) -> None:
+        self._crew.guidance[0]["active"] = 1
+        self._autopilot._vehicle.modes.armed = True
 
     def tick(self, now: float) -> None:
         """Let timers run; what it says goes out, and must be possible to pack."""
@@ -138,7 +145,7 @@ class AutopilotTarget:
     def state(self) -> bytes:
         """All that an invalid datagram must leave as it is."""
         vehicle, clock = self._autopilot._vehicle, self._link.clock[0]
-        names = ("step", "sent_usec", "pending", "repeated", "edge_changes")
+        names = ("step", "pending_usec", "repeated", "edge_changes")
         words = repr((
             vehicle.modes.mode, vehicle.modes.armed, vehicle.telemetry[0]._intervals_us,
             vehicle._mission.server.items, [p.get() for p in vehicle._params._parameters],

@@ -17,11 +17,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 __all__ = ["Address", "Connection", "EndpointError", "address_of", "bind_udp", "connect_udp",
-           "destination", "exposed", "free_ports", "is_loopback", "parse_address",
-           "parse_connection", "set_receive_timeout", "sockaddr", "someone_listens"]  # fmt: skip
+           "exposed", "free_ports", "is_loopback", "parse_address", "parse_connection",
+           "resolve", "set_receive_timeout", "sockaddr", "someone_listens"]  # fmt: skip
 
 Direction: TypeAlias = Literal["in", "out"]
 
+_EVERY_INTERFACE, _LOOPBACK = "0.0.0.0", "127.0.0.1"
 _RECEIVE_BUFFER = 1 << 20  # bytes; the system may grant less
 _BSD_LAYOUT = sys.platform.startswith(("darwin", "freebsd", "netbsd", "openbsd"))
 _ENDPOINT = re.compile(r"(?:udp(?:in|out)?:(?://)?)?(?P<host>[^\s:/\[\]]+):(?P<port>[0-9]{1,5})")
@@ -81,8 +82,20 @@ def parse_connection(text: str) -> Connection:
     return Connection("out" if text.strip().startswith("udpout:") else "in", address)
 
 
+def resolve(address: Address) -> Address:
+    """The IPv4 address that datagrams to an address go to, and come from when it answers.
+
+    0.0.0.0 stands for this machine.
+
+    Raises:
+        EndpointError: The host's name cannot be resolved.
+    """
+    ip = _resolve(address)
+    return Address(_LOOPBACK if ip == _EVERY_INTERFACE else ip, address.port)
+
+
 def sockaddr(address: Address) -> np.ndarray:
-    """The address as a struct sockaddr_in for `native.send_to`, uint8, shape (16,).
+    """Where `resolve` leads as a struct sockaddr_in for `native.send_to`, uint8, shape (16,).
 
     Raises:
         EndpointError: The host's name cannot be resolved.
@@ -90,7 +103,12 @@ def sockaddr(address: Address) -> np.ndarray:
     family = (
         struct.pack("BB", 16, socket.AF_INET) if _BSD_LAYOUT else struct.pack("=H", socket.AF_INET)
     )
-    raw = family + struct.pack("!H", address.port) + socket.inet_aton(_resolve(address)) + bytes(8)
+    raw = (
+        family
+        + struct.pack("!H", address.port)
+        + socket.inet_aton(resolve(address).host)
+        + bytes(8)
+    )
     return np.frombuffer(raw, np.uint8).copy()
 
 
@@ -160,18 +178,6 @@ def connect_udp(address: Address) -> socket.socket:
         sock.close()
         raise EndpointError(f"cannot reach {address} over UDP: {exc.strerror}") from exc
     return sock
-
-
-def destination(address: Address) -> tuple[str, int]:
-    """IPv4 address and port that datagrams to an address go to, and that answers come from.
-
-    Systems take 0.0.0.0 as a destination for this machine.
-
-    Raises:
-        EndpointError: The host's name cannot be resolved.
-    """
-    ip = _resolve(address)
-    return ("127.0.0.1" if ip == "0.0.0.0" else ip), address.port
 
 
 def someone_listens(address: Address) -> bool:

@@ -25,7 +25,7 @@ from numba import types
 from mavlink_defs.jit import compiled
 
 __all__ = ["ADDRESS_SIZE", "monotonic_s", "receive", "receive_from", "receive_from_now",
-           "receive_from_soon", "receive_now", "receive_soon", "send", "send_to",
+           "receive_from_soon", "receive_soon", "same_address", "send", "send_to",
            "sleep_until", "unix_s"]  # fmt: skip
 
 ADDRESS_SIZE = 16  # struct sockaddr_in
@@ -76,12 +76,6 @@ def receive(fd: int, buffer: np.ndarray) -> int:
 
 
 @compiled
-def receive_now(fd: int, buffer: np.ndarray) -> int:
-    """Take one datagram if one is there; otherwise as `receive`, without waiting."""
-    return _recv(fd, buffer.ctypes.data, buffer.size, _NOW)
-
-
-@compiled
 def receive_soon(fd: int, buffer: np.ndarray) -> int:
     """Take one datagram that is expected within microseconds; otherwise as `receive`.
 
@@ -127,6 +121,15 @@ def receive_from_soon(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
 def receive_from_now(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
     """Take one datagram and its sender if one is there; otherwise as `receive_from`."""
     return _receive_from(fd, buffer, address, np.full(1, ADDRESS_SIZE, np.uint32), _NOW)
+
+
+@compiled
+def same_address(a: np.ndarray, b: np.ndarray) -> bool:
+    """Tell whether two sockaddr_in have the same port and IPv4 address."""
+    for k in range(2, 8):
+        if a[k] != b[k]:
+            return False
+    return True
 
 
 @compiled

@@ -2,7 +2,9 @@
 
 A link has a fixed end, whose port is known (the plant, a ground station, an autopilot's formation
 port), and peers that send to it. They send to the relay's port instead. Every peer gets a socket
-of its own towards the fixed end, so that the fixed end can tell them apart and answer them.
+of its own towards the fixed end, so that the fixed end can tell them apart and answer them. A peer
+that is a fixed end itself, as autopilots are to their neighbours, needs none: its datagrams come
+from the port where the relay listens in its place, which is where the receiver would answer.
 Datagrams are counted as they come in, before anything happens to them.
 """
 
@@ -19,7 +21,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
-from mavlink_defs.endpoint import Address, bind_udp, connect_udp
+from mavlink_defs.endpoint import Address, bind_udp, connect_udp, resolve
 from mavlink_defs.impairment import Impairer, Impairment
 from mavlink_defs.tap import Tap
 
@@ -62,7 +64,8 @@ class _Front:
     """Where peers send to."""
 
     sock: socket.socket
-    target: Address
+    route: Route
+    target: tuple[str, int]
     to: _Way
     back: _Way
     peers: dict[tuple[str, int], socket.socket]  # the one heard last comes last
@@ -93,6 +96,7 @@ class Relay:
         self._lock = threading.Lock()
         self._selector = selectors.DefaultSelector()
         self._fronts: list[_Front] = []
+        self._in_place_of: dict[tuple[str, int], _Front] = {}
         self._queue: list[tuple[float, int, _Way, socket.socket, Any, bytes]] = []
         self._order = itertools.count()
         self._closing = threading.Event()
@@ -107,12 +111,15 @@ class Relay:
         """
         try:
             for i, route in enumerate(self._routes):
-                connect_udp(route.target).close()  # it exists, or say so now
+                target = resolve(route.target)
+                connect_udp(target).close()  # it can be reached, or say so now
                 sock = bind_udp(route.listen, f"relay of the {route.link} link")
                 sock.setblocking(False)
                 ways = _Way(route, i, "to"), _Way(route, i, "from")
-                self._fronts.append(_Front(sock, route.target, *ways, {}))
-                self._selector.register(sock, selectors.EVENT_READ, (self._fronts[-1], None))
+                front = _Front(sock, route, (target.host, target.port), *ways, {})
+                self._fronts.append(front)
+                self._in_place_of[front.target] = front
+                self._selector.register(sock, selectors.EVENT_READ, (front, None))
         except BaseException:
             self._close()
             raise
@@ -137,7 +144,7 @@ class Relay:
     def via(self) -> dict[str, str]:
         """Where to send, as host:port, instead of to each target."""
         listening = (Address(*front.sock.getsockname()) for front in self._fronts)
-        return {str(f.target): str(at) for f, at in zip(self._fronts, listening, strict=True)}
+        return {str(f.route.target): str(at) for f, at in zip(self._fronts, listening, strict=True)}
 
     def report(self) -> dict[str, Any]:
         """What `Tap.report` says, and as "fates" what became of each direction's datagrams."""
@@ -185,6 +192,10 @@ class Relay:
             datagram, peer = front.sock.recvfrom(_LONGEST_DATAGRAM)
         except OSError:
             return
+        behind = self._in_place_of.get(peer)
+        if behind is not None:
+            self._pass_on(front.to, behind.sock, front.target, datagram)
+            return
         upstream = front.peers.pop(peer, None) or self._new_peer(front, peer)
         front.peers[peer] = upstream
         self._pass_on(front.to, upstream, None, datagram)
@@ -201,7 +212,7 @@ class Relay:
             forgotten = front.peers.pop(next(iter(front.peers)))
             self._selector.unregister(forgotten)
             forgotten.close()
-        upstream = connect_udp(front.target)
+        upstream = connect_udp(Address(*front.target))
         upstream.setblocking(False)
         self._selector.register(upstream, selectors.EVENT_READ, (front, peer))
         return upstream

@@ -220,8 +220,8 @@ class Tap:
         fields = unpacker.unpack(payload[: unpacker.size].ljust(unpacker.size, b"\0"))
         if message_id == _ACTUATORS.id:  # time_usec, flags, controls[16], mode
             uav.transmission(fields[0], fields[2 : 2 + len(ACTUATORS)])
-        elif fields[-1] & dialect.FTC_SIM_FLAGS_RUNNING:  # time_usec, …, step, flags
-            uav.step(fields[-2])
+        elif fields[-2] & dialect.FTC_SIM_FLAGS_RUNNING:  # time_usec, …, step, flags, run
+            uav.step(fields[-3], fields[-1])
             self.simulated_s = fields[0] / 1e6
 
 

@@ -25,13 +25,14 @@ class Transmissions:
     _controls: tuple[float, ...] | None = None
     _event_us: list[int | None] = field(default_factory=lambda: [None] * len(ACTUATORS))
     _span_us: tuple[int, int] | None = None
+    _run: int | None = None
     _steps: tuple[int, int] | None = None
     _steps_before: int = 0  # of flights that are over
 
-    def step(self, step: int) -> None:
-        """Note a control period, by its FTC_SIM_STATE; step 0 begins a flight."""
-        if self._steps is None or (step == 0 and self._steps[1] > 0):
-            self._steps_before = self._counted_steps
+    def step(self, step: int, run: int) -> None:
+        """Note a control period, by its FTC_SIM_STATE; another run is another flight."""
+        if self._steps is None or run != self._run:
+            self._run, self._steps_before = run, self._counted_steps
             self._steps = (step, step)
             self._controls = None
             self._event_us = [None] * len(ACTUATORS)

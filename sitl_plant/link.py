@@ -29,11 +29,8 @@ from mavlink_defs.codec import (
     pack,
     system_of,
 )
-from mavlink_defs.dialect import (
-    FTC_SIM_FLAGS_LOCKSTEP,
-    FTC_SIM_FLAGS_RUNNING,
-    MAV_COMP_ID_USER1,
-)
+from mavlink_defs.constants import SIMULATOR_COMPONENT
+from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.jit import compiled
 from mavlink_defs.native import (
     ADDRESS_SIZE,
@@ -41,6 +38,7 @@ from mavlink_defs.native import (
     receive_from,
     receive_from_now,
     receive_from_soon,
+    same_address,
     send_to,
     sleep_until,
 )
@@ -48,11 +46,7 @@ from mavlink_defs.seal import Seal, new_seal, open_frame, seal_frame
 from mavlink_defs.signing import PLANT_LINK
 from sitl_plant.fleet import Fleet, fly, observe, receive_controls
 
-__all__ = ["LOST", "OVER", "SERVICE", "SIMULATOR_COMPONENT", "TICK", "PlantLink",
-           "new_link", "run", "send_states"]  # fmt: skip
-
-SIMULATOR_COMPONENT = MAV_COMP_ID_USER1
-"""Component id of an aircraft inside the plant; its system id is the UAV's."""
+__all__ = ["LOST", "OVER", "SERVICE", "TICK", "PlantLink", "new_link", "run", "send_states"]
 
 # what `run` comes back with
 SERVICE = 1  # link.received holds a datagram of clock["received"] bytes that is not hot
@@ -307,8 +301,5 @@ def _index_of_sender(link: PlantLink) -> int:
     system = system_of(link.received)
     for i in range(len(link.systems)):
         if link.systems[i] == system and link.known[i] == 1:
-            for k in range(2, 8):  # port and IPv4 address
-                if link.addresses[i, k] != link.sender[k]:
-                    return -1
-            return i
+            return i if same_address(link.addresses[i], link.sender) else -1
     return -1

@@ -6,6 +6,8 @@ by a signal, 1 the flight was lost or an autopilot fell silent, 2 bad input.
 """
 
 import argparse
+import contextlib
+import secrets
 import socket
 import sys
 import time
@@ -18,6 +20,7 @@ import numpy as np
 
 from mavlink_defs.codec import DROP_REASONS, STRANGER, drop_counts
 from mavlink_defs.config import ConfigError, load
+from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOST,
@@ -46,7 +49,6 @@ from sitl_plant.link import (
     LOST,
     OVER,
     SERVICE,
-    SIMULATOR_COMPONENT,
     new_link,
     run,
     send_states,
@@ -57,6 +59,9 @@ from sitl_plant.service import AircraftService
 __all__ = ["main"]
 
 _TICK_S = 0.02
+_TAKEOVER_S, _FROZEN_TAKEOVER_S = 1.0, 2.5
+"""Silence after which another autopilot may take over. While time stands still, only HEARTBEATs
+come, one a second."""
 _FAREWELL_S = 1.0
 _DROPS_PERIOD_S = 1.0
 _STEPS_MAX = 2**31  # 24 days at 1 kHz
@@ -75,6 +80,7 @@ class Plant:
             last_step = round(config.duration_s * 1e6 / config.step_us)
         systems = [uav.id for uav in config.uavs]
         self._fleet = new_fleet(config)
+        self._fleet.messages["run"] = secrets.randbits(32)
         self._link = new_link(systems, config.step_us, last_step, config.speed, record, seal)
         self._clock = self._link.clock[0]
         self._services = [
@@ -175,7 +181,8 @@ class Plant:
     def _send(self, i: int, message: MAVLink_message) -> None:
         host = address_of(self._link.addresses[i])
         frame = seal_bytes(self._link.seal, self._speakers[i].pack(message))
-        self._sock.sendto(frame, (host.host, host.port))
+        with contextlib.suppress(OSError):  # losses are the microservices' business
+            self._sock.sendto(frame, (host.host, host.port))
 
     def _report_drops(self) -> None:
         """Tell the autopilots, from time to time, what was dropped here."""
@@ -193,7 +200,8 @@ class Plant:
         """Note who flies aircraft i; a second claimant is ignored while the first is heard."""
         link = self._link
         same = np.array_equal(link.addresses[i], link.sender)
-        if not same and link.known[i] and now - link.heard_s[i] < 1.0:
+        takeover_s = _TAKEOVER_S if self._running else _FROZEN_TAKEOVER_S
+        if not same and link.known[i] and now - link.heard_s[i] < takeover_s:
             return False
         if not same or not link.known[i]:
             link.addresses[i] = link.sender

@@ -39,7 +39,8 @@ class AircraftService:
     """The simulator component of one aircraft.
 
     Attributes:
-        armed: Whether its autopilot's last HEARTBEAT said so.
+        armed: Whether its autopilot's last HEARTBEAT said so. One that is armed when it is first
+            heard was armed for another plant's flight: it counts once it was disarmed since.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class AircraftService:
         limits: FaultLimits,
     ) -> None:  # fmt: skip
         self.armed = False
+        self._disarmed_before = False
         self._faults = faults  # the aircraft's row of the fault table
         self._applied = applied  # what its actuators do now [rad, rad, rad, N]
         self._limits = limits
@@ -63,7 +65,9 @@ class AircraftService:
             now: Wall-clock time [s].
         """
         if isinstance(message, dialect.MAVLink_heartbeat_message):
-            self.armed = bool(message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+            armed = bool(message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+            self._disarmed_before |= not armed
+            self.armed = armed and self._disarmed_before
         self._commands.receive(message, now)
         for command in self._commands.events():
             result = self._execute(command.message, time_s)

@@ -9,8 +9,17 @@ import numpy as np
 import pytest
 
 from ftc_autopilot.controller import restart_law
-from ftc_autopilot.link import OVER, SERVICE, TICK, new_link, run
-from ftc_autopilot.onboard import new_crew
+from ftc_autopilot.link import (
+    FORMATION,
+    OVER,
+    RESTARTED,
+    SERVICE,
+    TICK,
+    new_link,
+    reset_link,
+    run,
+)
+from ftc_autopilot.onboard import new_crew, reset_crew
 from ftc_autopilot.reference import profile_record
 from gcs.scenario import Scenario
 from mavlink_defs import codec
@@ -54,11 +63,15 @@ class Rig:
         for sock in (self.plant, self.neighbour, self.own, self.formation):
             sock.close()
 
-    def state(self, step: int, flags: int = LOCKSTEP, applied_usec: int | None = None) -> int:
+    def state(
+        self, step: int, flags: int = LOCKSTEP, applied_usec: int | None = None, run: int = 7
+    ) -> int:
         """Send a state; by default the plant has applied all that it was sent."""
-        sent = int(self.link.clock[0]["sent_usec"])
+        flown = self.crew.controllers[0]["steps"] > 0
+        sent = int(self.crew.actuators[0]["time_usec"]) if flown else -1
         state = np.zeros(1, codec.SIM_STATE)
         state["step"], state["time_usec"], state["flags"] = step, step * 1000, flags
+        state["run"] = run
         state["velocity"], state["attitude"] = (40.0, 0.0, 0.5), (0.0, math.radians(1.0), 0.0)
         applied = sent if applied_usec is None else applied_usec
         state["actuator_time_usec"] = NOTHING_APPLIED if applied < 0 else applied
@@ -71,12 +84,23 @@ class Rig:
         fds = self.own.fileno(), self.formation.fileno()
         return run(*fds, self.link, self.crew, time.monotonic(), 2**62)
 
-    def word(self, step: int, airspeed: float = 41.0, system: int = NEIGHBOUR) -> None:
+    def no_more_events(self) -> None:
+        thresholds = self.crew.parameters["trigger"]
+        thresholds["a2_n"] = thresholds["b2_deg"] = 1e9
+
+    def word(
+        self,
+        step: int,
+        airspeed: float = 41.0,
+        system: int = NEIGHBOUR,
+        sock: socket.socket | None = None,
+    ) -> None:
         word = np.zeros(1, codec.NEIGHBOUR)
         word["step"], word["airspeed"] = step, airspeed
         datagram = codec.new_buffer()
         length = codec.pack(datagram, word, codec.ID_NEIGHBOUR, system, 1, step)
-        self.neighbour.sendto(datagram[:length].tobytes(), self.formation.getsockname())
+        sock = sock or self.neighbour
+        sock.sendto(datagram[:length].tobytes(), self.formation.getsockname())
 
     def heard(self, sock: socket.socket) -> list[int]:
         """Ids of the hot messages that have arrived."""
@@ -171,8 +195,7 @@ def test_a_lost_actuator_message_is_sent_again_and_counted_apart(rig: Rig) -> No
     rig.word(0)
     rig.state(0)
     events = rig.crew.controllers[0]["events"].copy()
-    thresholds = rig.crew.parameters["trigger"]
-    thresholds["a2_n"] = thresholds["b2_deg"] = 1e9  # no more events
+    rig.no_more_events()
     rig.heard(rig.plant)
     rig.word(1)
     rig.state(1, applied_usec=-1)
@@ -182,6 +205,87 @@ def test_a_lost_actuator_message_is_sent_again_and_counted_apart(rig: Rig) -> No
     rig.word(2)
     rig.state(2)
     assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+
+
+def pending(rig: Rig) -> list[int]:
+    return [int(usec) for usec in rig.link.clock[0]["pending_usec"]]
+
+
+def test_an_event_is_acknowledged_by_its_message_or_a_later_one(rig: Rig) -> None:
+    rig.state(0, FTC_SIM_FLAGS_RUNNING, applied_usec=-1)
+    assert pending(rig) == [0, 0, 0, 0]
+    rig.no_more_events()
+    rig.link.clock[0]["pending_usec"] = [0, 0, 1000, 2000]  # the rudder's and throttle's came later
+    rig.link.clock[0]["pending_s"] = time.monotonic() + 1e6  # nobody is impatient
+    rig.state(3, FTC_SIM_FLAGS_RUNNING, applied_usec=0)
+    assert pending(rig) == [-1, -1, 1000, 2000]
+    rig.state(4, FTC_SIM_FLAGS_RUNNING, applied_usec=5000)
+    assert pending(rig) == [-1, -1, -1, -1]
+    assert list(rig.link.clock[0]["repeated"]) == [0, 0, 0, 0]
+
+
+def test_a_lost_message_repeats_the_events_of_its_own_channels_only(rig: Rig) -> None:
+    rig.word(0)
+    rig.state(0)
+    rig.no_more_events()
+    rig.link.clock[0]["pending_usec"] = [-1, 500, 0, -1]  # elevator and, applied already, rudder
+    rig.word(1)
+    rig.state(1, applied_usec=0)
+    assert list(rig.link.clock[0]["repeated"]) == [0, 1, 0, 0]
+
+
+def test_in_real_time_an_acknowledgement_is_waited_for_in_wall_time(rig: Rig) -> None:
+    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+    rig.no_more_events()
+    rig.heard(rig.plant)
+    rig.link.clock[0]["pending_s"] = time.monotonic() + 1e6  # sent a moment ago
+    for step in range(1, 100):
+        rig.state(step, FTC_SIM_FLAGS_RUNNING, applied_usec=-1)
+    assert rig.heard(rig.plant) == []
+    rig.link.clock[0]["pending_s"] = time.monotonic() - 0.02
+    rig.state(100, FTC_SIM_FLAGS_RUNNING, applied_usec=-1)
+    assert rig.heard(rig.plant) == [codec.ID_ACTUATORS]
+    assert list(rig.link.clock[0]["repeated"]) == [1, 1, 1, 1]
+    assert pending(rig) == [0, 0, 0, 0]  # the first message would acknowledge them still
+
+
+def test_a_step_that_was_not_flown_is_not_reported_done(rig: Rig) -> None:
+    rig.word(0)
+    rig.state(5)
+    rig.heard(rig.plant)
+    rig.state(3)
+    assert rig.heard(rig.plant) == []
+
+
+@pytest.mark.parametrize("flags", [LOCKSTEP, FTC_SIM_FLAGS_RUNNING, FTC_SIM_FLAGS_LOCKSTEP,
+                                   FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED])  # fmt: skip
+def test_a_state_of_another_run_is_not_worked_on(rig: Rig, flags: int) -> None:
+    for step in range(3):
+        rig.word(step)
+        rig.state(step)
+    rig.heard(rig.plant)
+    rig.heard(rig.neighbour)
+    for step in (0, 3):
+        assert rig.state(step, flags, run=8 + step) == RESTARTED
+    assert rig.heard(rig.plant) == rig.heard(rig.neighbour) == []
+    assert rig.crew.controllers[0]["steps"] == 3
+
+
+def test_after_a_reset_nothing_is_left_of_the_flight(scenario1: Scenario, rig: Rig) -> None:
+    for step in range(20):
+        rig.word(step)
+        rig.state(step, applied_usec=-1)
+    fresh = Rig(scenario1)
+    reset_link(rig.link)
+    reset_crew(rig.crew)
+    reset_crew(fresh.crew)  # its guidance, too, is set again by the modes
+    for name, array in rig.crew._asdict().items():
+        assert array.tobytes() == getattr(fresh.crew, name).tobytes(), name
+    for name in ("heard_step", "early_step", "late", "signals"):
+        assert getattr(rig.link, name).tobytes() == getattr(fresh.link, name).tobytes(), name
+    for name in ("step", "pending_usec", "pending_s", "repeated", "edge_changes"):
+        assert rig.link.clock[name].tobytes() == fresh.link.clock[name].tobytes(), name
+    fresh.close()
 
 
 def test_a_step_uses_the_words_of_the_step_before_however_early_newer_ones_come(rig: Rig) -> None:
@@ -208,6 +312,25 @@ def test_a_silent_neighbour_is_dropped_and_taken_up_again(rig: Rig) -> None:
     rig.state(TIMEOUT_STEPS + 2, FTC_SIM_FLAGS_RUNNING)
     assert rig.crew.weights[0, 0] == 1.0
     assert rig.link.clock[0]["edge_changes"] == 2
+
+
+def test_a_neighbour_s_word_from_another_address_is_dropped_and_counted(rig: Rig) -> None:
+    rig.word(0, sock=rig.plant)
+    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+    assert rig.link.drops[FORMATION, -codec.STRANGER] == 1
+    assert rig.crew.weights[0, 0] == 0.0
+    rig.word(0)
+    rig.state(1, FTC_SIM_FLAGS_RUNNING)
+    assert rig.crew.weights[0, 0] == 1.0
+
+
+def test_a_word_of_a_step_that_is_far_away_is_no_early_word(rig: Rig) -> None:
+    """As they lie in the socket when the plant, and so the count of steps, was started again."""
+    rig.word(1)
+    rig.word(25_000)
+    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+    assert rig.link.drops[FORMATION, -codec.OUT_OF_RANGE] == 1
+    assert rig.link.early_step[0] == 1
 
 
 def test_words_of_strangers_and_words_that_are_no_numbers_are_ignored(rig: Rig) -> None:
@@ -249,9 +372,8 @@ def test_lockstep_takes_up_its_only_neighbour_again_after_lost_words(rig: Rig) -
     rig.word(0)
     rig.state(0)
     rig.state(1)
-    begin = time.monotonic()
-    rig.state(2)  # the word of step 1 is lost: waited for in vain
-    assert time.monotonic() - begin > 0.04
+    rig.state(2)  # the word of step 1 is lost
+    assert rig.link.late[0] == 1  # waited for in vain
     rig.word(2)
     rig.state(3)
     assert rig.crew.inboxes[0, 0]["step"] == 2
@@ -259,10 +381,9 @@ def test_lockstep_takes_up_its_only_neighbour_again_after_lost_words(rig: Rig) -
 
 def test_lockstep_does_not_wait_for_ever_but_hears_a_neighbour_that_is_back(rig: Rig) -> None:
     rig.word(0)
-    begin = time.monotonic()
     for step in range(TIMEOUT_STEPS + 2):
         rig.state(step)
-    assert time.monotonic() - begin < 3.0  # and not 0.05 s in each of 250 steps
+    assert rig.link.late[0] == 5  # steps that waited, of more than 250
     assert rig.crew.weights[0, 0] == 0.0
     rig.word(TIMEOUT_STEPS + 1)
     rig.state(TIMEOUT_STEPS + 2)

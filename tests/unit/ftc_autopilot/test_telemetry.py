@@ -203,3 +203,61 @@ def test_asking_again_for_the_same_rate_does_not_disturb_it(bench: Bench) -> Non
     bench.telemetry.due(10_000_000)
     bench.telemetry.set_interval((ATTITUDE, 100_000.0))
     assert ATTITUDE not in {m.get_msgId() for m in bench.telemetry.due(10_020_000)}
+
+
+STEP_US = 1000
+
+
+def gaps(bench: Bench, seconds: float, step_us: int = STEP_US) -> list[list[int]]:
+    """Ids of the messages made after each control step of a flight in real time."""
+    most = bench.telemetry.most_per_step(step_us)
+    clocks = range(0, round(seconds * 1e6), step_us)
+    return [[m.get_msgId() for m in bench.telemetry.due(t, most)] for t in clocks]
+
+
+def test_default_streams_are_never_due_together(bench: Bench) -> None:
+    made = gaps(bench, 4.0)
+    assert max(map(len, made)) == 1
+    for message_id, interval_us in DEFAULT_INTERVALS_US.items():
+        assert sum(message_id in gap for gap in made) == 4_000_000 // interval_us
+
+
+@pytest.mark.parametrize("step_us", [100, 1000, 10_000, 20_000, 100_000])
+def test_no_rate_makes_more_than_a_few_messages_between_two_steps(
+    bench: Bench, step_us: int
+) -> None:
+    every = [i for i in range(60_000) if bench.telemetry.request((float(i), 0.0)) is not None]
+    streams = [i for i in every if bench.telemetry.set_interval((i, 20_000.0)) == ACCEPTED]
+    made = gaps(bench, 2.0, step_us)
+    assert max(map(len, made)) <= bench.telemetry.most_per_step(step_us)
+    assert bench.telemetry.most_per_step(1000) == 2
+    wanted = 2_000_000 // max(step_us, 20_000)
+    for message_id in streams:
+        assert abs(sum(gap.count(message_id) for gap in made) - wanted) <= 1
+
+
+def test_after_a_standstill_all_are_made_in_turn_and_none_is_made_up_for(bench: Bench) -> None:
+    gaps(bench, 1.0)
+    made = [[m.get_msgId() for m in bench.telemetry.due(10_000_000 + ms * STEP_US, 2)]
+            for ms in range(20)]  # fmt: skip
+    assert max(map(len, made)) == 2
+    together = [i for gap in made for i in gap]
+    assert {*together} == {*DEFAULT_INTERVALS_US}
+    assert len(together) <= len(DEFAULT_INTERVALS_US) + 5
+
+
+def test_answers_and_telemetry_wait_for_their_turn_and_none_is_forgotten(bench: Bench) -> None:
+    bench.link.clock["heard_s"] = 1.0
+    bench.link.clock["flags"] = dialect.FTC_SIM_FLAGS_RUNNING
+    bench.vehicle.receive(dialect.MAVLink_param_request_list_message(3, 1), 0.0)
+    said: list[Any] = []
+    for ms in range(1000):
+        bench.link.measured[0]["time_usec"] = ms * STEP_US
+        bench.vehicle.tick(ms / 1e3, most=2)
+        messages = bench.vehicle.gcs_messages(most=2)
+        assert len(messages) <= 2
+        said += messages
+    assert not bench.vehicle.has_gcs_messages
+    params = [m for m in said if m.get_type() == "PARAM_VALUE"]
+    assert {m.param_index for m in params} == set(range(params[0].param_count))
+    assert sum(m.get_msgId() == ATTITUDE for m in said) == 10

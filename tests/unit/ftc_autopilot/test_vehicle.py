@@ -12,9 +12,9 @@ from ftc_autopilot.onboard import Crew, new_crew
 from ftc_autopilot.vehicle import AUTO, GUIDED, LOITER, Vehicle
 from gcs.scenario import Scenario
 from mavlink_defs import dialect
+from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.frames import Speaker, parse
 from mavlink_defs.profile import segments_to_items
-from sitl_plant.link import SIMULATOR_COMPONENT
 
 GCS = Speaker(255, 190)
 UAV = 1
@@ -167,6 +167,34 @@ def test_arming_again_restarts_the_law(scenario1: Scenario) -> None:
     bench.command(ARM, 1.0)
     assert (controller["started"], controller["proposed"]["beta_v"]) == (0, 0.0)
     assert (controller["steps"], controller["events"].tolist()) == (7, [7] * 4)
+
+
+def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
+    scenario1: Scenario,
+) -> None:
+    bench = Bench(scenario1)
+    bench.upload(scenario1)
+    bench.command(ARM, 1.0)
+    bench.command(START)
+    bench.run()
+    bench.link.clock["step"] = 20_000
+    bench.link.clock["edge_changes"] = 2
+    bench.vehicle.tick(bench.now)
+    bench.vehicle.gcs_messages()
+    bench.run(flags=0)
+    bench.vehicle.restart()
+    bench.vehicle.tick(bench.now)
+    said = bench.vehicle.gcs_messages()
+    texts = [m.text for m in of_type(said, "STATUSTEXT")]
+    assert texts == ["mode LOITER", "plant restarted: disarmed, arm to fly again"]
+    (heartbeat,) = of_type(bench.vehicle.simulator_messages()[-1:], "HEARTBEAT")
+    assert (heartbeat.custom_mode, heartbeat.system_status) == (
+        LOITER, dialect.MAV_STATE_STANDBY,
+    )  # fmt: skip
+    assert not heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
+    assert bench.crew.guidance[0]["active"] == 0
+    assert bench.command(START) == ACCEPTED  # the profile is still there, and begins anew
+    assert bench.crew.guidance[0]["start_step"] == 0
 
 
 @pytest.mark.parametrize("mode", [0.0, 5.0, 11.0, math.nan])

@@ -14,6 +14,7 @@ from mavlink_defs.endpoint import (
     free_ports,
     is_loopback,
     parse_address,
+    resolve,
     set_receive_timeout,
     sockaddr,
 )
@@ -43,6 +44,13 @@ def test_sockaddr_and_back() -> None:
     assert raw.shape == (16,)
     assert raw[2:8].tolist() == [14550 >> 8, 14550 & 0xFF, 127, 0, 0, 1]
     assert address_of(raw) == Address("127.0.0.1", 14550)
+
+
+def test_names_and_every_interface_are_resolved_to_where_datagrams_go() -> None:
+    assert resolve(Address("localhost", 1)) == Address("127.0.0.1", 1)
+    assert resolve(Address("0.0.0.0", 1)) == Address("127.0.0.1", 1)
+    assert address_of(sockaddr(Address("0.0.0.0", 1))) == Address("127.0.0.1", 1)
+    assert resolve(Address("192.0.2.1", 1)) == Address("192.0.2.1", 1)
 
 
 def test_loopback() -> None:

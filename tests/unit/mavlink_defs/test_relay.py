@@ -71,6 +71,18 @@ def test_both_ways_and_who_is_who_is_kept() -> None:
     assert report["links"][0]["dropped"] == {"not MAVLink 2": 2}
 
 
+def test_between_two_fixed_ends_each_is_heard_from_where_it_is_answered() -> None:
+    with udp() as a, udp() as b:
+        routes = [Route("formation", ANY, address_of(end)) for end in (a, b)]
+        with Relay(routes) as relay:
+            for source, target in ((a, b), (b, a), (a, b)):
+                source.sendto(heartbeat(1), front_of(relay, target))
+                assert target.recvfrom(4096) == (heartbeat(1), front_of(relay, source))
+            links = {(row["link"], row["direction"]): row["datagrams"]
+                     for row in relay.report()["links"]}  # fmt: skip
+    assert links == {("formation", "to"): 3}
+
+
 def test_loss_is_counted_and_what_is_not_lost_arrives() -> None:
     half = Impairment(loss=0.5, seed=7)
     with udp() as end, udp() as peer, Relay([Route("gcs", ANY, address_of(end), half)]) as relay:

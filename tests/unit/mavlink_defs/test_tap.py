@@ -40,9 +40,9 @@ def actuators(time_us: int, values: tuple[float, ...], system: int = 1) -> bytes
     return Speaker(system, 1).pack(message)
 
 
-def state(step: int, system: int = 1, flags: int = RUNNING) -> bytes:
+def state(step: int, system: int = 1, flags: int = RUNNING, run: int = 7) -> bytes:
     zeros = [[0.0] * 3] * 5
-    message = dialect.MAVLink_ftc_sim_state_message(step * 1000, 0, *zeros, step, flags)
+    message = dialect.MAVLink_ftc_sim_state_message(step * 1000, 0, *zeros, step, flags, run)
     return Speaker(system, 25).pack(message)
 
 
@@ -94,9 +94,9 @@ def test_a_channel_transmits_when_its_value_changes(commands) -> None:
 
 def test_systems_links_and_flights_do_not_disturb_each_other() -> None:
     tap = Tap()
-    for step in (0, 1, 2, 2, 0, 1):  # a repeated state, and a second flight
+    for step, run in ((0, 7), (1, 7), (2, 7), (2, 7), (0, 8), (1, 8)):  # one state comes twice
         for link, system in (("plant", 1), ("plant", 2), ("other", 1)):
-            tap.count(0.0, link, "from", state(step, system))
+            tap.count(0.0, link, "from", state(step, system, run=run))
     for link, system in (("plant", 1), ("plant", 2), ("other", 1)):
         tap.count(0.0, link, "to", actuators(0, (1.0, 1.0, 1.0, 1.0), system))
     for system, link in ((1, "plant"), (2, "plant"), (1, "other")):
@@ -104,6 +104,15 @@ def test_systems_links_and_flights_do_not_disturb_each_other() -> None:
         assert tap.events(system, "rudder", link) == 1
     assert tap.events(9, "rudder") == 0
     assert tap.min_interval_s(9, "rudder") is None
+
+
+def test_a_late_copy_of_the_first_state_begins_no_flight() -> None:
+    tap = Tap()
+    for step in (0, 1, 0, 2):
+        tap.count(0.0, "plant", "from", state(step))
+        tap.count(0.0, "plant", "to", actuators(1000 * step, (1.0, 1.0, 1.0, 1.0)))
+    assert uav_of(tap)["periods"] == 3
+    assert tap.events(1, "rudder") == 1
 
 
 def test_frozen_and_ended_states_are_no_control_periods() -> None:

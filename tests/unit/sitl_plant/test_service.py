@@ -52,6 +52,14 @@ class Bench:
         return [(int(r["actuator"]), float(r["rho"]), float(r["value"])) for r in rows]
 
 
+def test_an_autopilot_that_was_armed_for_another_plant_must_be_armed_again() -> None:
+    bench = Bench()
+    armed = dialect.MAV_MODE_FLAG_SAFETY_ARMED
+    for base_mode, counts in ((armed, False), (armed, False), (0, False), (armed, True)):
+        bench.send(dialect.MAVLink_heartbeat_message(1, 3, base_mode, 12, 4, 3))
+        assert bench.service.armed is counts
+
+
 def test_a_fault_is_set_and_cleared() -> None:
     bench = Bench()
     assert bench.command(SET, 2, 0.9, 1.0, 0.0, 19.0, 22.0)[0] == ACCEPTED
@@ -147,6 +155,8 @@ def test_a_repeated_command_has_no_second_effect() -> None:
 def test_the_heartbeat_tells_whether_the_autopilot_is_armed() -> None:
     bench = Bench()
     armed = dialect.MAV_MODE_FLAG_SAFETY_ARMED
+    bench.send(dialect.MAVLink_heartbeat_message(1, 3, 0, 10, 4, 3))
+    assert not bench.service.armed
     bench.send(dialect.MAVLink_heartbeat_message(1, 3, armed, 10, 4, 3))
     assert bench.service.armed
     bench.send(dialect.MAVLink_heartbeat_message(1, 3, 0, 10, 4, 3))

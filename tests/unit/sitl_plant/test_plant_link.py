@@ -1,0 +1,55 @@
+"""The plant's real-time clock, step by step."""
+
+import socket
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from gcs.scenario import Scenario
+from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
+from mavlink_defs.endpoint import Address, bind_udp
+from sitl_plant.fleet import Fleet, new_fleet
+from sitl_plant.link import OVER, PlantLink, _due_s, new_link, run
+
+STEPS = 5
+
+
+@pytest.fixture
+def fleet(scenario1: Scenario) -> Fleet:
+    return new_fleet(scenario1.plant_config())
+
+
+@pytest.fixture
+def sock() -> Iterator[socket.socket]:
+    with bind_udp(Address("127.0.0.1", 0), "test") as sock:
+        yield sock
+
+
+def running(speed: float, origin_s: float) -> PlantLink:
+    link = new_link([1, 2, 3], 1000, STEPS, speed, record=False)
+    link.clock["flags"] = FTC_SIM_FLAGS_RUNNING
+    link.clock["origin_s"] = origin_s
+    return link
+
+
+def test_a_plant_that_fell_behind_shifts_its_schedule_once(
+    fleet: Fleet, sock: socket.socket
+) -> None:
+    origin_s = time.monotonic() - 1e4
+    link = running(speed=1.0, origin_s=origin_s)
+    assert run(sock.fileno(), link, fleet, time.monotonic() + 1e3) == OVER
+    clock = link.clock[0]
+    assert clock["step"] == STEPS
+    assert clock["lag_s"] >= 1e4 - STEPS / 1e3
+    assert clock["lag_s"] == pytest.approx(clock["origin_s"] - origin_s, abs=1e-6)
+    assert clock["lag_s"] < 2e4  # not once for every step
+
+
+@pytest.mark.parametrize("speed", [1.0, 10.0])
+def test_a_plant_on_time_keeps_its_schedule(speed: float) -> None:
+    origin_s = time.monotonic() + 1e4
+    link = running(speed, origin_s)
+    link.clock["origin_step"], link.clock["step"] = 2, 3
+    assert _due_s(link) == pytest.approx(origin_s + 2e-3 / speed, abs=1e-9)
+    assert (link.clock["lag_s"][0], link.clock["origin_s"][0]) == (0.0, origin_s)
