@@ -1,6 +1,6 @@
-"""The paper's theorems against one flight: dwell times, residual sets, Lyapunov inequalities."""
+"""The paper's theorems against one flight: dwell times, residual sets, proofs."""
 
-import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,32 +8,69 @@ import numpy as np
 from ftc_autopilot.laws.proposed import Proposed
 from gcs.recording import Recording
 from gcs.scenario import Scenario
+from gcs.theory.definitions import attitude_definitions, speed_definitions
 from gcs.theory.dwell import dwell_times
-from gcs.theory.known import known_quantities
-from gcs.theory.lyapunov import Subsystem, attitude_subsystem, speed_subsystem
+from gcs.theory.judgement import Judgement, judge
+from gcs.theory.known import known_quantities, present_steps
+from gcs.theory.lyapunov import attitude_subsystem, speed_subsystem
 from gcs.theory.residual import residual_sets
 
-__all__ = ["check_theory", "judge"]
+__all__ = ["Theory", "UavTheory", "check_theory"]
 
-_END_S = 3.0
-_NO_STEP = (
-    "no step of the flight meets the proof's hypotheses: an actuator without effectiveness "
-    "throughout, or a command at its stop"
-)
+_SURFACES, _THROTTLE = (0, 1, 2), (3,)
 
 
-def check_theory(recording: Recording, scenario: Scenario) -> dict[str, Any]:
+@dataclass(frozen=True)
+class UavTheory:
+    """What was found of one UAV.
+
+    Attributes:
+        id: System id.
+        missing_steps: Steps without a complete record: the autopilot did not make them, or a
+            number is not finite. They are left out of everything.
+        dwell: As `dwell_times` returns it.
+        residual: As `residual_sets` returns it.
+        proofs: `speed` (Theorem 1) and `attitude` (Theorem 2); empty under another law.
+    """
+
+    id: int
+    missing_steps: int
+    dwell: dict[str, Any]
+    residual: list[dict[str, Any]]
+    proofs: dict[str, Judgement]
+
+
+@dataclass(frozen=True)
+class Theory:
+    """What was found of one flight; `dataclasses.asdict` makes it ready for JSON.
+
+    Attributes:
+        scenario: Its name.
+        controller: Kind of law.
+        trigger_mode: Of `ftc_autopilot.config.Trigger`.
+        period_s: Control period.
+        duration_s: Simulated time flown.
+        loss: Why the flight ended early, or None.
+        proofs_absent: Why the proofs were not checked, or None.
+        uavs: In the order of the recording.
+    """
+
+    scenario: str
+    controller: str
+    trigger_mode: str
+    period_s: float
+    duration_s: float
+    loss: str | None
+    proofs_absent: str | None
+    uavs: list[UavTheory]
+
+
+def check_theory(recording: Recording, scenario: Scenario) -> Theory:
     """Hold one flight against the paper's theorems.
 
     Args:
         recording: The flight, lost or complete.
         scenario: The scenario that it flew.
-
-    Returns:
-        `scenario`, `controller`, `trigger_mode`, `period_s`, `duration_s`, `loss`, and `uavs`,
-        a list with for each UAV `id`, `dwell` (see `dwell_times`), `residual` (see
-        `residual_sets`), `lyapunov`: `speed` and `attitude` (see `judge`), or None with the
-        reason in `lyapunov_absent`. Ready for JSON: what does not exist is None.
     """
     law = scenario.controller
     absent = None
@@ -43,136 +80,51 @@ def check_theory(recording: Recording, scenario: Scenario) -> dict[str, Any]:
         absent = "the flight is shorter than two steps"
     uavs = []
     for i, uav_id in enumerate(recording.uav_ids):
-        lyapunov = None
+        proofs = {}
         if isinstance(law, Proposed) and absent is None:
-            lyapunov = _lyapunov(recording, i, scenario, law)
+            proofs = _proofs(recording, i, scenario, law)
         uavs.append(
-            {
-                "id": uav_id,
-                "dwell": dwell_times(recording, i, scenario),
-                "residual": residual_sets(recording, i, scenario),
-                "lyapunov": lyapunov,
-                "lyapunov_absent": absent,
-            }
+            UavTheory(
+                id=uav_id,
+                missing_steps=int(np.count_nonzero(~present_steps(recording, i))),
+                dwell=dwell_times(recording, i, scenario),
+                residual=residual_sets(recording, i, scenario),
+                proofs=proofs,
+            )
         )
-    return {
-        "scenario": scenario.name,
-        "controller": law.kind,
-        "trigger_mode": scenario.trigger.mode,
-        "period_s": recording.step_us / 1e6,
-        "duration_s": recording.duration_s,
-        "loss": recording.loss,
-        "uavs": uavs,
-    }
+    return Theory(
+        scenario=scenario.name,
+        controller=law.kind,
+        trigger_mode=scenario.trigger.mode,
+        period_s=recording.step_us / 1e6,
+        duration_s=recording.duration_s,
+        loss=recording.loss,
+        proofs_absent=absent,
+        uavs=uavs,
+    )
 
 
-def _lyapunov(recording: Recording, i: int, scenario: Scenario, law: Proposed) -> dict[str, Any]:
-    known = known_quantities(recording, i, scenario)
+def _proofs(
+    recording: Recording, i: int, scenario: Scenario, law: Proposed
+) -> dict[str, Judgement]:
+    known, trigger = known_quantities(recording, i, scenario), scenario.trigger
     errors = known.signals["sync_error"]
-    with np.errstate(all="ignore"):  # a lost flight may end in numbers that are none
-        speed = speed_subsystem(known, law, scenario.trigger)
-        attitude = attitude_subsystem(known, law, scenario.trigger)
+    with np.errstate(all="ignore"):  # a lost flight may end in NaN or inf
         return {
-            "speed": judge(speed, known.time_s, np.abs(errors[:, 0]), "m_s"),
+            "speed": judge(
+                known,
+                _THROTTLE,
+                speed_subsystem(known, law, trigger),
+                speed_definitions(known, law, trigger),
+                np.abs(errors[:, 0]),
+                "m/s",
+            ),
             "attitude": judge(
-                attitude, known.time_s, np.degrees(np.linalg.norm(errors[:, 1:], axis=1)), "deg"
+                known,
+                _SURFACES,
+                attitude_subsystem(known, law, trigger),
+                attitude_definitions(known, law, trigger),
+                np.degrees(np.linalg.norm(errors[:, 1:], axis=1)),
+                "deg",
             ),
         }
-
-
-def judge(
-    subsystem: Subsystem | None, time_s: np.ndarray, error: np.ndarray, unit: str
-) -> dict[str, Any]:
-    """Compare one subsystem's V_L with V̇_L <= -κ V_L + χ and with the ultimate bound χ/κ.
-
-    Args:
-        subsystem: The subsystem; None if no step counts.
-        time_s: Shape (n,).
-        error: |Ṽ'| or the norm of e', (n,).
-        unit: Of the error, for the names of results.
-
-    Returns:
-        `kappa_1_s`, `chi`, `chi_parts`, `ultimate_bound` = χ/κ at the end; of V_L, wherever it
-        exists, `initial`, `largest`, `sup_last_3s`, and `ultimate_bound_held`;
-        `error_bound_*` = sqrt(2χ/κ) and `error_sup_last_3s_*` of |Ṽ'| or ‖e'‖;
-        `finite_difference` and `chain_rule`, both with `steps`, `satisfied` (share of them),
-        `largest_excess` (of V̇_L over its bound, per s; negative: the smallest margin), `at_s`,
-        `largest_use` (of (V̇_L + κ V_L)/χ; above 1 contradicts); `beyond_threshold`, the same by
-        finite differences at the steps that are excluded because the command has left the
-        trigger's threshold, as it does at a stop; `contradicted` by finite differences;
-        `excluded`: numbers of steps and why; `constants`. V_L, χ and what is made of them have
-        V_L's unit, in which the paper adds unlike quantities. Only `absent`, the reason, if
-        there is nothing to compare.
-    """
-    if subsystem is None:
-        return {"absent": _NO_STEP}
-    s, dt = subsystem, float(time_s[1] - time_s[0])
-    finite = np.isfinite(s.V_L) & np.isfinite(s.V_L_dot)
-    counted = s.counted & finite
-    if not counted.any():
-        return {"absent": _NO_STEP}
-    stands = s.covered & finite  # V_L exists, whether the inequality is asked for or not
-    last = np.flatnonzero(counted)[-1]
-    kappa, chi = float(s.kappa[last]), float(s.chi[last])
-    ultimate = chi / kappa if kappa > 0.0 else None
-    at_end = stands & (time_s > time_s[-1] - _END_S)
-    sup = _largest(s.V_L[at_end])
-    between = finite[:-1] & finite[1:]
-    slope = np.diff(s.V_L) / dt
-    finite_difference = _compare(s, between & counted[:-1] & ~s.jumps, slope, time_s)
-    if finite_difference["steps"] == 0:
-        return {"absent": _NO_STEP}
-    beyond = between & (s.covered & ~s.counted)[:-1] & ~s.jumps
-    return {
-        "kappa_1_s": kappa,
-        "chi": chi,
-        "chi_parts": s.chi_parts,
-        "ultimate_bound": ultimate,
-        "initial": float(s.V_L[np.flatnonzero(stands)[0]]),
-        "largest": float(s.V_L[stands].max()),
-        "sup_last_3s": sup,
-        "ultimate_bound_held": None if sup is None or ultimate is None else sup <= ultimate,
-        f"error_bound_{unit}": _error_bound(ultimate, unit),
-        f"error_sup_last_3s_{unit}": _largest(error[at_end]),
-        "finite_difference": finite_difference,
-        "chain_rule": _compare(s, counted, s.V_L_dot, time_s),
-        "beyond_threshold": _compare(s, beyond, slope, time_s),
-        "contradicted": finite_difference["satisfied"] < 1.0,
-        "excluded": {
-            "no_effectiveness": int(np.count_nonzero(~s.covered)),
-            "command_beyond_threshold": int(np.count_nonzero(s.covered & ~s.counted)),
-            "jump_of_V_L": int(np.count_nonzero(s.jumps & between & counted[:-1])),
-            "not_finite": int(np.count_nonzero(s.counted & ~finite)),
-        },
-        "constants": s.constants,
-    }
-
-
-def _compare(s: Subsystem, where: np.ndarray, rate: np.ndarray, time_s: np.ndarray) -> Any:
-    """Compare V̇_L with its bound at the steps of a mask; mask and rate may lack the last one."""
-    at = np.flatnonzero(where)
-    if not len(at):
-        keys = ("satisfied", "largest_excess", "at_s", "largest_use")
-        return {"steps": 0, **dict.fromkeys(keys)}
-    decay, chi = s.kappa[at] * s.V_L[at], s.chi[at]
-    excess = rate[at] + decay - chi
-    worst = int(excess.argmax())
-    return {
-        "steps": len(at),
-        "satisfied": float((excess <= 0.0).mean()),
-        "largest_excess": float(excess[worst]),
-        "at_s": float(time_s[at[worst]]),
-        "largest_use": float(((rate[at] + decay) / chi).max()),
-    }
-
-
-def _error_bound(ultimate: float | None, unit: str) -> float | None:
-    """What V_L <= χ/κ says of the error alone: half its square is one of V_L's summands."""
-    if ultimate is None:
-        return None
-    bound = math.sqrt(2.0 * ultimate)
-    return math.degrees(bound) if unit == "deg" else bound
-
-
-def _largest(values: np.ndarray) -> float | None:
-    return float(values.max()) if len(values) else None

@@ -16,10 +16,11 @@ from gcs.scenario import Scenario
 from gcs.summary import CHANNELS
 from mavlink_defs.faults import ACTUATORS
 
-__all__ = ["dwell_times", "in_force"]
+__all__ = ["WIRE_ROUNDING", "dwell_times", "in_force"]
 
 _SURFACES = CHANNELS[1:]
-_ROUNDING = 2.0**-24  # largest error of the held value, a float32 share of the limit
+WIRE_ROUNDING = 2.0**-24
+"""Largest error of a held command, which is a float32 share of its limit, by that limit."""
 
 
 def in_force(schedule: Schedule[Any], time_s: np.ndarray) -> np.ndarray:
@@ -102,7 +103,7 @@ def _against_bound(
         result["bound_below_period"] = smallest / pace < period_s
     if len(at) > 1:
         moved = np.diff(at) * pace * period_s  # the most that the command can have moved
-        below = moved < (threshold[at[1:]] - _ROUNDING * limit) * (1.0 - 1e-9)
+        below = moved < (threshold[at[1:]] - WIRE_ROUNDING * limit) * (1.0 - 1e-9)
         result["intervals_below_bound"] = int(np.count_nonzero(below))
         result["held"] = not below.any()
     return result

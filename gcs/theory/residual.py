@@ -17,6 +17,7 @@ def residual_sets(recording: Recording, i: int, scenario: Scenario) -> list[dict
     """Largest |error| of UAV index i over the last 3 s of each segment that was flown.
 
     A segment that the flight's end cuts off counts to there; of one shorter than 3 s all counts.
+    Steps that are missing in the record (NaN) do not.
 
     Returns:
         Per segment `start_s`, `end_s` (as flown), `from_s` (begin of the window), `tracking`
@@ -45,9 +46,10 @@ def residual_sets(recording: Recording, i: int, scenario: Scenario) -> list[dict
 
 
 def _largest(errors: np.ndarray) -> dict[str, float | None]:
-    largest = np.abs(errors).max(axis=0)
+    known = np.abs(errors[np.isfinite(errors).all(axis=1)])
+    largest = known.max(axis=0, initial=0.0)
     shown = [largest[0], *np.degrees(largest[1:])]
     return {
-        name: float(value) if np.isfinite(value) else None
+        name: float(value) if len(known) else None
         for name, value in zip(_ERRORS, shown, strict=True)
     }

@@ -4,10 +4,10 @@ import numpy as np
 
 from mavlink_defs.jit import compiled
 from sitl_plant.disturbance import disturbances
-from sitl_plant.rigid_body import R2_inv, load_state, state_derivative
-from sitl_plant.vec3 import mul, vec3
+from sitl_plant.rigid_body import load_state, state_derivative
+from sitl_plant.vec3 import vec3
 
-__all__ = ["euler_rates", "slopes"]
+__all__ = ["slopes"]
 
 
 @compiled
@@ -35,15 +35,4 @@ def slopes(
         for j in range(3):
             out[k, j] = slope[1][j]
             out[k, 3 + j] = slope[3][j]
-    return out
-
-
-@compiled
-def euler_rates(attitude: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """R2⁻¹ ω [rad/s] of each row; attitude [rad] and ω [rad/s] of shape (steps, 3)."""
-    out = np.empty((len(attitude), 3))
-    for k in range(len(attitude)):
-        rates = mul(R2_inv(vec3(attitude[k])), vec3(omega[k]))
-        for j in range(3):
-            out[k, j] = rates[j]
     return out

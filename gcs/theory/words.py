@@ -1,7 +1,9 @@
 """The result of a check in plain sentences."""
 
 from collections.abc import Iterator
-from typing import Any
+
+from gcs.theory.check import Theory
+from gcs.theory.judgement import Hypotheses, Judgement, Rate, Verdict
 
 __all__ = ["ASSUMPTIONS", "NOT_CHECKED", "theory_words"]
 
@@ -17,7 +19,9 @@ ASSUMPTIONS = (
     "The laws differ from the proofs in this: ω̇_d comes from a first-order filter, neighbours' "
     "data are one period old, commands are held over a period and stop at limits, estimates "
     "and filters advance by explicit Euler. Finite differences of V_L contain all of it; the "
-    "chain rule takes r_v and ω̇_d as the laws have them, as the proofs do.",
+    "equalities and the chain rule take r_v, ω̇_d and the neighbours' reports as the laws have "
+    "them, as the proofs do.",
+    "A flight that begins with a command at a stop counts from where it leaves it.",
 )
 """What was taken where the paper leaves open or the flight differs from it."""
 
@@ -29,37 +33,43 @@ NOT_CHECKED = (
     "when K1 switches, δ̂ also when K2 does. With jumps there is no finite µ in continuous time, "
     "so the proofs as printed do not exclude Zeno behaviour.",
     "Dwell times in continuous time: nothing between two control steps is evaluated.",
-    "Actuators without any effectiveness (ρ = 0): β = 1/ρ of the proofs does not exist, although "
-    "the paper counts stuck faults among the cases. Such steps are left out.",
-    "Commands beyond the trigger's threshold, |p| > 1, as at a stop: (26) fails there, and the "
-    "proofs know no stops. Such steps are left out and counted.",
-    "Assumption 1, which (69) does not use; and limits for t → ∞: a flight is finite.",
+    "Steps outside the hypotheses: actuators without any effectiveness (ρ = 0), for which β = 1/ρ "
+    "does not exist although the paper counts stuck faults among the cases, and commands beyond "
+    "the trigger's threshold, |p| > 1, as at a stop, where (26) fails. Equalities hold there as "
+    "well and are compared; inequalities are not.",
+    "Limits for t → ∞: a flight is finite.",
 )
 """What such a check cannot tell."""
 
-_NAMES = {"speed": ("(53)", "|Ṽ'|", "m_s", "m/s"), "attitude": ("(69)", "‖e'‖", "deg", "deg")}
+_NAMES = {"speed": ("(53)", "|Ṽ'|"), "attitude": ("(69)", "‖e'‖")}
 
 
-def theory_words(result: dict[str, Any]) -> list[str]:
-    """Say what a result of `check_theory` says: findings, assumptions, what was not checked."""
-    words = [*_dwell(result), *_residual(result)]
-    if not result["uavs"]:
+def theory_words(theory: Theory) -> list[str]:
+    """Say what `check_theory` found, what it assumed, and what it did not check."""
+    words = [*_missing(theory), *_dwell(theory), *_residual(theory)]
+    if not theory.uavs:
         return words
-    absent = result["uavs"][0]["lyapunov_absent"]
-    if absent is not None:
-        return [*words, f"Lyapunov inequalities (53), (69): not checked; {absent}."]
+    if theory.proofs_absent is not None:
+        return [*words, f"Proofs of (53), (69): not checked; {theory.proofs_absent}."]
     for subsystem in _NAMES:
-        words += _lyapunov(result, subsystem)
+        words += _proof(theory, subsystem)
     words += [f"Assumption: {text}" for text in ASSUMPTIONS]
     return [*words, *(f"Not checked: {text}" for text in NOT_CHECKED)]
 
 
-def _dwell(result: dict[str, Any]) -> Iterator[str]:
-    period = result["period_s"]
-    if result["trigger_mode"] == "periodic":
+def _missing(theory: Theory) -> Iterator[str]:
+    missing = {uav.id: uav.missing_steps for uav in theory.uavs if uav.missing_steps}
+    if missing:
+        listed = ", ".join(f"{steps} of UAV {i}" for i, steps in missing.items())
+        yield f"Steps that are missing in the record, and left out of everything: {listed}."
+
+
+def _dwell(theory: Theory) -> Iterator[str]:
+    period = theory.period_s
+    if theory.trigger_mode == "periodic":
         yield f"No trigger: every channel is sent every {_time(period)}; no dwell time to bound."
         return
-    channels = [channel for uav in result["uavs"] for channel in uav["dwell"].values()]
+    channels = [channel for uav in theory.uavs for channel in uav.dwell.values()]
     checked = [c for c in channels if c["held"] is not None and c["bound_s"] is not None]
     if not checked:
         yield "No channel had two events: no interval to compare with a bound."
@@ -84,9 +94,9 @@ def _dwell(result: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _residual(result: dict[str, Any]) -> Iterator[str]:
-    for number in range(max((len(uav["residual"]) for uav in result["uavs"]), default=0)):
-        parts = [uav["residual"][number] for uav in result["uavs"]]
+def _residual(theory: Theory) -> Iterator[str]:
+    for number in range(max((len(uav.residual) for uav in theory.uavs), default=0)):
+        parts = [uav.residual[number] for uav in theory.uavs]
         tracking, synchronisation = (
             ", ".join(
                 f"{name} {_largest([part[kind][f'{name}_{unit}'] for part in parts])}"
@@ -105,61 +115,115 @@ def _residual(result: dict[str, Any]) -> Iterator[str]:
 _QUANTITIES = {"airspeed": "m_s", "roll": "deg", "pitch": "deg", "yaw": "deg"}
 
 
-def _lyapunov(result: dict[str, Any], subsystem: str) -> Iterator[str]:
-    equation, symbol, unit, shown = _NAMES[subsystem]
-    found = {uav["id"]: uav["lyapunov"][subsystem] for uav in result["uavs"]}
-    parts = {i: part for i, part in found.items() if "absent" not in part}
-    for i in found.keys() - parts.keys():
-        yield f"{equation} was not checked for UAV {i}: {found[i]['absent']}."
-    if not parts:
+def _proof(theory: Theory, subsystem: str) -> Iterator[str]:
+    equation, _ = _NAMES[subsystem]
+    judged = {uav.id: uav.proofs[subsystem] for uav in theory.uavs}
+    verdicts = "; ".join(
+        f"{verdict} for UAV {', '.join(str(i) for i in ids)}"
+        for verdict in Verdict
+        if (ids := [i for i, part in judged.items() if part.verdict is verdict])
+    )
+    yield f"{equation}, V̇_L ≤ -κ V_L + χ of the {subsystem} subsystem: {verdicts}."
+    yield from _equalities(subsystem, judged)
+    for i, part in judged.items():
+        if not part.hypotheses.met:
+            yield f"UAV {i} left the hypotheses of {equation}: {_left(part.hypotheses)}."
+        if part.contradicted:
+            yield f"UAV {i} contradicts, within the hypotheses: {', '.join(part.contradicted)}."
+    yield from _certificates(theory, subsystem, judged)
+
+
+def _equalities(subsystem: str, judged: dict[int, Judgement]) -> Iterator[str]:
+    compared = [(i, e) for i, part in judged.items() for e in part.equalities if e.steps]
+    violated = [(i, e) for i, e in compared if e.violated]
+    listed = "; ".join(
+        f"UAV {i}: {e.equation} {e.quantity} in {e.violated} of {e.steps} steps, "
+        f"most at {e.at_s:g} s"
+        for i, e in violated
+    )
+    names = {(e.equation, e.quantity) for _, e in compared}
+    largest = max((e.largest for _, e in compared if e.largest is not None), default=0.0)
+    yield (
+        f"Equalities of the {subsystem} subsystem, of the laws and of the proof, {len(names)} per "
+        "UAV: "
+        + (f"VIOLATED. {listed}." if violated else "all hold to rounding.")
+        + f" Largest deviation: {largest:.2g} of the summands."
+    )
+    skipped = sorted(
+        {e.equation for part in judged.values() for e in part.equalities if not e.steps}
+    )
+    if skipped:
+        yield (
+            f"Not compared: {', '.join(skipped)} with neighbours' reports or applied commands; "
+            "in real time their age is not recorded."
+        )
+
+
+def _left(hypotheses: Hypotheses) -> str:
+    steps = hypotheses.steps
+    reasons = []
+    if hypotheses.from_s is None:
+        reasons.append("no step met them")
+    if hypotheses.at_stop:
+        reasons.append(f"a command beyond its stop in {hypotheses.at_stop / steps:.2%} of steps")
+    for actuator, count in hypotheses.no_effectiveness.items():
+        reasons.append(f"Assumption 2, {actuator} at ρ = 0 in {count / steps:.2%} of steps")
+    if hypotheses.beyond_bound:
+        reasons.append(f"V_L above χ/κ in {hypotheses.beyond_bound / steps:.2%} of steps")
+    if hypotheses.assumption_1 is not None and hypotheses.assumption_1 >= 1.0:
+        reasons.append(f"Assumption 1, its norm is {hypotheses.assumption_1:.3g} and not below 1")
+    return ", ".join(reasons)
+
+
+def _certificates(theory: Theory, subsystem: str, judged: dict[int, Judgement]) -> Iterator[str]:
+    equation, symbol = _NAMES[subsystem]
+    found = {i: part.certificate for i, part in judged.items() if part.certificate is not None}
+    if not found:
         return
-    differences, rules = (
-        [part[kind] for part in parts.values()] for kind in ("finite_difference", "chain_rule")
-    )
-    bad = [str(i) for i, part in parts.items() if part["contradicted"]]
+    differences = [part.finite_difference for part in found.values()]
+    rules = [part.chain_rule for part in found.values()]
+    if any(rate.steps for rate in differences):
+        yield (
+            f"Within the hypotheses {equation} held by finite differences in "
+            f"{_percent(differences)} of {sum(d.steps for d in differences)} steps "
+            f"({sum(part.jumps for part in found.values())} jumps of V_L itself left out: ρ or K1 "
+            f"switches, yaw wraps), by the chain rule in {_percent(rules)}. Largest "
+            f"(V̇_L + κ V_L)/χ: {_use(differences):.2g} and {_use(rules):.2g} (1 is the bound)."
+        )
+    names = next(iter(found.values())).slack
+    given = {
+        name: sum(part.slack[name].mean for part in found.values()) / len(found) for name in names
+    }
+    used = sum(part.used for part in found.values()) / len(found)
     yield (
-        f"{equation}, V̇_L ≤ -κ V_L + χ of the {subsystem} subsystem: "
-        + (f"CONTRADICTED by UAV {', '.join(bad)}" if bad else "not contradicted")
-        + f"; by finite differences it held in {_percent(differences)} of "
-        f"{sum(d['steps'] for d in differences)} steps, by the chain rule in {_percent(rules)}. "
-        f"Largest (V̇_L + κ V_L)/χ: {max(d['largest_use'] for d in differences):.2g} and "
-        f"{max(r['largest_use'] for r in rules):.2g} (1 is the bound)."
+        f"Of χ each inequality gives away, mean over steps and UAVs: "
+        f"{', '.join(f'{name} {share:.2%}' for name, share in given.items())}; "
+        f"V̇_L + κ V_L is the remaining {used:.2%}."
     )
-    excluded = [part["excluded"] for part in parts.values()]
-    counts = {key: sum(e[key] for e in excluded) for key in excluded[0]}
-    yield (
-        f"Left out of {equation}: {counts['jump_of_V_L']} jumps of V_L itself (ρ or K1 switches, "
-        f"yaw wraps), {counts['command_beyond_threshold']} steps with the command beyond the "
-        f"threshold, {counts['no_effectiveness']} with an actuator at ρ = 0, "
-        f"{counts['not_finite']} not finite."
-    )
-    bounded = {i: p for i, p in parts.items() if p["ultimate_bound_held"] is not None}
-    if not bounded:
+    bounded = {i: p for i, p in found.items() if p.ultimate_bound is not None}
+    ended = [p.sup_last_3s for p in bounded.values() if p.sup_last_3s is not None]
+    errors = [p.error_sup_last_3s for p in bounded.values() if p.error_sup_last_3s is not None]
+    if not ended or not errors:
         yield f"No ultimate bound of {equation} to compare: κ is 0, or at the end there is no V_L."
         return
-    over = [str(i) for i, part in bounded.items() if not part["ultimate_bound_held"]]
-    loosest = max(bounded.values(), key=lambda part: part["ultimate_bound"])
-    kappa = loosest["kappa_1_s"]
-    part = max(loosest["chi_parts"], key=lambda name: loosest["chi_parts"][name])
+    loosest = max(bounded.values(), key=lambda part: part.ultimate_bound or 0.0)
+    summand = max(loosest.chi_parts, key=lambda name: loosest.chi_parts[name])
     yield (
-        f"Ultimate bound χ/κ of the {subsystem} subsystem {loosest['ultimate_bound']:.4g}, largest "
-        f"V_L of the last 3 s {max(p['sup_last_3s'] for p in bounded.values()):.4g}"
-        + (
-            f": exceeded by UAV {', '.join(over)}, counting steps outside the hypotheses."
-            if over
-            else ": respected."
-        )
-        + f" It promises {symbol} ≤ {loosest[f'error_bound_{unit}']:.3g} {shown}; flown: "
-        f"{max(p[f'error_sup_last_3s_{unit}'] for p in bounded.values()):.3g} {shown}. The time "
-        f"constant 1/κ is {1.0 / kappa:.3g} s, the flight {result['duration_s']:g} s. Of χ = "
-        f"{loosest['chi']:.4g} the summand with {part} makes {loosest['chi_parts'][part]:.4g}."
+        f"Ultimate bound χ/κ of the {subsystem} subsystem {loosest.ultimate_bound:.4g}, largest "
+        f"V_L of the last 3 s {max(ended):.4g}. It promises {symbol} ≤ {loosest.error_bound:.3g} "
+        f"{loosest.error_unit}; flown: {max(errors):.3g} {loosest.error_unit}. The time constant "
+        f"1/κ is {1.0 / loosest.kappa_1_s:.3g} s, the flight {theory.duration_s:g} s. Of χ = "
+        f"{loosest.chi:.4g} the summand with {summand} makes {loosest.chi_parts[summand]:.4g}."
     )
 
 
-def _percent(parts: list[dict[str, Any]]) -> str:
-    steps = sum(part["steps"] for part in parts)
-    held = sum(part["satisfied"] * part["steps"] for part in parts)
-    return f"{100.0 * held / steps:.4g} %"
+def _percent(rates: list[Rate]) -> str:
+    held = sum((rate.satisfied or 0.0) * rate.steps for rate in rates)
+    return f"{100.0 * held / sum(rate.steps for rate in rates):.4g} %"
+
+
+def _use(rates: list[Rate]) -> float:
+    return max(rate.largest_use for rate in rates if rate.largest_use is not None)
 
 
 def _largest(values: list[float | None]) -> str:

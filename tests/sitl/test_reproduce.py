@@ -66,7 +66,8 @@ def test_the_report_shows_what_was_flown(out: Path) -> None:
     row = next(line for line in report.splitlines() if line.startswith("| proposed | 2146"))
     assert f"2575 / {follower['channels']['rudder']['events']} /" in row
     assert "**Lost flights: Paper, scenario 3, fault mode 4: UAV 3 was lost" in report
-    for words in ("Where ours differs", "Smallest interval", "Residual sets", "(53), (69)"):
+    for words in ("Where ours differs", "Smallest interval", "Residual sets", "(53), (69)",
+                  "What each inequality gives away"):  # fmt: skip
         assert words in report
 
 
@@ -88,8 +89,11 @@ def test_laws_and_triggers_are_those_of_the_files(out: Path) -> None:
 def test_theory_stands_in_a_file(out: Path) -> None:
     theory = json.loads((out / "data" / "theory.json").read_text())
     assert set(theory) == set(FILES)
-    assert theory["scenario1"]["uavs"][2]["lyapunov"]["speed"]["contradicted"] is False
-    assert theory["scenario2_pid"]["uavs"][2]["lyapunov"] is None
+    speed = theory["scenario1"]["uavs"][2]["proofs"]["speed"]
+    assert speed["verdict"] == "held"
+    assert speed["certificate"]["slack"]["(51)"]["mean"] > 0.0
+    assert theory["scenario3_mode4"]["uavs"][2]["proofs"]["speed"]["verdict"] != "held"
+    assert theory["scenario2_pid"]["uavs"][2]["proofs"] == {}
 
 
 def test_over_the_wire_it_is_the_same(out: Path, short: Path, tmp_path: Path) -> None:
