@@ -177,7 +177,7 @@ def judge(
             equation for equation, slack in certificate.slack.items() if slack.smallest < -ROUNDING
         ]
         if (certificate.finite_difference.satisfied or 1.0) < 1.0:
-            contradicted.append("V̇_L ≤ -κ V_L + χ")
+            contradicted.append("V̇_L ≤ -κ V_L + χ by finite differences")
     hypotheses = _hypotheses(known, channels, subsystem)
     if any(equality.violated for equality in equalities):
         verdict = Verdict.VIOLATED
