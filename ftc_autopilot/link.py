@@ -1,8 +1,8 @@
 """The autopilot's hot path: the compiled loop from a received state to the datagrams it causes.
 
 For each running state: take the neighbours' words of the step before, make the control step,
-tell the neighbours, send an actuator message if a trigger fired (or if the plant shows that
-one was lost), and in lockstep report the step done. `run` comes back to Python between steps:
+send an actuator message if a trigger fired (or if the plant shows that one was lost), tell the
+neighbours, and in lockstep report the step done. `run` comes back to Python between steps:
 for a datagram that is not hot, when it is time to look around, or when the simulation is over.
 """
 
