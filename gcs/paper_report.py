@@ -188,7 +188,7 @@ def _on_tracking(results: Results) -> Iterator[str]:
     yield (
         f"Taking the trigger away (compared controller 1) changes no IAE of ours by more than "
         f"{cost:.2%}; the paper's two differ by up to {theirs:.0%}, in both directions. With ours "
-        "the trigger's cost in tracking is too small to be seen."
+        "the trigger's cost in tracking is too small to be seen under this law."
     )
 
 
@@ -225,10 +225,8 @@ def _on_counts(results: Results) -> Iterator[str]:
     yield (
         f"Transmissions, ours by the paper's: {listed}. Both save much "
         f"({results.saving('scenario2_proposed'):.1%} against {SAVING:.1%}), but not in the same "
-        "channels. A trigger samples a chattering command, so that counts depend on the unprinted "
-        "parameters far more than tracking does: on β̂_ω and h_ω for the surfaces, on λ1, λ2, h_v, "
-        "γ_v and the reference filter for the thrust, which in our flights is smooth between the "
-        "steps of the reference."
+        "channels. What sets the number of events is the bandwidth of each loop, not the threshold "
+        "and not the disturbances: `docs/results.md` has the sweeps that show it."
     )
     joint = results.events("scenario2_joint")
     yield (

@@ -59,14 +59,18 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 def run(
-    program: str, *arguments: str | Path, env: dict[str, str] | None = None, cwd: Path | None = None
+    program: str,
+    *arguments: str | Path,
+    env: dict[str, str] | None = None,
+    cwd: Path | None = None,
+    timeout_s: float = TIMEOUT_S,
 ) -> subprocess.CompletedProcess[str]:
     """Run one of the console scripts to its end."""
     return subprocess.run(
         [BIN / program, *arguments],
         capture_output=True,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=timeout_s,
         env=env or environment(),
         cwd=cwd,
         check=False,

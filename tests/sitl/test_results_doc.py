@@ -1,22 +1,43 @@
-"""The tables of docs/results.md are what the commands above them give."""
+"""The tables of README.md, docs/results.md and docs/controllers.md are what the commands give."""
 
+import io
 import re
 import shlex
 from pathlib import Path
+from typing import TypeAlias
 
 import pytest
-from flying import run
+from flying import SCENARIO_1, run, summary_of
+from rich.console import Console
+
+from gcs.report import flight_tables
+from gcs.scenario import load_scenario
 
 pytestmark = pytest.mark.sitl
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs" / "results.md").read_text()
-SWEEPS = re.findall(r"^    (gcs sweep .*)\n\n((?:\|.*\n)+)", TEXT, re.MULTILINE)
-NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+README = (ROOT / "README.md").read_text()
+RESULTS = (ROOT / "docs" / "results.md").read_text()
+CONTROLLERS = (ROOT / "docs" / "controllers.md").read_text()
+SWEEPS = re.findall(
+    r"^    (gcs sweep .*)\n\n((?:\|.*\n)+)", RESULTS + CONTROLLERS, re.MULTILINE
+)  # fmt: skip
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
+
+Rows: TypeAlias = list[list[str]]
 
 
-def cells(table: str) -> list[list[str]]:
+def cells(table: str) -> Rows:
     return [[cell.strip() for cell in line.strip("|\n").split(" |")] for line in table.splitlines()]
+
+
+def tables_of(text: str) -> dict[tuple[str, ...], Rows]:
+    """Rows of all Markdown tables, by their headings."""
+    found = {}
+    for table in re.findall(r"^(?:\|.*\n)+", text, re.MULTILINE):
+        head, _, *rows = cells(table)
+        found[tuple(head)] = rows
+    return found
 
 
 def assert_alike(ours: list[str], shown: list[str], head: list[str]) -> None:
@@ -36,8 +57,21 @@ def assert_alike(ours: list[str], shown: list[str], head: list[str]) -> None:
             assert value == expected, (key, shown)
 
 
+def assert_cells_alike(ours: list[str], shown: list[str], rel: float) -> None:
+    """Equal words; numbers within what another machine's arithmetic may change."""
+    for value, expected in zip(ours, shown, strict=True):
+        assert NUMBER.sub("#", value) == NUMBER.sub("#", expected), (ours, shown)
+        wanted = [pytest.approx(float(n), rel=rel, abs=0.03) for n in NUMBER.findall(expected)]
+        assert [float(n) for n in NUMBER.findall(value)] == wanted, (ours, shown)
+
+
+def section(text: str, heading: str) -> str:
+    """What stands below a heading, to the next one of any level."""
+    return text.partition(f"{heading}\n")[2].partition("\n#")[0]
+
+
 def test_there_are_tables() -> None:
-    assert len(SWEEPS) == 5
+    assert len(SWEEPS) == 14
 
 
 @pytest.mark.parametrize(("command", "shown"), SWEEPS, ids=lambda text: text[-12:])
@@ -54,3 +88,42 @@ def test_a_table_is_what_its_command_gives(command: str, shown: str, tmp_path: P
     assert len(rows) == len(shown_rows)
     for ours, expected in zip(rows, shown_rows, strict=True):
         assert_alike(ours, expected, head)
+
+
+def test_the_papers_tables_are_those_of_gcs_reproduce(tmp_path: Path) -> None:
+    """One run for all of them: three tables and the list in results.md, three in the README."""
+    arguments = ("--out", tmp_path / "out", "--quiet")
+    done = run("gcs", "reproduce", *arguments, cwd=ROOT, timeout_s=600.0)
+    assert done.returncode == 0, done.stderr
+    report = (tmp_path / "out" / "report.md").read_text()
+    core = section(RESULTS, "## The paper's tables")
+    shown, ours = tables_of(core), tables_of(report)
+    assert len(shown) == 3
+    for head, rows in shown.items():
+        for row, expected in zip(ours[head], rows, strict=True):
+            assert_cells_alike(row, expected, rel=0.02 if "IAE" in head[0] else 0.1)
+    told = re.findall(r"^- .*", section(report, "## Where ours differs, and why"), re.MULTILINE)
+    listed = re.findall(r"^- .*", core, re.MULTILINE)
+    assert [NUMBER.sub("#", line) for line in listed] == [NUMBER.sub("#", line) for line in told]
+
+    tracking, transmissions = list(ours.values())[:2]
+    saved = {row[0]: row[-1] for row in transmissions}
+    (rows,) = (rows for head, rows in tables_of(README).items() if head[0] == next(iter(shown))[0])
+    expected = [[*row, saved[row[0]]] for row in tracking if row[0] in {r[0] for r in rows}]
+    for row, wanted in zip(expected, rows, strict=True):
+        assert_cells_alike(row, wanted, rel=0.02)
+    summary = summary_of(tmp_path / "out" / "data" / "scenario1")
+    printed = io.StringIO()
+    console = Console(file=printed, width=80)
+    for table in flight_tables(summary, load_scenario(SCENARIO_1)):
+        console.print(table)
+    flown, copied = printed_rows(printed.getvalue()), printed_rows(README)
+    assert len(flown) == 15 + 9  # transmissions and tracking of three UAVs
+    for row, wanted in zip(flown, copied, strict=True):
+        assert_cells_alike(row, wanted, rel=0.02 if "IAE" in row[1] else 0.1)
+
+
+def printed_rows(text: str) -> Rows:
+    """Cells of the tables that `gcs fly` prints."""
+    lines = [line.strip().strip("│") for line in text.splitlines() if line.count("│") > 3]
+    return [[cell.strip() for cell in line.split("│")] for line in lines]

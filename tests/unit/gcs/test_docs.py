@@ -1,15 +1,18 @@
 """The documentation names what the code has, and its example flies."""
 
+import inspect
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import pytest
 from pydantic import BaseModel, RootModel
 
+import ftc_autopilot.link
 from gcs.closed_loop import fly_in_process
+from gcs.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
 from gcs.recording import Recording
 from gcs.run_folder import save_flight
 from gcs.scenario import Scenario, load_scenario
@@ -19,6 +22,7 @@ from sitl_plant.actuators import MAX_FAULTS
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
 SCENARIO_MD = (DOCS / "scenario.md").read_text()
 WIRE_MD = (DOCS / "wire.md").read_text()
 
@@ -46,13 +50,30 @@ def dialect_names() -> list[str]:
     return messages + commands
 
 
-def dialect_fields() -> list[tuple[str, str]]:
+class Field(NamedTuple):
+    """A field of a private message, as the dialect has it."""
+
+    message: str
+    name: str
+    length: int | None  # of an array
+    unit: str  # as the documentation writes it; empty if the dialect names none
+
+
+def dialect_fields() -> list[Field]:
     tree = ET.parse(ROOT / "mavlink_defs" / "ftc.xml")
-    return [
-        (message.attrib["name"], field.attrib["name"])
-        for message in tree.iter("message")
-        for field in message.iter("field")
-    ]
+    written = {"us": "µs", "m/s/s": "m/s²"}
+    found = []
+    for message in tree.iter("message"):
+        for field in message.iter("field"):
+            length = re.search(r"\[(\d+)\]", field.attrib["type"])
+            unit = field.attrib.get("units", "")
+            found.append(
+                Field(
+                    message.attrib["name"], field.attrib["name"],
+                    int(length[1]) if length else None, written.get(unit, unit),
+                )
+            )  # fmt: skip
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -106,17 +127,61 @@ def test_dialect_name_is_documented(name: str) -> None:
     assert re.search(rf"\b{name}\b", WIRE_MD)
 
 
-@pytest.mark.parametrize(("message", "field"), dialect_fields())
-def test_message_field_is_documented(message: str, field: str) -> None:
-    row = next(line for line in WIRE_MD.splitlines() if re.match(rf"\| \d+ {message} \|", line))
-    assert re.search(rf"\b{field}\b", row)
+@pytest.mark.parametrize("field", dialect_fields(), ids=lambda f: f"{f.message}.{f.name}")
+def test_message_field_is_documented(field: Field) -> None:
+    """Name, array length and unit, which may stand behind several fields: "start, end [s]"."""
+    row = next(re.finditer(rf"^\| \d+ {field.message} \|.*$", WIRE_MD, re.MULTILINE))[0]
+    items = row.split("|")[2].split(";")
+    item = next(item for item in items if re.search(rf"\b{field.name}\b", item))
+    lengths = re.findall(rf"\b{field.name}\[(\d+)\]", item)
+    assert lengths == ([str(field.length)] if field.length else [])
+    units = re.findall(r"(?<=[^\w])\[([^],]+)", item)
+    assert not field.unit or field.unit in units
 
 
-@pytest.mark.parametrize("document", sorted(path.stem for path in DOCS.glob("*.md")))
-def test_links_lead_somewhere(document: str) -> None:
-    text = (DOCS / f"{document}.md").read_text()
-    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
-        assert (DOCS / target).exists(), target
+def anchors_of(path: Path) -> set[str]:
+    """Anchors that GitHub gives to the headings of a page."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
+    headings = re.findall(r"^#+ +(.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target, anchor in re.findall(r"\]\(([^)#\s]*)#?([^)\s]*)\)", page.read_text()):
+        if "://" in target:
+            continue
+        path = page.parent / target if target else page
+        assert path.exists(), target
+        assert not anchor or anchor in anchors_of(path), f"{target}#{anchor}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
+def test_what_is_missing_is_told_in_one_place(page: Path) -> None:
+    assert "not yet" not in page.read_text()
+
+
+@pytest.mark.parametrize("page", [DOCS / "scenario.md", DOCS / "station.md"])
+def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
+    table = page.read_text().partition("## Exit status\n")[2].partition("\n#")[0]
+    meaning = dict(re.findall(r"^\| (\d+) \| (.*) \|$", table, re.MULTILINE))
+    errors = (FlightLost, BadInput, CommandRefused, NoAnswer, Interrupted)
+    assert {str(error.exit_status) for error in errors} <= meaning.keys()
+    for error, word in ((CommandRefused, "refused"), (NoAnswer, "not answer")):
+        assert [n for n, words in meaning.items() if word in words] == [str(error.exit_status)]
+
+
+def test_the_order_of_a_step_is_that_of_the_code() -> None:
+    source = inspect.getsource(ftc_autopilot.link._work)
+    step = (
+        source.partition("_collect_reports(")[2].partition("elif")[0] + source.rpartition("elif")[2]
+    )
+    calls = ("_send_actuators(", "_tell_neighbours(", "ID_STEP_DONE")
+    assert [step.index(call) for call in calls] == sorted(step.index(call) for call in calls)
+    documented = (DOCS / "method.md").read_text().partition("## Order of operations")[2]
+    words = ("actuator message", "to the neighbours", "step done")
+    places = [documented.index(word) for word in words]
+    assert places == sorted(places)
 
 
 def test_functions_named_in_the_equation_table_exist() -> None:
