@@ -379,10 +379,12 @@ def _collect_reports(
         _take_reports(formation_fd, link, crew, newest)
     if lockstep and _some_missing(link, newest):
         end_s = monotonic_s() + _NEIGHBOUR_WAIT_S
-        while _some_missing(link, newest) and monotonic_s() < end_s:
+        while _some_missing(link, newest):
             length = receive_from_soon(formation_fd, link.word, link.sender)
             if length >= 0:
                 _take_report(link, crew, length, newest)
+            elif monotonic_s() >= end_s:
+                break
         for d in range(len(link.neighbours)):
             if link.heard_step[d] < newest:
                 link.late[d] += 1

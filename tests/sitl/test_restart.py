@@ -1,16 +1,19 @@
-"""A plant that waits for an autopilot to be restarted holds the command and flies on with it."""
+"""Killed and started again by hand: an autopilot in flight, and the plant itself."""
 
 import asyncio
+import contextlib
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from flying import arrays_of, free_links
 
 from gcs.client import Client
-from gcs.launcher import on_free_ports
+from gcs.closed_loop import fly_in_process
 from gcs.scenario import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.config import dump
@@ -18,13 +21,74 @@ from mavlink_defs.endpoint import Address, Connection
 
 pytestmark = pytest.mark.sitl
 PATIENCE_S = 60.0
+WAITING = "waiting for it to come back"
+STARTS = "simulated time starts"
 
 
-def start(module: str, config: Path, log: Path) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-c", f"from {module} import main; main()", str(config),
-               "--exit-with-parent"]  # fmt: skip
-    with log.open("ab") as output:
-        return subprocess.Popen(command, stdout=output, stderr=output)
+class Processes:
+    """Plant and autopilots of a scenario, each with its own log."""
+
+    def __init__(self, scenario: Scenario, folder: Path) -> None:
+        self.scenario, self._folder = scenario, folder
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start_plant(self, **changes: object) -> None:
+        config = self.scenario.plant_config().model_copy(update=changes)
+        dump(config, self._folder / "plant.yaml")
+        self._start("plant", "sitl_plant.process", record=config.duration_s is not None)
+
+    def start_autopilot(self, uav: int, record_steps: int = 0, **changes: object) -> None:
+        config = self.scenario.autopilot_config(uav).model_copy(update=changes)
+        dump(config, self._folder / f"uav{uav}.yaml")
+        self._start(f"uav{uav}", "ftc_autopilot.process", True, "--record-steps", str(record_steps))
+
+    def log(self, name: str) -> str:
+        return (self._folder / f"{name}.log").read_text()
+
+    def record(self, name: str) -> dict[str, np.ndarray]:
+        return arrays_of(self._folder / f"{name}.npz")
+
+    def kill(self, name: str) -> None:
+        self._running[name].kill()
+        self._running.pop(name).wait()
+
+    def end(self, name: str, ask: bool = False) -> int:
+        """Exit status of a process that ends by itself, or when asked to."""
+        if ask:
+            self._running[name].terminate()
+        return self._running[name].wait(PATIENCE_S)
+
+    def kill_all(self) -> None:
+        for name in list(self._running):
+            self.kill(name)
+
+    def _start(self, name: str, module: str, record: bool, *arguments: str) -> None:
+        command = [sys.executable, "-c", f"from {module} import main; main()",
+                   str(self._folder / f"{name}.yaml"), "--exit-with-parent",
+                   *arguments]  # fmt: skip
+        if record:
+            command += ["--record", str(self._folder / f"{name}.npz")]
+        with (self._folder / f"{name}.log").open("ab") as output:
+            self._running[name] = subprocess.Popen(command, stdout=output, stderr=output)
+
+
+@contextlib.contextmanager
+def processes_of(scenario: Scenario, folder: Path) -> Iterator[Processes]:
+    processes = Processes(scenario, folder)
+    try:
+        yield processes
+    finally:
+        processes.kill_all()
+
+
+def station(scenario: Scenario) -> Client:
+    address = Address(scenario.links.host, scenario.links.gcs_port)
+    return Client(Connection("in", address), private=True)
+
+
+def simulated_ms(client: Client, uav: int) -> int:
+    message = client.vehicle(uav).state.latest.get(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
+    return 0 if message is None else int(message.time_boot_ms)
 
 
 async def until(condition: Callable[[], bool]) -> None:
@@ -34,45 +98,83 @@ async def until(condition: Callable[[], bool]) -> None:
         await asyncio.sleep(0.02)
 
 
-async def fly_with_a_restart(scenario: Scenario, folder: Path) -> None:
-    plant_file, uav_file, log = folder / "plant.yaml", folder / "uav.yaml", folder / "log"
-    config = scenario.plant_config(speed=None)
-    changes = {"wait_for_restart": True, "silence_timeout_s": 0.5, "uavs": config.uavs[:1],
-               "duration_s": None}  # fmt: skip
-    dump(config.model_copy(update=changes), plant_file)
-    dump(scenario.autopilot_config(1).model_copy(update={"neighbours": ()}), uav_file)
-    processes = [start("sitl_plant.process", plant_file, log)]
-    try:
-        address = Address(scenario.links.host, scenario.links.gcs_port)
-        async with Client(Connection("in", address), private=True) as client:
+@pytest.fixture
+def scenario(scenario1: Scenario) -> Scenario:
+    """Scenario 1 on ports of its own, for two seconds and without faults."""
+    links = scenario1.links.model_copy(update=free_links(len(scenario1.uavs)))
+    return scenario1.model_copy(update={"links": links, "duration_s": 2.0, "faults": ()})
 
-            def simulated_ms() -> int:
-                message = client.vehicle(1).state.latest.get(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
-                return 0 if message is None else int(message.time_boot_ms)
 
-            processes.append(start("ftc_autopilot.process", uav_file, log))
+def test_an_autopilot_that_was_started_again_flies_on(scenario: Scenario, tmp_path: Path) -> None:
+    """The plant waits for it, and holds the last command."""
+    alone = scenario.model_copy(update={"uavs": scenario.uavs[:1]})
+
+    async def fly(processes: Processes) -> None:
+        async with station(alone) as client:
+            processes.start_autopilot(1, neighbours=())
             await client.wait_for([1], PATIENCE_S)
-            await client.vehicle(1).command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
-            await until(lambda: simulated_ms() > 1000)
+            await client.vehicle(1).arm()
+            await until(lambda: simulated_ms(client, 1) > 1000)
             events = client.vehicle(1).state.latest.pop(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
             assert events.get_srcSystem() == 1
-            processes[1].kill()
-            processes[1].wait()
-            await until(lambda: "waiting for it to come back" in log.read_text())
-            held_ms = simulated_ms()
-            processes.append(start("ftc_autopilot.process", uav_file, log))
-            await until(lambda: simulated_ms() > held_ms + 1000)
+            processes.kill("uav1")
+            await until(lambda: processes.log("plant").rstrip().endswith(WAITING))
+            held_ms = simulated_ms(client, 1)
+            processes.start_autopilot(1, neighbours=())
+            await until(lambda: simulated_ms(client, 1) > held_ms + 1000)
             await until(lambda: client.vehicle(1).state.tells_private)
-            await client.vehicle(1).command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
-        processes[0].terminate()
-        assert processes[0].wait(PATIENCE_S) == 0
-        assert processes[2].wait(PATIENCE_S) == 0
-        assert "is back at" in log.read_text()
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
+            await client.vehicle(1).arm()
+
+    with processes_of(alone, tmp_path) as processes:
+        processes.start_plant(wait_for_restart=True, silence_timeout_s=0.5, duration_s=None)
+        asyncio.run(fly(processes))
+        assert processes.end("plant", ask=True) == 0
+        assert processes.end("uav1") == 0
+        assert "is back at" in processes.log("plant").rpartition(WAITING)[2]
 
 
-def test_a_restarted_autopilot_is_taken_up_again(scenario1: Scenario, tmp_path: Path) -> None:
-    asyncio.run(fly_with_a_restart(on_free_ports(scenario1), tmp_path))
+@pytest.mark.parametrize("speed", [None, 1.0])
+def test_a_plant_that_was_started_again_flies_only_when_all_are_armed_again(
+    scenario: Scenario, tmp_path: Path, speed: float | None
+) -> None:
+    ids = [uav.id for uav in scenario.uavs]
+    steps = round(scenario.duration_s * 1e6 / scenario.step_us)
+
+    async def fly(processes: Processes) -> None:
+        async with station(scenario) as client:
+            for i in ids:
+                processes.start_autopilot(i, steps, silence_timeout_s=PATIENCE_S)
+            await client.wait_for(ids, PATIENCE_S)
+            vehicles = [client.vehicle(i) for i in ids]
+            for vehicle in vehicles:
+                await vehicle.upload(scenario.segments())
+                await vehicle.start_mission()
+                await vehicle.arm()
+            await until(lambda: all(simulated_ms(client, i) > 1000 for i in ids))
+            processes.kill("plant")
+            processes.start_plant(speed=speed)
+            await until(lambda: not any(v.state.armed for v in vehicles))
+            for vehicle in vehicles:
+                assert "plant restarted" in " ".join(t.text for t in vehicle.state.texts)
+                await vehicle.start_mission()
+            for vehicle in vehicles[1:]:
+                await vehicle.arm()
+            assert processes.log("plant").count(STARTS) == 1
+            await vehicles[0].arm()
+            await until(lambda: processes.log("plant").count(STARTS) == 2)
+            assert all(processes.end(f"uav{i}") == 0 for i in ids)
+        assert processes.end("plant") == 0
+
+    with processes_of(scenario, tmp_path) as processes:
+        processes.start_plant(speed=speed, duration_s=None)
+        asyncio.run(fly(processes))
+        flown = [processes.record(f"uav{i}")["signals"] for i in ids]
+        states = processes.record("plant")["states"]
+    assert len(states) == steps
+    for signals in flown:
+        assert signals["events"][0] == 0b1111  # the first step of a controller
+    if speed is None:
+        fresh = fly_in_process(scenario)
+        assert np.array_equal(states, fresh.states)
+        for k, signals in enumerate(flown):
+            assert signals.tobytes() == np.ascontiguousarray(fresh.signals[:, k]).tobytes()

@@ -236,6 +236,15 @@ def test_no_rate_makes_more_than_a_few_messages_between_two_steps(
         assert abs(sum(gap.count(message_id) for gap in made) - wanted) <= 1
 
 
+def test_no_stream_starves_when_there_is_room_for_less_than_all(bench: Bench) -> None:
+    streams = [i for i in range(60_000)
+               if bench.telemetry.set_interval((i, 20_000.0)) == ACCEPTED]  # fmt: skip
+    made = [m.get_msgId() for ms in range(2000) for m in bench.telemetry.due(ms * STEP_US, 1)]
+    counts = [made.count(message_id) for message_id in streams]
+    assert len(made) == 2000
+    assert max(counts) - min(counts) <= 2
+
+
 def test_after_a_standstill_all_are_made_in_turn_and_none_is_made_up_for(bench: Bench) -> None:
     gaps(bench, 1.0)
     made = [[m.get_msgId() for m in bench.telemetry.due(10_000_000 + ms * STEP_US, 2)]

@@ -179,6 +179,7 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     bench.run()
     bench.link.clock["step"] = 20_000
     bench.link.clock["edge_changes"] = 2
+    bench.crew.weights[0] = 1.0
     bench.vehicle.tick(bench.now)
     bench.vehicle.gcs_messages()
     bench.run(flags=0)
