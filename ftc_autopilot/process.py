@@ -192,7 +192,7 @@ def main(arguments: list[str] | None = None) -> None:
         "--record-steps", type=int, default=0, metavar="N", help="number of steps to record"
     )
     parser.add_argument(
-        "--exit-with-parent", action="store_true", help="stop when the parent process is gone"
+        "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
     options = parser.parse_args(arguments)
     try:

@@ -5,7 +5,7 @@ GcsError            1  something could not be done
 ├── CommandRefused  3  a vehicle said no
 ├── NoAnswer        4  a vehicle said nothing
 ├── FlightLost      1  the flight did not reach its end
-└── Interrupted   130  Ctrl-C, as shells have it
+└── Interrupted   130  Ctrl-C, as shells have it; 143 SIGTERM, 129 SIGHUP
 """
 
 __all__ = ["BadInput", "CommandRefused", "FlightLost", "GcsError", "Interrupted", "NoAnswer"]
@@ -52,6 +52,6 @@ class FlightLost(GcsError):  # noqa: N818 - the name says it
 
 
 class Interrupted(GcsError):  # noqa: N818 - the name says it
-    """The user stopped it."""
+    """The user stopped it; another signal than Ctrl-C sets its own status."""
 
     exit_status = 130

@@ -6,6 +6,7 @@ stops them in order; and they stop by themselves when it is gone.
 """
 
 import contextlib
+import os
 import subprocess
 import sys
 import time
@@ -225,8 +226,9 @@ class Fleet:
     def _start(self, name: str, module: str, arguments: list[str]) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         record = [] if self._endless else ["--record", str(self.recording_of(name))]
-        command = [sys.executable, "-c", f"from {module} import main; main()", str(config),
-                   "--exit-with-parent", *record, *arguments]  # fmt: skip
+        # -P: what lies in the user's current folder is not imported
+        command = [sys.executable, "-P", "-c", f"from {module} import main; main()", str(config),
+                   "--exit-with-parent", str(os.getpid()), *record, *arguments]  # fmt: skip
         with log.open("wb") as output:
             popen = subprocess.Popen(
                 command,

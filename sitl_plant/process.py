@@ -259,7 +259,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("config", type=Path, help="plant configuration (YAML)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="write all steps as .npz")
     parser.add_argument(
-        "--exit-with-parent", action="store_true", help="stop when the parent process is gone"
+        "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
     options = parser.parse_args(arguments)
     try:

@@ -23,7 +23,7 @@ Examples:
 - gcs fly my.yaml --speed 1 --out runs/demo
 
 Exit status: 0 flown to its end, 1 lost or stopped early, 2 bad input, 3 a vehicle refused
-something, 4 a vehicle did not answer, 130 Ctrl-C.
+something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
 """
 
 

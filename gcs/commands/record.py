@@ -1,7 +1,6 @@
 """``gcs record``: the GCS link of a running fleet as a telemetry log."""
 
 import asyncio
-import signal
 from collections import Counter
 from datetime import datetime
 from pathlib import Path
@@ -15,6 +14,7 @@ from gcs.commands.station import run_interruptible as run
 from gcs.connection import choose_connection, own_identity
 from gcs.errors import BadInput, NoAnswer
 from gcs.signing import signing_key
+from gcs.stopping import stop_signals
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.tlog import TlogWriter
 
@@ -27,8 +27,8 @@ Examples:
 - gcs record flight.tlog --for-s 60
 - gcs record flight.tlog --json && mavlogdump.py flight.tlog --types STATUSTEXT
 
-Exit status: 0 recorded until Ctrl-C, SIGTERM or the end of --for-s, 2 bad input, 4 no vehicle
-heard within --timeout.
+Exit status: 0 recorded until Ctrl-C, SIGTERM, SIGHUP or the end of --for-s, 2 bad input, 4 no
+vehicle heard within --timeout.
 """
 
 
@@ -70,7 +70,7 @@ async def _record(
         counts[message.get_srcSystem()] += 1
 
     stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in stop_signals():
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     connection = choose_connection(connect)
     try:

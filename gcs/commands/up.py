@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import json
-import signal
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +15,7 @@ from gcs.connection import HUB_PORT
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario import Scenario, load_scenario
 from gcs.signing import signed
+from gcs.stopping import stop_signals
 from mavlink_defs.endpoint import Address, Connection, free_ports
 
 __all__ = ["EPILOG", "up"]
@@ -27,7 +27,7 @@ Examples:
 - gcs up scenarios/paper/scenario1.yaml --start --speed 2
 - gcs up my.yaml --lockstep --free-ports --json
 
-Exit status: 0 stopped by Ctrl-C or SIGTERM, 1 flight lost, 2 bad input, 3 a vehicle refused
+Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 1 flight lost, 2 bad input, 3 a vehicle refused
 something, 4 a vehicle did not answer.
 """
 
@@ -124,7 +124,7 @@ def _up(
 async def _until_told_to_stop(work: Coroutine[Any, Any, None]) -> None:
     task = asyncio.ensure_future(work)
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in stop_signals():
         loop.add_signal_handler(number, task.cancel)
     with contextlib.suppress(asyncio.CancelledError):
         await task

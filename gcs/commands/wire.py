@@ -132,7 +132,7 @@ def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) 
 def _watch(relay: Relay, seconds: float | None, console: Console | None) -> None:
     """Show the counts live, if there is a console, until a signal or the time comes."""
     stop = threading.Event()
-    on_stop(stop.set, with_parent=False)
+    on_stop(stop.set)
     end = math.inf if seconds is None else time.monotonic() + seconds
     with Live(console=console, auto_refresh=False, transient=True) as live:
         while (left_s := end - time.monotonic()) > 0.0 and not stop.is_set():

@@ -152,8 +152,13 @@ def flying(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[st
         wait_until(begun, "simulated time starts")
         yield popen
     finally:
-        for pid in {popen.pid, *processes_of(folder)}:
-            with contextlib.suppress(ProcessLookupError):
-                if pid != popen.pid or popen.returncode is None:
-                    os.kill(pid, signal.SIGKILL)
-        popen.communicate(timeout=TIMEOUT_S)
+        kill_all(popen, folder)
+
+
+def kill_all(popen: subprocess.Popen[str], folder: Path) -> None:
+    """Kill a ground station and whatever is left of its processes."""
+    for pid in {popen.pid, *processes_of(folder)}:
+        with contextlib.suppress(ProcessLookupError):
+            if pid != popen.pid or popen.returncode is None:
+                os.kill(pid, signal.SIGKILL)
+    popen.communicate(timeout=TIMEOUT_S)

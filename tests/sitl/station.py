@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import select
 import signal
 import socket
@@ -14,7 +13,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from flying import BIN, TIMEOUT_S, environment, free_links, processes_of, run, write_scenario
+from flying import BIN, TIMEOUT_S, environment, free_links, kill_all, run, write_scenario
 
 from mavlink_defs.endpoint import free_ports
 
@@ -84,11 +83,7 @@ def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None)
         assert addresses["gcs"] == f"udpin:127.0.0.1:{links['gcs_port']}"
         yield Up(popen, folder / "run", addresses["hub"], links["gcs_port"])
     finally:
-        for pid in {popen.pid, *processes_of(folder)}:
-            with contextlib.suppress(ProcessLookupError):
-                if pid != popen.pid or popen.returncode is None:
-                    os.kill(pid, signal.SIGKILL)
-        popen.communicate(timeout=TIMEOUT_S)
+        kill_all(popen, folder)
 
 
 class LossyRelay(threading.Thread):

@@ -1,6 +1,7 @@
 """A plant that waits for an autopilot to be restarted holds the command and flies on with it."""
 
 import asyncio
+import os
 import subprocess
 import sys
 import time
@@ -21,8 +22,8 @@ PATIENCE_S = 60.0
 
 
 def start(module: str, config: Path, log: Path) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-c", f"from {module} import main; main()", str(config),
-               "--exit-with-parent"]  # fmt: skip
+    command = [sys.executable, "-P", "-c", f"from {module} import main; main()", str(config),
+               "--exit-with-parent", str(os.getpid())]  # fmt: skip
     with log.open("ab") as output:
         return subprocess.Popen(command, stdout=output, stderr=output)
 
@@ -37,7 +38,7 @@ async def until(condition: Callable[[], bool]) -> None:
 async def fly_with_a_restart(scenario: Scenario, folder: Path) -> None:
     plant_file, uav_file, log = folder / "plant.yaml", folder / "uav.yaml", folder / "log"
     config = scenario.plant_config(speed=None)
-    changes = {"wait_for_restart": True, "silence_timeout_s": 0.5, "uavs": config.uavs[:1],
+    changes = {"wait_for_restart": True, "silence_timeout_s": 2.0, "uavs": config.uavs[:1],
                "duration_s": None}  # fmt: skip
     dump(config.model_copy(update=changes), plant_file)
     dump(scenario.autopilot_config(1).model_copy(update={"neighbours": ()}), uav_file)
@@ -54,9 +55,10 @@ async def fly_with_a_restart(scenario: Scenario, folder: Path) -> None:
             await client.wait_for([1], PATIENCE_S)
             await client.vehicle(1).command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
             await until(lambda: simulated_ms() > 1000)
+            told = len(log.read_text())
             processes[1].kill()
             processes[1].wait()
-            await until(lambda: "waiting for it to come back" in log.read_text())
+            await until(lambda: "waiting for it to come back" in log.read_text()[told:])
             held_ms = simulated_ms()
             processes.append(start("ftc_autopilot.process", uav_file, log))
             await until(lambda: simulated_ms() > held_ms + 1000)

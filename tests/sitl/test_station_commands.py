@@ -281,7 +281,7 @@ def test_an_operator_s_session(tmp_path: Path) -> None:
 
 def restart_and_arm(fleet: Up) -> None:
     config = fleet.folder / "processes" / "uav2.yaml"
-    autopilot = subprocess.Popen([BIN / "ftc-autopilot", config, "--exit-with-parent"])
+    autopilot = subprocess.Popen([BIN / "ftc-autopilot", config])
     try:
         wait_until(lambda: bool(state_of(fleet, 2)["ready"]), "the autopilot is back")
         assert fleet.gcs("arm", "--uav", "2").returncode == ACCEPTED
