@@ -13,8 +13,6 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.door import Door
 from ftc_autopilot.link import GCS, OVER, PLANT, SERVICE, SIMULATOR, new_link, run
@@ -24,14 +22,18 @@ from mavlink_defs import codec, dialect
 from mavlink_defs.codec import STRANGER
 from mavlink_defs.config import ConfigError, load
 from mavlink_defs.endpoint import (
+    Address,
     EndpointError,
     bind_udp,
     connect_udp,
+    destination,
     exposed,
     is_loopback,
+    open_udp,
     parse_address,
     set_receive_timeout,
 )
+from mavlink_defs.files import save_arrays
 from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
 from mavlink_defs.seal import load_seal, seal_bytes
@@ -62,8 +64,7 @@ class Autopilot:
         set_receive_timeout(plant, _TICK_S)
         set_receive_timeout(formation, _TICK_S)
         gcs.setblocking(False)
-        addresses = map(parse_address, config.gcs)
-        self._ground_stations = [(address.host, address.port) for address in addresses]
+        self._ground_stations = [destination(parse_address(text)) for text in config.gcs]
         self._simulator = (config.id, SIMULATOR_COMPONENT)
         self._crew = new_crew([config])
         self._link = new_link(
@@ -146,14 +147,17 @@ class Autopilot:
     def _hear_ground_stations(self) -> None:
         for _ in range(_MAX_GCS_DATAGRAMS):
             try:
-                datagram, (host, _) = self._gcs.recvfrom(_LONGEST_FRAME + 1)
+                datagram, sender = self._gcs.recvfrom(_LONGEST_FRAME + 1)
             except (BlockingIOError, ConnectionRefusedError):
                 return
+            if sender not in self._ground_stations:
+                self._link.drops[GCS, -STRANGER] += 1
+                continue
             message = self._door.admit(datagram)
             if message is None:
                 self._link.drops[GCS, -self._door.refusal] += 1
             elif isinstance(message, dialect.MAVLink_setup_signing_message):
-                words = self._door.set_key(message, host, self._vehicle.modes.armed)
+                words = self._door.set_key(message, sender[0], self._vehicle.modes.armed)
                 if words is not None:
                     self._vehicle.say(dialect.MAV_SEVERITY_WARNING, words)
             else:
@@ -204,13 +208,14 @@ def main(arguments: list[str] | None = None) -> None:
             f"formation link of UAV {config.id}",
             "change `formation_bind`",
         )
+        gcs = open_udp(map(parse_address, config.gcs))
     except (ConfigError, EndpointError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
     prefix = f"ftc-autopilot {config.id}"
-    if not is_loopback(address):
-        print(f"{prefix}: {exposed(address, bool(config.signing_key))}", file=sys.stderr)
-    gcs = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    for at in (address, Address(*gcs.getsockname())):
+        if not is_loopback(at):
+            print(f"{prefix}: {exposed(at, bool(config.signing_key))}", file=sys.stderr)
     try:
         autopilot = Autopilot(config, plant, formation, gcs, options.record_steps)
     except SigningError as problem:
@@ -224,7 +229,10 @@ def main(arguments: list[str] | None = None) -> None:
     with plant, formation, gcs:
         loss = autopilot.fly()
     if options.record:
-        np.savez(options.record, **autopilot.recording())
+        try:
+            save_arrays(options.record, autopilot.recording())
+        except OSError as problem:
+            loss = f"cannot write {options.record}: {problem.strerror}"
     if refused := autopilot.refused():
         print(f"{prefix}: frames dropped: {words_of(refused)}", file=sys.stderr)
     if loss is not None:

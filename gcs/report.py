@@ -3,6 +3,7 @@
 from typing import Any
 
 from rich.table import Table
+from rich.text import Text
 
 from gcs.scenario import Scenario
 from gcs.summary import CHANNELS, QUANTITIES
@@ -12,7 +13,7 @@ __all__ = ["flight_tables"]
 _UNITS = {"airspeed": "m", "roll": "deg s", "pitch": "deg s", "yaw": "deg s"}
 
 
-def flight_tables(summary: dict[str, Any], scenario: Scenario) -> list[Table | str]:
+def flight_tables(summary: dict[str, Any], scenario: Scenario) -> list[Table | Text | str]:
     """Give what `gcs fly` prints at the end: transmissions, tracking, one line of totals."""
     names = {uav.id: f"{uav.id} {uav.name}" for uav in scenario.uavs}
     factor = summary["real_time_factor"]
@@ -23,8 +24,11 @@ def flight_tables(summary: dict[str, Any], scenario: Scenario) -> list[Table | s
         "periodic transmissions"
     )
     departed = [
-        f"[bold red]UAV {uav['id']} departed[/]: its attitude was more than 90° off first at "
-        f"{uav['departed_at_s']:.3f} s"
+        Text.assemble(
+            (f"UAV {uav['id']} departed", "bold red"),
+            ": its attitude was more than 90° off first at ",
+            f"{uav['departed_at_s']:.3f} s",
+        )
         for uav in summary["uavs"]
         if uav["departed_at_s"] is not None
     ]

@@ -10,6 +10,7 @@ from gcs.recording import Recording
 from gcs.scenario import Scenario
 from gcs.summary import CHANNELS
 from gcs.theory import check_theory, theory_words
+from mavlink_defs.files import write_text
 
 __all__ = ["theory_section"]
 
@@ -36,7 +37,7 @@ def theory_section(
         Markdown; tables show UAV 3, the one with the faults.
     """
     found = {file: check_theory(recordings[file], scenarios[file]) for file in recordings}
-    path.write_text(json.dumps(found, indent=1) + "\n")
+    write_text(path, json.dumps(found, indent=1) + "\n")
     watched = {
         file: next(uav for uav in result["uavs"] if uav["id"] == _WATCHED)
         for file, result in found.items()

@@ -23,8 +23,8 @@ from mavlink_defs.codec import DROP_REASONS, OUT_OF_RANGE
 from mavlink_defs.frames import frame_size
 
 __all__ = ["EPOCH_S", "FORMATION_LINK", "KEY_SIZE", "PLANT_LINK", "SIGNING_REASONS",
-           "UNSIGNED_ALLOWED", "WINDOW", "Signer", "SigningError", "flagged", "load_signer",
-           "make_key", "new_time", "open_time", "read_key", "time_file", "timestamp",
+           "UNSIGNED_ALLOWED", "WINDOW", "Signer", "SigningError", "flagged", "is_ahead",
+           "load_signer", "make_key", "new_time", "open_time", "read_key", "time_file", "timestamp",
            "words_of"]  # fmt: skip
 
 KEY_SIZE = 32  # bytes
@@ -102,6 +102,11 @@ def time_file(path: Path | str) -> str:
 def timestamp(unix_s: float) -> int:
     """The timestamp of a signature [10 µs since 2015] at a Unix time [s]."""
     return int((unix_s - EPOCH_S) * 1e5)
+
+
+def is_ahead(stamp: int) -> bool:
+    """Tell whether a timestamp is further ahead of the clock than it may be."""
+    return stamp > timestamp(time.time()) + WINDOW
 
 
 def new_time() -> np.ndarray:

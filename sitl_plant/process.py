@@ -6,6 +6,7 @@ by a signal, 1 the flight was lost or an autopilot fell silent, 2 bad input.
 """
 
 import argparse
+import contextlib
 import socket
 import sys
 import time
@@ -36,6 +37,7 @@ from mavlink_defs.endpoint import (
     set_receive_timeout,
 )
 from mavlink_defs.faults import FaultLimits
+from mavlink_defs.files import save_arrays
 from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
 from mavlink_defs.seal import Seal, load_seal, seal_bytes
@@ -283,7 +285,10 @@ def main(arguments: list[str] | None = None) -> None:
     with sock:
         loss = plant.fly()
     if options.record:
-        np.savez(options.record, loss=loss or "", **plant.recording())
+        try:
+            save_arrays(options.record, {"loss": loss or "", **plant.recording()})
+        except OSError as problem:
+            loss = f"cannot write {options.record}: {problem.strerror}"
     if refused := plant.refused():
         _say(f"frames dropped: {words_of(refused)}")
     if loss is not None:
@@ -292,4 +297,5 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _say(text: str) -> None:
-    print(f"sitl-plant: {text}", file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError):  # a full disk must not end the flight
+        print(f"sitl-plant: {text}", file=sys.stderr, flush=True)

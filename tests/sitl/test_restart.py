@@ -74,4 +74,4 @@ async def fly_with_a_restart(scenario: Scenario, folder: Path) -> None:
 
 
 def test_a_restarted_autopilot_is_taken_up_again(scenario1: Scenario, tmp_path: Path) -> None:
-    asyncio.run(fly_with_a_restart(on_free_ports(scenario1), tmp_path))
+    on_free_ports(scenario1, lambda on, _: asyncio.run(fly_with_a_restart(on, tmp_path)))
