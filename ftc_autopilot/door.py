@@ -8,7 +8,7 @@ import ipaddress
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.frames import code_of, drop_reason, parse
-from mavlink_defs.signing import Signer, load_signer
+from mavlink_defs.signing import Signer, is_ahead, load_signer
 
 __all__ = ["Door"]
 
@@ -69,6 +69,9 @@ class Door:
             return "signing: key refused, disarm first"
         if self._signer is None and not ipaddress.ip_address(host).is_loopback:
             return "signing: key refused, it must come from this machine"
+        if is_ahead(message.initial_timestamp):
+            given = message.initial_timestamp
+            return f"signing: key refused, initial_timestamp {given} is more than 60 s ahead"
         key = bytes(message.secret_key)
         self._signer = None
         if not any(key):

@@ -13,8 +13,6 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.door import Door
 from ftc_autopilot.link import GCS, OVER, PLANT, RESTARTED, SERVICE, SIMULATOR, new_link, run
@@ -25,15 +23,18 @@ from mavlink_defs.codec import STRANGER
 from mavlink_defs.config import ConfigError, load
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.endpoint import (
+    Address,
     EndpointError,
     bind_udp,
     connect_udp,
     exposed,
     is_loopback,
+    open_udp,
     parse_address,
     resolve,
     set_receive_timeout,
 )
+from mavlink_defs.files import save_arrays
 from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
 from mavlink_defs.seal import load_seal, seal_bytes
@@ -227,7 +228,7 @@ def main(arguments: list[str] | None = None) -> None:
         "--record-steps", type=int, default=0, metavar="N", help="number of steps to record"
     )
     parser.add_argument(
-        "--exit-with-parent", action="store_true", help="stop when the parent process is gone"
+        "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
     options = parser.parse_args(arguments)
     try:
@@ -239,13 +240,14 @@ def main(arguments: list[str] | None = None) -> None:
             f"formation link of UAV {config.id}",
             "change `formation_bind`",
         )
+        gcs = open_udp(map(parse_address, config.gcs))
     except (ConfigError, EndpointError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
     prefix = f"ftc-autopilot {config.id}"
-    if not is_loopback(address):
-        print(f"{prefix}: {exposed(address, bool(config.signing_key))}", file=sys.stderr)
-    gcs = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    for at in (address, Address(*gcs.getsockname())):
+        if not is_loopback(at):
+            print(f"{prefix}: {exposed(at, bool(config.signing_key))}", file=sys.stderr)
     try:
         autopilot = Autopilot(config, plant, formation, gcs, options.record_steps)
     except (EndpointError, SigningError) as problem:
@@ -259,7 +261,10 @@ def main(arguments: list[str] | None = None) -> None:
     with plant, formation, gcs:
         loss = autopilot.fly()
     if options.record:
-        np.savez(options.record, loss=loss or "", **autopilot.recording())
+        try:
+            save_arrays(options.record, {"loss": loss or "", **autopilot.recording()})
+        except OSError as problem:
+            loss = f"cannot write {options.record}: {problem.strerror}"
     if refused := autopilot.refused():
         print(f"{prefix}: frames dropped: {words_of(refused)}", file=sys.stderr)
     if loss is not None:

@@ -1,7 +1,10 @@
 """The command line: ``gcs``."""
 
+import contextlib
+import errno
 import os
 import sys
+from typing import NoReturn
 
 import typer
 
@@ -25,11 +28,16 @@ from gcs.commands import (
 from gcs.commands.station import ConnectOption
 from gcs.errors import BadInput, GcsError, Interrupted
 from gcs.signing import keyed
+from gcs.stopping import stop_as_ctrl_c
 from mavlink_defs.config import ConfigError
 
 __all__ = ["app", "main"]
 
+_EXIT_CTRL_C = 130  # of typer
 _EXIT_DEFECT = 70
+_NOT_WRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM,
+                 errno.EIO}  # fmt: skip
+_SPACE = "free some space, or choose a place that can be written; what is there is kept"
 
 app = typer.Typer(
     help="Ground station of ftc-sitl: fly a UAV formation over real MAVLink.",
@@ -79,28 +87,47 @@ app.command(epilog=wireshark.EPILOG)(wireshark.wireshark)
 
 def main() -> None:
     """Run the command line; turn exceptions into one plain message and an exit status."""
+    stop_as_ctrl_c()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # here and not at exit, where nobody could say what is wrong
     except ConfigError as problem:
-        _complain(str(problem))
-        sys.exit(BadInput.exit_status)
+        _end(BadInput.exit_status, str(problem))
+    except Interrupted as problem:
+        _end(problem.exit_status, str(problem))
     except GcsError as problem:
-        prefix = "" if isinstance(problem, Interrupted) else "error: "
-        _complain(f"{prefix}{problem}", problem.hint)
-        sys.exit(problem.exit_status)
+        _end(problem.exit_status, f"error: {problem}", problem.hint)
+    except SystemExit as end:
+        if end.code == _EXIT_CTRL_C:  # before the command could say what that means
+            _end(Interrupted.exit_status, "interrupted")
+        raise
     except BrokenPipeError:  # the reader of our output has gone: nothing left to say
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except Exception as defect:
+        _close_output()
+    except Exception as problem:
         if os.environ.get("FTC_SITL_DEBUG"):
             raise
-        _complain(
-            f"error: this is a defect of ftc-sitl: {type(defect).__name__}: {defect}",
+        if isinstance(problem, OSError) and problem.errno in _NOT_WRITABLE:
+            if problem.filename is None:
+                _close_output()
+            what = problem.filename or "the standard output"
+            _end(GcsError.exit_status, f"error: cannot write {what}: {problem.strerror}", _SPACE)
+        _end(
+            _EXIT_DEFECT,
+            f"error: this is a defect of ftc-sitl: {type(problem).__name__}: {problem}",
             "run again with FTC_SITL_DEBUG=1 for a traceback, and report it",
         )
-        sys.exit(_EXIT_DEFECT)
 
 
-def _complain(text: str, hint: str = "") -> None:
-    print(text, file=sys.stderr)
-    if hint:
-        print(f"hint: {hint}", file=sys.stderr)
+def _end(status: int, text: str, hint: str = "") -> NoReturn:
+    with contextlib.suppress(OSError):  # the terminal may be gone
+        print(text, file=sys.stderr)
+        if hint:
+            print(f"hint: {hint}", file=sys.stderr)
+    sys.exit(status)
+
+
+def _close_output() -> None:
+    """Throw away what still waits to be printed: at exit it would fail again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -19,7 +19,7 @@ from collections.abc import Callable, Collection, Coroutine, Iterable
 from types import TracebackType
 from typing import Any, Self
 
-from gcs.errors import BadInput, NoAnswer
+from gcs.errors import BadInput, NoAnswer, bad_endpoint
 from gcs.fleet_state import FleetState
 from gcs.news import ERROR, News
 from gcs.vehicle import Vehicle
@@ -92,6 +92,7 @@ class Client(asyncio.DatagramProtocol):
         self.unreachable = False
         self.drops: Counter[str] = Counter()
         self._tlog = tlog
+        self._failure: OSError | None = None
         self._on_message, self._on_news = on_message, on_news
         self._inquire, self._private = inquire, private
         self._speaker = Speaker(*own)
@@ -122,7 +123,7 @@ class Client(asyncio.DatagramProtocol):
             else:
                 sock = connect_udp(address)
         except EndpointError as problem:
-            raise BadInput(str(problem)) from problem
+            raise bad_endpoint(problem) from problem
         sock.setblocking(False)
         loop = asyncio.get_running_loop()
         self._transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=sock)
@@ -205,10 +206,24 @@ class Client(asyncio.DatagramProtocol):
             raise NoAnswer(f"no vehicle heard within {timeout_s:g} s on {self.connection}")
         return [v for i, v in self.vehicles.items() if systems is None or i in systems]
 
+    def check(self) -> None:
+        """Notice that what crosses the link can no longer be recorded.
+
+        Raises:
+            OSError: Of writing the log.
+        """
+        if self._failure is not None:
+            raise self._failure
+
     async def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait for a condition that messages or time bring about; False if it stays untrue."""
+        """Wait for a condition that messages or time bring about; False if it stays untrue.
+
+        Raises:
+            OSError: As of `check`.
+        """
         end = self.now() + timeout_s
         while not condition():
+            self.check()
             self._heard.clear()
             if (left := end - self.now()) <= 0.0:
                 return False
@@ -346,8 +361,12 @@ class Client(asyncio.DatagramProtocol):
             self._transport.sendto(frame, peer)
 
     def _record(self, frame: bytes) -> None:
-        if self._tlog is not None:
+        if self._tlog is None or self._failure is not None:
+            return
+        try:
             self._tlog.write(frame, time.time_ns() // 1000)
+        except OSError as problem:
+            self._failure = problem
 
     def _pump(self) -> None:
         """Send what the machines want sent, deliver what has happened, set the next alarm."""

@@ -2,13 +2,17 @@
 
 GcsError            1  something could not be done
 ├── BadInput        2  a file, an argument or a port cannot be used
+│   └── PortInUse   2  another program has a port
 ├── CommandRefused  3  a vehicle said no
 ├── NoAnswer        4  a vehicle said nothing
 ├── FlightLost      1  the flight did not reach its end
-└── Interrupted   130  Ctrl-C, as shells have it
+└── Interrupted   130  Ctrl-C, as shells have it; 143 SIGTERM, 129 SIGHUP
 """
 
-__all__ = ["BadInput", "CommandRefused", "FlightLost", "GcsError", "Interrupted", "NoAnswer"]
+from mavlink_defs.endpoint import EndpointError, PortTaken
+
+__all__ = ["BadInput", "CommandRefused", "FlightLost", "GcsError", "Interrupted", "NoAnswer",
+           "PortInUse", "bad_endpoint"]  # fmt: skip
 
 
 class GcsError(Exception):
@@ -25,6 +29,15 @@ class BadInput(GcsError):  # noqa: N818 - the name says it
     """A file, an argument or a port cannot be used."""
 
     exit_status = 2
+
+
+class PortInUse(BadInput):
+    """Another program has a port."""
+
+
+def bad_endpoint(problem: EndpointError) -> BadInput:
+    """The error to end with when an address cannot be used."""
+    return (PortInUse if isinstance(problem, PortTaken) else BadInput)(str(problem))
 
 
 class CommandRefused(GcsError):  # noqa: N818 - the name says it
@@ -52,6 +65,6 @@ class FlightLost(GcsError):  # noqa: N818 - the name says it
 
 
 class Interrupted(GcsError):  # noqa: N818 - the name says it
-    """The user stopped it."""
+    """The user stopped it; another signal than Ctrl-C sets its own status."""
 
     exit_status = 130

@@ -7,6 +7,7 @@ import numpy as np
 from gcs.recording import Recording
 from gcs.summary import event_table
 from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.files import naming
 
 __all__ = ["CSV_PERIOD_S", "export_flight"]
 
@@ -31,19 +32,24 @@ def export_flight(recording: Recording, folder: Path) -> None:
     Args:
         recording: The flight.
         folder: Exists already.
+
+    Raises:
+        OSError: One of them cannot be written; it is named.
     """
     events = event_table(recording)
-    np.savez_compressed(folder / "events.npz", **events)  # type: ignore[arg-type]
+    with naming(folder / "events.npz"):
+        np.savez_compressed(folder / "events.npz", **events)  # type: ignore[arg-type]
     _write_events(folder / "events.csv", events)
     arrays = {name: recording.signals[name] for name in _SIGNALS}
-    np.savez_compressed(
-        folder / "trajectory.npz",
-        uav=np.array(recording.uav_ids),
-        time_s=recording.time_s,
-        state=recording.states,
-        applied=recording.applied,
-        **arrays,  # type: ignore[arg-type]
-    )
+    with naming(folder / "trajectory.npz"):
+        np.savez_compressed(
+            folder / "trajectory.npz",
+            uav=np.array(recording.uav_ids),
+            time_s=recording.time_s,
+            state=recording.states,
+            applied=recording.applied,
+            **arrays,  # type: ignore[arg-type]
+        )
     _write_trajectory(folder / "trajectory.csv", recording)
 
 
@@ -51,7 +57,7 @@ def _write_events(path: Path, events: dict[str, np.ndarray]) -> None:
     """The events with names and degrees for people."""
     surface = events["channel"] < 3
     value = np.where(surface, np.degrees(events["value"]), events["value"])
-    with path.open("w") as file:
+    with naming(path), path.open("w") as file:
         file.write("time_s,uav,channel,value_deg_or_n\n")
         rows = zip(events["time_s"], events["uav"], events["channel"], value, strict=True)
         file.writelines(f"{t:.6g},{uav},{ACTUATORS[c]},{v:.6g}\n" for t, uav, c, v in rows)
@@ -79,7 +85,8 @@ def _write_trajectory(path: Path, recording: Recording) -> None:
     columns |= _degrees("held", _ACTUATED, signals["held"])
     columns |= _degrees("applied", _ACTUATED, applied)
     table = np.column_stack([values.ravel() for values in columns.values()])
-    np.savetxt(path, table, fmt="%.7g", delimiter=",", header=",".join(columns), comments="")
+    with naming(path):
+        np.savetxt(path, table, fmt="%.7g", delimiter=",", header=",".join(columns), comments="")
 
 
 def _degrees(

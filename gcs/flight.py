@@ -20,6 +20,7 @@ from gcs.wiring import relay_of
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Address, Connection
+from mavlink_defs.files import write_text
 from mavlink_defs.tlog import TlogWriter
 
 __all__ = ["collect", "fly_over_udp", "prepare"]
@@ -46,7 +47,8 @@ async def fly_over_udp(
 
     Raises:
         BadInput: A port is in use.
-        FlightLost: A process ended before simulated time began.
+        FlightLost: A process ended before simulated time began, or left no recording.
+        OSError: A file cannot be written; it is named.
         CommandRefused: A vehicle refused its profile, a fault, its mission or arming.
         NoAnswer: A vehicle did not appear or did not answer.
     """
@@ -70,6 +72,7 @@ async def fly_over_udp(
                     await prepare(client, fleet, scenario, start=True)
                     while fleet.plant_returncode is None:
                         fleet.check()
+                        client.check()
                         await asyncio.sleep(_LOOK_S)
                     fleet.check()
                     fleet.wait(_END_TIMEOUT_S)
@@ -78,8 +81,8 @@ async def fly_over_udp(
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
                     if relay.via:
                         report = json.dumps(relay.report(), indent=2)
-                        (folder / "wire.json").write_text(report + "\n")
-                return collect(scenario, fleet, "real_time" if speed else "lockstep")
+                        write_text(folder / "wire.json", report + "\n")
+    return collect(scenario, fleet, "real_time" if speed else "lockstep")
 
 
 async def prepare(client: Client, fleet: Fleet, scenario: Scenario, start: bool) -> None:
@@ -120,6 +123,7 @@ def collect(scenario: Scenario, fleet: Fleet, mode: Mode) -> Recording:
     Raises:
         FlightLost: A process left no recording.
     """
+    fleet.check()
     ids = tuple(uav.id for uav in scenario.uavs)
     try:
         with np.load(fleet.recording_of("plant")) as plant:

@@ -6,24 +6,28 @@ stops them in order; and they stop by themselves when it is gone.
 """
 
 import contextlib
+import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
-from gcs.errors import BadInput, FlightLost
+from gcs.errors import BadInput, FlightLost, PortInUse
 from gcs.scenario import Scenario
 from gcs.wiring import through
 from mavlink_defs.config import dump
-from mavlink_defs.endpoint import Address, EndpointError, bind_udp, free_ports
+from mavlink_defs.endpoint import Address, EndpointError, PortTaken, bind_udp, free_ports
 
 __all__ = ["Fleet", "check_ports", "on_free_ports"]
 
+T = TypeVar("T")
+
 _STOP_S = 5.0
+_TRIES = 5
 _PLANT = "plant"
 
 
@@ -32,6 +36,7 @@ class _Process:
     name: str
     popen: subprocess.Popen[bytes]
     log: Path
+    address: Address  # that it binds
 
     def last_words(self) -> str:
         """What it said last on standard error, or how it ended."""
@@ -41,25 +46,36 @@ class _Process:
         return lines[-1] if lines else f"ended with status {self.popen.returncode}"
 
 
-def on_free_ports(scenario: Scenario) -> Scenario:
-    """The same scenario on UDP ports of its host that are free at this moment."""
+def on_free_ports(scenario: Scenario, work: Callable[[Scenario, Address], T]) -> T:
+    """Do some work on UDP ports that are free, and again if others take one of them meanwhile.
+
+    Args:
+        scenario: On any ports.
+        work: Called with the scenario on free ports of its host, and with an address for a hub.
+
+    Raises:
+        BadInput: The host is not this machine, or ports were taken again and again.
+    """
     ids = [uav.id for uav in scenario.uavs]
     host = scenario.links.host
+    tries = _TRIES
     while True:
-        gcs_port, plant_port, first = free_ports(3, host)
-        base = first - min(ids)
-        formation = [base + i for i in ids]
-        if base < 1 or max(formation) > 65535 or {gcs_port, plant_port} & set(formation):
-            continue
         try:
-            for port in formation:
-                bind_udp(Address(host, port), "formation link").close()
-            break
-        except EndpointError:
-            continue
-    ports = {"gcs_port": gcs_port, "plant_port": plant_port, "formation_base_port": base}
-    links = scenario.links.model_copy(update=ports)
-    return scenario.model_copy(update={"links": links})
+            hub, gcs, plant, *formation = free_ports(4 + max(ids) - min(ids), host)
+        except EndpointError as problem:
+            raise BadInput(str(problem)) from None
+        ports = {
+            "gcs_port": gcs,
+            "plant_port": plant,
+            "formation_base_port": formation[0] - min(ids),
+        }
+        links = scenario.links.model_copy(update=ports)
+        try:
+            return work(scenario.model_copy(update={"links": links}), Address(host, hub))
+        except PortInUse:
+            tries -= 1
+            if not tries:
+                raise
 
 
 def check_ports(scenario: Scenario, hub: Address | None = None) -> None:
@@ -140,10 +156,11 @@ class Fleet:
         self._configure()
         steps = round(scenario.duration_s * 1e6 / scenario.step_us)
         try:
-            self._start(_PLANT, "sitl_plant.process", [])
+            self._start(_PLANT, "sitl_plant.process", scenario.links.plant_port, [])
             for uav in scenario.uavs:
+                port = scenario.links.formation_base_port + uav.id
                 arguments = [] if self._endless else ["--record-steps", str(steps)]
-                self._start(f"uav{uav.id}", "ftc_autopilot.process", arguments)
+                self._start(f"uav{uav.id}", "ftc_autopilot.process", port, arguments)
         except BaseException:
             self.stop()
             raise
@@ -173,12 +190,17 @@ class Fleet:
         The plant may have ended because the flight was lost, which is its business to record.
 
         Raises:
-            BadInput: A process could not start; its own words say why.
+            BadInput: A process could not start; its own words say why. PortInUse if its port is
+                another's.
             FlightLost: An autopilot ended in mid-flight, or the plant without a recording.
         """
         for process in self._processes:
             status = process.popen.poll()
             if status == BadInput.exit_status:
+                try:
+                    bind_udp(process.address, process.name).close()
+                except PortTaken:
+                    raise PortInUse(process.last_words()) from None
                 raise BadInput(process.last_words())
             if status and not self.recording_of(process.name).exists():
                 raise FlightLost(f"{process.name}: {process.last_words()}")
@@ -222,11 +244,12 @@ class Fleet:
             gcs = (*config.gcs, *self._ground_stations)
             dump(config.model_copy(update={"gcs": gcs}), self._folder / f"uav{uav.id}.yaml")
 
-    def _start(self, name: str, module: str, arguments: list[str]) -> None:
+    def _start(self, name: str, module: str, port: int, arguments: list[str]) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         record = [] if self._endless else ["--record", str(self.recording_of(name))]
-        command = [sys.executable, "-c", f"from {module} import main; main()", str(config),
-                   "--exit-with-parent", *record, *arguments]  # fmt: skip
+        # -P: what lies in the user's current folder is not imported
+        command = [sys.executable, "-P", "-c", f"from {module} import main; main()", str(config),
+                   "--exit-with-parent", str(os.getpid()), *record, *arguments]  # fmt: skip
         with log.open("wb") as output:
             popen = subprocess.Popen(
                 command,
@@ -235,4 +258,5 @@ class Fleet:
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
             )
-        self._processes.append(_Process(name, popen, log))
+        address = Address(self._scenario.links.host, port)
+        self._processes.append(_Process(name, popen, log, address))

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from rich.table import Table
+from rich.text import Text
 
 from gcs.scenario import Scenario
 from gcs.summary import CHANNELS, QUANTITIES
@@ -13,7 +14,7 @@ __all__ = ["flight_tables"]
 _UNITS = {"airspeed": "m", "roll": "deg s", "pitch": "deg s", "yaw": "deg s"}
 
 
-def flight_tables(summary: dict[str, Any], scenario: Scenario) -> list[Table | str]:
+def flight_tables(summary: dict[str, Any], scenario: Scenario) -> list[Table | Text | str]:
     """Give what `gcs fly` prints at the end: transmissions, tracking, one line of totals."""
     names = {uav.id: f"{uav.id} {uav.name}" for uav in scenario.uavs}
     factor = summary["real_time_factor"]
@@ -27,22 +28,21 @@ def flight_tables(summary: dict[str, Any], scenario: Scenario) -> list[Table | s
     return [_transmissions(summary, names), _tracking(summary, names), *remarks, total]
 
 
-def _remarks(uav: dict[str, Any], steps: int) -> Iterator[str]:
+def _remarks(uav: dict[str, Any], steps: int) -> Iterator[Text]:
     """What the tables do not show of a UAV."""
     for key, what in (("attitude_lost_at_s", "roll or pitch"), ("heading_lost_at_s", "yaw")):
         if uav[key] is not None:
-            lost = key.partition("_")[0]
-            yield (
-                f"[bold red]UAV {uav['id']} lost its {lost}[/]: {what} was more than 90° off "
-                f"first at {uav[key]:.3f} s"
+            yield Text.assemble(
+                (f"UAV {uav['id']} lost its {key.partition('_')[0]}", "bold red"),
+                f": {what} was more than 90° off first at {uav[key]:.3f} s",
             )
     if missing := uav["missing_steps"]:
-        yield (
-            f"[bold red]UAV {uav['id']} missed {missing} of {steps} steps[/]: no state reached "
-            "it; errors are those of the true state against the last command"
+        yield Text.assemble(
+            (f"UAV {uav['id']} missed {missing} of {steps} steps", "bold red"),
+            ": no state reached it; errors are those of the true state against the last command",
         )
     if disarmed := steps - uav["active_steps"] - missing:
-        yield (
+        yield Text(
             f"UAV {uav['id']} was disarmed for {disarmed} of {steps} steps, which count neither "
             "as control periods nor as errors"
         )

@@ -21,6 +21,7 @@ from gcs.recording import Recording
 from gcs.scenario import Scenario, load_scenario
 from gcs.summary import CHANNELS, QUANTITIES, summarise
 from gcs.theory_report import theory_section
+from mavlink_defs.files import naming, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -93,7 +94,7 @@ def reproduce(
         recordings = dict(zip(FILES, pool.map(fly_and_export, FILES), strict=True))
     summaries = {f: summarise(r, scenarios[f]) for f, r in recordings.items()}
     for file, summary in summaries.items():
-        (out / "data" / file / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+        write_text(out / "data" / file / "summary.json", json.dumps(summary, indent=2) + "\n")
     _write_table(out / "data" / "summary.csv", summaries)
 
     theory = theory_section(scenarios, recordings, out / "data" / "theory.json")
@@ -106,8 +107,8 @@ def reproduce(
         figures=_CAPTIONS,
     )
     text = paper_report(results)
-    (out / "report.md").write_text(text)
-    (out / "report.html").write_text(html_of(text, out))
+    write_text(out / "report.md", text)
+    write_text(out / "report.html", html_of(text, out))
     on_step("wrote the report")
     return summaries
 
@@ -147,7 +148,7 @@ def _reference_lag(recording: Recording) -> dict[str, float]:
 
 def _write_table(path: Path, summaries: Mapping[str, dict[str, Any]]) -> None:
     """One line per flight and UAV."""
-    with path.open("w", newline="") as file:
+    with naming(path), path.open("w", newline="") as file:
         writer = csv.writer(file)
         iae = [f"iae_{q}_{'m' if q == 'airspeed' else 'deg_s'}" for q in QUANTITIES]
         events = [f"events_{c}" for c in CHANNELS]

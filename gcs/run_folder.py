@@ -1,6 +1,8 @@
 """The folder that a flight's results go into."""
 
+import errno
 import json
+import os
 import re
 from datetime import datetime
 from pathlib import Path
@@ -11,6 +13,7 @@ import numpy as np
 from gcs.errors import BadInput
 from gcs.recording import Recording
 from gcs.summary import event_table
+from mavlink_defs.files import save_arrays, write_text
 
 __all__ = ["make_run_folder", "save_flight"]
 
@@ -31,6 +34,8 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         occupied = any(folder.iterdir())
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as problem:
         raise BadInput(
             f"cannot make the run folder {folder}: {problem.strerror}", "choose another with --out"
@@ -43,9 +48,13 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
 
 
 def save_flight(recording: Recording, summary: dict[str, Any], folder: Path) -> None:
-    """Write `summary.json`, `events.npz` and `trajectory.npz`."""
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-    _save(folder / "events.npz", event_table(recording))
+    """Write `summary.json`, `events.npz` and `trajectory.npz`.
+
+    Raises:
+        OSError: One of them cannot be written; it is named.
+    """
+    write_text(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    save_arrays(folder / "events.npz", event_table(recording))
     signals = recording.signals
     trajectory = {
         "uav": np.array(recording.uav_ids),
@@ -54,8 +63,4 @@ def save_flight(recording: Recording, summary: dict[str, Any], folder: Path) -> 
         "applied": recording.applied,
     }
     trajectory |= {name: signals[name] for name in (signals.dtype.names or ())}
-    _save(folder / "trajectory.npz", trajectory)
-
-
-def _save(path: Path, arrays: dict[str, Any]) -> None:
-    np.savez(path, **arrays)
+    save_arrays(folder / "trajectory.npz", trajectory)

@@ -39,7 +39,7 @@ def signing_key() -> str | None:
 
 
 def signed(scenario: Scenario) -> Scenario:
-    """The scenario with the key that the user gave; else as it is. Warns of open ports.
+    """The scenario with the key that the user gave; else as it is.
 
     Raises:
         BadInput: The key, or that of the scenario, cannot be used.
@@ -52,8 +52,6 @@ def signed(scenario: Scenario) -> Scenario:
             read_key(scenario.links.signing_key)
         except SigningError as problem:
             raise BadInput(str(problem)) from None
-    links = scenario.links
-    warn_if_exposed(Address(links.host, links.gcs_port), links.signing_key is not None)
     return scenario
 
 

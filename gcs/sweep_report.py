@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from rich import box
-from rich.markup import escape
 from rich.table import Table
 
 from gcs.errors import BadInput
 from gcs.summary import CHANNELS, QUANTITIES
 from gcs.sweep import Result, Run, label
+from mavlink_defs.files import naming, write_text
 
 __all__ = ["IAE_UNITS", "Axis", "axes_of", "choose_uav", "position", "terminal_table", "uav_of",
            "write_csv", "write_markdown"]  # fmt: skip
@@ -66,7 +66,7 @@ def write_csv(results: Sequence[Result], path: Path) -> None:
     head += [f"iae_{quantity}_{IAE_UNITS[quantity].replace(' ', '_')}" for quantity in QUANTITIES]
     head += [f"events_{channel}" for channel in CHANNELS]
     head += ["min_interval_s", *_LOST]
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with naming(path), path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(head)
         for result in results:
@@ -98,7 +98,7 @@ def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) ->
         if lost := _lost(result, uav_id):
             cells[len(where)], cells[-1] = lost
         lines.append(_markdown_row(cells))
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _markdown_row(cells: Sequence[str]) -> str:
@@ -128,13 +128,13 @@ def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
     headings = short if len(set(short)) == len(short) else names
     for heading, (_, labels) in zip(headings, axes_of(results), strict=True):
         width = min(max(map(len, labels)), _WIDEST_VALUE)
-        table.add_column(escape(heading), justify="right", overflow="fold", min_width=width)
+        table.add_column(heading, justify="right", overflow="fold", min_width=width)
     table.add_column("saving", justify="right", no_wrap=True)
     for quantity in QUANTITIES:
-        heading = escape(f"{quantity}\n[{IAE_UNITS[quantity]}]")
+        heading = f"{quantity}\n[{IAE_UNITS[quantity]}]"
         table.add_column(heading, justify="right", no_wrap=True)
     for result in results[:_TERMINAL_ROWS]:
-        where = [escape(position(result.run, name)) for name in names]
+        where = [position(result.run, name) for name in names]
         saving, *iae = _figures(result, uav_id)[:-2]
         done = result.outcome == "completed"
         style = "red" if not done or _lost(result, uav_id) else None

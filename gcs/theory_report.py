@@ -11,6 +11,7 @@ from gcs.scenario import Scenario
 from gcs.summary import CHANNELS
 from gcs.theory import UavTheory, check_theory, theory_words
 from gcs.theory.judgement import Judgement
+from mavlink_defs.files import write_text
 
 __all__ = ["theory_section"]
 
@@ -38,7 +39,7 @@ def theory_section(
     """
     found = {file: check_theory(recordings[file], scenarios[file]) for file in recordings}
     everything = {file: asdict(theory) for file, theory in found.items()}
-    path.write_text(json.dumps(everything, indent=1) + "\n")
+    write_text(path, json.dumps(everything, indent=1) + "\n")
     watched = {
         file: next(uav for uav in theory.uavs if uav.id == _WATCHED)
         for file, theory in found.items()

@@ -1,19 +1,20 @@
 """A fleet that flies on until it is told to stop, and its hub."""
 
 import asyncio
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from gcs.client import Client
-from gcs.errors import BadInput, FlightLost
+from gcs.errors import BadInput, FlightLost, bad_endpoint
 from gcs.flight import prepare
 from gcs.hub import Hub
 from gcs.launcher import Fleet
 from gcs.scenario import Scenario
 from gcs.wiring import relay_of
 from mavlink_defs.endpoint import Address, Connection, EndpointError, bind_udp
-from mavlink_defs.signing import SigningError, load_signer
+from mavlink_defs.signing import SigningError, load_signer, words_of
 
 __all__ = ["keep_up"]
 
@@ -51,12 +52,15 @@ async def keep_up(
     try:
         signer = load_signer(key)
         sock = bind_udp(hub, "hub", "choose another one with --hub-port")
-    except (EndpointError, SigningError) as problem:
+    except SigningError as problem:
         raise BadInput(str(problem)) from problem
+    except EndpointError as problem:
+        raise bad_endpoint(problem) from problem
     sock.setblocking(False)
     loop = asyncio.get_running_loop()
     ids = [uav.id for uav in scenario.uavs]
-    transport, _ = await loop.create_datagram_endpoint(lambda: _Relay(Hub(ids, signer)), sock=sock)
+    route = Hub(ids, signer, sock.getsockname()[0])
+    transport, _ = await loop.create_datagram_endpoint(lambda: _Relay(route), sock=sock)
     try:
         processes = folder / "processes"
         with (
@@ -68,17 +72,34 @@ async def keep_up(
             async with Client(Connection("out", hub), signing_key=key) as client:
                 await prepare(client, fleet, scenario, start)
             on_ready()
+            ended: set[int] = set()
+            told: set[str] = set()
             while True:
                 await asyncio.sleep(_LOOK_S)
                 for name, words in fleet.newly_ended():
                     if name == "plant":
                         raise FlightLost(words)
+                    ended.add(int(name.removeprefix("uav")))
+                    again = shlex.join(["ftc-autopilot", f"{processes / name}.yaml"])
                     on_word(
-                        f"{name}: {words}; the others fly on, and "
-                        f"`ftc-autopilot {processes / name}.yaml` starts it again"
+                        f"{name}: {words}; the others fly on, its aircraft with the last command. "
+                        f"`{again}` starts it again, disarmed and without a profile"
                     )
+                for system in sorted(ended & set(route.moved)):
+                    ended.remove(system)
+                    on_word(
+                        f"uav{system} is back, disarmed and without a profile: "
+                        f"`gcs profile upload FILE --uav {system}`, `gcs start --uav {system}`, "
+                        f"`gcs arm --uav {system}`"
+                    )
+                route.moved.clear()
+                if route.drops.keys() - told:
+                    told |= route.drops.keys()
+                    on_word(f"hub: dropped {words_of(route.drops)}")
     finally:
         transport.close()
+        if route.drops:
+            on_word(f"hub: dropped {words_of(route.drops)} in all")
 
 
 class _Relay(asyncio.DatagramProtocol):

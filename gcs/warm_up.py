@@ -12,6 +12,7 @@ from gcs.summary import summarise
 from gcs.theory import check_theory
 from gcs.vehicle import PRIVATE_INTERVALS_S
 from mavlink_defs.endpoint import set_receive_timeout
+from mavlink_defs.jit import mark_cache_warm, not_cached
 from sitl_plant import link as plant_link
 from sitl_plant.fleet import new_fleet
 
@@ -23,7 +24,18 @@ def compile_everything(scenario: Scenario) -> None:
 
     Args:
         scenario: Any scenario; a few steps of it are flown in process.
+
+    Raises:
+        ConfigError: The cache cannot be written.
     """
+    try:
+        _call_everything(scenario)
+        mark_cache_warm()
+    except OSError as problem:
+        raise not_cached(problem) from problem
+
+
+def _call_everything(scenario: Scenario) -> None:
     short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
     flight = fly_in_process(short)
     summarise(flight, short)

@@ -34,6 +34,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from mavlink_defs.endpoint import EndpointError, parse_address
+from mavlink_defs.files import write_text
 from mavlink_defs.quantity import describe, whole
 from mavlink_defs.yaml_text import parse_yaml, yaml_of, yaml_problem
 
@@ -159,7 +160,7 @@ def problems_of(model: type[BaseModel], exc: ValidationError) -> list[str]:
 def dump(model: BaseModel, path: Path | str) -> None:
     """Write a model as YAML that loads back to an equal one, floats to the last bit."""
     text = yaml_of(model.model_dump())
-    Path(path).write_text(text, encoding="utf-8")
+    write_text(Path(path), text)
 
 
 def unknown_key(key: object, known: Iterable[str]) -> str:

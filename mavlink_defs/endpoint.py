@@ -6,23 +6,27 @@ second program that wants the same port gets an `EndpointError`, not half of the
 
 import errno
 import ipaddress
+import random
 import re
 import socket
 import struct
 import sys
+from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-__all__ = ["Address", "Connection", "EndpointError", "address_of", "bind_udp", "connect_udp",
-           "exposed", "free_ports", "is_loopback", "parse_address", "parse_connection",
-           "resolve", "set_receive_timeout", "sockaddr", "someone_listens"]  # fmt: skip
+__all__ = ["Address", "Connection", "EndpointError", "PortTaken", "address_of", "bind_udp",
+           "connect_udp", "exposed", "free_ports", "is_loopback", "open_udp", "parse_address",
+           "parse_connection", "resolve", "set_receive_timeout", "sockaddr",
+           "someone_listens"]  # fmt: skip
 
 Direction: TypeAlias = Literal["in", "out"]
 
 _EVERY_INTERFACE, _LOOPBACK = "0.0.0.0", "127.0.0.1"
+_RANDOM = random.SystemRandom()  # processes that look at the same time find different ports
 _RECEIVE_BUFFER = 1 << 20  # bytes; the system may grant less
 _BSD_LAYOUT = sys.platform.startswith(("darwin", "freebsd", "netbsd", "openbsd"))
 _ENDPOINT = re.compile(r"(?:udp(?:in|out)?:(?://)?)?(?P<host>[^\s:/\[\]]+):(?P<port>[0-9]{1,5})")
@@ -30,6 +34,10 @@ _ENDPOINT = re.compile(r"(?:udp(?:in|out)?:(?://)?)?(?P<host>[^\s:/\[\]]+):(?P<p
 
 class EndpointError(Exception):
     """An address cannot be used; the message says which, for what, and what to do."""
+
+
+class PortTaken(EndpointError):  # noqa: N818 - the name says it
+    """Another socket has the port."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +160,8 @@ def bind_udp(address: Address, what: str, hint: str = "") -> socket.socket:
             --gcs-port".
 
     Raises:
-        EndpointError: The port is in use, or the address is not one of this machine's.
+        PortTaken: The port is in use.
+        EndpointError: The address is not one of this machine's.
     """
     ip = _resolve(address)
     sock = _udp_socket()
@@ -160,7 +169,8 @@ def bind_udp(address: Address, what: str, hint: str = "") -> socket.socket:
         sock.bind((ip, address.port))
     except OSError as exc:
         sock.close()
-        raise EndpointError(_why_not_bound(exc, address, what, hint)) from exc
+        kind = PortTaken if exc.errno == errno.EADDRINUSE else EndpointError
+        raise kind(_why_not_bound(exc, address, what, hint)) from exc
     return sock
 
 
@@ -177,6 +187,24 @@ def connect_udp(address: Address) -> socket.socket:
     except OSError as exc:
         sock.close()
         raise EndpointError(f"cannot reach {address} over UDP: {exc.strerror}") from exc
+    return sock
+
+
+def open_udp(peers: Iterable[Address]) -> socket.socket:
+    """Open a UDP socket, on a port of the system's choice, for talking to some peers.
+
+    It can be reached only at the address that this machine has on the way to them; at all of
+    them if the ways differ.
+
+    Raises:
+        EndpointError: A host's name cannot be resolved, or no route leads there.
+    """
+    own = set()
+    for peer in peers:
+        with connect_udp(peer) as probe:
+            own.add(str(probe.getsockname()[0]))
+    sock = _udp_socket()
+    sock.bind((own.pop() if len(own) == 1 else _EVERY_INTERFACE, 0))
     return sock
 
 
@@ -210,14 +238,21 @@ def set_receive_timeout(sock: socket.socket, seconds: float) -> None:
 
 
 def free_ports(n: int, host: str = "127.0.0.1") -> list[int]:
-    """Find n distinct UDP ports that are free at this moment."""
-    with ExitStack() as sockets:
-        ports = []
-        for _ in range(n):
-            sock = sockets.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-            sock.bind((host, 0))
-            ports.append(int(sock.getsockname()[1]))
-        return ports
+    """Find n UDP ports in a row that are free at this moment.
+
+    They lie below those that systems give to sockets that do not ask for a port, so that no such
+    socket takes one of them before it is bound, and above those where vehicles are expected.
+
+    Raises:
+        EndpointError: The host is not this machine.
+    """
+    while True:
+        first = _RANDOM.randrange(20_000, 32_768 - n)
+        ports = list(range(first, first + n))
+        with ExitStack() as sockets, suppress(PortTaken):
+            for port in ports:
+                sockets.enter_context(bind_udp(Address(host, port), "free port"))
+            return ports
 
 
 def _udp_socket() -> socket.socket:
@@ -230,8 +265,9 @@ def _udp_socket() -> socket.socket:
 def _resolve(address: Address) -> str:
     try:
         return socket.gethostbyname(address.host)
-    except OSError as exc:
-        raise EndpointError(f"unknown host '{address.host}': {exc.strerror}") from exc
+    except (OSError, UnicodeError) as exc:  # a name with an empty part cannot be encoded
+        why = getattr(exc, "strerror", None) or exc
+        raise EndpointError(f"unknown host '{address.host}': {why}") from exc
 
 
 def _why_not_bound(exc: OSError, address: Address, what: str, hint: str) -> str:

@@ -6,12 +6,15 @@ name is a digest of every compiled source of the four packages and where they li
 and of the versions of numba and numpy, so that a change anywhere starts a new folder.
 
 The cache lies in ``$NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/ftc-sitl``, or
-``~/.cache/ftc-sitl``. With ``NUMBA_DISABLE_JIT=1`` the same functions run as plain Python.
+``~/.cache/ftc-sitl``. Where it cannot be written, every process compiles for itself what it
+calls, and `cache_is_cold` says what to do. With ``NUMBA_DISABLE_JIT=1`` the same functions run
+as plain Python.
 """
 
 import hashlib
 import os
 import shutil
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +23,9 @@ from typing import TypeVar, cast
 import numba
 import numpy as np
 
-__all__ = ["cache_is_cold", "compiled", "mark_cache_warm"]
+from mavlink_defs.config import ConfigError
+
+__all__ = ["cache_is_cold", "compiled", "mark_cache_warm", "not_cached"]
 
 _F = TypeVar("_F", bound=Callable[..., object])
 
@@ -37,12 +42,28 @@ def compiled(function: _F) -> _F:
     same bits in every process and from every caller; division by zero gives inf or NaN as
     in numpy.
     """
-    return cast(_F, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
+    cache = _obstacle is None
+    return cast(_F, numba.njit(cache=cache, error_model="numpy", nogil=True)(function))
 
 
 def cache_is_cold() -> bool:
-    """Tell whether the next flight has to compile the numeric core first."""
-    return not _settings["DISABLE_JIT"] and not (_cache_folder / "warm").exists()
+    """Tell whether the next flight has to compile the numeric core first.
+
+    Raises:
+        ConfigError: The cache cannot be written: every process would have to.
+    """
+    if _settings["DISABLE_JIT"]:
+        return False
+    if _obstacle is not None:
+        raise not_cached(_obstacle)
+    return not (_cache_folder / "warm").exists()
+
+
+def not_cached(problem: OSError) -> ConfigError:
+    """Say that the cache cannot be written, and what to do."""
+    text = f"the cache of compiled code cannot be written: {problem.strerror}"
+    advice = "set XDG_CACHE_HOME or NUMBA_CACHE_DIR to a folder that can"
+    return ConfigError(_cache_folder, [f"{text}; {advice}"])
 
 
 def mark_cache_warm() -> None:
@@ -59,7 +80,7 @@ def mark_cache_warm() -> None:
 
 
 def _find_cache_folder() -> Path:
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     base = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(home) / "ftc-sitl")
     root = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {root}".encode())
@@ -72,5 +93,16 @@ def _find_cache_folder() -> Path:
     return base / f"core-{digest.hexdigest()[:16]}"
 
 
+def _find_obstacle() -> OSError | None:
+    """Why the cache cannot be written; None if it can."""
+    try:
+        _cache_folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=_cache_folder):
+            return None
+    except OSError as problem:
+        return problem
+
+
 _cache_folder = _find_cache_folder()
+_obstacle = None if _settings["DISABLE_JIT"] else _find_obstacle()
 _settings["CACHE_DIR"] = str(_cache_folder)

@@ -10,14 +10,14 @@ __all__ = ["on_stop"]
 _LOOK_S = 0.5
 
 
-def on_stop(stop: Callable[[], None], with_parent: bool) -> None:
-    """Call `stop` on SIGTERM or SIGINT, and if asked when the parent process is gone.
+def on_stop(stop: Callable[[], None], parent: int | None = None) -> None:
+    """Call `stop` on SIGTERM or SIGINT, and when the parent process is gone.
 
     Args:
         stop: Called from a signal handler; should only set a flag.
-        with_parent: Also stop when this process becomes an orphan, however its parent ended.
+        parent: Process id of the parent, as the parent gave it: it may be gone already. None to
+            go on without one.
     """
-    parent = os.getppid()
 
     def handle(number: int, _: object) -> None:
         if number != signal.SIGALRM or os.getppid() != parent:
@@ -25,7 +25,9 @@ def on_stop(stop: Callable[[], None], with_parent: bool) -> None:
 
     signal.signal(signal.SIGTERM, handle)
     signal.signal(signal.SIGINT, handle)
-    if with_parent:
+    if parent is not None:
+        if os.getppid() != parent:
+            stop()
         signal.signal(signal.SIGALRM, handle)
         signal.setitimer(signal.ITIMER_REAL, _LOOK_S, _LOOK_S)
         # while the interpreter shuts down the handler is gone, and the alarm would kill

@@ -10,6 +10,7 @@ import numpy as np
 from mavlink_defs import dialect
 from mavlink_defs.codec import (
     FOREIGN,
+    OUT_OF_RANGE,
     REPLAYED,
     SIGNED,
     UNSIGNED,
@@ -127,11 +128,13 @@ def _verify(seal: Seal, datagram: np.ndarray, length: int) -> int:
     for k in range(_STAMP):
         stamp |= int(np.int64(datagram[length - _HASH - _STAMP + k])) << (8 * k)
     stream = 256 * np.int64(datagram[5]) + np.int64(datagram[6])
-    newest = seal.newest[stream]
+    newest, now = seal.newest[stream], _now(seal, 0)
     if newest == 0:
-        newest = _now(seal, 0) - WINDOW - 1
+        newest = now - WINDOW - 1
     if datagram[length - _HASH - _STAMP - 1] != seal.link or stamp <= newest:
         return REPLAYED
+    if stamp > now + WINDOW:
+        return OUT_OF_RANGE
     seal.newest[stream] = stamp
     seal.time[0] = max(seal.time[0], stamp)
     return code

@@ -19,16 +19,20 @@ import numpy as np
 from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
+from mavlink_defs.codec import DROP_REASONS, OUT_OF_RANGE
 from mavlink_defs.frames import frame_size
 
 __all__ = ["EPOCH_S", "FORMATION_LINK", "KEY_SIZE", "PLANT_LINK", "SIGNING_REASONS",
-           "UNSIGNED_ALLOWED", "WINDOW", "Signer", "SigningError", "flagged", "load_signer",
-           "make_key", "new_time", "open_time", "read_key", "time_file", "words_of"]  # fmt: skip
+           "UNSIGNED_ALLOWED", "WINDOW", "Signer", "SigningError", "flagged", "is_ahead",
+           "load_signer", "make_key", "new_time", "open_time", "read_key", "time_file", "timestamp",
+           "words_of"]  # fmt: skip
 
 KEY_SIZE = 32  # bytes
 EPOCH_S = 1_420_070_400  # 2015-01-01, Unix time
 WINDOW = 6_000_000
-"""How far a new stream may be behind the own timestamp: one minute."""
+"""How far a new stream may be behind the own timestamp, and any frame ahead of it: one minute.
+
+With the two equal, no frame can move the own time so far that others fall behind it."""
 PLANT_LINK, FORMATION_LINK = 254, 253
 """Link ids of the links that are not ground stations': what is captured on one link is refused
 on the others."""
@@ -93,6 +97,16 @@ def read_key(path: Path | str) -> bytes:
 def time_file(path: Path | str) -> str:
     """Name of the file beside a key that keeps the timestamp used last."""
     return f"{path}.time"
+
+
+def timestamp(unix_s: float) -> int:
+    """The timestamp of a signature [10 µs since 2015] at a Unix time [s]."""
+    return int((unix_s - EPOCH_S) * 1e5)
+
+
+def is_ahead(stamp: int) -> bool:
+    """Tell whether a timestamp is further ahead of the clock than it may be."""
+    return stamp > timestamp(time.time()) + WINDOW
 
 
 def new_time() -> np.ndarray:
@@ -195,17 +209,19 @@ class Signer:
         if not secrets.compare_digest(self._hash(frame[:-_HASH]), frame[-_HASH:]):
             return WRONG
         stamp = int.from_bytes(frame[-_SIGNATURE + 1 : -_HASH], "little")
-        stream = (link, frame[5], frame[6])
-        newest = self._newest.get(stream, self._now() - WINDOW - 1)
+        stream, now = (link, frame[5], frame[6]), self._now()
+        newest = self._newest.get(stream, now - WINDOW - 1)
         if stamp <= newest or link in {PLANT_LINK, FORMATION_LINK} - {self._link}:
             return REPLAYED
+        if stamp > now + WINDOW:
+            return DROP_REASONS[OUT_OF_RANGE]
         self._newest[stream] = stamp
         self._time = max(self._time, stamp)
         return ""
 
     def _now(self, more: int = 0) -> int:
         """The timestamp to use now, after `more` than the last."""
-        clock = int((self._unix_s() - EPOCH_S) * 1e5)
+        clock = timestamp(self._unix_s())
         return max(self._time + more, int(self._shared[0]) + more, clock)
 
     def _hash(self, covered: bytes | bytearray) -> bytes:

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import BinaryIO, Self
 
 from mavlink_defs import dialect
+from mavlink_defs.files import naming
 
 __all__ = ["TlogCutOff", "TlogError", "TlogWriter", "read_frames", "read_tlog"]
 
@@ -47,23 +48,30 @@ class TlogWriter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.close()
+        with contextlib.nullcontext() if error is None else contextlib.suppress(OSError):
+            self.close()
 
     def write(self, frame: bytes, time_us: int) -> None:
         """Append one frame (all of it, and nothing else) with its time [µs since 1970].
 
         Raises:
-            OSError: The disk is full, or the like.
+            OSError: The disk is full, or the like; it names the file.
         """
-        self._file.write(_TIME.pack(time_us) + frame)
-        now = time.monotonic()
-        if now - self._flushed_at >= _FLUSH_PERIOD_S:
-            self._file.flush()
-            self._flushed_at = now
+        with naming(self._file.name):
+            self._file.write(_TIME.pack(time_us) + frame)
+            now = time.monotonic()
+            if now - self._flushed_at >= _FLUSH_PERIOD_S:
+                self._file.flush()
+                self._flushed_at = now
 
     def close(self) -> None:
-        """Write out what is buffered, and close the file."""
-        self._file.close()
+        """Write out what is buffered, and close the file.
+
+        Raises:
+            OSError: As `write`.
+        """
+        with naming(self._file.name):
+            self._file.close()
 
 
 def read_tlog(path: Path) -> Iterator[tuple[int, dialect.MAVLink_message]]:

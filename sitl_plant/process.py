@@ -39,6 +39,7 @@ from mavlink_defs.endpoint import (
     set_receive_timeout,
 )
 from mavlink_defs.faults import FaultLimits
+from mavlink_defs.files import save_arrays
 from mavlink_defs.frames import Speaker, drop_reason, parse
 from mavlink_defs.lifetime import on_stop
 from mavlink_defs.seal import Seal, load_seal, seal_bytes
@@ -267,7 +268,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("config", type=Path, help="plant configuration (YAML)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="write all steps as .npz")
     parser.add_argument(
-        "--exit-with-parent", action="store_true", help="stop when the parent process is gone"
+        "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
     options = parser.parse_args(arguments)
     try:
@@ -291,7 +292,10 @@ def main(arguments: list[str] | None = None) -> None:
     with sock:
         loss = plant.fly()
     if options.record:
-        np.savez(options.record, loss=loss or "", **plant.recording())
+        try:
+            save_arrays(options.record, {"loss": loss or "", **plant.recording()})
+        except OSError as problem:
+            loss = f"cannot write {options.record}: {problem.strerror}"
     if refused := plant.refused():
         _say(f"frames dropped: {words_of(refused)}")
     if loss is not None:
@@ -300,4 +304,5 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _say(text: str) -> None:
-    print(f"sitl-plant: {text}", file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError):  # a full disk must not end the flight
+        print(f"sitl-plant: {text}", file=sys.stderr, flush=True)

@@ -9,7 +9,7 @@ from hypothesis import settings
 
 from gcs.scenario import Scenario, load_scenario
 from gcs.warm_up import compile_everything
-from mavlink_defs.jit import cache_is_cold, mark_cache_warm
+from mavlink_defs.jit import cache_is_cold
 from sitl_plant.aircraft import aircraft_record
 
 # the first call of a function compiles it; the same examples in every run
@@ -26,7 +26,6 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)  # children get Ctrl-C all the same
     if not hasattr(config, "workerinput") and cache_is_cold():
         compile_everything(load_scenario(SCENARIO_1))
-        mark_cache_warm()
 
 
 @pytest.fixture(scope="session")

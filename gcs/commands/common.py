@@ -10,12 +10,17 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gcs.scenario import Scenario
 
-__all__ = ["flight_progress", "warm_up"]
+__all__ = ["console_of", "flight_progress", "warm_up"]
+
+
+def console_of(stderr: bool = True, quiet: bool = False) -> Console:
+    """A console that prints texts as they are: names and paths of users are no markup."""
+    return Console(stderr=stderr, quiet=quiet, markup=False, emoji=False, highlight=False)
 
 
 def warm_up(scenario: Scenario, console: Console) -> None:
     """Compile the numeric core before processes need it, if that was not done before."""
-    from mavlink_defs.jit import cache_is_cold, mark_cache_warm  # noqa: PLC0415 - has numba
+    from mavlink_defs.jit import cache_is_cold  # noqa: PLC0415 - has numba
 
     if not cache_is_cold():
         return
@@ -25,7 +30,6 @@ def warm_up(scenario: Scenario, console: Console) -> None:
     console.print(message)
     with console.status(message):
         compile_everything(scenario)
-    mark_cache_warm()
 
 
 @contextlib.contextmanager
@@ -34,7 +38,7 @@ def flight_progress(
 ) -> Iterator[Callable[[float, np.ndarray], None]]:
     """A progress bar with simulated time, real-time factor and event counts."""
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.completed:5.1f} / {task.total:g} s"),
         TextColumn("{task.fields[factor]:5.1f}× real time"),

@@ -2,16 +2,22 @@
 
 import asyncio
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 
-from gcs.commands.common import flight_progress, warm_up
+from gcs.commands.common import console_of, flight_progress, warm_up
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.scenario import Scenario, load_scenario
-from gcs.signing import signed
+from gcs.signing import signed, warn_if_exposed
+from mavlink_defs.endpoint import Address
+
+if TYPE_CHECKING:
+    from gcs.recording import Recording
 
 __all__ = ["EPILOG", "fly"]
 
@@ -22,8 +28,8 @@ Examples:
 - gcs fly scenarios/paper/scenario1.yaml --in-process --json | jq .saving
 - gcs fly my.yaml --speed 1 --out runs/demo
 
-Exit status: 0 flown to its end, 1 lost or stopped early, 2 bad input, 3 a vehicle refused
-something, 4 a vehicle did not answer, 130 Ctrl-C.
+Exit status: 0 flown to its end, 1 lost, stopped early or not to be recorded, 2 bad input, 3 a
+vehicle refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
 """
 
 
@@ -63,53 +69,66 @@ def fly(
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
     if speed is not None and in_process:
         raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
-    from gcs.launcher import check_ports, on_free_ports  # noqa: PLC0415 - numba comes with it
+    from gcs.closed_loop import fly_in_process  # noqa: PLC0415 - numba comes with it
+    from gcs.launcher import check_ports  # noqa: PLC0415
     from gcs.run_folder import make_run_folder  # noqa: PLC0415
 
     loaded = signed(load_scenario(scenario))
     if in_process and loaded.links.impairments is not None:
         text = "links.impairments are about the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")
-    if free_ports:
-        loaded = on_free_ports(loaded)
-    elif not in_process:
+    if not (free_ports or in_process):
         check_ports(loaded)
     folder = make_run_folder(out, loaded.name)
-    console = Console(stderr=True, quiet=quiet or as_json)
+    console = console_of(quiet=quiet or as_json)
     try:
-        _fly(loaded, folder, speed, in_process, console, as_json)
+        warm_up(loaded, console)
+        with flight_progress(loaded, console) as on_progress:
+            if in_process:
+                recording = fly_in_process(loaded, on_progress)
+            else:
+                recording = _over_udp(loaded, folder, speed, free_ports, on_progress)
+        _report(recording, loaded, folder, console, as_json)
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
+    except FlightLost as problem:
+        problem.hint = f"what was recorded is in {folder}"
+        raise
 
 
-def _fly(
+def _over_udp(
     scenario: Scenario,
     folder: Path,
     speed: float | None,
-    in_process: bool,
-    console: Console,
-    as_json: bool,
+    free_ports: bool,
+    on_progress: Callable[[float, np.ndarray], None],
+) -> "Recording":
+    from gcs.flight import fly_over_udp  # noqa: PLC0415 - numba comes with it
+    from gcs.launcher import on_free_ports  # noqa: PLC0415
+
+    def flown(scenario: Scenario, _hub: Address | None = None) -> "Recording":
+        links = scenario.links
+        warn_if_exposed(Address(links.host, links.gcs_port), links.signing_key is not None)
+        return asyncio.run(fly_over_udp(scenario, folder, speed, on_progress))
+
+    return on_free_ports(scenario, flown) if free_ports else flown(scenario)
+
+
+def _report(
+    recording: "Recording", scenario: Scenario, folder: Path, console: Console, as_json: bool
 ) -> None:
-    from gcs.closed_loop import fly_in_process  # noqa: PLC0415 - numba comes with it
-    from gcs.figures.overview import draw_flight  # noqa: PLC0415
-    from gcs.flight import fly_over_udp  # noqa: PLC0415
+    from gcs.figures.overview import draw_flight  # noqa: PLC0415 - matplotlib comes with it
     from gcs.report import flight_tables  # noqa: PLC0415
     from gcs.run_folder import save_flight  # noqa: PLC0415
     from gcs.summary import summarise  # noqa: PLC0415
 
-    warm_up(scenario, console)
-    with flight_progress(scenario, console) as on_progress:
-        if in_process:
-            recording = fly_in_process(scenario, on_progress)
-        else:
-            recording = asyncio.run(fly_over_udp(scenario, folder, speed, on_progress))
     summary = summarise(recording, scenario)
     save_flight(recording, summary, folder)
     with console.status("drawing flight.png"):
         draw_flight(recording, scenario, folder / "flight.png")
     console.print(*flight_tables(summary, scenario), sep="\n")
-    console.print(f"results in [bold]{folder}[/bold]", highlight=False)
+    console.print(f"results in {folder}", soft_wrap=True)
     if as_json:
         print(json.dumps(summary, indent=2))
     if not summary["completed"]:
-        raise FlightLost(summary["loss"], f"what was recorded is in {folder}")
+        raise FlightLost(summary["loss"])

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import Progress, TaskID
 from rich.table import Table
 
+from gcs.commands.common import console_of
 from gcs.commands.station import (
     EXIT_STATUS,
     ConnectOption,
@@ -70,7 +70,7 @@ def upload(
 ) -> None:
     """Upload a profile. It is in force at once; one that is refused leaves the old in force."""
     segments = load_profile(file)
-    console = Console(stderr=True)
+    console = console_of()
     progress = Progress(console=console, transient=True, disable=as_json or not console.is_terminal)
     tasks: dict[int, TaskID] = {}
 
@@ -135,7 +135,7 @@ def check(
         if as_json:
             print_json({"file": str(file), "profile": [segment_dict(s) for s in segments]})
         else:
-            Console(highlight=False).print(_table(segments), f"{file}: {_count(segments)}, good")
+            console_of(stderr=False).print(_table(segments), f"{file}: {_count(segments)}, good")
         return
 
     async def action(vehicle: Vehicle) -> str:

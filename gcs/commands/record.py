@@ -1,7 +1,7 @@
 """``gcs record``: the GCS link of a running fleet as a telemetry log."""
 
 import asyncio
-import signal
+import math
 from collections import Counter
 from datetime import datetime
 from pathlib import Path
@@ -15,6 +15,7 @@ from gcs.commands.station import run_interruptible as run
 from gcs.connection import choose_connection, own_identity
 from gcs.errors import BadInput, NoAnswer
 from gcs.signing import signing_key
+from gcs.stopping import stop_signals
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.tlog import TlogWriter
 
@@ -27,8 +28,8 @@ Examples:
 - gcs record flight.tlog --for-s 60
 - gcs record flight.tlog --json && mavlogdump.py flight.tlog --types STATUSTEXT
 
-Exit status: 0 recorded until Ctrl-C, SIGTERM or the end of --for-s, 2 bad input, 4 no vehicle
-heard within --timeout.
+Exit status: 0 recorded until Ctrl-C, SIGTERM, SIGHUP or the end of --for-s, 1 the file cannot be
+written any more, 2 bad input, 4 no vehicle heard within --timeout.
 """
 
 
@@ -70,7 +71,7 @@ async def _record(
         counts[message.get_srcSystem()] += 1
 
     stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in stop_signals():
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     connection = choose_connection(connect)
     try:
@@ -86,13 +87,8 @@ async def _record(
             own=own_identity(),
             signing_key=signing_key(),
         ) as client:
-            heard = await client.until(lambda: bool(counts) or stop.is_set(), timeout_s)
-            if heard and not stop.is_set():
-                try:
-                    async with asyncio.timeout(for_s):
-                        await stop.wait()
-                except TimeoutError:
-                    pass
+            if await client.until(lambda: bool(counts) or stop.is_set(), timeout_s):
+                await client.until(stop.is_set, math.inf if for_s is None else for_s)
     if not counts:
         path.unlink()
         raise NoAnswer(f"no vehicle heard within {timeout_s:g} s on {connection}")

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from gcs.commands.common import warm_up
+from gcs.commands.common import console_of, warm_up
 from gcs.errors import FlightLost, Interrupted
 
 if TYPE_CHECKING:
@@ -28,8 +27,8 @@ Examples:
 - gcs reproduce --out results && xdg-open results/report.html
 - gcs reproduce --over-wire
 
-Exit status: 0 everything flown to its end, 1 a flight was lost (the report says which), 2 bad
-input, 130 Ctrl-C.
+Exit status: 0 everything flown to its end, 1 a flight was lost (the report says which) or a file
+cannot be written, 2 bad input, 130 Ctrl-C.
 """
 
 _SCENARIOS = Path(__file__).parents[2] / "scenarios" / "paper"
@@ -59,11 +58,11 @@ def reproduce(
 
     loaded = work.load_all(scenarios)
     folder = make_run_folder(out, "reproduce")
-    console = Console(stderr=True, quiet=quiet)
+    console = console_of(quiet=quiet)
     warm_up(loaded["scenario1"], console)
     begin = time.monotonic()
     columns = (
-        TextColumn("{task.description:40}"),
+        TextColumn("{task.description:40}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
@@ -82,8 +81,7 @@ def reproduce(
         raise Interrupted(f"interrupted; what was finished is in {folder}") from None
     seconds = time.monotonic() - begin
     console.print(
-        f"{len(summaries)} flights in {seconds:.1f} s; open [bold]{folder}/report.html[/bold]",
-        highlight=False,
+        f"{len(summaries)} flights in {seconds:.1f} s; open {folder}/report.html", soft_wrap=True
     )
     lost = [f"{summary['scenario']}: {summary['loss']}" for summary in summaries.values()
             if summary["loss"]]  # fmt: skip
@@ -105,6 +103,6 @@ def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
     def fly(file: str, scenario: "Scenario") -> "Recording":
         own = folder / "wire" / file
         own.mkdir(parents=True)
-        return asyncio.run(fly_over_udp(on_free_ports(scenario), own))
+        return on_free_ports(scenario, lambda chosen, _: asyncio.run(fly_over_udp(chosen, own)))
 
     return fly

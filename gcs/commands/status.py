@@ -5,10 +5,11 @@ from functools import partial
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 
 from gcs.client import Client
+from gcs.commands.common import console_of
 from gcs.commands.station import (
     ConnectOption,
     JsonOption,
@@ -34,7 +35,7 @@ Examples:
 
 Faults are shown as active/all; below the table, what was dropped on the links, if anything.
 Exit status: 0 shown, 2 bad input, 4 no vehicle heard;
---watch goes on until Ctrl-C (0).
+--watch goes on until Ctrl-C (0), or until the reader of its output has gone (0).
 """
 
 _FIRST_TELEMETRY_S = 1.0
@@ -68,11 +69,12 @@ def status(
         def chosen() -> list[Vehicle]:
             return vehicles if uav is not None else list(client.vehicles.values())
 
-        if as_json:
+        console = console_of(stderr=False)
+        if as_json or not console.is_terminal:
             while True:
                 _show(client, chosen(), as_json)
                 await asyncio.sleep(_REFRESH_S)
-        with Live(auto_refresh=False) as live:
+        with Live(console=console, auto_refresh=False) as live:
             while True:
                 states = [vehicle.state for vehicle in chosen()]
                 lines = drop_lines(client.drops, states)
@@ -84,7 +86,7 @@ def status(
         return
     try:
         station.run(on_and_on, inquire=True, private=True)
-    except Interrupted:
+    except (Interrupted, BrokenPipeError):  # the operator, or the reader of a pipe, has seen enough
         return
 
 
@@ -102,10 +104,10 @@ async def _ask(client: Client, vehicle: Vehicle) -> None:
 def _show(client: Client, vehicles: list[Vehicle], as_json: bool) -> None:
     now = client.now()
     if not as_json:
-        console, states = Console(highlight=False), [vehicle.state for vehicle in vehicles]
-        console.print(fleet_table(states, now))
-        for line in drop_lines(client.drops, states):
-            console.print(line)
+        console, states = console_of(stderr=False), [vehicle.state for vehicle in vehicles]
+        with console.capture() as shown:  # a console of its own ends the program at a broken pipe
+            console.print(fleet_table(states, now), *drop_lines(client.drops, states), sep="\n")
+        print(shown.get(), end="", flush=True)
         return
     answer: dict[str, Any] = {
         "connection": str(client.connection),

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from gcs.commands.common import warm_up
+from gcs.commands.common import console_of, warm_up
 from gcs.errors import GcsError, Interrupted
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def sweep(
     )
     from gcs.sweep_report import choose_uav  # noqa: PLC0415
 
-    console = Console(stderr=True, quiet=quiet)
+    console = console_of(quiet=quiet)
     axes = parse_axes(settings or [])
     runs = plan(scenarios, axes)
     uav_id = choose_uav(runs, uav)
@@ -167,4 +167,4 @@ def _report(results: list["Result"], uav_id: int | None, folder: Path, console: 
     with console.status("drawing sweep.png"):
         draw_sweep(results, uav_id, folder)
     console.print(terminal_table(results, uav_id))
-    console.print(f"results in [bold]{folder}[/bold]", highlight=False)
+    console.print(f"results in {folder}", soft_wrap=True)

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import json
-import signal
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,12 +10,13 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from gcs.commands.common import warm_up
+from gcs.commands.common import console_of, warm_up
 from gcs.connection import HUB_PORT
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario import Scenario, load_scenario
-from gcs.signing import signed
-from mavlink_defs.endpoint import Address, Connection, free_ports
+from gcs.signing import signed, warn_if_exposed
+from gcs.stopping import stop_signals
+from mavlink_defs.endpoint import Address, Connection
 
 __all__ = ["EPILOG", "up"]
 
@@ -27,7 +27,7 @@ Examples:
 - gcs up scenarios/paper/scenario1.yaml --start --speed 2
 - gcs up my.yaml --lockstep --free-ports --json
 
-Exit status: 0 stopped by Ctrl-C or SIGTERM, 1 flight lost, 2 bad input, 3 a vehicle refused
+Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 1 flight lost, 2 bad input, 3 a vehicle refused
 something, 4 a vehicle did not answer.
 """
 
@@ -75,16 +75,23 @@ def up(
     from gcs.run_folder import make_run_folder  # noqa: PLC0415
 
     loaded = signed(load_scenario(scenario))
-    if free:
-        loaded = on_free_ports(loaded)
-        (hub_port,) = free_ports(1, loaded.links.host)
-    else:
-        check_ports(loaded, Address(loaded.links.host, hub_port))
+    hub = Address(loaded.links.host, hub_port)
+    if not free:
+        check_ports(loaded, hub)
     folder = make_run_folder(out, loaded.name)
-    console = Console(stderr=True, quiet=quiet or as_json, highlight=False)
+    console = console_of(quiet=quiet or as_json)
     pace = None if lockstep else speed or 1.0
+
+    def fly(scenario: Scenario, hub: Address) -> None:
+        _up(scenario, folder, hub, pace, start, console, as_json)
+
     try:
-        _up(loaded, folder, Address(loaded.links.host, hub_port), pace, start, console, as_json)
+        warm_up(loaded, console)
+        if free:
+            on_free_ports(loaded, fly)
+        else:
+            fly(loaded, hub)
+        console.print("stopped")
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted before the fleet was up; {folder} can be removed") from None
 
@@ -100,14 +107,16 @@ def _up(
 ) -> None:
     from gcs.up import keep_up  # noqa: PLC0415 - numba comes with it
 
-    warm_up(scenario, console)
+    links = scenario.links
+    for address in (Address(links.host, links.gcs_port), hub):
+        warn_if_exposed(address, links.signing_key is not None)
 
     def ready() -> None:
         _announce(scenario, folder, hub, speed, start, console)
         if as_json:
             print(json.dumps(_addresses(scenario, folder, hub)), flush=True)
 
-    words = Console(stderr=True, highlight=False)
+    words = console_of()
     keeping = keep_up(
         scenario,
         folder,
@@ -118,13 +127,12 @@ def _up(
         on_word=lambda text: words.print(text, soft_wrap=True),
     )
     asyncio.run(_until_told_to_stop(keeping))
-    console.print("stopped")
 
 
 async def _until_told_to_stop(work: Coroutine[Any, Any, None]) -> None:
     task = asyncio.ensure_future(work)
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in stop_signals():
         loop.add_signal_handler(number, task.cancel)
     with contextlib.suppress(asyncio.CancelledError):
         await task
@@ -157,7 +165,7 @@ def _announce(
     if not start:
         then[:0] = ["gcs start" + connect, "gcs arm" + connect]
     lines = [
-        f"[bold]{scenario.name}[/bold]: {len(scenario.uavs)} UAVs up ({pace}), profile of "
+        f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), profile of "
         f"{_count(scenario.profile, 'segment')}, {_count(scenario.faults, 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
         f"  words of the processes: {folder / 'processes'}",

@@ -13,6 +13,7 @@ from rich.console import Console, Group
 from rich.live import Live
 
 from gcs.captures import count_file
+from gcs.commands.common import console_of
 from gcs.errors import BadInput, GcsError
 from gcs.wire_report import wire_tables, write_csv
 from mavlink_defs.config import parse, validate
@@ -112,15 +113,15 @@ def wire(
     if as_json:
         print(json.dumps(report, indent=2))
     else:
-        Console().print(*wire_tables(report), sep="\n")
+        console_of(stderr=False).print(*wire_tables(report), sep="\n")
     if file is not None and not report["messages"]:
         raise GcsError(f"{file}: no MAVLink 2 frame of the dialect")
 
 
 def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) -> dict[str, Any]:
-    console = Console(stderr=True)
+    console = console_of()
     for route in routes:
-        console.print(f"{route.link}: relaying {route.listen} to {route.target}", highlight=False)
+        console.print(f"{route.link}: relaying {route.listen} to {route.target}", soft_wrap=True)
     try:
         with Relay(routes, tap) as relay:
             _watch(relay, seconds, None if as_json or not console.is_terminal else console)
@@ -132,7 +133,7 @@ def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) 
 def _watch(relay: Relay, seconds: float | None, console: Console | None) -> None:
     """Show the counts live, if there is a console, until a signal or the time comes."""
     stop = threading.Event()
-    on_stop(stop.set, with_parent=False)
+    on_stop(stop.set)
     end = math.inf if seconds is None else time.monotonic() + seconds
     with Live(console=console, auto_refresh=False, transient=True) as live:
         while (left_s := end - time.monotonic()) > 0.0 and not stop.is_set():

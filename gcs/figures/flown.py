@@ -11,7 +11,7 @@ from gcs.scenario_parts import ScenarioFault
 from gcs.summary import CHANNELS
 from mavlink_defs.faults import ACTUATORS
 
-__all__ = ["Flight", "Window", "degrees", "fault_windows", "wrapped"]
+__all__ = ["Flight", "Window", "degrees", "fault_windows", "literal", "wrapped"]
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,11 @@ class Window:
     start_s: float
     end_s: float
     text: str
+
+
+def literal(text: str) -> str:
+    """A user's text, such that matplotlib does not take what stands between $ for a formula."""
+    return text.replace("$", r"\$")
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,7 @@ class Flight:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the UAVs, in the order of the recording, and how many steps they missed."""
-        names = {uav.id: uav.name for uav in self.scenario.uavs}
+        names = {uav.id: literal(uav.name) for uav in self.scenario.uavs}
         missing = np.count_nonzero(self.recording.missing, axis=0)
         return tuple(
             f"{names[uav_id]} ({count} steps missing)" if count else names[uav_id]
@@ -44,7 +49,8 @@ class Flight:
     @property
     def title(self) -> str:
         """The label, and when the flight was lost, if it was."""
-        return self.label if self.recording.loss is None else f"{self.label} ({self.lost})"
+        label = literal(self.label)
+        return label if self.recording.loss is None else f"{label} ({self.lost})"
 
     @property
     def lost(self) -> str:
@@ -103,7 +109,7 @@ def fault_windows(flights: Sequence[Flight], uav_id: int | None = None) -> list[
     """
     faults: dict[tuple[float, float], dict[str, str]] = {}
     for flight in flights:
-        names = {uav.id: uav.name for uav in flight.scenario.uavs}
+        names = {uav.id: literal(uav.name) for uav in flight.scenario.uavs}
         duration_s = flight.scenario.duration_s
         for fault in flight.scenario.faults:
             if uav_id in {None, fault.uav} and fault.start_s < duration_s:

@@ -20,6 +20,7 @@ from gcs.recording import Recording
 from gcs.scenario import Scenario
 from gcs.summary import CHANNELS
 from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.files import naming
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +48,8 @@ def draw_flight(recording: Recording, scenario: Scenario, path: Path) -> None:
     for axis in axes[2]:
         axis.set_xlabel("time [s]")
     draw_legend(figure)
-    figure.savefig(path, dpi=150)
+    with naming(path):
+        figure.savefig(path, dpi=150)
 
 
 def _draw_command(axis: "Axes", flight: Flight, channel: str) -> None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from gcs.figures.flown import Flight, fault_windows
+from mavlink_defs.files import naming
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -206,6 +207,8 @@ def save(figure: "Figure", folder: Path, stem: str) -> None:
         figure.set_layout_engine("none")  # not once more for each file
     # the salt of an SVG's ids is a global setting only
     with _saving, mpl.rc_context({"svg.hashsalt": stem, "svg.fonttype": "path"}):
-        figure.savefig(folder / f"{stem}.png", dpi=150)
-        figure.savefig(folder / f"{stem}.svg", dpi=200, metadata={"Date": None})
+        with naming(folder / f"{stem}.png"):
+            figure.savefig(folder / f"{stem}.png", dpi=150)
+        with naming(folder / f"{stem}.svg"):
+            figure.savefig(folder / f"{stem}.svg", dpi=200, metadata={"Date": None})
     figure.clear()

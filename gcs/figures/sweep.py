@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gcs.figures.flown import literal
 from gcs.figures.style import GREY, SMALL, STYLES, new_figure, save, tidy
 from gcs.summary import QUANTITIES
 from gcs.sweep import Result, Run
@@ -72,7 +73,7 @@ def draw_sweep(results: Sequence[Result], uav_id: int | None, folder: Path) -> N
         for panel, quantity in zip(row, QUANTITIES, strict=True):
             _draw_points(panel, chosen, uav_id, quantity, styles)
         for panel in row[:: 2 if one else 4]:
-            panel.set_ylabel(f"{where}\nsaving [%]" if where else "saving [%]")
+            panel.set_ylabel(literal(f"{where}\nsaving [%]" if where else "saving [%]"))
         _draw_crosses(figure, row[-1], [r for r in chosen if uav_of(r, uav_id) is None], styles)
     for panel, quantity in zip(panels[-1], QUANTITIES, strict=True):
         panel.set_xlabel(f"IAE of {quantity} [{IAE_UNITS[quantity]}]")
@@ -156,6 +157,8 @@ def _draw_legends(figure: "Figure", styles: _Styles) -> None:
     signs = [Line2D([], [], ls="", color=GREY, **styles.marker(v)) for v in markers[1]]
     look: dict[str, Any] = {"frameon": False, "fontsize": SMALL, "title_fontsize": SMALL}
     if colours[0]:
-        figure.legend(dots, colours[1], title=colours[0], loc="outside right upper", **look)
+        texts = [literal(text) for text in colours[1]]
+        figure.legend(dots, texts, title=colours[0], loc="outside right upper", **look)
     if markers[0]:
-        figure.legend(signs, markers[1], title=markers[0], loc="outside right lower", **look)
+        texts = [literal(text) for text in markers[1]]
+        figure.legend(signs, texts, title=markers[0], loc="outside right lower", **look)

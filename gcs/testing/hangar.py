@@ -12,14 +12,13 @@ from gcs.testing.flying import FlyingFleet
 from gcs.testing.results import Flight
 from gcs.warm_up import compile_everything
 from mavlink_defs.config import ConfigError
+from mavlink_defs.endpoint import Address
 from mavlink_defs.inherit import PlaceError, with_values
-from mavlink_defs.jit import cache_is_cold, mark_cache_warm
+from mavlink_defs.jit import cache_is_cold
 
 __all__ = ["FlightMode", "fly", "launch", "read_scenario"]
 
 FlightMode = Literal["wire", "in_process"]
-
-_TRIES = 5  # free ports may be taken by others before our processes have them
 
 
 def read_scenario(path: Path, changes: Mapping[str, Any]) -> Scenario:
@@ -41,7 +40,6 @@ def read_scenario(path: Path, changes: Mapping[str, Any]) -> Scenario:
         raise BadInput(f"{path}: {problem}") from None
     if cache_is_cold():
         compile_everything(scenario)
-        mark_cache_warm()
     return scenario
 
 
@@ -57,16 +55,13 @@ def launch(scenario: Scenario, folder: Path, speed: float | None) -> FlyingFleet
         GcsError: As of `FlyingFleet.open`.
     """
     links = scenario.links.model_copy(update={"plant_relay": None})
-    scenario = scenario.model_copy(update={"links": links})
-    for left in reversed(range(_TRIES)):
-        try:
-            fleet = FlyingFleet(on_free_ports(scenario), folder, speed)
-            fleet.open()
-            return fleet
-        except BadInput as problem:
-            if left == 0 or "in use" not in str(problem):
-                raise
-    raise AssertionError("unreachable")
+
+    def opened(scenario: Scenario, _hub: Address) -> FlyingFleet:
+        fleet = FlyingFleet(scenario, folder, speed)
+        fleet.open()
+        return fleet
+
+    return on_free_ports(scenario.model_copy(update={"links": links}), opened)
 
 
 def fly(scenario: Scenario, folder: Path, speed: float | None, mode: FlightMode) -> Flight:

@@ -3,9 +3,7 @@
 import contextlib
 import json
 import os
-import random
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,6 +13,8 @@ from typing import Any
 
 import numpy as np
 import yaml
+
+from mavlink_defs.endpoint import free_ports
 
 BIN = Path(sys.executable).parent
 SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml"
@@ -36,22 +36,9 @@ def write_scenario(folder: Path, tree: dict[str, Any] | None = None, **changes: 
 
 
 def free_links(uavs: int = 3) -> dict[str, Any]:
-    """The links section of a scenario, on ports that are free at this moment.
-
-    They lie below those that systems give to sockets that do not ask for a port, so that no
-    socket of any process takes one of them in between.
-    """
-    while True:
-        first = random.randrange(10_000, 32_000)
-        gcs, plant, base = first, first + 1, first + 1
-        with contextlib.ExitStack() as sockets:
-            try:
-                for port in range(first, first + 2 + uavs):
-                    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-                    sockets.enter_context(sock).bind(("127.0.0.1", port))
-            except OSError:
-                continue
-        return {"gcs_port": gcs, "plant_port": plant, "formation_base_port": base}
+    """The links section of a scenario, on ports that are free at this moment."""
+    gcs, plant, first, *_ = free_ports(2 + uavs)
+    return {"gcs_port": gcs, "plant_port": plant, "formation_base_port": first - 1}
 
 
 def environment(**changes: str) -> dict[str, str]:
@@ -156,8 +143,13 @@ def flying(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[st
         wait_until(begun, "simulated time starts")
         yield popen
     finally:
-        for pid in {popen.pid, *processes_of(folder)}:
-            with contextlib.suppress(ProcessLookupError):
-                if pid != popen.pid or popen.returncode is None:
-                    os.kill(pid, signal.SIGKILL)
-        popen.communicate(timeout=TIMEOUT_S)
+        kill_all(popen, folder)
+
+
+def kill_all(popen: subprocess.Popen[str], folder: Path) -> None:
+    """Kill a ground station and whatever is left of its processes."""
+    for pid in {popen.pid, *processes_of(folder)}:
+        with contextlib.suppress(ProcessLookupError):
+            if pid != popen.pid or popen.returncode is None:
+                os.kill(pid, signal.SIGKILL)
+    popen.communicate(timeout=TIMEOUT_S)

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import select
 import signal
 import socket
@@ -14,9 +13,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from flying import BIN, TIMEOUT_S, environment, free_links, processes_of, run, write_scenario
-
-from mavlink_defs.endpoint import free_ports
+from flying import BIN, TIMEOUT_S, environment, kill_all, run, write_scenario
 
 
 @dataclass
@@ -64,12 +61,9 @@ class Up:
 def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None) -> Iterator[Up]:
     """`gcs up` of a scenario (or scenario 1); whatever is left of it in the end is killed."""
     folder.mkdir(exist_ok=True)
-    links = free_links()
-    scenario = write_scenario(folder, tree, links=links)
-    (hub_port,) = free_ports(1)
     popen = subprocess.Popen(
-        [BIN / "gcs", "up", scenario, "--out", folder / "run", "--json", "--hub-port",
-         str(hub_port), *arguments],
+        [BIN / "gcs", "up", write_scenario(folder, tree), "--out", folder / "run", "--json",
+         "--free-ports", *arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -81,14 +75,10 @@ def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None)
         line = popen.stdout.readline()
         assert line, popen.communicate()
         addresses = json.loads(line)
-        assert addresses["gcs"] == f"udpin:127.0.0.1:{links['gcs_port']}"
-        yield Up(popen, folder / "run", addresses["hub"], links["gcs_port"])
+        gcs_port = int(addresses["gcs"].removeprefix("udpin:127.0.0.1:"))
+        yield Up(popen, folder / "run", addresses["hub"], gcs_port)
     finally:
-        for pid in {popen.pid, *processes_of(folder)}:
-            with contextlib.suppress(ProcessLookupError):
-                if pid != popen.pid or popen.returncode is None:
-                    os.kill(pid, signal.SIGKILL)
-        popen.communicate(timeout=TIMEOUT_S)
+        kill_all(popen, folder)
 
 
 class LossyRelay(threading.Thread):

@@ -310,34 +310,24 @@ def test_the_event_log_is_filtered(fleet: Up) -> None:
     drive(work())
 
 
-def test_a_silent_vehicle_shows_within_two_seconds_and_is_picked_up_again(fleet: Up) -> None:
-    async def silence_s(someone: Operator, pid: int) -> float:
-        """Stop UAV 2 for a while; how long it took until that showed."""
-        os.kill(pid, signal.SIGSTOP)
-        stopped = time.monotonic()
-        try:
-            await someone.sees(
-                lambda: "SILENT" in someone.row(2) or "LOST" in someone.row(2), "silence"
-            )
-            shown_s = time.monotonic() - stopped
-            assert "1 SILENT" in someone.app.export_screenshot().replace("&#160;", " ")
-            await someone.sees(lambda: "LOST" in someone.row(2), "LOST")
-            await someone.press("down", "down", "c")  # everything else goes on
-            assert "●" in someone.row(3)
-            assert someone.state(3).age_s(someone.app.view.now) < 1.0
-        finally:
-            os.kill(pid, signal.SIGCONT)
-        await someone.sees(lambda: "● 0." in someone.row(2), "back")
-        return shown_s
+def test_a_silent_vehicle_shows_and_is_picked_up_again(fleet: Up) -> None:
+    """How soon is told by the clock of the dashboard: tests/unit/gcs/test_tui.py."""
 
     async def work() -> None:
         async with operator(fleet, size=(80, 24)) as someone:
             pid = process_of(fleet.folder, "uav2")
-            for _ in range(3):  # a busy machine may stop this process as well
-                if await silence_s(someone, pid) < 2.0:
-                    break
-            else:
-                pytest.fail("silence shows too late")
+            os.kill(pid, signal.SIGSTOP)
+            try:
+                await someone.sees(
+                    lambda: "1 SILENT" in someone.app.export_screenshot().replace("&#160;", " "),
+                    "silence",
+                )
+                await someone.sees(lambda: "LOST" in someone.row(2), "LOST")
+                await someone.press("down", "down", "c")  # everything else goes on
+                await someone.sees(lambda: "●" in someone.row(3), "UAV 3 is heard")
+            finally:
+                os.kill(pid, signal.SIGCONT)
+            await someone.sees(lambda: "● 0." in someone.row(2), "back")
             await someone.sees_event("2 link", "link lost")
             await someone.sees_event("2 link", "link back")
 

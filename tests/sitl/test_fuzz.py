@@ -109,13 +109,16 @@ def test_status_tells_what_was_dropped_and_why(tmp_path: Path) -> None:
         assert text.count("dropped by the plant: ") == 1
         assert "wrong checksum" in text
         assert len(processes_of(fleet.folder)) == 5
-        assert fleet.stop() == (0, "")
+        status, stderr = fleet.stop()
+        assert status == 0
+        assert stderr.startswith("hub: dropped ")
+        assert all(line.startswith("hub: dropped ") for line in stderr.splitlines())
 
 
 def _all_tell(states: list[dict[str, Any]]) -> bool:
     told = [state["link"]["drops"] or {} for state in states]
     return all(
-        drops.get("gcs", {}).get("truncated", 0) > 0
+        drops.get("gcs", {}).get("wrong sender", 0) > 0
         and drops.get("formation", {}).get("truncated", 0) > 0
         and drops.get("plant", {}).get("wrong sender", 0) > 0
         for drops in told

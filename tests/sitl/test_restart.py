@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 import subprocess
 import sys
 import time
@@ -63,8 +64,8 @@ class Processes:
             self.kill(name)
 
     def _start(self, name: str, module: str, record: bool, *arguments: str) -> None:
-        command = [sys.executable, "-c", f"from {module} import main; main()",
-                   str(self._folder / f"{name}.yaml"), "--exit-with-parent",
+        command = [sys.executable, "-P", "-c", f"from {module} import main; main()",
+                   str(self._folder / f"{name}.yaml"), "--exit-with-parent", str(os.getpid()),
                    *arguments]  # fmt: skip
         if record:
             command += ["--record", str(self._folder / f"{name}.npz")]

@@ -258,7 +258,7 @@ def test_commands_over_a_lossy_link(fleet: Up, tmp_path: Path) -> None:
 
 def test_an_operator_s_session(tmp_path: Path) -> None:
     """Waiting, a vehicle that falls silent, start, arm, a dead autopilot, Ctrl-C."""
-    with up(tmp_path / "session") as fleet:
+    with up(tmp_path / "a session") as fleet:
         states = fleet.gcs_json("status")["vehicles"]
         assert [(s["armed"], s["time_s"], s["steps"]) for s in states] == [(False, 0.0, 0)] * 3
         assert [len(s["profile"]) for s in states] == [3, 3, 3]
@@ -275,13 +275,19 @@ def test_an_operator_s_session(tmp_path: Path) -> None:
         restart_and_arm(fleet)
         status, stderr = fleet.stop()
         assert status == 0
-        assert stderr.startswith("uav2: ended by signal 9")
+        ended, back = stderr.splitlines()
+        assert ended.startswith("uav2: ended by signal 9")
+        config = fleet.folder / "processes" / "uav2.yaml"
+        assert (
+            f"`ftc-autopilot '{config}'` starts it again, disarmed and without a profile" in ended
+        )
+        assert back.startswith("uav2 is back, disarmed and without a profile: `gcs profile upload ")
         assert not processes_of(fleet.folder)
 
 
 def restart_and_arm(fleet: Up) -> None:
     config = fleet.folder / "processes" / "uav2.yaml"
-    autopilot = subprocess.Popen([BIN / "ftc-autopilot", config, "--exit-with-parent"])
+    autopilot = subprocess.Popen([BIN / "ftc-autopilot", config])
     try:
         wait_until(lambda: bool(state_of(fleet, 2)["ready"]), "the autopilot is back")
         assert fleet.gcs("arm", "--uav", "2").returncode == ACCEPTED

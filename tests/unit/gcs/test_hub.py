@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gcs.hub import PATIENCE_S, Hub
+from gcs.hub import MAX_STATIONS, PATIENCE_S, Hub
 from mavlink_defs import dialect
 from mavlink_defs.frames import Speaker
 
@@ -65,3 +65,36 @@ def test_noise_goes_nowhere() -> None:
     for noise in (b"", b"\xfd" * 30, beat()[:-1], b"hello"):
         assert hub.route(noise, GCS, 0.0) == []
     assert hub.route(telemetry(1), ONE, 0.1) == []
+    assert hub.drops == {"unknown incompatibility flags": 1, "truncated": 1, "not MAVLink 2": 1}
+    assert hub.route(b"", GCS, 0.2) == []  # a command looks whether there is a hub
+    assert hub.drops.total() == 3
+
+
+def test_stations_beyond_the_limit_are_turned_away_and_counted() -> None:
+    hub = fleet()
+    crowd = [("192.0.2.1", 5000 + k) for k in range(MAX_STATIONS + 3)]
+    for peer in crowd:
+        hub.route(beat(), peer, 0.0)
+    assert hub.route(telemetry(1), ONE, 0.1) == crowd[:MAX_STATIONS]
+    assert hub.route(command(1), GCS, 0.1) == []
+    assert hub.drops.total() == 4
+    hub.route(beat(), crowd[0], PATIENCE_S)  # who goes on is served on
+    assert hub.route(beat(), GCS, PATIENCE_S + 0.1) == [ONE, TWO]  # and there is room again
+    assert hub.route(telemetry(1), ONE, PATIENCE_S + 0.2) == [crowd[0], GCS]
+
+
+def test_vehicles_are_those_of_this_machine() -> None:
+    hub = Hub([1, 2], host="192.0.2.7")
+    for own in (ONE, ("192.0.2.7", 1003)):
+        hub.route(telemetry(1), own, 0.0)
+        assert hub.route(command(1), GCS, 0.0) == [own]
+    assert hub.route(telemetry(1), ("192.0.2.8", 1003), 0.0) == []
+    assert hub.route(command(1), GCS, 0.0) == [own]
+    assert hub.drops == {"wrong sender": 1}
+
+
+def test_a_vehicle_that_moves_is_noted_once() -> None:
+    hub = fleet()
+    hub.route(telemetry(2), ONE, 1.0)
+    hub.route(telemetry(2), ONE, 1.1)
+    assert hub.moved == [2]

@@ -11,8 +11,10 @@ from mavlink_defs.endpoint import (
     address_of,
     bind_udp,
     connect_udp,
+    destination,
     free_ports,
     is_loopback,
+    open_udp,
     parse_address,
     resolve,
     set_receive_timeout,
@@ -98,6 +100,26 @@ def test_connected_sockets_hear_their_peer_only() -> None:
         other.sendto(b"other", sock.getsockname())
         peer.sendto(b"peer", sock.getsockname())
         assert sock.recv(10) == b"peer"
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "0.0.0.0"])
+def test_a_socket_for_peers_of_this_machine_is_reached_from_this_machine_only(host: str) -> None:
+    with bind_udp(Address("0.0.0.0", 0), "peer") as peer:
+        address = Address(host, peer.getsockname()[1])
+        with open_udp([address, Address("127.0.0.1", 9)]) as sock:
+            peer.settimeout(5.0)
+            sock.settimeout(5.0)
+            assert sock.getsockname()[0] == "127.0.0.1"
+            sock.sendto(b"?", destination(address))
+            datagram, sender = peer.recvfrom(10)
+            assert (datagram, sender) == (b"?", sock.getsockname())
+            peer.sendto(b"!", sender)
+            assert sock.recvfrom(10) == (b"!", destination(address))
+
+
+def test_a_socket_for_peers_that_cannot_be_found_is_refused() -> None:
+    with pytest.raises(EndpointError, match=r"unknown host 'no\.\.such'"):
+        open_udp([Address("no..such", 14550)])
 
 
 def test_receive_timeout_undoes_pythons_own() -> None:

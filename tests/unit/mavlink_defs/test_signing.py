@@ -21,10 +21,12 @@ from mavlink_defs.signing import (
     WINDOW,
     Signer,
     SigningError,
+    flagged,
     make_key,
     open_time,
     read_key,
     time_file,
+    timestamp,
 )
 
 KEY, OTHER = bytes(range(1, 33)), bytes(range(2, 34))
@@ -117,8 +119,10 @@ def test_radio_status_may_be_unsigned() -> None:
     assert opened(new_seal(KEY, 0), frame) == codec.FOREIGN
 
 
-@pytest.mark.parametrize(("late_s", "accepted"), [(59.0, True), (61.0, False), (-3600.0, True)])
-def test_a_new_stream_may_be_one_minute_behind(late_s: float, accepted: bool) -> None:
+@pytest.mark.parametrize(
+    ("late_s", "accepted"), [(59.0, True), (61.0, False), (-59.0, True), (-61.0, False)]
+)
+def test_a_new_stream_may_be_one_minute_behind_or_ahead(late_s: float, accepted: bool) -> None:
     frame = Signer(KEY, unix_s=lambda: time.time() - late_s).sign(frame_of())
     assert Signer(KEY).accepts(frame) == accepted
     assert (opened(new_seal(KEY, 0), frame) == codec.FOREIGN) == accepted
@@ -140,7 +144,7 @@ def test_what_is_captured_on_one_link_is_refused_on_another() -> None:
 
 def test_own_time_follows_what_is_heard() -> None:
     ahead, signer, seal = (
-        Signer(KEY, unix_s=lambda: time.time() + 1e6),
+        Signer(KEY, unix_s=lambda: time.time() + 50.0),
         Signer(KEY),
         new_seal(KEY, 0),
     )
@@ -149,6 +153,25 @@ def test_own_time_follows_what_is_heard() -> None:
     assert opened(seal, frame) == codec.FOREIGN
     for answer in (signer.sign(frame_of()), seal_bytes(seal, frame_of())):
         assert _stamp(answer) > _stamp(frame)
+
+
+@given(st.integers(0, 2**48 - 1) | st.integers(-2 * WINDOW, 2 * WINDOW).map(lambda d: _now() + d))
+def test_no_stamp_overflows_or_locks_out_others(stamp: int) -> None:
+    signer, seal = Signer(KEY), new_seal(KEY, 0)
+    signer.accepts(_stamped(stamp))
+    opened(seal, _stamped(stamp))
+    for answer in (signer.sign(frame_of()), seal_bytes(seal, frame_of())):
+        assert _stamp(answer) <= _now() + WINDOW + 1
+    honest = Signer(KEY).sign(frame_of(system=7))
+    assert signer.accepts(honest)
+    assert opened(seal, honest) == codec.FOREIGN
+
+
+def test_a_stamp_of_the_far_future_is_out_of_range() -> None:
+    signer, seal = Signer(KEY), new_seal(KEY, 0)
+    for stamp in (2**47, 2**48 - 1):
+        assert signer.problem(_stamped(stamp)) == "out of range"
+        assert opened(seal, _stamped(stamp)) == codec.OUT_OF_RANGE
 
 
 def test_a_restart_never_goes_back_even_if_the_clock_does(tmp_path: Path) -> None:
@@ -206,3 +229,13 @@ def test_the_key_is_not_in_words() -> None:
 
 def _stamp(frame: bytes) -> int:
     return int(struct.unpack("<Q", frame[-12:-6] + bytes(2))[0])
+
+
+def _now() -> int:
+    return timestamp(time.time())
+
+
+def _stamped(stamp: int) -> bytes:
+    """A frame that is signed with this timestamp."""
+    body = flagged(frame_of()) + bytes(1) + stamp.to_bytes(6, "little")
+    return bytes(body + hashlib.sha256(KEY + body).digest()[:6])

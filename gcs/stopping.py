@@ -1,0 +1,31 @@
+"""Signals that end a command: Ctrl-C, and just as it does SIGTERM and SIGHUP.
+
+So a flight that ``timeout`` or a closed terminal ends keeps what it recorded, too.
+"""
+
+import signal
+
+from gcs.errors import Interrupted
+
+__all__ = ["stop_as_ctrl_c", "stop_signals"]
+
+
+def stop_signals() -> list[signal.Signals]:
+    """The signals that end a command; without SIGHUP if it is ignored, as below ``nohup``."""
+    hang_up = [signal.SIGHUP] if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN else []
+    return [signal.SIGINT, signal.SIGTERM, *hang_up]
+
+
+def stop_as_ctrl_c() -> None:
+    """Let SIGTERM and SIGHUP do what Ctrl-C does, with an exit status of their own."""
+    for number in stop_signals():
+        if number != signal.SIGINT:
+            signal.signal(number, _interrupt)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    Interrupted.exit_status = 128 + number
+    on_ctrl_c = signal.getsignal(signal.SIGINT)  # Python's own, or of a running event loop
+    if not callable(on_ctrl_c):  # a shell ignores it for what it runs in the background
+        raise KeyboardInterrupt
+    on_ctrl_c(signal.SIGINT, None)

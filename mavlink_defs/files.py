@@ -1,0 +1,51 @@
+"""Writing files: an error names the file, and arrays are there as a whole or not at all."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["naming", "save_arrays", "write_text"]
+
+
+@contextlib.contextmanager
+def naming(path: Path | str) -> Iterator[None]:
+    """Name a file in the error of writing it; a full disk's has no name.
+
+    Raises:
+        OSError: As within the context, with a file name.
+    """
+    try:
+        yield
+    except OSError as problem:
+        if problem.filename is not None:
+            raise
+        raise OSError(problem.errno, problem.strerror, str(path)) from problem
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8.
+
+    Raises:
+        OSError: With the file's name.
+    """
+    with naming(path):
+        path.write_text(text, encoding="utf-8")
+
+
+def save_arrays(path: Path, arrays: dict[str, Any]) -> None:
+    """Write arrays as .npz; under its name the file is complete.
+
+    Raises:
+        OSError: With the file's name; nothing is left of the file.
+    """
+    part = path.with_name(f"{path.name}.part")
+    try:
+        with naming(path), part.open("wb") as file:
+            np.savez(file, **arrays)
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
