@@ -115,6 +115,9 @@ class VehicleState:
                 self.private_due = now + _PRIVATE_PATIENCE_S
             case dialect.MAVLink_ftc_tracking_message():
                 self._remember(message)
+            case dialect.MAVLink_mission_current_message(total=total):
+                if before is not None and before.total != total:
+                    self.profile_due = now  # uploaded from where we do not hear the answers
             case dialect.MAVLink_command_ack_message():
                 news += self._acknowledged(message, now)
             case dialect.MAVLink_mission_ack_message():

@@ -247,6 +247,16 @@ def test_the_profile_is_asked_for_again_when_someone_uploaded_one() -> None:
     assert state.is_asking_due(1.0)
 
 
+def test_the_profile_is_asked_for_again_when_its_length_is_another_one() -> None:
+    bench = Bench(1)
+    state = bench.state()
+    state.learn_faults((), 0.0)
+    state.learn_profile((), 0.0)
+    for seq, total, is_due in ((1, 3, False), (2, 3, False), (2, 5, True)):
+        bench.say(dialect.MAVLink_mission_current_message(seq, total), 1.0)
+        assert state.is_asking_due(1.0) == is_due
+
+
 @pytest.mark.parametrize(
     ("time_s", "active", "past"), [(19.0, 0, 0), (19.1, 1, 0), (22.0, 1, 0), (22.1, 0, 1)]
 )
