@@ -66,8 +66,12 @@ def make_key(path: Path, key: bytes | None = None) -> None:
         raise SigningError(f"{path} exists already; a key is never overwritten") from None
     except OSError as problem:
         raise SigningError(f"{path}: cannot be written: {problem.strerror}") from None
-    with os.fdopen(fd, "wb") as file:
-        file.write(secrets.token_bytes(KEY_SIZE) if key is None else key)
+    try:
+        with os.fdopen(fd, "wb") as file:
+            file.write(secrets.token_bytes(KEY_SIZE) if key is None else key)
+    except OSError as problem:
+        path.unlink()
+        raise SigningError(f"{path}: cannot be written: {problem.strerror}") from None
 
 
 def read_key(path: Path | str) -> bytes:

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from mavlink_defs.endpoint import free_ports
+from gcs.launcher import Fleet, on_free_ports
+from gcs.scenario import Scenario
+from mavlink_defs.endpoint import Address, free_ports
 
 BIN = Path(sys.executable).parent
 SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml"
@@ -120,6 +122,35 @@ def assert_one_message(text: str) -> None:
     assert text.strip()
     assert "Traceback" not in text
     assert "defect of ftc-sitl" not in text
+
+
+@contextlib.contextmanager
+def standing(scenario: Scenario, folder: Path, **options: Any) -> Iterator[Scenario]:
+    """The processes of a scenario on free ports, in real time, waiting; none of them is left."""
+
+    def start(scenario: Scenario, _: Address) -> tuple[Scenario, contextlib.ExitStack]:
+        links = scenario.links
+        ports = {links.plant_port, *(links.formation_base_port + uav.id for uav in scenario.uavs)}
+        with contextlib.ExitStack() as stack:
+            fleet = stack.enter_context(Fleet(scenario, speed=1.0, folder=folder, **options))
+
+            def up() -> bool:
+                fleet.check()
+                return ports <= bound_ports()
+
+            wait_until(up, "all ports are bound")
+            return scenario, stack.pop_all()
+
+    started, stack = on_free_ports(scenario, start)
+    with stack:
+        yield started
+    assert not processes_of(folder)
+
+
+def bound_ports() -> set[int]:
+    """The UDP ports of this machine that are bound (Linux)."""
+    rows = Path("/proc/net/udp").read_text().splitlines()[1:]
+    return {int(row.split()[1].split(":")[1], 16) for row in rows}
 
 
 @contextlib.contextmanager

@@ -78,6 +78,14 @@ def test_results_that_cannot_be_written(tmp_path: Path, size: int, name: str) ->
         assert json.loads((tmp_path / "run" / "summary.json").read_text())["completed"]
 
 
+def test_a_key_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+    done = limited(0, "key", tmp_path / "key")
+    assert done.returncode == 2, done.stderr
+    assert_one_message(done.stderr)
+    assert f"{tmp_path / 'key'}: cannot be written: {NO_SPACE}" in done.stderr
+    assert not (tmp_path / "key").exists()
+
+
 def test_a_sweep_keeps_what_was_flown(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path, duration_s=0.05)
     options = ("sweep", scenario, "--set", "trigger.b1=0.01,0.02", "--quiet", "--out")

@@ -17,12 +17,12 @@ from flying import (
     processes_of,
     run,
     scenario_tree,
+    standing,
     wait_until,
     write_scenario,
 )
 from pymavlink import mavutil
 
-from gcs.launcher import Fleet
 from gcs.scenario import Scenario, scenario_of
 from mavlink_defs import dialect
 from mavlink_defs.signing import Signer, make_key
@@ -70,7 +70,7 @@ class Stranger:
 @pytest.fixture
 def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Scenario, Path]]:
     """One UAV in lockstep, which waits to be armed; with or without a key."""
-    links = free_links(1)
+    links = {}
     if request.param:
         make_key(tmp_path / "key", KEY)
         links["signing_key"] = "key"
@@ -78,7 +78,7 @@ def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Scen
     tree["uavs"] = tree["uavs"][:1]
     tree["network"] = {"leader_access": {1: 1.0}}
     scenario = scenario_of(tmp_path / "scenario.yaml", tree)
-    with Fleet(scenario, speed=1.0, folder=tmp_path / "run", endless=True):
+    with standing(scenario, tmp_path / "run", endless=True) as scenario:
         yield scenario, tmp_path / "run"
 
 
