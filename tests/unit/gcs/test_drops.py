@@ -43,7 +43,7 @@ def test_there_are_as_many_reasons_as_the_message_has_room_for() -> None:
 
 
 def test_a_damaged_frame_does_not_move_a_vehicle_of_the_hub() -> None:
-    hub, vehicle, station, liar = Hub([1]), ("v", 1), ("s", 2), ("l", 3)
+    hub, vehicle, station, liar = Hub([1]), ("127.0.0.1", 1), ("127.0.0.1", 2), ("127.0.0.1", 3)
     frame = Speaker(1, 1).pack(BEAT)
     order = dialect.MAVLink_param_request_list_message(1, 1)
     hub.route(frame, vehicle, 0.0)

@@ -419,6 +419,7 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = (
         (closed_loop, "_run"),
         (closed_loop, "onboard_step"),
+        (onboard, "_control"),
         (onboard, "control_step"),
         (controller, "evaluate"),
         (all_laws, "proposed_law"),

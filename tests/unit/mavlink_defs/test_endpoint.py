@@ -11,7 +11,6 @@ from mavlink_defs.endpoint import (
     address_of,
     bind_udp,
     connect_udp,
-    destination,
     free_ports,
     is_loopback,
     open_udp,
@@ -106,15 +105,16 @@ def test_connected_sockets_hear_their_peer_only() -> None:
 def test_a_socket_for_peers_of_this_machine_is_reached_from_this_machine_only(host: str) -> None:
     with bind_udp(Address("0.0.0.0", 0), "peer") as peer:
         address = Address(host, peer.getsockname()[1])
+        destination = (resolve(address).host, address.port)
         with open_udp([address, Address("127.0.0.1", 9)]) as sock:
             peer.settimeout(5.0)
             sock.settimeout(5.0)
             assert sock.getsockname()[0] == "127.0.0.1"
-            sock.sendto(b"?", destination(address))
+            sock.sendto(b"?", destination)
             datagram, sender = peer.recvfrom(10)
             assert (datagram, sender) == (b"?", sock.getsockname())
             peer.sendto(b"!", sender)
-            assert sock.recvfrom(10) == (b"!", destination(address))
+            assert sock.recvfrom(10) == (b"!", destination)
 
 
 def test_a_socket_for_peers_that_cannot_be_found_is_refused() -> None:
