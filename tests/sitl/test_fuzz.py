@@ -115,7 +115,7 @@ def test_status_tells_what_was_dropped_and_why(tmp_path: Path) -> None:
 def _all_tell(states: list[dict[str, Any]]) -> bool:
     told = [state["link"]["drops"] or {} for state in states]
     return all(
-        drops.get("gcs", {}).get("truncated", 0) > 0
+        drops.get("gcs", {}).get("wrong sender", 0) > 0
         and drops.get("formation", {}).get("truncated", 0) > 0
         and drops.get("plant", {}).get("wrong sender", 0) > 0
         for drops in told
