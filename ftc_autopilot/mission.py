@@ -58,6 +58,7 @@ class Mission:
 
     def restart(self) -> None:
         """Be as after the upload of the mission, for another flight."""
+        self._follows = False
         self.server.set_current(0)
         self._work()
 
