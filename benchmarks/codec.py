@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs import codec, dialect
-from mavlink_defs.jit import compiled
+from mavlink_defs import dialect
+from mavlink_defs.framing import codec
+from mavlink_defs.runtime.jit import compiled
 
 __all__ = ["CodecRow", "codec_table", "main"]
 

@@ -29,7 +29,7 @@ from random import Random
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import free_ports
-from mavlink_defs.frames import Speaker, parse
+from mavlink_defs.framing.frames import Speaker, parse
 
 __all__ = ["Load", "measure"]
 

@@ -9,13 +9,13 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from ftc_autopilot.control.laws import Controller
+from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.schedule import Schedule, schedule
 from ftc_autopilot.geography import Origin
-from ftc_autopilot.laws import Controller
-from ftc_autopilot.laws.proposed import Proposed
-from ftc_autopilot.schedule import Schedule, schedule
 from mavlink_defs import dialect
-from mavlink_defs.config import HostPort, Model, Problems, SystemId, repeated
-from mavlink_defs.quantity import quantity, whole
+from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repeated
+from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
 
 __all__ = ["AutopilotConfig", "Controller", "Identity", "Neighbour", "Origin", "Trigger"]

@@ -7,8 +7,8 @@ knows. The Earth is a sphere there, as in ArduPilot: 1 cm off after 3 km.
 import math
 from typing import NamedTuple
 
-from mavlink_defs.config import Model
-from mavlink_defs.quantity import quantity
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity
 
 __all__ = ["Origin", "Place", "place_of"]
 

@@ -13,10 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.config import Neighbour
-from ftc_autopilot.controller import no_signals
-from ftc_autopilot.onboard import Crew, announce, onboard_step
-from mavlink_defs import codec
-from mavlink_defs.codec import (
+from ftc_autopilot.control.controller import no_signals
+from ftc_autopilot.control.controllers import Crew, announce, onboard_step
+from mavlink_defs.dialect import (
+    FTC_SIM_FLAGS_ENDED,
+    FTC_SIM_FLAGS_LOCKSTEP,
+    FTC_SIM_FLAGS_RUNNING,
+    MAV_COMP_ID_AUTOPILOT1,
+)
+from mavlink_defs.endpoint import parse_address, sockaddr
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.codec import (
     FOREIGN,
     ID_ACTUATORS,
     ID_NEIGHBOUR,
@@ -33,15 +40,10 @@ from mavlink_defs.codec import (
     pack,
     system_of,
 )
-from mavlink_defs.dialect import (
-    FTC_SIM_FLAGS_ENDED,
-    FTC_SIM_FLAGS_LOCKSTEP,
-    FTC_SIM_FLAGS_RUNNING,
-    MAV_COMP_ID_AUTOPILOT1,
-)
-from mavlink_defs.endpoint import parse_address, sockaddr
-from mavlink_defs.jit import compiled
-from mavlink_defs.native import (
+from mavlink_defs.framing.hot_signing import Seal, new_seal, open_frame, seal_frame
+from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
+from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
     monotonic_s,
     receive,
@@ -52,8 +54,6 @@ from mavlink_defs.native import (
     send,
     send_to,
 )
-from mavlink_defs.seal import Seal, new_seal, open_frame, seal_frame
-from mavlink_defs.signing import FORMATION_LINK, PLANT_LINK
 
 __all__ = ["FORMATION", "GCS", "OVER", "PLANT", "RESTARTED", "SERVICE", "SIMULATOR", "TICK",
            "AutopilotLink", "new_link", "reset_link", "run"]  # fmt: skip

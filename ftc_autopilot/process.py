@@ -14,13 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.door import Door
+from ftc_autopilot.control.controllers import new_crew
 from ftc_autopilot.link import GCS, OVER, PLANT, RESTARTED, SERVICE, SIMULATOR, new_link, run
-from ftc_autopilot.onboard import new_crew
-from ftc_autopilot.vehicle import Vehicle
-from mavlink_defs import codec, dialect
-from mavlink_defs.codec import STRANGER
-from mavlink_defs.config import ConfigError, load
+from ftc_autopilot.vehicle.gcs_signing import Door
+from ftc_autopilot.vehicle.vehicle import Vehicle
+from mavlink_defs import dialect
+from mavlink_defs.config.models import ConfigError, load
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.endpoint import (
     Address,
@@ -34,11 +33,13 @@ from mavlink_defs.endpoint import (
     resolve,
     set_receive_timeout,
 )
-from mavlink_defs.files import save_arrays
-from mavlink_defs.frames import Speaker, drop_reason, parse
-from mavlink_defs.lifetime import on_stop
-from mavlink_defs.seal import load_seal, seal_bytes
-from mavlink_defs.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.codec import STRANGER
+from mavlink_defs.framing.frames import Speaker, drop_reason, parse
+from mavlink_defs.framing.hot_signing import load_seal, seal_bytes
+from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
+from mavlink_defs.runtime.files import save_arrays
+from mavlink_defs.runtime.shutdown import on_stop
 
 __all__ = ["main"]
 

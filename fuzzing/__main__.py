@@ -15,7 +15,7 @@ from random import Random
 
 from fuzzing.frames import MESSAGES, damaged, message_frame, noise
 from fuzzing.targets import AutopilotTarget, PlantTarget, StationTarget, Target, parse_all_ways
-from gcs.scenario import Scenario, load_scenario
+from gcs.scenario.model import Scenario, load_scenario
 
 __all__ = ["main"]
 

@@ -14,18 +14,19 @@ from typing import Any, Protocol
 import numpy as np
 
 from ftc_autopilot import link as autopilot_link
-from ftc_autopilot.onboard import onboard_step
+from ftc_autopilot.control.controllers import onboard_step
 from ftc_autopilot.process import Autopilot
-from gcs.client import Client
-from gcs.scenario import Scenario
-from gcs.status import drop_lines, fleet_table, status_dict
-from mavlink_defs import codec, dialect
+from gcs.scenario.model import Scenario
+from gcs.station.client import Client
+from gcs.station.status import drop_lines, fleet_table, status_dict
+from mavlink_defs import dialect
+from mavlink_defs.capture.tlog import TlogError, read_tlog
 from mavlink_defs.endpoint import Address as Endpoint
 from mavlink_defs.endpoint import Connection, parse_address, sockaddr
-from mavlink_defs.frames import Speaker, drop_reason, parse
-from mavlink_defs.seal import new_seal
-from mavlink_defs.signing import PLANT_LINK
-from mavlink_defs.tlog import TlogError, read_tlog
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.frames import Speaker, drop_reason, parse
+from mavlink_defs.framing.hot_signing import new_seal
+from mavlink_defs.framing.signing import PLANT_LINK
 from sitl_plant import link as plant_link
 from sitl_plant.fleet import fly
 from sitl_plant.process import Plant

@@ -27,9 +27,9 @@ from gcs.commands import (
 )
 from gcs.commands.station import ConnectOption
 from gcs.errors import BadInput, GcsError, Interrupted
-from gcs.signing import keyed
+from gcs.station.signing_key import keyed
 from gcs.stopping import stop_as_ctrl_c
-from mavlink_defs.config import ConfigError
+from mavlink_defs.config.models import ConfigError
 
 __all__ = ["app", "main"]
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import pytest
 
 if TYPE_CHECKING:
+    from gcs.testing.fixtures import FlightMode
     from gcs.testing.flying import FlyingFleet
-    from gcs.testing.hangar import FlightMode
     from gcs.testing.results import Flight
 
 __all__: list[str] = []
@@ -66,7 +66,7 @@ def ftc_launch(
 
     They fly in lockstep, or at a real-time factor `speed`, and are ended after the test.
     """
-    from gcs.testing.hangar import launch, read_scenario  # noqa: PLC0415
+    from gcs.testing.fixtures import launch, read_scenario  # noqa: PLC0415
 
     fleets = request.node.stash[_FLEETS] = []
     with ExitStack() as stack:
@@ -96,7 +96,7 @@ def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
     In mode "in_process" without processes and wire. The same flight is flown once per session.
     """
-    from gcs.testing.hangar import fly, read_scenario  # noqa: PLC0415
+    from gcs.testing.fixtures import fly, read_scenario  # noqa: PLC0415
 
     flights = request.config.stash[_FLIGHTS]
 

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs.document import html_of
 from gcs.errors import BadInput
-from gcs.export import export_flight
 from gcs.figures.flown import Flight
 from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import save
-from gcs.paper_report import CONTROLLERS, MODES, Results, paper_report
-from gcs.printed import FIG_9
-from gcs.recording import Recording
-from gcs.scenario import Scenario, load_scenario
-from gcs.summary import CHANNELS, QUANTITIES, summarise
-from gcs.theory_report import theory_section
-from mavlink_defs.files import naming, write_text
+from gcs.reports.markdown import html_of
+from gcs.reports.paper import CONTROLLERS, MODES, Results, paper_report
+from gcs.reports.published_values import FIG_9
+from gcs.reports.theory import theory_section
+from gcs.results.export import export_flight
+from gcs.results.recording import Recording
+from gcs.results.summary import CHANNELS, QUANTITIES, summarise
+from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs.runtime.files import naming, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from mavlink_defs.dialect import FTC_ACTUATOR_THROTTLE, MAVLink_ftc_fault_message
-from mavlink_defs.values import decimal_of_float32
+from mavlink_defs.float32 import decimal_of_float32
 
 __all__ = [
     "ACTUATORS",

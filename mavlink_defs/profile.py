@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_mission_item_int_message
-from mavlink_defs.values import decimal_of_float32
+from mavlink_defs.float32 import decimal_of_float32
 
 __all__ = [
     "ANY_AIRSPEED",

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs.faults import MAX_FAULTS, Fault
-from mavlink_defs.jit import compiled
+from mavlink_defs.runtime.jit import compiled
 
 __all__ = ["FAULT", "Controls", "add_fault", "apply_faults", "clear_faults",
            "no_faults"]  # fmt: skip

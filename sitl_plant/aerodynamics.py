@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs.jit import compiled
+from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Mat3, Vec3, mul_t, norm, scale
 
 __all__ = ["R3", "Aerodynamics", "aerodynamics"]

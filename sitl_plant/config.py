@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
-from mavlink_defs.config import (
+from mavlink_defs.config.models import (
     HostPort,
     Model,
     Problems,
@@ -16,7 +16,7 @@ from mavlink_defs.config import (
     repeated,
     unknown_key,
 )
-from mavlink_defs.quantity import quantity, whole
+from mavlink_defs.config.quantity import quantity, whole
 
 __all__ = [
     "Aircraft", "Coefficients", "Disturbance", "Inertia", "InitialState", "PlantConfig",

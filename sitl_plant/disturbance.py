@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mavlink_defs.jit import compiled
+from mavlink_defs.runtime.jit import compiled
 from sitl_plant.config import Disturbance
 from sitl_plant.vec3 import Vec3
 

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs.codec import NOT_NEWER, OUT_OF_RANGE, SIM_STATE
-from mavlink_defs.jit import compiled
+from mavlink_defs.framing.codec import NOT_NEWER, OUT_OF_RANGE, SIM_STATE
+from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.config import InitialState, PlantConfig
@@ -67,7 +67,7 @@ def receive_controls(fleet: Fleet, i: int, actuators: np.void) -> int:
     Args:
         fleet: The fleet.
         i: Index of the aircraft.
-        actuators: Payload of dtype `mavlink_defs.codec.ACTUATORS`.
+        actuators: Payload of dtype `mavlink_defs.framing.codec.ACTUATORS`.
 
     Returns:
         0 if it was taken over; NOT_NEWER; OUT_OF_RANGE if it holds a number that is no command.

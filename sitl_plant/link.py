@@ -13,8 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs import codec
-from mavlink_defs.codec import (
+from mavlink_defs.constants import SIMULATOR_COMPONENT
+from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.codec import (
     ACTUATORS_SIZE,
     FOREIGN,
     ID_ACTUATORS,
@@ -29,10 +31,10 @@ from mavlink_defs.codec import (
     pack,
     system_of,
 )
-from mavlink_defs.constants import SIMULATOR_COMPONENT
-from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
-from mavlink_defs.jit import compiled
-from mavlink_defs.native import (
+from mavlink_defs.framing.hot_signing import Seal, new_seal, open_frame, seal_frame
+from mavlink_defs.framing.signing import PLANT_LINK
+from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
     monotonic_s,
     receive_from,
@@ -42,8 +44,6 @@ from mavlink_defs.native import (
     send_to,
     sleep_until,
 )
-from mavlink_defs.seal import Seal, new_seal, open_frame, seal_frame
-from mavlink_defs.signing import PLANT_LINK
 from sitl_plant.fleet import Fleet, fly, observe, receive_controls
 
 __all__ = ["LOST", "OVER", "SERVICE", "TICK", "PlantLink", "new_link", "run", "send_states"]

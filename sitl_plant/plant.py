@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from mavlink_defs.jit import compiled
+from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import Controls, apply_faults
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.disturbance import disturbances
@@ -128,7 +128,7 @@ def sense(
         faults: The aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
         disturbance: As `disturbance_table` returns it.
         aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
-        message: Payload of dtype `mavlink_defs.codec.SIM_STATE`; its time, step, motion and
+        message: Payload of dtype `mavlink_defs.framing.codec.SIM_STATE`; its time, step, motion and
             specific force are set.
     """
     t = time_s(step, step_us)

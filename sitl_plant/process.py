@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mavlink_defs.codec import DROP_REASONS, STRANGER, drop_counts
-from mavlink_defs.config import ConfigError, load
+from mavlink_defs.config.models import ConfigError, load
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
@@ -39,11 +38,12 @@ from mavlink_defs.endpoint import (
     set_receive_timeout,
 )
 from mavlink_defs.faults import FaultLimits
-from mavlink_defs.files import save_arrays
-from mavlink_defs.frames import Speaker, drop_reason, parse
-from mavlink_defs.lifetime import on_stop
-from mavlink_defs.seal import Seal, load_seal, seal_bytes
-from mavlink_defs.signing import PLANT_LINK, SigningError, words_of
+from mavlink_defs.framing.codec import DROP_REASONS, STRANGER, drop_counts
+from mavlink_defs.framing.frames import Speaker, drop_reason, parse
+from mavlink_defs.framing.hot_signing import Seal, load_seal, seal_bytes
+from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
+from mavlink_defs.runtime.files import save_arrays
+from mavlink_defs.runtime.shutdown import on_stop
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_fleet
 from sitl_plant.link import (

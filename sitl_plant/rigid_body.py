@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mavlink_defs.jit import compiled
+from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, mul_t, scale, sub, vec3
 

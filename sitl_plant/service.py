@@ -9,7 +9,6 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs import dialect
-from mavlink_defs.command import CommandMessage, CommandServer, command_params
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import (
     ACTUATORS,
@@ -18,8 +17,9 @@ from mavlink_defs.faults import (
     InvalidParam,
     fault_from_params,
 )
-from mavlink_defs.frames import text_chunks
-from mavlink_defs.machine import Address
+from mavlink_defs.framing.frames import text_chunks
+from mavlink_defs.services.command import CommandMessage, CommandServer, command_params
+from mavlink_defs.services.machine import Address
 from sitl_plant.actuators import add_fault, clear_faults
 
 __all__ = ["AircraftService"]

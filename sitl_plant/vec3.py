@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mavlink_defs.jit import compiled
+from mavlink_defs.runtime.jit import compiled
 
 __all__ = ["Mat3", "Vec3", "add", "cross", "dot", "mat3", "mul", "mul_t", "norm", "scale", "sub",
            "vec3"]  # fmt: skip

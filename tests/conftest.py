@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from gcs.scenario import Scenario, load_scenario
-from gcs.warm_up import compile_everything
-from mavlink_defs.jit import cache_is_cold
+from gcs.fleet.precompile import compile_everything
+from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs.runtime.jit import cache_is_cold
 from sitl_plant.aircraft import aircraft_record
 
 # the first call of a function compiles it; the same examples in every run

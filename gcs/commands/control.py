@@ -12,7 +12,7 @@ from gcs.commands.station import (
     TimeoutOption,
     UavOption,
 )
-from gcs.vehicle import Vehicle
+from gcs.station.vehicle import Vehicle
 
 __all__ = ["ARM_EPILOG", "DISARM_EPILOG", "MODE_EPILOG", "START_EPILOG", "arm", "disarm", "mode",
            "start"]  # fmt: skip

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from gcs.client import Client
 from gcs.commands.station import run_interruptible
-from gcs.connection import choose_connection, own_identity
 from gcs.errors import BadInput
-from gcs.signing import signing_key
+from gcs.station.client import Client
+from gcs.station.connection import choose_connection, own_identity
+from gcs.station.signing_key import signing_key
 
 if TYPE_CHECKING:
     from gcs.tui.app import Dashboard

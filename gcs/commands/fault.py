@@ -18,13 +18,13 @@ from gcs.commands.station import (
     UavOption,
 )
 from gcs.errors import BadInput, NoAnswer
-from gcs.scenario_parts import ScenarioFault
-from gcs.signing import keyed
-from gcs.status import fault_dict
-from gcs.vehicle import Vehicle
-from gcs.vehicle_state import describe_fault
+from gcs.scenario.sections import ScenarioFault
+from gcs.station.signing_key import keyed
+from gcs.station.status import fault_dict
+from gcs.station.vehicle import Vehicle
+from gcs.station.vehicle_state import describe_fault
 from mavlink_defs import dialect
-from mavlink_defs.config import problems_of
+from mavlink_defs.config.models import problems_of
 from mavlink_defs.faults import ACTUATORS, Fault
 
 __all__ = ["app"]

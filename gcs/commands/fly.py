@@ -12,12 +12,12 @@ from rich.console import Console
 
 from gcs.commands.common import console_of, flight_progress, warm_up
 from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.scenario import Scenario, load_scenario
-from gcs.signing import signed, warn_if_exposed
+from gcs.scenario.model import Scenario, load_scenario
+from gcs.station.signing_key import signed, warn_if_exposed
 from mavlink_defs.endpoint import Address
 
 if TYPE_CHECKING:
-    from gcs.recording import Recording
+    from gcs.results.recording import Recording
 
 __all__ = ["EPILOG", "fly"]
 
@@ -69,9 +69,9 @@ def fly(
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
     if speed is not None and in_process:
         raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
-    from gcs.closed_loop import fly_in_process  # noqa: PLC0415 - numba comes with it
-    from gcs.launcher import check_ports  # noqa: PLC0415
-    from gcs.run_folder import make_run_folder  # noqa: PLC0415
+    from gcs.fleet.in_process import fly_in_process  # noqa: PLC0415 - numba comes with it
+    from gcs.fleet.processes import check_ports  # noqa: PLC0415
+    from gcs.results.run_folder import make_run_folder  # noqa: PLC0415
 
     loaded = signed(load_scenario(scenario))
     if in_process and loaded.links.impairments is not None:
@@ -103,8 +103,8 @@ def _over_udp(
     free_ports: bool,
     on_progress: Callable[[float, np.ndarray], None],
 ) -> "Recording":
-    from gcs.flight import fly_over_udp  # noqa: PLC0415 - numba comes with it
-    from gcs.launcher import on_free_ports  # noqa: PLC0415
+    from gcs.fleet.flight import fly_over_udp  # noqa: PLC0415 - numba comes with it
+    from gcs.fleet.processes import on_free_ports  # noqa: PLC0415
 
     def flown(scenario: Scenario, _hub: Address | None = None) -> "Recording":
         links = scenario.links
@@ -118,9 +118,9 @@ def _report(
     recording: "Recording", scenario: Scenario, folder: Path, console: Console, as_json: bool
 ) -> None:
     from gcs.figures.overview import draw_flight  # noqa: PLC0415 - matplotlib comes with it
-    from gcs.report import flight_tables  # noqa: PLC0415
-    from gcs.run_folder import save_flight  # noqa: PLC0415
-    from gcs.summary import summarise  # noqa: PLC0415
+    from gcs.reports.flight import flight_tables  # noqa: PLC0415
+    from gcs.results.run_folder import save_flight  # noqa: PLC0415
+    from gcs.results.summary import summarise  # noqa: PLC0415
 
     summary = summarise(recording, scenario)
     save_flight(recording, summary, folder)

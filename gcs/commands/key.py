@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from gcs.errors import BadInput
-from mavlink_defs.signing import SigningError, make_key
+from mavlink_defs.framing.signing import SigningError, make_key
 
 __all__ = ["EPILOG", "key"]
 

@@ -9,7 +9,7 @@ import typer
 from gcs.commands.dashboard import ThemeOption, run_dashboard
 from gcs.commands.station import run_interruptible
 from gcs.errors import BadInput
-from mavlink_defs.tlog import TlogError, read_frames
+from mavlink_defs.capture.tlog import TlogError, read_frames
 
 __all__ = ["EPILOG", "log"]
 

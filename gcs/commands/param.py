@@ -12,11 +12,11 @@ from gcs.commands.station import (
     TimeoutOption,
     UavOption,
 )
-from gcs.news import enum_name
-from gcs.parameter_help import known_quantity
-from gcs.signing import keyed
-from gcs.vehicle import Vehicle
-from mavlink_defs.param import Param
+from gcs.station.notifications import enum_name
+from gcs.station.param_metadata import known_quantity
+from gcs.station.signing_key import keyed
+from gcs.station.vehicle import Vehicle
+from mavlink_defs.services.param import Param
 
 __all__ = ["app"]
 

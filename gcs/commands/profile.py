@@ -18,10 +18,10 @@ from gcs.commands.station import (
     print_json,
 )
 from gcs.errors import BadInput, CommandRefused
-from gcs.profile_file import load_profile, profile_yaml
-from gcs.signing import keyed
-from gcs.status import segment_dict
-from gcs.vehicle import Vehicle
+from gcs.scenario.profile_file import load_profile, profile_yaml
+from gcs.station.signing_key import keyed
+from gcs.station.status import segment_dict
+from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.profile import Segment
 

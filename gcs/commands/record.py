@@ -9,15 +9,15 @@ from typing import Annotated
 
 import typer
 
-from gcs.client import Client
 from gcs.commands.station import ConnectOption, JsonOption, TimeoutOption, print_json
 from gcs.commands.station import run_interruptible as run
-from gcs.connection import choose_connection, own_identity
 from gcs.errors import BadInput, NoAnswer
-from gcs.signing import signing_key
+from gcs.station.client import Client
+from gcs.station.connection import choose_connection, own_identity
+from gcs.station.signing_key import signing_key
 from gcs.stopping import stop_signals
+from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.tlog import TlogWriter
 
 __all__ = ["EPILOG", "record"]
 

@@ -15,8 +15,8 @@ from gcs.errors import FlightLost, Interrupted
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from gcs.recording import Recording
-    from gcs.scenario import Scenario
+    from gcs.results.recording import Recording
+    from gcs.scenario.model import Scenario
 
 __all__ = ["EPILOG", "reproduce"]
 
@@ -54,7 +54,7 @@ def reproduce(
     and SVG), data/ (each flight as .npz and .csv, its summary, theory.json).
     """
     from gcs import reproduce as work  # noqa: PLC0415 - numba and matplotlib come with it
-    from gcs.run_folder import make_run_folder  # noqa: PLC0415
+    from gcs.results.run_folder import make_run_folder  # noqa: PLC0415
 
     loaded = work.load_all(scenarios)
     folder = make_run_folder(out, "reproduce")
@@ -90,15 +90,15 @@ def reproduce(
 
 
 def _in_process(file: str, scenario: "Scenario") -> "Recording":
-    from gcs.closed_loop import fly_in_process  # noqa: PLC0415
+    from gcs.fleet.in_process import fly_in_process  # noqa: PLC0415
 
     return fly_in_process(scenario)
 
 
 def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
     """Fly with processes; each flight's tlog and words go into a folder of its own."""
-    from gcs.flight import fly_over_udp  # noqa: PLC0415
-    from gcs.launcher import on_free_ports  # noqa: PLC0415
+    from gcs.fleet.flight import fly_over_udp  # noqa: PLC0415
+    from gcs.fleet.processes import on_free_ports  # noqa: PLC0415
 
     def fly(file: str, scenario: "Scenario") -> "Recording":
         own = folder / "wire" / file

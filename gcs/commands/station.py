@@ -12,11 +12,11 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from gcs.client import Client
-from gcs.connection import choose_connection, own_identity
 from gcs.errors import BadInput, CommandRefused, Interrupted, NoAnswer
-from gcs.signing import signing_key
-from gcs.vehicle import Vehicle
+from gcs.station.client import Client
+from gcs.station.connection import choose_connection, own_identity
+from gcs.station.signing_key import signing_key
+from gcs.station.vehicle import Vehicle
 
 __all__ = [
     "EXIT_STATUS", "ConnectOption", "JsonOption", "Station", "TimeoutOption", "UavOption",

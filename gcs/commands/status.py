@@ -8,7 +8,6 @@ import typer
 from rich.console import Group
 from rich.live import Live
 
-from gcs.client import Client
 from gcs.commands.common import console_of
 from gcs.commands.station import (
     ConnectOption,
@@ -19,8 +18,9 @@ from gcs.commands.station import (
     print_json,
 )
 from gcs.errors import CommandRefused, Interrupted, NoAnswer
-from gcs.status import drop_lines, fleet_table, status_dict
-from gcs.vehicle import Vehicle
+from gcs.station.client import Client
+from gcs.station.status import drop_lines, fleet_table, status_dict
+from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 
 __all__ = ["EPILOG", "status"]

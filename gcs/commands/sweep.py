@@ -15,7 +15,7 @@ from gcs.commands.common import console_of, warm_up
 from gcs.errors import GcsError, Interrupted
 
 if TYPE_CHECKING:
-    from gcs.sweep import Result, Run
+    from gcs.sweeps.grid import Result, Run
 
 __all__ = ["EPILOG", "sweep"]
 
@@ -69,14 +69,8 @@ def sweep(
     stopped. Lost flights and impossible values are recorded with their reasons. The folder
     gets table.csv (every UAV), table.md, and sweep.png and sweep.svg: saving against IAE.
     """
-    from gcs.sweep import (  # noqa: PLC0415 - numba comes with it
-        default_folder,
-        known_results,
-        open_folder,
-        parse_axes,
-        plan,
-    )
-    from gcs.sweep_report import choose_uav  # noqa: PLC0415
+    from gcs.reports.sweep import choose_uav  # noqa: PLC0415
+    from gcs.sweeps.grid import default_folder, known_results, open_folder, parse_axes, plan
 
     console = console_of(quiet=quiet)
     axes = parse_axes(settings or [])
@@ -104,7 +98,7 @@ def sweep(
 
 def _fly(runs: list["Run"], folder: Path, jobs: int, console: Console) -> list["Result"]:
     """Give each run its result, in order; what was not flown before is flown now."""
-    from gcs.sweep import fly_runs, known_results, result_of  # noqa: PLC0415
+    from gcs.sweeps.grid import fly_runs, known_results, result_of  # noqa: PLC0415
 
     flights = _flights(runs)
     flown = known_results(flights, folder)
@@ -156,11 +150,7 @@ def _progress(
 
 def _report(results: list["Result"], uav_id: int | None, folder: Path, console: Console) -> None:
     from gcs.figures.sweep import draw_sweep  # noqa: PLC0415
-    from gcs.sweep_report import (  # noqa: PLC0415
-        terminal_table,
-        write_csv,
-        write_markdown,
-    )
+    from gcs.reports.sweep import terminal_table, write_csv, write_markdown
 
     write_csv(results, folder / "table.csv")
     write_markdown(results, uav_id, folder / "table.md")

@@ -11,10 +11,10 @@ import typer
 from rich.console import Console
 
 from gcs.commands.common import console_of, warm_up
-from gcs.connection import HUB_PORT
 from gcs.errors import BadInput, Interrupted
-from gcs.scenario import Scenario, load_scenario
-from gcs.signing import signed, warn_if_exposed
+from gcs.scenario.model import Scenario, load_scenario
+from gcs.station.connection import HUB_PORT
+from gcs.station.signing_key import signed, warn_if_exposed
 from gcs.stopping import stop_signals
 from mavlink_defs.endpoint import Address, Connection
 
@@ -71,8 +71,8 @@ def up(
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
     if speed is not None and lockstep:
         raise BadInput("--speed paces the plant; --lockstep does not", "leave one of them out")
-    from gcs.launcher import check_ports, on_free_ports  # noqa: PLC0415 - numba comes with it
-    from gcs.run_folder import make_run_folder  # noqa: PLC0415
+    from gcs.fleet.processes import check_ports, on_free_ports  # noqa: PLC0415 - numba comes with it
+    from gcs.results.run_folder import make_run_folder  # noqa: PLC0415
 
     loaded = signed(load_scenario(scenario))
     hub = Address(loaded.links.host, hub_port)
@@ -105,7 +105,7 @@ def _up(
     console: Console,
     as_json: bool,
 ) -> None:
-    from gcs.up import keep_up  # noqa: PLC0415 - numba comes with it
+    from gcs.fleet.standing import keep_up  # noqa: PLC0415 - numba comes with it
 
     links = scenario.links
     for address in (Address(links.host, links.gcs_port), hub):

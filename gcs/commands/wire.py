@@ -12,16 +12,16 @@ import typer
 from rich.console import Console, Group
 from rich.live import Live
 
-from gcs.captures import count_file
 from gcs.commands.common import console_of
 from gcs.errors import BadInput, GcsError
-from gcs.wire_report import wire_tables, write_csv
-from mavlink_defs.config import parse, validate
+from gcs.reports.wire import wire_tables, write_csv
+from gcs.wire.capture_files import count_file
+from mavlink_defs.capture.impairment import Impairment
+from mavlink_defs.capture.relay import Relay, Route
+from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
+from mavlink_defs.config.models import parse, validate
 from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
-from mavlink_defs.impairment import Impairment
-from mavlink_defs.lifetime import on_stop
-from mavlink_defs.relay import Relay, Route
-from mavlink_defs.tap import DEFAULT_PORTS, LinkNames, Tap
+from mavlink_defs.runtime.shutdown import on_stop
 
 __all__ = ["EPILOG", "wire"]
 

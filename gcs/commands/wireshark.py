@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from gcs.errors import BadInput
-from gcs.wireshark import lua_dissector
+from gcs.wire.dissector import lua_dissector
 
 __all__ = ["EPILOG", "wireshark"]
 

@@ -19,7 +19,7 @@ from gcs.figures.style import (
     style,
     tidy,
 )
-from gcs.summary import CHANNELS
+from gcs.results.summary import CHANNELS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.recording import Recording
-from gcs.scenario import Scenario
-from gcs.scenario_parts import ScenarioFault
-from gcs.summary import CHANNELS
+from gcs.results.recording import Recording
+from gcs.results.summary import CHANNELS
+from gcs.scenario.model import Scenario
+from gcs.scenario.sections import ScenarioFault
 from mavlink_defs.faults import ACTUATORS
 
 __all__ = ["Flight", "Window", "degrees", "fault_windows", "literal", "wrapped"]

@@ -16,11 +16,11 @@ from gcs.figures.style import (
     tidy,
 )
 from gcs.figures.tracking import draw_tracking
-from gcs.recording import Recording
-from gcs.scenario import Scenario
-from gcs.summary import CHANNELS
+from gcs.results.recording import Recording
+from gcs.results.summary import CHANNELS
+from gcs.scenario.model import Scenario
 from mavlink_defs.faults import ACTUATORS
-from mavlink_defs.files import naming
+from mavlink_defs.runtime.files import naming
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

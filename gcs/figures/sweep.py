@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.figures.flown import literal
 from gcs.figures.style import GREY, SMALL, STYLES, new_figure, save, tidy
-from gcs.summary import QUANTITIES
-from gcs.sweep import Result, Run
-from gcs.sweep_report import IAE_UNITS, Axis, axes_of, position, uav_of
+from gcs.reports.sweep import IAE_UNITS, Axis, axes_of, position, uav_of
+from gcs.results.summary import QUANTITIES
+from gcs.sweeps.grid import Result, Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,7 +19,7 @@ from gcs.figures.style import (
     style,
     tidy,
 )
-from gcs.summary import QUANTITIES
+from gcs.results.summary import QUANTITIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["UNITS", "draw_tracking", "fig6", "fig10", "fig11"]
 
 UNITS = {"airspeed": "m/s", "roll": "deg", "pitch": "deg", "yaw": "deg"}
-"""Of `gcs.summary.QUANTITIES`."""
+"""Of `gcs.results.summary.QUANTITIES`."""
 
 _SETTLING_S = 1.0  # panels of errors are for what follows; what was before may leave them
 _BEYOND = 10.0  # m/s or deg of a response outside the reference's range that a panel shows

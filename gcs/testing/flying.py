@@ -14,18 +14,18 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gcs.client import Client
 from gcs.errors import BadInput, FlightLost, NoAnswer
-from gcs.flight import collect, prepare
-from gcs.launcher import Fleet
-from gcs.recording import Mode
-from gcs.scenario import Scenario
-from gcs.testing.gate import Gate
+from gcs.fleet.flight import collect, prepare
+from gcs.fleet.processes import Fleet
+from gcs.fleet.relays import relay_of
+from gcs.results.recording import Mode
+from gcs.scenario.model import Scenario
+from gcs.station.client import Client
 from gcs.testing.results import Flight
+from gcs.testing.step_gate import Gate
 from gcs.testing.uav import FlyingUav
-from gcs.wiring import relay_of
+from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.endpoint import Address, Connection
-from mavlink_defs.tlog import TlogWriter
 
 __all__ = ["FlyingFleet"]
 
@@ -70,7 +70,7 @@ class FlyingFleet:
         Whoever opens a fleet has to `close` it; unless this fails, which leaves nothing behind.
 
         Raises:
-            GcsError: As of `gcs.flight.prepare`.
+            GcsError: As of `gcs.fleet.flight.prepare`.
         """
         links = self.scenario.links
         connection = Connection("in", Address(links.host, links.gcs_port))
@@ -128,7 +128,7 @@ class FlyingFleet:
             return tap.events(system, channel)
 
     def wire(self) -> dict[str, Any]:
-        """Everything that the tap has counted so far: `mavlink_defs.tap.Tap.report`."""
+        """Everything that the tap has counted so far: `mavlink_defs.capture.tap.Tap.report`."""
         return self._relay.report()
 
     # time

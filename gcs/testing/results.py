@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gcs.recording import Recording
-from gcs.scenario import Scenario
-from gcs.summary import QUANTITIES, summarise
+from gcs.results.recording import Recording
+from gcs.results.summary import QUANTITIES, summarise
+from gcs.scenario.model import Scenario
 from mavlink_defs.faults import ACTUATORS
 
 __all__ = ["Channel", "Errors", "Flight", "UavFlight"]

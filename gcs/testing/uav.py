@@ -8,13 +8,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from gcs.errors import BadInput
-from gcs.scenario_parts import ScenarioFault
-from gcs.vehicle import Vehicle
-from gcs.vehicle_state import VehicleState
-from mavlink_defs.config import problems_of
+from gcs.scenario.sections import ScenarioFault
+from gcs.station.vehicle import Vehicle
+from gcs.station.vehicle_state import VehicleState
+from mavlink_defs.config.models import problems_of
 from mavlink_defs.faults import ACTUATORS, Fault
-from mavlink_defs.param import Param
 from mavlink_defs.profile import Segment
+from mavlink_defs.services.param import Param
 
 __all__ = ["FlyingUav"]
 

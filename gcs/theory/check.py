@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from ftc_autopilot.laws.proposed import Proposed
-from gcs.recording import Recording
-from gcs.scenario import Scenario
+from ftc_autopilot.control.laws.proposed import Proposed
+from gcs.results.recording import Recording
+from gcs.scenario.model import Scenario
 from gcs.theory.definitions import attitude_definitions, speed_definitions
 from gcs.theory.dwell import dwell_times
+from gcs.theory.ground_truth import known_quantities, present_steps
 from gcs.theory.judgement import Judgement, judge
-from gcs.theory.known import known_quantities, present_steps
 from gcs.theory.lyapunov import attitude_subsystem, speed_subsystem
 from gcs.theory.residual import residual_sets
 

@@ -10,10 +10,10 @@ from itertools import accumulate
 import numpy as np
 
 from ftc_autopilot.config import Trigger
-from ftc_autopilot.laws.proposed import Proposed
+from ftc_autopilot.control.laws.proposed import Proposed
 from gcs.theory.dwell import WIRE_ROUNDING, in_force
 from gcs.theory.equality import Equality, compare
-from gcs.theory.known import Known, solve
+from gcs.theory.ground_truth import Known, solve
 
 __all__ = ["attitude_definitions", "speed_definitions", "thresholds"]
 

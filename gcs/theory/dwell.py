@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ftc_autopilot.schedule import Schedule
-from gcs.recording import Recording
-from gcs.scenario import Scenario
-from gcs.summary import CHANNELS
+from ftc_autopilot.control.schedule import Schedule
+from gcs.results.recording import Recording
+from gcs.results.summary import CHANNELS
+from gcs.scenario.model import Scenario
 from mavlink_defs.faults import ACTUATORS
 
 __all__ = ["WIRE_ROUNDING", "dwell_times", "in_force"]

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from gcs.theory.equality import ROUNDING, Equality
-from gcs.theory.known import Known
+from gcs.theory.ground_truth import Known
 from gcs.theory.lyapunov import Subsystem
 from mavlink_defs.faults import ACTUATORS
 

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from ftc_autopilot.config import Trigger
-from ftc_autopilot.laws.proposed import Proposed
+from ftc_autopilot.control.laws.proposed import Proposed
 from gcs.theory.definitions import thresholds
 from gcs.theory.dwell import in_force
 from gcs.theory.equality import Equality, compare
-from gcs.theory.known import Known, solve
+from gcs.theory.ground_truth import Known, solve
 
 __all__ = ["Subsystem", "attitude_subsystem", "speed_subsystem"]
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from gcs.recording import Recording
-from gcs.scenario import Scenario
+from gcs.results.recording import Recording
+from gcs.scenario.model import Scenario
 
 __all__ = ["residual_sets"]
 

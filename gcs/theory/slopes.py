@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mavlink_defs.jit import compiled
+from mavlink_defs.runtime.jit import compiled
 from sitl_plant.disturbance import disturbances
 from sitl_plant.rigid_body import load_state, state_derivative
 from sitl_plant.vec3 import vec3

@@ -1,9 +1,9 @@
 """The actions that work on every panel, as wishes."""
 
+from gcs.station.vehicle import Vehicle
+from gcs.station.vehicle_state import MODES
+from gcs.tui.formatting import ids
 from gcs.tui.requests import Choice, Wish
-from gcs.tui.words import ids
-from gcs.vehicle import Vehicle
-from gcs.vehicle_state import MODES
 
 __all__ = ["arm", "change_mode", "disarm", "start_mission"]
 

@@ -14,13 +14,13 @@ from textual.widget import Widget
 from textual.widgets import Footer, TabbedContent, TabPane
 
 from gcs.tui.actions import arm, change_mode, disarm, start_mission
+from gcs.tui.cached_static import Line
 from gcs.tui.dialogs import Help, Question
 from gcs.tui.events import EventsPanel
 from gcs.tui.faults import FaultsPanel, clear_all, repeat
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
 from gcs.tui.keys import ACTING, KEYS, REPLAYING
-from gcs.tui.line import Line
 from gcs.tui.operations import Operations
 from gcs.tui.overview import Overview
 from gcs.tui.parameters import ParametersPanel

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from textual.color import Color
 
-from gcs.vehicle_state import VehicleState
+from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.faults import Fault
 
 __all__ = ["Palette", "draw_formation", "draw_held", "draw_quantity", "latest", "palette_of"]

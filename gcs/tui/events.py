@@ -8,12 +8,12 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Select, Static
 
-from gcs.news import severity_name
+from gcs.station.notifications import severity_name
+from gcs.tui.event_log import KINDS, Entry
+from gcs.tui.formatting import clock, role_of, seconds
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.journal import KINDS, Entry
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView
-from gcs.tui.words import clock, role_of, seconds
 from mavlink_defs import dialect
 
 __all__ = ["EventLog", "EventsPanel"]

@@ -14,9 +14,9 @@ from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.widgets import Button, Input, Select, Static
 
-from gcs.scenario_parts import ScenarioFault
-from gcs.tui.line import Line
-from mavlink_defs.config import problems_of
+from gcs.scenario.sections import ScenarioFault
+from gcs.tui.cached_static import Line
+from mavlink_defs.config.models import problems_of
 from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
 
 __all__ = ["ALL", "FaultForm", "read_fault"]

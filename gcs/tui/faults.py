@@ -7,15 +7,15 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 
+from gcs.station.vehicle import Vehicle
+from gcs.station.vehicle_state import describe_fault
+from gcs.tui.cached_static import Line
 from gcs.tui.fault_form import ALL, FaultForm
+from gcs.tui.fault_history import FaultRecord
+from gcs.tui.formatting import Cell, clock, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.ledger import FaultRecord
-from gcs.tui.line import Line
 from gcs.tui.requests import Wish
 from gcs.tui.view import FleetView
-from gcs.tui.words import Cell, clock, ids
-from gcs.vehicle import Vehicle
-from gcs.vehicle_state import describe_fault
 from mavlink_defs.faults import ACTUATORS, Fault
 
 __all__ = ["FaultList", "FaultsPanel", "clear_all", "repeat"]

@@ -5,11 +5,11 @@ from typing import Any, ClassVar
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
+from gcs.station.vehicle_state import VehicleState, describe_fault
+from gcs.tui.formatting import Cell, number, seconds
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView
-from gcs.tui.words import Cell, number, seconds
-from gcs.vehicle_state import VehicleState, describe_fault
 
 __all__ = ["FleetTable"]
 

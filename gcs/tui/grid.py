@@ -20,7 +20,7 @@ from textual.reactive import reactive
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from gcs.tui.words import Cell
+from gcs.tui.formatting import Cell
 
 __all__ = ["Column", "Grid", "Row"]
 

@@ -4,10 +4,10 @@ import asyncio
 from collections.abc import Callable
 
 from gcs.errors import CommandRefused, GcsError
-from gcs.news import ERROR, NOTICE, WARNING
+from gcs.station.notifications import ERROR, NOTICE, WARNING
+from gcs.tui.formatting import ids
 from gcs.tui.requests import Outcome, Wish
 from gcs.tui.view import FleetView
-from gcs.tui.words import ids
 
 __all__ = ["Operations"]
 

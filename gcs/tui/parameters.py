@@ -9,14 +9,14 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input
 
-from gcs.parameter_help import known_quantity
+from gcs.station.param_metadata import known_quantity
+from gcs.station.vehicle import Vehicle
+from gcs.tui.cached_static import Line
+from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.line import Line
 from gcs.tui.requests import Outcome, Refresh, Wish
 from gcs.tui.view import FleetView
-from gcs.tui.words import Cell, ids
-from gcs.vehicle import Vehicle
-from mavlink_defs.param import Param
+from mavlink_defs.services.param import Param
 
 __all__ = ["ParametersPanel"]
 

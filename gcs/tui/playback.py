@@ -3,12 +3,12 @@
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from gcs.fleet_state import FleetState
-from gcs.news import News
-from gcs.overheard import Overheard
-from gcs.tui.journal import Journal
-from gcs.tui.ledger import Ledger
-from mavlink_defs.frames import parse
+from gcs.station.fleet_state import FleetState
+from gcs.station.notifications import News
+from gcs.station.passive_observer import Overheard
+from gcs.tui.event_log import Journal
+from gcs.tui.fault_history import Ledger
+from mavlink_defs.framing.frames import parse
 
 __all__ = ["SPEEDS", "Playback"]
 

@@ -7,6 +7,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Container, Vertical
 from textual_plotext import PlotextPlot
 
+from gcs.tui.cached_static import Line
 from gcs.tui.curves import (
     Palette,
     draw_formation,
@@ -15,10 +16,9 @@ from gcs.tui.curves import (
     latest,
     palette_of,
 )
-from gcs.tui.line import Line
+from gcs.tui.formatting import number, seconds
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView
-from gcs.tui.words import number, seconds
 
 __all__ = ["Chart", "PlotsPanel"]
 

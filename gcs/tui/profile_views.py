@@ -6,10 +6,10 @@ from typing import Any
 from textual.widgets import DirectoryTree
 from textual_plotext import PlotextPlot
 
-from gcs.status import segment_dict
+from gcs.station.status import segment_dict
 from gcs.tui.curves import palette_of
+from gcs.tui.formatting import Cell
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.words import Cell
 from mavlink_defs.profile import Segment
 
 __all__ = ["ProfileFiles", "ProfilePlot", "ProfileTable", "differences", "polyline"]

@@ -10,16 +10,16 @@ from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.widgets import DirectoryTree, Input
 
-from gcs.profile_file import load_profile
+from gcs.scenario.profile_file import load_profile
+from gcs.station.vehicle import Progress, Vehicle
+from gcs.station.vehicle_state import VehicleState
+from gcs.tui.cached_static import Line
+from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.line import Line
 from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
 from gcs.tui.requests import Outcome, Refresh, Wish
 from gcs.tui.view import FleetView
-from gcs.tui.words import Cell, ids
-from gcs.vehicle import Progress, Vehicle
-from gcs.vehicle_state import VehicleState
-from mavlink_defs.config import ConfigError
+from mavlink_defs.config.models import ConfigError
 from mavlink_defs.profile import Segment
 
 __all__ = ["Holdings", "ProfilesPanel"]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from textual.message import Message
 
-from gcs.vehicle import Vehicle
+from gcs.station.vehicle import Vehicle
 
 __all__ = ["Choice", "Outcome", "Refresh", "Wish"]
 

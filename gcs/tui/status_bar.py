@@ -4,8 +4,8 @@ from rich.text import Text
 from textual.reactive import reactive
 from textual.widget import Widget
 
+from gcs.tui.formatting import percent, seconds
 from gcs.tui.view import FleetView
-from gcs.tui.words import percent, seconds
 
 __all__ = ["StatusBar"]
 

@@ -7,12 +7,12 @@
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from gcs.fleet_state import FleetState
-from gcs.news import News
-from gcs.tui.journal import Journal
-from gcs.tui.ledger import Ledger
-from gcs.vehicle import Vehicle
-from gcs.vehicle_state import VehicleState
+from gcs.station.fleet_state import FleetState
+from gcs.station.notifications import News
+from gcs.station.vehicle import Vehicle
+from gcs.station.vehicle_state import VehicleState
+from gcs.tui.event_log import Journal
+from gcs.tui.fault_history import Ledger
 
 __all__ = ["SILENT_S", "FleetView", "Live", "Source", "Station"]
 

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from gcs.event_counts import EventCounts
+from gcs.station.event_counts import EventCounts
+from gcs.tui.formatting import Cell, count, number, percent, sparkline
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.view import FleetView
-from gcs.tui.words import Cell, count, number, percent, sparkline
 from mavlink_defs.faults import ACTUATORS
 
 __all__ = ["WirePanel"]

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from gcs.launcher import Fleet, on_free_ports
-from gcs.scenario import Scenario
+from gcs.fleet.processes import Fleet, on_free_ports
+from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import Address, free_ports
 
 BIN = Path(sys.executable).parent

@@ -16,20 +16,20 @@ from station import Up, up
 from textual.pilot import Pilot
 from textual.widgets import Input, Select, TabbedContent
 
-from gcs.client import Client
+from gcs.station.client import Client
+from gcs.station.vehicle_state import VehicleState
 from gcs.tui.app import Dashboard
+from gcs.tui.cached_static import Line
 from gcs.tui.events import EventLog, EventsPanel
 from gcs.tui.faults import FaultList
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
-from gcs.tui.line import Line
 from gcs.tui.plots import Chart
 from gcs.tui.profiles import Holdings, ProfilesPanel
 from gcs.tui.view import Live
 from gcs.tui.wire_panel import WirePanel
-from gcs.vehicle_state import VehicleState
 from mavlink_defs.endpoint import parse_connection
-from mavlink_defs.machine import Address
+from mavlink_defs.services.machine import Address
 
 pytestmark = pytest.mark.sitl
 
@@ -311,7 +311,7 @@ def test_the_event_log_is_filtered(fleet: Up) -> None:
 
 
 def test_a_silent_vehicle_shows_and_is_picked_up_again(fleet: Up) -> None:
-    """How soon is told by the clock of the dashboard: tests/unit/gcs/test_tui.py."""
+    """How soon is told by the clock of the dashboard: tests/unit/gcs/tui/test_tui.py."""
 
     async def work() -> None:
         async with operator(fleet, size=(80, 24)) as someone:

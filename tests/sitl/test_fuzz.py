@@ -14,9 +14,9 @@ from flying import arrays_of, flying, process_of, processes_of, wait_until, writ
 from station import up
 
 from fuzzing.frames import MESSAGES, damaged, message_frame, noise
-from gcs.closed_loop import fly_in_process
-from gcs.scenario import load_scenario
-from gcs.summary import event_table
+from gcs.fleet.in_process import fly_in_process
+from gcs.results.summary import event_table
+from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl
 

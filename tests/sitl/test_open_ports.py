@@ -11,8 +11,8 @@ from flying import process_of, processes_of, scenario_tree, wait_until
 from station import Up, up
 
 from mavlink_defs import dialect
-from mavlink_defs.frames import Speaker
-from mavlink_defs.signing import timestamp
+from mavlink_defs.framing.frames import Speaker
+from mavlink_defs.framing.signing import timestamp
 
 pytestmark = pytest.mark.sitl
 

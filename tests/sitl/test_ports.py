@@ -8,8 +8,8 @@ import yaml
 from flying import fly_well, free_links, scenario_tree, wait_until, write_scenario
 
 from gcs.errors import PortInUse
-from gcs.launcher import Fleet, on_free_ports
-from gcs.scenario import Scenario, scenario_of
+from gcs.fleet.processes import Fleet, on_free_ports
+from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.endpoint import Address, bind_udp
 
 pytestmark = pytest.mark.sitl

@@ -8,8 +8,8 @@ import pytest
 import yaml
 from flying import assert_one_message, free_links, run, scenario_tree
 
-from gcs.scenario import Scenario
-from mavlink_defs.config import dump
+from gcs.scenario.model import Scenario
+from mavlink_defs.config.models import dump
 
 pytestmark = pytest.mark.sitl
 

@@ -17,11 +17,11 @@ from flying import (
     write_scenario,
 )
 
-from gcs.scenario import Scenario
+from gcs.scenario.model import Scenario
+from gcs.testing.fixtures import launch
 from gcs.testing.flying import FlyingFleet
-from gcs.testing.hangar import launch
 from gcs.testing.results import Flight
-from mavlink_defs.tlog import read_tlog
+from mavlink_defs.capture.tlog import read_tlog
 
 pytestmark = pytest.mark.sitl
 

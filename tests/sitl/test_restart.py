@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from flying import arrays_of, free_links
 
-from gcs.client import Client
-from gcs.closed_loop import fly_in_process
-from gcs.scenario import Scenario
+from gcs.fleet.in_process import fly_in_process
+from gcs.scenario.model import Scenario
+from gcs.station.client import Client
 from mavlink_defs import dialect
-from mavlink_defs.config import dump
+from mavlink_defs.config.models import dump
 from mavlink_defs.endpoint import Address, Connection
 
 pytestmark = pytest.mark.sitl

@@ -10,8 +10,8 @@ import pytest
 from flying import SCENARIO_1, run, summary_of
 from rich.console import Console
 
-from gcs.report import flight_tables
-from gcs.scenario import load_scenario
+from gcs.reports.flight import flight_tables
+from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl
 

@@ -23,9 +23,9 @@ from flying import (
 )
 from pymavlink import mavutil
 
-from gcs.scenario import Scenario, scenario_of
+from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs import dialect
-from mavlink_defs.signing import Signer, make_key
+from mavlink_defs.framing.signing import Signer, make_key
 
 pytestmark = pytest.mark.sitl
 

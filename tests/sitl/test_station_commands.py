@@ -26,11 +26,11 @@ from flying import (
 )
 from station import LossyRelay, Up, up
 
-from gcs.closed_loop import fly_in_process
-from gcs.profile_file import load_profile
-from gcs.scenario import Scenario
-from gcs.summary import event_table
-from mavlink_defs.tlog import read_tlog
+from gcs.fleet.in_process import fly_in_process
+from gcs.results.summary import event_table
+from gcs.scenario.model import Scenario
+from gcs.scenario.profile_file import load_profile
+from mavlink_defs.capture.tlog import read_tlog
 
 pytestmark = pytest.mark.sitl
 

@@ -30,7 +30,7 @@ from flying import (
     write_scenario,
 )
 
-from mavlink_defs.tlog import read_tlog
+from mavlink_defs.capture.tlog import read_tlog
 
 pytestmark = pytest.mark.sitl
 

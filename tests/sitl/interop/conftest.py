@@ -7,7 +7,7 @@ import pytest
 from flying import scenario_tree, standing
 from standing import Standing
 
-from gcs.scenario import scenario_of
+from gcs.scenario.model import scenario_of
 
 LONG_ENOUGH_S = 300.0
 

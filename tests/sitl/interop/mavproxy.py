@@ -18,7 +18,7 @@ _NO_WINDOWS = "log,signing,wp,ftp,param,arm,mode,misc,cmdlong,fence,rally"
 class MavProxy:
     """A running MAVProxy, with our dialect; a context manager that leaves nothing behind."""
 
-    _program = (sys.executable, "-m", "mavlink_defs.with_dialect", "mavproxy.py",
+    _program = (sys.executable, "-m", "mavlink_defs.runtime.run_with_dialect", "mavproxy.py",
                 "--dialect", "ftc")  # fmt: skip
 
     def __init__(self, port: int, folder: Path) -> None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gcs.scenario import Scenario
+from gcs.scenario.model import Scenario
 
 
 class Standing:

@@ -8,9 +8,9 @@ import pytest
 from flying import free_links, scenario_tree
 from mavproxy import TIMEOUT_S, PlainMavProxy
 
-from gcs.client import Client
-from gcs.launcher import Fleet
-from gcs.scenario import scenario_of
+from gcs.fleet.processes import Fleet
+from gcs.scenario.model import scenario_of
+from gcs.station.client import Client
 from mavlink_defs.endpoint import Address, Connection
 
 pytestmark = pytest.mark.sitl

@@ -21,7 +21,7 @@ def tlog(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tool(*arguments: str | Path) -> str:
     """What a tool prints; it must not complain."""
     done = subprocess.run(
-        [sys.executable, "-m", "mavlink_defs.with_dialect", *arguments],
+        [sys.executable, "-m", "mavlink_defs.runtime.run_with_dialect", *arguments],
         capture_output=True, text=True, timeout=60.0, stdin=subprocess.DEVNULL, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -15,7 +15,7 @@ import pytest
 from standing import Standing
 
 from mavlink_defs import dialect
-from mavlink_defs.frames import Speaker, parse
+from mavlink_defs.framing.frames import Speaker, parse
 from mavlink_defs.profile import segments_to_items
 
 pytestmark = pytest.mark.sitl

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from ftc_autopilot import link
-from ftc_autopilot.controller import restart_law
+from ftc_autopilot.control.controller import restart_law
+from ftc_autopilot.control.controllers import new_crew, reset_crew
+from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.link import (
     FORMATION,
     OVER,
@@ -21,16 +23,14 @@ from ftc_autopilot.link import (
     reset_link,
     run,
 )
-from ftc_autopilot.onboard import new_crew, reset_crew
-from ftc_autopilot.reference import profile_record
-from gcs.scenario import Scenario
-from mavlink_defs import codec
+from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOCKSTEP,
     FTC_SIM_FLAGS_RUNNING,
 )
 from mavlink_defs.endpoint import set_receive_timeout
+from mavlink_defs.framing import codec
 
 UAV, NEIGHBOUR = 2, 1  # follower 1 has one neighbour, the leader
 LOCKSTEP = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP

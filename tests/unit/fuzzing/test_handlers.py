@@ -19,14 +19,15 @@ from fuzzing.targets import (
     parse_all_ways,
     records_of_tlog,
 )
-from gcs.scenario import Scenario
-from gcs.vehicle_state import describe_fault
-from mavlink_defs import codec, dialect
-from mavlink_defs.fault_list import FaultLister
+from gcs.scenario.model import Scenario
+from gcs.station.vehicle_state import describe_fault
+from mavlink_defs import dialect
 from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
-from mavlink_defs.frames import Speaker, drop_reason, parse
-from mavlink_defs.machine import Address
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.frames import Speaker, drop_reason, parse
 from mavlink_defs.profile import AirspeedLimits, ProfileError, items_to_segments
+from mavlink_defs.services.fault_list import FaultLister
+from mavlink_defs.services.machine import Address
 
 SEEDS = st.integers(0, 2**32 - 1)
 IDS = sorted(MESSAGES)

@@ -11,12 +11,12 @@ import pytest
 from pydantic import BaseModel, RootModel
 
 import ftc_autopilot.link
-from gcs.closed_loop import fly_in_process
 from gcs.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
-from gcs.recording import Recording
-from gcs.run_folder import save_flight
-from gcs.scenario import Scenario, load_scenario
-from gcs.summary import summarise
+from gcs.fleet.in_process import fly_in_process
+from gcs.results.recording import Recording
+from gcs.results.run_folder import save_flight
+from gcs.results.summary import summarise
+from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.faults import fault_to_params
 from sitl_plant.actuators import MAX_FAULTS
 

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from lossy_network import GCS, over_the_wire
 
 from mavlink_defs import dialect
-from mavlink_defs.command import command_params
 from mavlink_defs.dialect import MAVLink_command_long_message
 from mavlink_defs.faults import (
     ACTUATORS,
@@ -17,6 +16,7 @@ from mavlink_defs.faults import (
     fault_from_params,
     fault_to_params,
 )
+from mavlink_defs.services.command import command_params
 
 LIMITS = FaultLimits(surface_deg=25.0, thrust_n=4000.0)
 NAN, INF = math.nan, math.inf

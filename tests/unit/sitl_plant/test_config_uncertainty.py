@@ -6,8 +6,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.scenario import Scenario
-from mavlink_defs.config import ConfigError, dump, load
+from gcs.scenario.model import Scenario
+from mavlink_defs.config.models import ConfigError, dump, load
 from sitl_plant.config import Coefficients, Inertia, Uncertainty, true_aircraft
 
 FACTORS = st.floats(0.01, 100.0)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from gcs.scenario import Scenario
+from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import Address, bind_udp
 from sitl_plant.fleet import Fleet, new_fleet

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from gcs.scenario import Scenario
+from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.endpoint import Address, address_of, bind_udp, sockaddr
-from mavlink_defs.seal import new_seal
-from mavlink_defs.signing import PLANT_LINK
+from mavlink_defs.framing.hot_signing import new_seal
+from mavlink_defs.framing.signing import PLANT_LINK
 from sitl_plant.process import Plant
 
 ANY_PORT = Address("127.0.0.1", 0)

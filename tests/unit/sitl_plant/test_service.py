@@ -8,7 +8,7 @@ import pytest
 
 from mavlink_defs import dialect
 from mavlink_defs.faults import MAX_FAULTS, FaultLimits
-from mavlink_defs.frames import Speaker, parse
+from mavlink_defs.framing.frames import Speaker, parse
 from sitl_plant.actuators import no_faults
 from sitl_plant.service import AircraftService
 

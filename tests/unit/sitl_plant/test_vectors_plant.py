@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.scenario import Scenario
+from gcs.scenario.model import Scenario
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.disturbance import disturbance_table, disturbances
 from sitl_plant.rigid_body import R1, R2, load_state, state_derivative, store_state

@@ -1,0 +1,1 @@
+"""The controller: reference, formation errors, laws, triggers."""

@@ -1,0 +1,244 @@
+"""One control step of one UAV: measured motion in, held actuator command out.
+
+The order within a step at time t is: read the reference, evaluate the law with its estimates
+as they stand, advance the estimates by one explicit Euler step to t + dt, trigger, advance the
+reference filter.
+"""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.config import Controller, Trigger
+from ftc_autopilot.control.formation import formation_errors
+from ftc_autopilot.control.laws import KINDS, LAWS, evaluate
+from ftc_autopilot.control.laws.base import Instant, LawParameters
+from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.control.records import fill, record_dtype
+from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
+from ftc_autopilot.control.schedule import scheduled
+from ftc_autopilot.control.trigger import CHANNELS, trigger
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Vec3
+
+__all__ = [
+    "CONTROLLER",
+    "NO_INTERVAL",
+    "PARAMETERS",
+    "SIGNALS",
+    "control_step",
+    "count_events",
+    "new_controller",
+    "no_signals",
+    "parameter_record",
+    "restart_law",
+]
+
+_DEGREE = math.radians(1.0)
+
+NO_INTERVAL = 2**32 - 1
+"""Smallest interval of a channel with fewer than two events."""
+
+PARAMETERS = np.dtype(
+    [
+        ("law", "i8"),  # index in KINDS
+        ("common", record_dtype(LawParameters)),
+        ("trigger", record_dtype(Trigger)),
+        *((kind, record_dtype(law, LawParameters)) for kind, law in LAWS.items()),
+    ]
+)
+
+CONTROLLER = np.dtype(
+    [
+        *((kind, law.STATE) for kind, law in LAWS.items()),
+        ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
+        ("held", "f8", (CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
+        ("started", "i8"),  # 0: the next step is the law's first one since the UAV was armed
+        ("steps", "i8"),  # control steps made
+        ("messages", "i8"),  # steps in which at least one channel had an event
+        ("events", "i8", (CHANNELS,)),
+        ("last_event", "i8", (CHANNELS,)),  # step of the channel's last event
+        ("min_interval", "i8", (CHANNELS,)),  # smallest interval between two events [steps]
+    ]
+)
+
+SIGNALS = np.dtype(
+    [
+        ("V", "f8"),  # m/s
+        ("V_dot", "f8"),  # m/s²
+        ("attitude", "f8", (3,)),  # rad
+        ("command", "f8", (4,)),  # unfiltered reference
+        ("reference", "f8", (4,)),  # filtered
+        ("reference_dot", "f8", (4,)),
+        ("error", "f8", (4,)),  # Ṽ and e
+        ("sync_error", "f8", (4,)),  # Ṽ' and e', eqs. (31), (32)
+        ("demand", "f8", (CHANNELS,)),  # δ̂ and T̂ before saturation
+        ("held", "f8", (CHANNELS,)),  # δ_0 and T_x0
+        ("events", "u1"),  # bit per channel
+        ("Phi_v", "f8"),
+        ("g_v", "f8"),
+        ("beta_v", "f8"),
+        ("Phi_omega", "f8"),
+        ("beta_omega", "f8"),
+        ("Phi_v_dot", "f8"),
+        ("g_v_dot", "f8"),
+        ("beta_v_dot", "f8"),
+        ("Phi_omega_dot", "f8"),
+        ("beta_omega_dot", "f8"),
+        ("basis", "f8"),  # ςᵀς
+        ("alpha_v", "f8"),
+        ("r_v", "f8"),
+        ("zeta_v", "f8"),
+        ("B_v", "f8"),
+        ("omega_d", "f8", (3,)),
+        ("omega_d_dot", "f8", (3,)),
+        ("e_omega", "f8", (3,)),
+        ("zeta_omega", "f8", (3,)),
+    ]
+)
+"""What one control step computed. Channels of references and errors: airspeed [m/s], roll,
+pitch, yaw [rad]; of commands: aileron, elevator, rudder [rad], thrust [N]."""
+
+
+def parameter_record(controller: Controller, trigger: Trigger) -> np.void:
+    """Turn a controller's and its trigger's configuration into a record of `PARAMETERS`."""
+    record: np.void = np.zeros(1, PARAMETERS)[0]
+    record["law"] = KINDS.index(controller.kind)
+    fill(record["common"], controller)
+    fill(record["trigger"], trigger)
+    fill(record[controller.kind], controller)
+    return record
+
+
+def new_controller() -> np.void:
+    """A controller before its first step, dtype `CONTROLLER`."""
+    state: np.void = np.zeros(1, CONTROLLER)[0]
+    state["min_interval"] = NO_INTERVAL
+    return state
+
+
+def restart_law(state: np.void) -> None:
+    """Let the law start anew with the next step; held commands and counters stay.
+
+    Args:
+        state: Record of dtype `CONTROLLER`, updated in place.
+    """
+    state["started"] = 0
+    for kind, law in LAWS.items():
+        state[kind] = np.zeros((), law.STATE)
+
+
+def no_signals(steps: int) -> np.ndarray:
+    """Signals of steps without control: NaN and no events, shape (steps,), dtype `SIGNALS`."""
+    signals = np.zeros(steps, SIGNALS)
+    for name in SIGNALS.names or ():
+        if name != "events":
+            signals[name] = np.nan
+    return signals
+
+
+@compiled
+def control_step(
+    t: float,
+    dt: float,
+    motion: Motion,
+    command: np.ndarray,
+    neighbours: np.ndarray,
+    weights: np.ndarray,
+    aircraft: np.void,
+    parameters: np.void,
+    state: np.void,
+    controls: np.ndarray,
+    signals: np.void,
+) -> int:
+    """Make one control step.
+
+    The reference starts at the command in the very first step, and at the present motion when
+    the law starts anew in flight.
+
+    Args:
+        t: Time that the parameters' schedules run on [s].
+        dt: Control period [s].
+        motion: Own motion.
+        command: Unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad], shape (4,).
+        neighbours: Last FTC_NEIGHBOUR payload of each neighbour, shape (degree,).
+        weights: a_ij of each neighbour, 0 while it is silent, shape (degree,).
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        parameters: Record of dtype `PARAMETERS`.
+        state: Record of dtype `CONTROLLER`, updated in place.
+        controls: HIL_ACTUATOR_CONTROLS.controls, updated in place.
+        signals: Record of dtype `SIGNALS`, written.
+
+    Returns:
+        Bit mask of the channels that had an event, bit numbers as FTC_ACTUATOR; an actuator
+        message is due unless it is 0.
+    """
+    first = state["started"] == 0
+    if state["steps"] == 0:
+        start_filter(command, state["reference"])
+    elif first:
+        roll, pitch, yaw = motion.phi
+        start_filter(np.array([motion.V, roll, pitch, yaw]), state["reference"])
+    reference = read_reference(state["reference"])
+    errors = formation_errors(motion, reference, neighbours, weights, parameters["common"])
+    thresholds = parameters["trigger"]
+    a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
+    b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_deg"], t)[0] * _DEGREE
+    now = Instant(t, dt, first, motion, reference, errors, state["held"], a[0])
+    demand = evaluate(now, aircraft, parameters, state, signals)
+    mask = trigger(
+        demand.delta_hat,
+        demand.T_hat,
+        state["held"],
+        first,
+        thresholds["mode"],
+        a,
+        b,
+        aircraft,
+        controls,
+    )
+    state["started"] = 1
+    state["steps"] += 1
+
+    signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
+    _write(signals["reference"], reference.V, reference.phi)
+    _write(signals["reference_dot"], reference.V_dot, reference.phi_dot)
+    _write(signals["error"], errors.V_tilde, errors.e)
+    _write(signals["sync_error"], errors.V_tilde_prime, errors.e_prime)
+    for i in range(3):
+        signals["attitude"][i] = motion.phi[i]
+        signals["demand"][i] = demand.delta_hat[i]
+    signals["demand"][3] = demand.T_hat
+    for i in range(4):
+        signals["command"][i] = command[i]
+        signals["held"][i] = state["held"][i]
+
+    filter_reference(
+        command, state["reference"], parameters["common"]["reference_bandwidth_rad_s"], dt
+    )
+    return mask
+
+
+@compiled
+def count_events(mask: int, step: int, state: np.void) -> None:
+    """Count the events of one step.
+
+    Args:
+        mask: Channels that had an event, not 0.
+        step: Step number of the measured state.
+        state: Record of dtype `CONTROLLER`, updated in place.
+    """
+    for i in range(CHANNELS):
+        if mask & (1 << i):
+            if state["events"][i] > 0:
+                interval = step - state["last_event"][i]
+                state["min_interval"][i] = min(state["min_interval"][i], interval)
+            state["events"][i] += 1
+            state["last_event"][i] = step
+    state["messages"] += 1
+
+
+@compiled
+def _write(row: np.ndarray, airspeed: float, attitude: Vec3) -> None:
+    row[0] = airspeed
+    row[1], row[2], row[3] = attitude

@@ -1,0 +1,82 @@
+"""Tracking and synchronisation errors within the formation, eqs. (31) and (32) of the paper."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.control.reference import Reference, wrap
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Vec3, add, scale, sub, vec3
+
+__all__ = ["FormationErrors", "formation_errors"]
+
+
+class FormationErrors(NamedTuple):
+    """Errors of one UAV against the reference and against its neighbours."""
+
+    V_tilde: float  # Ṽ [m/s]
+    e: Vec3  # attitude error, each angle in (-π, π] [rad]
+    V_tilde_prime: float  # Ṽ', eq. (31) [m/s]
+    e_prime: Vec3  # e', eq. (32) [rad]
+    lambda_v: float  # λ = λ1 + λ2 Σ a_ij
+    lambda_omega: float  # λ' = λ3 + λ4 Σ a_ij
+    V_tilde_dot_sum: float  # λ2 Σ a_ij Ṽ̇_j [m/s²], for r_v
+    e_dot_sum: Vec3  # λ4 Σ a_ij ė_j [rad/s], for eq. (57)
+
+
+@compiled
+def formation_errors(
+    motion: Motion,
+    reference: Reference,
+    neighbours: np.ndarray,
+    weights: np.ndarray,
+    weighting: np.void,
+) -> FormationErrors:
+    """Evaluate eqs. (31) and (32) and the neighbours' sums that r_v and (57) need.
+
+    Angles and their differences are taken the short way round, so that whole turns of the own
+    aircraft or a neighbour change nothing.
+
+    Args:
+        motion: Own motion.
+        reference: Filtered reference.
+        neighbours: What each neighbour reported last, dtype `mavlink_defs.framing.codec.NEIGHBOUR`,
+            shape (degree,).
+        weights: a_ij of each neighbour, shape (degree,); 0 while it is silent.
+        weighting: Record made of `ftc_autopilot.control.laws.base.LawParameters`.
+    """
+    V_tilde = motion.V - reference.V
+    e = _difference(motion.phi, reference.phi)
+    V_sum, a_sum, V_dot_sum = 0.0, 0.0, 0.0
+    e_sum, e_dot_sum = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for j in range(len(weights)):
+        a = weights[j]
+        if a == 0.0:
+            continue
+        other = neighbours[j]
+        e_j = _difference(vec3(other["attitude"]), reference.phi)
+        e_dot_j = sub(vec3(other["attitude_rate"]), reference.phi_dot)
+        a_sum += a
+        V_sum += a * (V_tilde - (other["airspeed"] - reference.V))
+        V_dot_sum += a * (other["airspeed_rate"] - reference.V_dot)
+        e_sum = add(e_sum, scale(a, _difference(e, e_j)))
+        e_dot_sum = add(e_dot_sum, scale(a, e_dot_j))
+    lambda1, lambda2 = weighting["lambda1"], weighting["lambda2"]
+    lambda3, lambda4 = weighting["lambda3"], weighting["lambda4"]
+    return FormationErrors(
+        V_tilde,
+        e,
+        lambda1 * V_tilde + lambda2 * V_sum,  # (31)
+        add(scale(lambda3, e), scale(lambda4, e_sum)),  # (32)
+        lambda1 + lambda2 * a_sum,
+        lambda3 + lambda4 * a_sum,
+        lambda2 * V_dot_sum,
+        scale(lambda4, e_dot_sum),
+    )
+
+
+@compiled
+def _difference(phi: Vec3, other: Vec3) -> Vec3:
+    """Differences of roll, pitch and yaw, each the short way round [rad]."""
+    return wrap(phi[0] - other[0]), wrap(phi[1] - other[1]), wrap(phi[2] - other[2])

@@ -1,0 +1,61 @@
+"""Control laws that a scenario can choose by name.
+
+A law is one file: a model of its parameters, with its `kind` and the `STATE` that it keeps,
+and a compiled function. To register it, add the model to `Controller` and the call to
+`evaluate`; the check of scenario files and the records that compiled code sees follow.
+"""
+
+from typing import Annotated, Any, TypeAlias, get_args
+
+import numpy as np
+from pydantic import Discriminator, Tag
+
+from ftc_autopilot.control.laws.backstepping import Backstepping, backstepping_law
+from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
+from ftc_autopilot.control.laws.pid import Pid, pid_law
+from ftc_autopilot.control.laws.proposed import Proposed, proposed_law
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["KINDS", "LAWS", "Controller", "evaluate"]
+
+
+def _kind(value: Any) -> Any:
+    return value.get("kind", "proposed") if isinstance(value, dict) else value.kind
+
+
+Controller: TypeAlias = Annotated[
+    Annotated[Proposed, Tag("proposed")]
+    | Annotated[Backstepping, Tag("backstepping")]
+    | Annotated[Pid, Tag("pid")],
+    Discriminator(_kind),
+]
+"""The parameters of any law, told apart by `kind`."""
+
+LAWS: dict[str, type[LawParameters]] = {
+    get_args(law)[1].tag: get_args(law)[0] for law in get_args(get_args(Controller)[0])
+}
+KINDS = tuple(LAWS)
+_BACKSTEPPING = KINDS.index("backstepping")
+_PID = KINDS.index("pid")
+
+
+@compiled
+def evaluate(
+    now: Instant, aircraft: np.void, parameters: np.void, states: np.void, signals: np.void
+) -> Demand:
+    """Evaluate the law that a scenario has chosen, and advance its state.
+
+    Args:
+        now: The present step.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        parameters: Record of dtype `ftc_autopilot.control.controller.PARAMETERS`.
+        states: Record of dtype `ftc_autopilot.control.controller.CONTROLLER`; the law's own part is
+            updated in place.
+        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; a law may write to it.
+    """
+    law = parameters["law"]
+    if law == _BACKSTEPPING:
+        return backstepping_law(now, aircraft, parameters["backstepping"], states["backstepping"])
+    if law == _PID:
+        return pid_law(now, aircraft, parameters["pid"], states["pid"])
+    return proposed_law(now, aircraft, parameters["proposed"], states["proposed"], signals)

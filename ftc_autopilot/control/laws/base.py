@@ -1,0 +1,54 @@
+"""What every control law is given, and what it gives back."""
+
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from ftc_autopilot.control.formation import FormationErrors
+from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.control.reference import Reference
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity
+from sitl_plant.vec3 import Vec3
+
+__all__ = ["Demand", "Instant", "LawParameters"]
+
+
+class LawParameters(Model):
+    """What a scenario says about any control law; a law adds its own parameters, and its `kind`.
+
+    Attributes:
+        STATE: What the law remembers from one step to the next, all zero before the first step.
+    """
+
+    STATE: ClassVar[np.dtype] = np.dtype([])
+
+    kind: str
+
+    lambda1: float = quantity("", gt=0.0, default=0.46, doc="Weight of the own speed error (31).")
+    lambda2: float = quantity("", ge=0.0, default=0.17, doc="Weight of speed differences (31).")
+    lambda3: float = quantity("", gt=0.0, default=5.0, doc="Weight of the own attitude error (32).")
+    lambda4: float = quantity("", ge=0.0, default=0.2, doc="Weight of attitude differences (32).")
+    reference_bandwidth_rad_s: float = quantity(
+        "rad/s", gt=0.0, default=2.5, doc="Triple pole of the reference filter (Assumption 4)."
+    )
+
+
+class Instant(NamedTuple):
+    """One control step, as a law sees it."""
+
+    t: float  # time that schedules run on [s]
+    dt: float  # control period [s]
+    first: bool  # whether this is the law's first step
+    motion: Motion  # own motion
+    reference: Reference  # filtered reference
+    errors: FormationErrors  # errors against reference and neighbours, (31), (32)
+    held: np.ndarray  # commands in force: aileron, elevator, rudder [rad], thrust [N]; read only
+    a1: float  # relative threshold of the thrust's trigger (25), which (33) compensates
+
+
+class Demand(NamedTuple):
+    """What a law asks for, before saturation and trigger."""
+
+    delta_hat: Vec3  # aileron, elevator, rudder [rad]
+    T_hat: float  # thrust [N]

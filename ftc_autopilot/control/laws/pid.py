@@ -1,0 +1,116 @@
+"""Cascaded loops as ArduPilot and PX4 fly them: attitude, rate and airspeed, each on its own.
+
+Attitude errors ask for Euler angle rates, these for body rates, and a PI loop with feed-forward
+per body axis for surface deflections, scaled with airspeed; another one holds the airspeed.
+Nothing here knows of the aircraft's model, of its neighbours, of faults or of a trigger.
+"""
+
+import math
+from typing import Annotated, ClassVar, Literal, TypeAlias
+
+import numpy as np
+
+from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.rigid_body import R2
+from sitl_plant.vec3 import Vec3, mul
+
+__all__ = ["Pid", "pid_law"]
+
+_Gain = Annotated[float, quantity("", ge=0.0, doc="Of roll, pitch or yaw.")]
+_Positive = Annotated[float, quantity("", gt=0.0, doc="Of roll, pitch or yaw.")]
+_Axes: TypeAlias = tuple[_Gain, _Gain, _Gain]
+_PositiveAxes: TypeAlias = tuple[_Positive, _Positive, _Positive]
+
+_DEGREE = math.radians(1.0)
+
+
+class Pid(LawParameters):
+    """Parameters of the cascaded loops; triples are roll, pitch, yaw.
+
+    A positive surface deflection makes a negative moment, which the law's signs account for:
+    gains are positive. The defaults give the rate loops of the paper's aircraft the bandwidth
+    of Table III's K2 at 45 m/s (45 rad/s), the speed loop that of c_v (10 rad/s), feed-forward
+    against the damping, and integrals a tenth of a second (speed: half a second).
+    """
+
+    STATE: ClassVar[np.dtype] = np.dtype(
+        [("integral", "f8", (3,)), ("thrust_integral", "f8")]  # rad, N
+    )
+
+    kind: Literal["pid"] = "pid"
+
+    time_constant_s: _PositiveAxes = (0.2, 0.2, 0.2)  # of the attitude loops; PX4's least
+    rate_limit_deg_s: _PositiveAxes = (60.0, 60.0, 60.0)  # of the Euler angles
+    rate_ff: _Axes = (0.08, 0.08, 0.08)  # deflection by wanted rate [rad per rad/s]
+    rate_p: _Axes = (0.37, 0.68, 1.67)  # deflection by rate error [rad per rad/s]
+    rate_i: _Axes = (3.7, 6.8, 16.7)  # deflection by integrated rate error [rad per rad]
+    integral_limit_deg: _PositiveAxes = (30.0, 30.0, 30.0)  # the rudder's trim is 20.3 deg
+    trim_airspeed_m_s: float = quantity(
+        "m/s", gt=0.0, default=45.0, doc="Airspeed at which the rate gains hold."
+    )
+    thrust_trim_n: float = quantity("N", ge=0.0, default=900.0, doc="Thrust in cruise.")
+    speed_p_n_s_m: float = quantity("N s/m", ge=0.0, default=206.0, doc="Gain of the speed error.")
+    speed_i_n_m: float = quantity("N/m", ge=0.0, default=400.0, doc="Gain of its integral.")
+
+
+@compiled
+def pid_law(now: Instant, aircraft: np.void, gains: np.void, state: np.void) -> Demand:
+    """Evaluate the loops and advance their integrals, which stop while an actuator is at its stop.
+
+    Args:
+        now: The present step.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`; only its limits are used.
+        gains: Parameters, record made of `Pid`.
+        state: Record of dtype `Pid.STATE`, updated in place.
+    """
+    motion, e = now.motion, now.errors.e
+    wanted = mul(
+        R2(motion.phi),
+        (_rate(e[0], 0, gains), _rate(e[1], 1, gains), _rate(e[2], 2, gains)),
+    )
+    scaling = gains["trim_airspeed_m_s"] / motion.V
+    stop = aircraft["surface_limit"]
+    delta = (
+        _surface(0, wanted, motion.omega, scaling, stop, now.dt, gains, state),
+        _surface(1, wanted, motion.omega, scaling, stop, now.dt, gains, state),
+        _surface(2, wanted, motion.omega, scaling, stop, now.dt, gains, state),
+    )
+    V_error = -now.errors.V_tilde
+    T = gains["thrust_trim_n"] + gains["speed_p_n_s_m"] * V_error + state["thrust_integral"]
+    winds_up = (T <= 0.0 and V_error < 0.0) or (aircraft["thrust_limit"] <= T and V_error > 0.0)
+    if not winds_up:
+        state["thrust_integral"] += now.dt * gains["speed_i_n_m"] * V_error
+    return Demand(delta, T)
+
+
+@compiled
+def _rate(e: float, axis: int, gains: np.void) -> float:
+    """Euler angle rate that an attitude error asks for, within its limit [rad/s]."""
+    limit: float = gains["rate_limit_deg_s"][axis] * _DEGREE
+    asked: float = -e / gains["time_constant_s"][axis]
+    return min(max(asked, -limit), limit)
+
+
+@compiled
+def _surface(
+    axis: int,
+    wanted: Vec3,
+    omega: Vec3,
+    scaling: float,
+    stop: float,
+    dt: float,
+    gains: np.void,
+    state: np.void,
+) -> float:
+    """Deflection of one surface [rad]; moments grow with V², damping by the rates with V."""
+    error = wanted[axis] - omega[axis]
+    proportional: float = gains["rate_p"][axis] * error + state["integral"][axis]
+    delta: float = -(scaling * gains["rate_ff"][axis] * wanted[axis] + scaling**2 * proportional)
+    winds_up = (delta <= -stop and error > 0.0) or (delta >= stop and error < 0.0)
+    if not winds_up:
+        limit = gains["integral_limit_deg"][axis] * _DEGREE
+        grown = state["integral"][axis] + dt * gains["rate_i"][axis] * error
+        state["integral"][axis] = min(max(grown, -limit), limit)
+    return delta

@@ -1,0 +1,150 @@
+"""The paper's controller: adaptive, fault-tolerant, for speed and attitude."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from ftc_autopilot.control.attitude import attitude_law, virtual_control
+from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
+from ftc_autopilot.control.laws.gains import TABLE_III_K1, TABLE_III_K2, Gains
+from ftc_autopilot.control.rbf import Rbf, basis_norm
+from ftc_autopilot.control.schedule import Schedule, schedule, scheduled
+from ftc_autopilot.control.speed import speed_law
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import scale, sub, vec3
+
+__all__ = ["Proposed", "proposed_law"]
+
+
+class Proposed(LawParameters):
+    """Parameters of the proposed controller, eqs. (31) to (39) and (57)."""
+
+    STATE: ClassVar[np.dtype] = np.dtype(
+        [
+            ("Phi_v", "f8"),
+            ("g_v", "f8"),
+            ("beta_v", "f8"),
+            ("Phi_omega", "f8"),
+            ("beta_omega", "f8"),
+            ("omega_d_filtered", "f8", (3,)),  # rad/s
+            ("delta_filtered", "f8", (3,)),  # rad
+        ]
+    )
+
+    kind: Literal["proposed"] = "proposed"
+
+    c_v: float = quantity("1/s", gt=0.0, default=10.0, doc="Gain of the speed law (33).")
+    eps_v: float = quantity("", gt=0.0, default=0.1, doc="Smoothing of the speed law (33).")
+    gamma_v1: float = quantity("", gt=0.0, default=0.0037, doc="Rate of Phi_v (34).")
+    gamma_v2: float = quantity("", gt=0.0, default=0.0094, doc="Rate of g_v (35).")
+    gamma_v3: float = quantity("", gt=0.0, default=0.052, doc="Rate of beta_v (36).")
+    sigma_v1: float = quantity("1/s", ge=0.0, default=0.11, doc="Leakage of Phi_v (34).")
+    sigma_v2: float = quantity("1/s", ge=0.0, default=0.06, doc="Leakage of g_v (35).")
+    sigma_v3: float = quantity("1/s", ge=0.0, default=0.14, doc="Leakage of beta_v (36).")
+    h_v1: float = quantity("", gt=0.0, default=0.93, doc="Weight of the network (33), (34).")
+    h_v2: float = quantity("", gt=0.0, default=9.2, doc="Weight of the robust term (33).")
+
+    K1: Schedule[Gains] = schedule(TABLE_III_K1)
+    K2: Schedule[Gains] = schedule(TABLE_III_K2)
+    eps_omega: float = quantity("", gt=0.0, default=1.0, doc="Smoothing of the attitude law (37).")
+    gamma_omega1: float = quantity("", gt=0.0, default=0.01, doc="Rate of Phi_omega (38).")
+    gamma_omega2: float = quantity("", gt=0.0, default=0.01, doc="Rate of beta_omega (39).")
+    sigma_omega1: float = quantity("1/s", ge=0.0, default=25.0, doc="Leakage of Phi_omega (38).")
+    sigma_omega2: float = quantity("1/s", ge=0.0, default=25.0, doc="Leakage of beta_omega (39).")
+    h_omega1: float = quantity("", gt=0.0, default=0.28, doc="Weight of the network (37), (38).")
+    h_omega2: float = quantity("", gt=0.0, default=3.4, doc="Weight of the robust term (37).")
+    tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of omega_d (57).")
+    tau_delta_s: float = quantity("s", gt=0.0, default=0.01, doc="Filter of delta_0 (23).")
+
+    phi_v0: float = quantity("", ge=0.0, default=0.0, doc="Phi_v at t = 0.")
+    g_v0: float = quantity("", ge=0.0, default=0.0, doc="g_v at t = 0.")
+    beta_v0: float = quantity("", ge=0.0, default=1.0, doc="beta_v at t = 0.")
+    phi_omega0: float = quantity("", ge=0.0, default=0.0, doc="Phi_omega at t = 0.")
+    beta_omega0: float = quantity("", ge=0.0, default=0.011, doc="beta_omega at t = 0.")
+
+    rbf: Rbf = Rbf()
+
+
+@compiled
+def proposed_law(
+    now: Instant, aircraft: np.void, gains: np.void, state: np.void, signals: np.void
+) -> Demand:
+    """Evaluate eqs. (33) to (39) and (57), then advance the estimates by explicit Euler.
+
+    Args:
+        now: The present step.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        gains: Parameters, record made of `Proposed`.
+        state: Record of dtype `Proposed.STATE`, updated in place.
+        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; inner quantities are written.
+    """
+    motion, reference, errors = now.motion, now.reference, now.errors
+    if now.first:
+        state["Phi_v"], state["g_v"], state["beta_v"] = (
+            gains["phi_v0"],
+            gains["g_v0"],
+            gains["beta_v0"],
+        )
+        state["Phi_omega"], state["beta_omega"] = gains["phi_omega0"], gains["beta_omega0"]
+    delta_filtered = state["delta_filtered"]
+    for i in range(3):  # δ_0 was held over the period that ends here
+        delta_filtered[i] += now.dt / gains["tau_delta_s"] * (now.held[i] - delta_filtered[i])
+    basis = basis_norm(motion.v, motion.phi, motion.omega, vec3(delta_filtered), gains["rbf"])
+
+    speed = speed_law(
+        errors,
+        motion,
+        reference,
+        basis,
+        state["Phi_v"],
+        state["g_v"],
+        state["beta_v"],
+        now.a1,
+        aircraft["m"],
+        gains,
+    )
+
+    omega_d = virtual_control(errors, motion, reference, scheduled(gains["K1"], now.t))
+    if now.first:
+        for i in range(3):
+            state["omega_d_filtered"][i] = omega_d[i]
+    omega_d_dot = scale(1.0 / gains["tau_omega_d_s"], sub(omega_d, vec3(state["omega_d_filtered"])))
+    e_omega = sub(motion.omega, omega_d)
+    attitude = attitude_law(
+        errors,
+        motion,
+        e_omega,
+        omega_d_dot,
+        basis,
+        state["Phi_omega"],
+        state["beta_omega"],
+        scheduled(gains["K2"], now.t),
+        aircraft,
+        gains,
+    )
+
+    signals["Phi_v"], signals["g_v"], signals["beta_v"] = (
+        state["Phi_v"], state["g_v"], state["beta_v"],
+    )  # fmt: skip
+    signals["Phi_omega"], signals["beta_omega"] = state["Phi_omega"], state["beta_omega"]
+    signals["Phi_v_dot"], signals["g_v_dot"] = speed.Phi_v_dot, speed.g_v_dot
+    signals["beta_v_dot"] = speed.beta_v_dot
+    signals["Phi_omega_dot"] = attitude.Phi_omega_dot
+    signals["beta_omega_dot"] = attitude.beta_omega_dot
+    signals["basis"] = basis
+    signals["alpha_v"], signals["r_v"] = speed.alpha_v, speed.r_v
+    signals["zeta_v"], signals["B_v"] = speed.zeta_v, speed.B_v
+    for i in range(3):
+        signals["omega_d"][i] = omega_d[i]
+        signals["omega_d_dot"][i] = omega_d_dot[i]
+        signals["e_omega"][i] = e_omega[i]
+        signals["zeta_omega"][i] = attitude.zeta_omega[i]
+        state["omega_d_filtered"][i] += now.dt * omega_d_dot[i]
+
+    state["Phi_v"] += now.dt * speed.Phi_v_dot
+    state["g_v"] += now.dt * speed.g_v_dot
+    state["beta_v"] += now.dt * speed.beta_v_dot
+    state["Phi_omega"] += now.dt * attitude.Phi_omega_dot
+    state["beta_omega"] += now.dt * attitude.beta_omega_dot
+    return Demand(attitude.delta_hat, speed.T_hat)

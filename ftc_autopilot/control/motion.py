@@ -1,0 +1,59 @@
+"""What a controller knows of its own aircraft's motion at one instant."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
+from sitl_plant.rigid_body import R2_inv, gravity_body
+from sitl_plant.vec3 import Vec3, add, dot, mul, vec3
+
+__all__ = ["Motion", "motion_of", "report"]
+
+
+class Motion(NamedTuple):
+    """Measured motion, and the nominal model's view of the air."""
+
+    v: Vec3  # velocity, body axes [m/s]
+    phi: Vec3  # roll, pitch, yaw [rad]
+    omega: Vec3  # angular velocity, body axes [rad/s]
+    V: float  # airspeed [m/s]
+    V_dot: float  # from the accelerometer [m/s²]
+    gravity: Vec3  # R1ᵀ g, body axes [m/s²]
+    air: Aerodynamics  # nominal force F0, moment N0, control matrix C0
+
+
+@compiled
+def motion_of(measured: np.void, aircraft: np.void) -> Motion:
+    """Read an FTC_SIM_STATE payload.
+
+    Args:
+        measured: Payload of dtype `mavlink_defs.framing.codec.SIM_STATE`.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+    """
+    v = vec3(measured["velocity"])
+    phi = vec3(measured["attitude"])
+    omega = vec3(measured["rates"])
+    air = aerodynamics(v, omega, aircraft)
+    gravity = gravity_body(phi, aircraft["g"])
+    V_dot = dot(v, add(vec3(measured["specific_force"]), gravity)) / air.V
+    return Motion(v, phi, omega, air.V, V_dot, gravity, air)
+
+
+@compiled
+def report(motion: Motion, step: int, message: np.void) -> None:
+    """Fill an FTC_NEIGHBOUR payload with what the neighbours need to know.
+
+    Args:
+        motion: Own motion.
+        step: Step number that it belongs to.
+        message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`.
+    """
+    rates = mul(R2_inv(motion.phi), motion.omega)
+    message["step"] = step
+    message["airspeed"] = motion.V
+    message["airspeed_rate"] = motion.V_dot
+    for i in range(3):
+        message["attitude"][i] = motion.phi[i]
+        message["attitude_rate"][i] = rates[i]

@@ -1,0 +1,54 @@
+"""Radial basis functions, eqs. (23) and (24) of the paper.
+
+Every output of the paper's network uses the same basis, so that all that the laws need of it
+is the scalar ςᵀς.
+"""
+
+import math
+
+import numpy as np
+
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Vec3
+
+__all__ = ["Rbf", "basis_norm"]
+
+
+class Rbf(Model):
+    """Radial basis functions (23), (24): centres on a diagonal, one width for all."""
+
+    neurons: int = whole("", ge=1, le=64, default=15, doc="Number M of neurons.")
+    span: float = quantity("", gt=0.0, default=1.5, doc="Centres span -span to span.")
+    width: float = quantity("", gt=0.0, default=2.0, doc="Width kappa.")
+    speed_scale: float = quantity(
+        "s/m", gt=0.0, default=0.025, doc="Factor of the velocity in the network's input."
+    )
+
+
+@compiled
+def basis_norm(v: Vec3, phi: Vec3, omega: Vec3, delta_filtered: Vec3, rbf: np.void) -> float:
+    """ςᵀς for Θ = [v, ϕ, ω, δ_0 low-pass filtered], with centres on the diagonal of the cube.
+
+    Args:
+        v: Velocity, body axes [m/s]; scaled by the parameter `speed_scale`.
+        phi: Roll, pitch, yaw [rad].
+        omega: Angular velocity, body axes [rad/s].
+        delta_filtered: Held surface commands behind the filter τ_δ [rad].
+        rbf: Record made of `Rbf`.
+    """
+    k, kappa, span, M = rbf["speed_scale"], rbf["width"], rbf["span"], rbf["neurons"]
+    spacing = 2.0 * span / max(M - 1, 1)
+    total = 0.0
+    for index in range(M):
+        centre = index * spacing - span
+        d2 = 0.0
+        for j in range(3):
+            d2 += (k * v[j] - centre) ** 2
+            d2 += (phi[j] - centre) ** 2
+            d2 += (omega[j] - centre) ** 2
+            d2 += (delta_filtered[j] - centre) ** 2
+        activation = math.exp(-d2 / (kappa * kappa))
+        total += activation * activation
+    return total

@@ -1,0 +1,118 @@
+"""The reference: profile segments, and the filter that makes them continuous (Assumption 4).
+
+Channels stand in the order airspeed [m/s], roll, pitch, yaw [rad].
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs.profile import MAX_SEGMENTS, Segment
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Vec3
+
+__all__ = ["PROFILE", "Reference", "filter_reference", "profile_record", "profile_value",
+           "read_reference", "start_filter", "wrap"]  # fmt: skip
+
+
+class Reference(NamedTuple):
+    """The filtered reference at one instant."""
+
+    V: float  # airspeed [m/s]
+    V_dot: float  # [m/s²]
+    phi: Vec3  # roll, pitch, yaw [rad]
+    phi_dot: Vec3  # their derivatives [rad/s]
+
+
+PROFILE = np.dtype(
+    [
+        ("count", "i8"),  # segments in use
+        ("start", "f8", (MAX_SEGMENTS,)),  # exclusive [s]
+        ("value", "f8", (MAX_SEGMENTS, 4)),
+        ("ramp", "i8", (MAX_SEGMENTS,)),
+    ]
+)
+
+
+def profile_record(segments: tuple[Segment, ...]) -> np.void:
+    """Turn checked segments into a record of dtype `PROFILE`, SI units and radians."""
+    record: np.void = np.zeros(1, PROFILE)[0]
+    record["count"] = len(segments)
+    for i, segment in enumerate(segments):
+        angles = (segment.roll_deg, segment.pitch_deg, segment.yaw_deg)
+        record["start"][i] = segment.start_s
+        record["value"][i] = (segment.airspeed_m_s, *map(math.radians, angles))
+        record["ramp"][i] = segment.ramp
+    return record
+
+
+@compiled
+def wrap(angle: float) -> float:
+    """The angle in (-π, π] that is congruent to `angle` [rad]; exact if it lies there already."""
+    if -math.pi < angle <= math.pi:
+        return angle
+    return -((math.pi - angle) % (2.0 * math.pi) - math.pi)
+
+
+@compiled
+def profile_value(profile: np.void, t: float, value: np.ndarray) -> None:
+    """The commanded, unfiltered reference at time t [s] since the mission's start.
+
+    A segment is in force over (start, start of the next one]; the first one also at its start.
+
+    Args:
+        profile: Record of dtype `PROFILE` with at least one segment.
+        t: Time since the mission's start [s].
+        value: Shape (4,), is written.
+    """
+    i = 0
+    while i + 1 < profile["count"] and profile["start"][i + 1] < t:
+        i += 1
+    share = 1.0
+    if profile["ramp"][i]:
+        start = profile["start"][i]
+        share = (t - start) / (profile["start"][i + 1] - start)
+    for c in range(4):
+        here = profile["value"][i, c]
+        if share == 1.0:
+            value[c] = here
+        else:
+            before = profile["value"][i - 1, c]
+            change = wrap(here - before) if c == 3 else here - before
+            value[c] = before + share * change
+
+
+@compiled
+def start_filter(value: np.ndarray, x: np.ndarray) -> None:
+    """Let the filter rest at a value, shape (4,); its state x has shape (4, 3)."""
+    for c in range(4):
+        x[c, 0] = value[c]
+        x[c, 1] = 0.0
+        x[c, 2] = 0.0
+
+
+@compiled
+def read_reference(x: np.ndarray) -> Reference:
+    """The reference that a filter state, shape (4, 3), stands for."""
+    return Reference(x[0, 0], x[0, 1], (x[1, 0], x[2, 0], x[3, 0]), (x[1, 1], x[2, 1], x[3, 1]))
+
+
+@compiled
+def filter_reference(command: np.ndarray, x: np.ndarray, bandwidth: float, dt: float) -> None:
+    """One explicit Euler step of (ω/(s+ω))³ per channel; yaw turns the short way round.
+
+    Args:
+        command: Unfiltered reference, shape (4,).
+        x: Filtered reference and its first two derivatives, shape (4, 3), updated in place.
+        bandwidth: ω [rad/s].
+        dt: Step [s].
+    """
+    for c in range(4):
+        error = command[c] - x[c, 0]
+        if c == 3:
+            error = wrap(error)
+        jerk = bandwidth**3 * error - 3.0 * bandwidth**2 * x[c, 1] - 3.0 * bandwidth * x[c, 2]
+        x[c, 0] += dt * x[c, 1]
+        x[c, 1] += dt * x[c, 2]
+        x[c, 2] += dt * jerk

@@ -1,0 +1,106 @@
+"""Parameters that change in time: windows in YAML, a small table in compiled code."""
+
+import math
+from typing import Annotated, Any, Generic, TypeVar
+
+import numpy as np
+from pydantic import ConfigDict, Discriminator, Field, RootModel, Tag, model_validator
+
+from mavlink_defs.config.models import Loc, Model, Problems
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Vec3
+
+__all__ = ["MAX_WINDOWS", "TABLE", "Schedule", "Window", "schedule", "schedule_table", "scheduled"]
+
+MAX_WINDOWS = 8
+"""Most windows of a schedule."""
+
+TABLE = (MAX_WINDOWS, 4)
+"""Shape of a schedule's table; per window: last time [s], then the value, one number or three."""
+
+T = TypeVar("T")
+
+
+class Window(Model, Generic[T]):
+    """A value and the last instant at which it is in force."""
+
+    until_s: float | None = quantity(
+        "s", gt=0.0, default=None, doc="Last instant, on the clock of the mission; none: for ever."
+    )
+    value: T
+
+
+def _form(value: object) -> str:
+    """Tell a list of windows from a plain value (which may itself be a list of numbers)."""
+    windows = isinstance(value, list | tuple) and any(isinstance(v, dict | Window) for v in value)
+    return "<windows>" if windows else "<value>"
+
+
+class Schedule(
+    RootModel[
+        Annotated[
+            Annotated[T, Tag("<value>")] | Annotated[tuple[Window[T], ...], Tag("<windows>")],
+            Discriminator(_form),
+        ]
+    ],
+    Generic[T],
+):
+    """A parameter that changes in time: a plain value, or a list of windows.
+
+    In YAML ``[{until_s: 14, value: 0.5}, {value: 1}]`` is 0.5 for t <= 14 s, then 1.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    def windows(self) -> tuple[tuple[float, Any], ...]:
+        """Last instant [s] and value of each window in order; the last one ends at infinity."""
+        if not isinstance(self.root, tuple) or not isinstance(self.root[0], Window):
+            return ((math.inf, self.root),)
+        return tuple(
+            (math.inf if window.until_s is None else window.until_s, window.value)
+            for window in self.root
+        )
+
+    @model_validator(mode="after")
+    def _times_increase(self) -> "Schedule[T]":
+        times = [until for until, _ in self.windows()]
+        last = len(times) - 1
+        problems: list[tuple[Loc, str]] = []
+        if len(times) > MAX_WINDOWS:
+            problems.append(((), f"expected at most {MAX_WINDOWS} windows, got {len(times)}"))
+        for i, until in enumerate(times):
+            if i == last and until != math.inf:
+                problems.append(
+                    ((i, "until_s"), f"expected none in the last window, got {until!r}")
+                )
+            elif i < last and until == math.inf:
+                problems.append(((i, "until_s"), "missing; only the last window has no end"))
+            if i > 0 and until <= times[i - 1] < math.inf:
+                text = f"expected > {times[i - 1]!r} s, the end of the window before, got {until!r}"
+                problems.append(((i, "until_s"), text))
+        Problems.check(problems)
+        return self
+
+
+def schedule(default: object) -> Any:
+    """Declare a field of type `Schedule` with its default as YAML would give it."""
+    return Field(default=default, validate_default=True)
+
+
+def schedule_table(windows: "Schedule[Any]") -> np.ndarray:
+    """A schedule as compiled code sees it, shape `TABLE`."""
+    table = np.full(TABLE, math.inf)
+    for i, (until, value) in enumerate(windows.windows()):
+        table[i, 0] = until
+        table[i, 1:] = value
+    return table
+
+
+@compiled
+def scheduled(table: np.ndarray, t: float) -> Vec3:
+    """The value of a schedule at time t [s]; each window includes its last instant."""
+    i = 0
+    while table[i, 0] < t:
+        i += 1
+    return table[i, 1], table[i, 2], table[i, 3]

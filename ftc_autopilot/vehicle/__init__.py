@@ -1,0 +1,1 @@
+"""The vehicle as MAVLink clients see it: modes, missions, parameters, telemetry."""

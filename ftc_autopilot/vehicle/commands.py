@@ -1,0 +1,111 @@
+"""The commands of one vehicle: which are carried out here, and which by the simulator.
+
+Faults are passed to the simulator component of the own aircraft unread, and its answer is
+passed back: the controller must not learn of a fault. Commands that nobody here knows are
+answered UNSUPPORTED.
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+from mavlink_defs import dialect
+from mavlink_defs.constants import SIMULATOR_COMPONENT
+from mavlink_defs.dialect import MAVLink_command_long_message, MAVLink_message
+from mavlink_defs.services.command import (
+    CommandClient,
+    CommandFinished,
+    CommandMessage,
+    CommandReceived,
+    CommandServer,
+    command_params,
+)
+from mavlink_defs.services.machine import Address
+
+__all__ = ["Commands", "Handler"]
+
+Handler: TypeAlias = Callable[[tuple[float, ...]], int]
+"""Carries a command out, at once: its seven parameters in, MAV_RESULT out."""
+
+_FOR_THE_SIMULATOR = {
+    dialect.MAV_CMD_FTC_SET_FAULT,
+    dialect.MAV_CMD_FTC_CLEAR_FAULTS,
+    dialect.MAV_CMD_INJECT_FAILURE,
+}
+
+
+class Commands:
+    """Takes commands from ground stations and sees to their answers."""
+
+    def __init__(self, own: Address, handlers: Mapping[int, Handler]) -> None:
+        """Start with nothing to do.
+
+        Args:
+            own: Address of the vehicle.
+            handlers: What carries out each MAV_CMD.
+        """
+        self._own, self._handlers = own, handlers
+        self._server = CommandServer(own)
+        self._simulator = CommandClient(own)
+        # for the simulator, each with the station that gave it; the first one is there
+        self._waiting: deque[tuple[CommandReceived, int]] = deque()
+
+    @property
+    def asking(self) -> int:
+        """Number of the ground station whose command is with the simulator; 0 if none is."""
+        return self._waiting[0][1] if self._waiting else 0
+
+    def receive(self, message: MAVLink_message, now: float, station: int) -> None:
+        """Take in a message of a ground station, which has a number."""
+        self._server.receive(message, now)
+        for command in self._server.events():
+            self._execute(command, now, station)
+        self._work(now)
+
+    def receive_from_simulator(self, message: MAVLink_message, now: float) -> None:
+        """Take in a message of the own aircraft's simulator component."""
+        self._simulator.receive(message, now)
+        self._work(now)
+
+    def tick(self, now: float) -> None:
+        """Do what is due."""
+        self._server.handle_timer(now)
+        self._simulator.handle_timer(now)
+        self._work(now)
+
+    def gcs_messages(self) -> list[MAVLink_message]:
+        """Hand over what is to be sent to the ground stations."""
+        return self._server.messages_to_send()
+
+    def simulator_messages(self) -> list[MAVLink_message]:
+        """Hand over what is to be sent to the simulator component."""
+        return self._simulator.messages_to_send()
+
+    def _work(self, now: float) -> None:
+        for done in self._simulator.events():
+            if isinstance(done, CommandFinished):
+                command, _ = self._waiting.popleft()
+                result = dialect.MAV_RESULT_FAILED if done.result is None else done.result
+                self._server.finish(command.token, result, now=now)
+        if self._waiting and not self._simulator.busy:
+            command, _ = self._waiting[0]
+            self._simulator.send(_readdressed(command.message, self._own), now)
+
+    def _execute(self, command: CommandReceived, now: float, station: int) -> None:
+        number, params = command.message.command, command_params(command.message)
+        is_fault_list = (
+            number == dialect.MAV_CMD_REQUEST_MESSAGE
+            and params[0] == dialect.MAVLINK_MSG_ID_FTC_FAULT
+        )
+        if number in _FOR_THE_SIMULATOR or is_fault_list:
+            self._waiting.append((command, station))
+            return
+        handler = self._handlers.get(number)
+        result = handler(params) if handler else dialect.MAV_RESULT_UNSUPPORTED
+        self._server.finish(command.token, result, now=now)
+
+
+def _readdressed(message: CommandMessage, own: Address) -> MAVLink_command_long_message:
+    """The same command for the own simulator component; as COMMAND_LONG it can say it repeats."""
+    target = (own.system, SIMULATOR_COMPONENT)
+    return MAVLink_command_long_message(*target, message.command, 0, *command_params(message))

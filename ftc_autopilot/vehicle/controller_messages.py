@@ -1,0 +1,74 @@
+"""Private messages: tracking, events, adaptation, and what was dropped on the links."""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.control.controller import NO_INTERVAL
+from ftc_autopilot.control.controllers import Crew
+from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.link import AutopilotLink
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.float32 import float32s
+from mavlink_defs.framing.codec import drop_counts
+
+__all__ = ["ControllerMessages"]
+
+
+class ControllerMessages:
+    """Makes messages from what the controller computed last."""
+
+    def __init__(self, link: AutopilotLink, crew: Crew) -> None:
+        self._link, self._crew = link, crew
+
+    def tracking(self) -> MAVLink_message:
+        """FTC_TRACKING."""
+        signals = self._crew.signals[0]
+        return dialect.MAVLink_ftc_tracking_message(
+            self._time_ms,
+            _degrees(signals["reference"]),
+            _degrees(signals["error"]),
+            _degrees(signals["sync_error"]),
+        )
+
+    def events(self) -> MAVLink_message:
+        """FTC_EVENTS."""
+        controller, clock = self._crew.controllers[0], self._link.clock[0]
+        intervals = [
+            min(int(steps) * int(clock["step_us"]), NO_INTERVAL)
+            for steps in controller["min_interval"]
+        ]
+        return dialect.MAVLink_ftc_events_message(
+            time_boot_ms=self._time_ms,
+            steps=int(controller["steps"]),
+            events=list(map(int, controller["events"])),
+            min_interval_us=intervals,
+            messages=int(controller["messages"]),
+            repeats=list(map(int, clock["repeated"])),
+            edge_changes=int(clock["edge_changes"]),
+        )
+
+    def adaptation(self) -> MAVLink_message:
+        """FTC_ADAPTATION."""
+        c = self._crew.controllers[0]["proposed"]
+        names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
+        return dialect.MAVLink_ftc_adaptation_message(
+            self._time_ms, *float32s(c[name] for name in names)
+        )
+
+    def drops(self) -> MAVLink_message:
+        """FTC_DROPS."""
+        links = map(drop_counts, self._link.drops)  # in the order of the fields
+        return dialect.MAVLink_ftc_drops_message(self._time_ms, *links)
+
+    @property
+    def _time_ms(self) -> int:
+        return int(self._link.measured[0]["time_usec"]) // 1000 % 2**32
+
+
+def _degrees(values: np.ndarray) -> list[float]:
+    """Airspeed as it is, angles in deg and within ±180°."""
+    angles = (float(angle) for angle in values[1:4])
+    degrees = (math.degrees(wrap(a)) if math.isfinite(a) else math.nan for a in angles)
+    return float32s((float(values[0]), *degrees))

@@ -1,0 +1,80 @@
+"""Who may speak to a vehicle on the GCS link: signatures, and SETUP_SIGNING that changes the key.
+
+No socket: frames go in and out.
+"""
+
+import ipaddress
+
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.framing.frames import code_of, drop_reason, parse
+from mavlink_defs.framing.signing import Signer, is_ahead, load_signer
+
+__all__ = ["Door"]
+
+
+class Door:
+    """Signs and checks the frames of the GCS link, if there is a key.
+
+    The key is that of the key file until a ground station sets another one, for as long as the
+    process lives and for this link only.
+
+    Attributes:
+        refusal: Why the last datagram that was not admitted was not, one of `codec.DROP_REASONS`.
+    """
+
+    def __init__(self, system: int, key_file: str | None) -> None:
+        """Make a door.
+
+        Args:
+            system: Own system id.
+            key_file: None: open until a ground station brings a key.
+
+        Raises:
+            SigningError: The key cannot be used.
+        """
+        self._system = system
+        self._signer = load_signer(key_file)
+        self.refusal = 0
+
+    def admit(self, datagram: bytes) -> MAVLink_message | None:
+        """The message of a datagram; None if it holds none or must not be believed."""
+        wrong = "" if self._signer is None else self._signer.problem(datagram)
+        message = None if wrong else parse(datagram)
+        if message is None:
+            self.refusal = code_of(wrong) if wrong else drop_reason(datagram)
+        return message
+
+    def sign(self, frame: bytes) -> bytes:
+        """A frame as it is to be sent."""
+        return frame if self._signer is None else self._signer.sign(frame)
+
+    def set_key(
+        self, message: dialect.MAVLink_setup_signing_message, host: str, armed: bool
+    ) -> str | None:
+        """Take over the key of an admitted SETUP_SIGNING; zeros mean none.
+
+        Args:
+            message: The message. If there is a key, it was signed with it.
+            host: IPv4 address that it came from; without a key it must be this machine.
+            armed: In flight the key stays.
+
+        Returns:
+            What came of it, in words; None if the message is for another vehicle.
+        """
+        for_me = message.target_system == self._system
+        if not for_me or message.target_component not in {0, dialect.MAV_COMP_ID_AUTOPILOT1}:
+            return None
+        if armed:
+            return "signing: key refused, disarm first"
+        if self._signer is None and not ipaddress.ip_address(host).is_loopback:
+            return "signing: key refused, it must come from this machine"
+        if is_ahead(message.initial_timestamp):
+            given = message.initial_timestamp
+            return f"signing: key refused, initial_timestamp {given} is more than 60 s ahead"
+        key = bytes(message.secret_key)
+        self._signer = None
+        if not any(key):
+            return "signing: off, anyone may command"
+        self._signer = Signer(key, at_least=message.initial_timestamp)
+        return "signing: key set, unsigned frames are refused"

@@ -1,0 +1,132 @@
+"""The mission of one vehicle: what the mission protocol holds is what the flight flies."""
+
+import math
+from collections.abc import Sequence
+
+from ftc_autopilot.vehicle.modes import AUTO, Modes, Say
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.profile import check_mission
+from mavlink_defs.services.machine import Address
+from mavlink_defs.services.mission import MissionItem
+from mavlink_defs.services.mission_server import (
+    CurrentChanged,
+    MissionAccepted,
+    MissionRefused,
+    MissionServer,
+)
+
+__all__ = ["Mission"]
+
+_IN_MISSION_MODE, _SUSPENDED = 1, 2
+"""MISSION_CURRENT.mission_mode."""
+_ACCEPTED, _FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED
+
+
+class Mission:
+    """Joins the mission protocol and the modes."""
+
+    def __init__(self, own: Address, modes: Modes, home: MissionItem, say: Say) -> None:
+        self._modes, self._say = modes, say
+        self.server = MissionServer(
+            own, lambda items: check_mission(items, modes.airspeeds), home=home
+        )
+        self._reached: list[MAVLink_message] = []
+        self._follows = False  # whether the current item is one that was flown
+        self._note_state()
+
+    def receive(self, message: MAVLink_message, now: float, station: int) -> None:
+        """Take in a message of a ground station, which has a number."""
+        self.server.receive(message, now, station)
+        self._work()
+
+    def tick(self, now: float) -> None:
+        """Do what is due, and follow the modes."""
+        self.server.handle_timer(now)
+        self._follow()
+        self._work()
+
+    def messages_to_send(self) -> list[tuple[MAVLink_message, int | None]]:
+        """Hand over what is to be sent, and the number of the station; None: to all."""
+        messages, self._reached = self._reached + self.server.messages_to_send(), []
+        asking = self.server.asking
+        return [(m, asking if hasattr(m, "target_system") else None) for m in messages]
+
+    def current(self) -> MAVLink_message:
+        """MISSION_CURRENT."""
+        return self.server.mission_current()
+
+    def restart(self) -> None:
+        """Be as after the upload of the mission, for another flight."""
+        self._follows = False
+        self.server.set_current(0)
+        self._work()
+
+    # commands
+
+    def start(self, params: Sequence[float]) -> int:
+        """MAV_CMD_MISSION_START: begin with the current item, or anew if it was begun before."""
+        if any(param != 0.0 and not math.isnan(param) for param in params[:2]):
+            text = "Mission start: params 1 and 2 must be 0, a part cannot be flown"
+            self._say(dialect.MAV_SEVERITY_WARNING, text)
+            return dialect.MAV_RESULT_DENIED
+        result = self._modes.start_mission(1 if self._modes.started else self.server.current)
+        self._follows = True
+        self._note_state()
+        return result
+
+    def set_current(self, params: Sequence[float]) -> int:
+        """MAV_CMD_DO_SET_MISSION_CURRENT: param 1 is the item, -1 the present one."""
+        seq = self.server.current if params[0] == -1.0 else params[0]
+        if seq not in range(len(self.server.items)) or not self.server.set_current(int(seq)):
+            text = f"Mission has no item {params[0]:g} to go to"
+            self._say(dialect.MAV_SEVERITY_WARNING, text)
+            return _FAILED
+        self._work()
+        return _ACCEPTED
+
+    # inside
+
+    def _work(self) -> None:
+        for event in self.server.events():
+            match event:
+                case MissionAccepted(items):
+                    self._follows = False
+                    self._modes.take_profile(items)
+                case CurrentChanged(seq):
+                    self._modes.jump_to(seq)
+                case MissionRefused(_, text) if text:
+                    self._say(dialect.MAV_SEVERITY_WARNING, text)
+        self._note_state()
+
+    def _follow(self) -> None:
+        """Let MISSION_CURRENT and MISSION_ITEM_REACHED follow the profile.
+
+        Items that ended before the profile was uploaded or while another mode was flown were
+        not reached.
+        """
+        self._note_state()
+        if not self._modes.flies_profile:
+            self._follows = False
+            return
+        current, before = self._modes.current_item(), self.server.current
+        if current != before:
+            reached = range(max(before, 1), current) if self._follows else ()
+            self._reached += map(dialect.MAVLink_mission_item_reached_message, reached)
+            self.server.set_current(current)
+        self._follows = True
+
+    def _note_state(self) -> None:
+        """Keep what MISSION_CURRENT says besides the item."""
+        modes, server = self._modes, self.server
+        server.mission_mode = _IN_MISSION_MODE if modes.mode == AUTO else _SUSPENDED
+        if not modes.has_profile:
+            server.mission_state = dialect.MISSION_STATE_NO_MISSION
+        elif not modes.started:
+            server.mission_state = dialect.MISSION_STATE_NOT_STARTED
+        elif modes.is_over():
+            server.mission_state = dialect.MISSION_STATE_COMPLETE
+        elif modes.mode == AUTO:
+            server.mission_state = dialect.MISSION_STATE_ACTIVE
+        else:
+            server.mission_state = dialect.MISSION_STATE_PAUSED

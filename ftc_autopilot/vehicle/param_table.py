@@ -1,0 +1,198 @@
+"""The parameters of a vehicle, made from the models of its configuration.
+
+A field's name in capitals is the parameter's name; unit and range are those that the field
+declares. What a parameter changes is the record that compiled code reads, between two steps. A
+value that changes in time is read as it is now; to set it makes it constant, at all times.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Literal, get_args, get_origin
+
+import numpy as np
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from ftc_autopilot.config import AutopilotConfig, Trigger
+from ftc_autopilot.control.controllers import NOT_STARTED, Crew
+from ftc_autopilot.control.laws import KINDS, LAWS
+from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.schedule import Schedule
+from ftc_autopilot.link import AutopilotLink
+from mavlink_defs import dialect
+from mavlink_defs.config.quantity import Quantity, describe
+from mavlink_defs.services.param_server import (
+    INT32,
+    MAX_NAME,
+    REAL32,
+    Parameter,
+    ParamValueError,
+)
+
+__all__ = ["Tunable", "parameters_of", "tunables"]
+
+_ALWAYS = np.array([math.inf])
+_AXES = ("ROLL", "PITCH", "YAW")
+_SHORTER = {  # with an axis or a prefix, these would be too long
+    "reference_bandwidth_rad_s": "REF_BANDWIDTH",
+    "time_constant_s": "TIME_CONST",
+    "rate_limit_deg_s": "RATE_LIMIT",
+    "integral_limit_deg": "INT_LIMIT",
+    "trim_airspeed_m_s": "TRIM_AIRSPEED",
+}
+_AT_THE_START = {"phi_v0", "g_v0", "beta_v0", "phi_omega0", "beta_omega0"}
+"""Fields that a law reads in its first step only."""
+
+
+@dataclass(frozen=True)
+class Tunable:
+    """One number of a model.
+
+    Attributes:
+        name: Of the parameter.
+        field: Of the model.
+        type: INT32 or REAL32.
+        quantity: Unit, range, meaning.
+        times: Last instant of each window of the number [s]; one that never ends if it is
+            constant. Shape (windows,).
+        cells: Where the number stands in a record, in each window, shape (windows, copies).
+    """
+
+    name: str
+    field: str
+    type: int
+    quantity: Quantity
+    times: np.ndarray
+    cells: np.ndarray
+
+    def at(self, t: float) -> float:
+        """The value at time t [s]."""
+        return float(self.cells[np.argmax(self.times >= t), 0])
+
+    def put(self, value: float) -> None:
+        """Put a value in force, in all windows.
+
+        Raises:
+            ParamValueError: It is out of range.
+        """
+        q = self.quantity
+        low = (q.gt is None or value > q.gt) and (q.ge is None or value >= q.ge)
+        high = (q.lt is None or value < q.lt) and (q.le is None or value <= q.le)
+        if not (low and high):
+            wanted = q.range() if q.range()[0] in "<>" else f"in {q.range()}"
+            raise ParamValueError(f"is {value:g}, must be {wanted}")
+        self.cells[:] = value
+
+
+def parameters_of(config: AutopilotConfig, link: AutopilotLink, crew: Crew) -> list[Parameter]:
+    """Give all parameters of a vehicle: its trigger's, its law's, and some that only tell."""
+    records, kind = crew.parameters, config.controller.kind
+    found = [
+        *tunables(Trigger, records["trigger"], "TRIG_"),
+        *tunables(LawParameters, records["common"]),
+        *tunables(LAWS[kind], records[kind], base=LawParameters),
+    ]
+
+    def clock_s() -> float:
+        clock, start = link.clock[0], int(crew.guidance[0]["start_step"])
+        if start == NOT_STARTED:
+            return 0.0
+        return max(int(clock["step"]) - start, 0) * int(clock["step_us"]) / 1e6
+
+    def put_at_the_start(tunable: Tunable, value: float) -> None:
+        if crew.controllers[0]["steps"] > 0:
+            raise ParamValueError("acts at the start only", dialect.MAV_PARAM_ERROR_READ_ONLY)
+        tunable.put(value)
+
+    told = {
+        "SYSID_THISMAV": config.id,
+        "MAV_TYPE": dialect.MAV_TYPE_FIXED_WING,
+        "MAV_AUTOPILOT": config.mav_autopilot,
+        "STEP_US": config.step_us,
+        "CTRL_LAW": KINDS.index(kind),
+    }
+    parameters = [Parameter(name, INT32, partial(float, value)) for name, value in told.items()]
+    for tunable in _distinct(found, told):
+        late = tunable.field not in _AT_THE_START
+        put = tunable.put if late else partial(put_at_the_start, tunable)
+        get = partial(lambda tunable: tunable.at(clock_s()), tunable)
+        parameters.append(Parameter(tunable.name, tunable.type, get, put))
+    return parameters
+
+
+def tunables(
+    model: type[BaseModel],
+    records: np.ndarray,
+    prefix: str = "",
+    base: type[BaseModel] = BaseModel,
+) -> Iterator[Tunable]:
+    """Find the numbers that a model has beyond those of a base class.
+
+    Args:
+        model: The model.
+        records: One record of `ftc_autopilot.control.records.record_dtype`, shape (1,).
+        prefix: Of the parameters' names.
+        base: The base class.
+    """
+    for field, info in model.model_fields.items():
+        if field in base.model_fields or field not in (records.dtype.names or ()):
+            continue
+        annotation, places = info.annotation, records[field]
+        name = prefix + _SHORTER.get(field, field.upper())
+        if isinstance(annotation, type) and issubclass(annotation, Schedule):
+            (annotation,) = annotation.__pydantic_generic_metadata__["args"]
+            times, places = places[0, :, 0], places[0, :, 1:]
+        elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            yield from tunables(annotation, places, f"{name}_")
+            continue
+        else:
+            times, places = _ALWAYS, places.reshape(1, -1)
+        parts = get_args(annotation) if get_origin(annotation) is tuple else ()
+        for column, (part, axis) in enumerate(zip(parts, _axes(len(parts)), strict=True)):
+            cells = places[:, column : column + 1]
+            yield Tunable(_cut(name, axis), field, REAL32, _quantity(part, info), times, cells)
+        if not parts:
+            whole = annotation in {int, bool} or get_origin(annotation) is Literal
+            quantity = _quantity(annotation, info)
+            yield Tunable(_cut(name), field, INT32 if whole else REAL32, quantity, times, places)
+
+
+def _quantity(annotation: Any, info: FieldInfo) -> Quantity:
+    """What a number, or the field that it belongs to, declares about it."""
+    if get_origin(annotation) is Literal:
+        choices = get_args(annotation)
+        doc = ", ".join(f"{i} {choice}" for i, choice in enumerate(choices))
+        return Quantity("", None, 0, None, len(choices) - 1, doc)
+    if annotation is bool:
+        return Quantity("", None, 0, None, 1, info.description or "")
+    for declared in (*getattr(annotation, "__metadata__", ()), info):
+        if isinstance(declared, FieldInfo) and (quantity := describe(declared)) is not None:
+            return quantity
+    return Quantity("", None, None, None, None, info.description or "")
+
+
+def _axes(n: int) -> tuple[str, ...]:
+    return _AXES if n == len(_AXES) else tuple(str(i + 1) for i in range(n))
+
+
+def _cut(name: str, axis: str = "") -> str:
+    """A name that fits, with its axis; the longest word gives way."""
+    end = f"_{axis}" if axis else ""
+    words = name.split("_")
+    while len("_".join(words)) + len(end) > MAX_NAME:
+        longest = max(range(len(words)), key=lambda i: len(words[i]))
+        words[longest] = words[longest][:-1]
+    return "_".join(words) + end
+
+
+def _distinct(found: Iterable[Tunable], taken: Iterable[str]) -> Iterator[Tunable]:
+    """Number what shares its name with another one."""
+    names = set(taken)
+    for tunable in found:
+        name, number = tunable.name, 2
+        while name in names:
+            name, number = _cut(tunable.name, str(number)), number + 1
+        names.add(name)
+        yield replace(tunable, name=name)

@@ -1,0 +1,234 @@
+"""Standard messages about the aircraft, made from the state that was measured last.
+
+Nothing of what happens in flight may raise here: numbers that a field cannot hold are cut off.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ftc_autopilot.control.controllers import Crew
+from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.geography import Origin, Place, place_of
+from ftc_autopilot.link import AutopilotLink
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.float32 import float32s, whole_within
+from sitl_plant.rigid_body import R1
+from sitl_plant.vec3 import Vec3, mul, vec3
+
+__all__ = ["StateMessages", "home_item"]
+
+_INT16, _UINT16 = 2**15 - 1, 2**16 - 1
+_UNKNOWN_U16, _UNKNOWN_U8 = _UINT16, 255
+_ZERO_PWM_US, _SPAN_PWM_US = 1500, 500
+_GIVEN_IMU = 0b111111  # HIGHRES_IMU.fields_updated: accelerations and rates
+
+
+class StateMessages:
+    """Makes messages of position, attitude, motion and actuators."""
+
+    def __init__(self, link: AutopilotLink, crew: Crew, origin: Origin) -> None:
+        self._link, self._crew, self._origin = link, crew, origin
+
+    # time and place
+
+    def system_time(self) -> MAVLink_message:
+        """SYSTEM_TIME: simulation time; there is no date."""
+        return dialect.MAVLink_system_time_message(0, self.time_ms)
+
+    def local_position_ned(self) -> MAVLink_message:
+        """LOCAL_POSITION_NED."""
+        position = self._state["position"]
+        return dialect.MAVLink_local_position_ned_message(
+            self.time_ms, *float32s((*position, *self._velocity_ned()))
+        )
+
+    def global_position_int(self) -> MAVLink_message:
+        """GLOBAL_POSITION_INT."""
+        place = self._place()
+        vx, vy, vz = (whole_within(100.0 * v, -_INT16, _INT16) for v in self._velocity_ned())
+        return dialect.MAVLink_global_position_int_message(
+            self.time_ms, *place, vx, vy, vz, _centidegrees(self._yaw())
+        )
+
+    def gps_raw_int(self) -> MAVLink_message:
+        """GPS_RAW_INT: the true position, of an accuracy that nobody states."""
+        place, (north, east, _) = self._place(), self._velocity_ned()
+        return dialect.MAVLink_gps_raw_int_message(
+            self._time_us,
+            dialect.GPS_FIX_TYPE_3D_FIX,
+            place.latitude,
+            place.longitude,
+            place.altitude,
+            eph=_UNKNOWN_U16,
+            epv=_UNKNOWN_U16,
+            vel=whole_within(100.0 * math.hypot(north, east), 0, _UINT16 - 1),
+            cog=_centidegrees(math.atan2(east, north)),
+            satellites_visible=_UNKNOWN_U8,
+        )
+
+    def home_position(self) -> MAVLink_message:
+        """HOME_POSITION: the origin."""
+        home = place_of(self._origin, 0.0, 0.0, 0.0)
+        return dialect.MAVLink_home_position_message(
+            *home[:3], 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, self._time_us
+        )
+
+    def altitude(self) -> MAVLink_message:
+        """ALTITUDE; the terrain is flat, as high as the origin."""
+        height = -float(self._state["position"][2])
+        amsl = self._origin.altitude_m + height
+        altitudes = float32s((amsl, amsl, height, height, self._origin.altitude_m, height))
+        return dialect.MAVLink_altitude_message(self._time_us, *altitudes)
+
+    # attitude and motion
+
+    def attitude(self) -> MAVLink_message:
+        """ATTITUDE."""
+        roll, pitch, yaw = map(float, self._state["attitude"])
+        angles = (_wrap(roll), pitch, _wrap(yaw))
+        return dialect.MAVLink_attitude_message(
+            self.time_ms, *float32s((*angles, *self._state["rates"]))
+        )
+
+    def attitude_quaternion(self) -> MAVLink_message:
+        """ATTITUDE_QUATERNION: body to NED, scalar first."""
+        q1, q2, q3, q4 = self._quaternion()
+        p, q, r = float32s(self._state["rates"])
+        return dialect.MAVLink_attitude_quaternion_message(self.time_ms, q1, q2, q3, q4, p, q, r)
+
+    def attitude_target(self) -> MAVLink_message:
+        """ATTITUDE_TARGET: the filtered reference; the airspeed is in FTC_TRACKING."""
+        q = _quaternion(*map(float, self._crew.signals[0]["reference"][1:4]))
+        mask = (
+            dialect.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
+            | dialect.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
+            | dialect.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE
+        )
+        thrust = float(self._crew.actuators[0]["controls"][3])
+        return dialect.MAVLink_attitude_target_message(
+            self.time_ms, mask, float32s(q), 0.0, 0.0, 0.0, thrust
+        )
+
+    def vfr_hud(self) -> MAVLink_message:
+        """VFR_HUD."""
+        north, east, down = self._velocity_ned()
+        height = -float(self._state["position"][2])
+        airspeed = float(np.linalg.norm(self._state["velocity"]))
+        airspeed, groundspeed, climb, alt = float32s(
+            (airspeed, math.hypot(north, east), -down, self._origin.altitude_m + height)
+        )
+        return dialect.MAVLink_vfr_hud_message(
+            airspeed=airspeed,
+            groundspeed=groundspeed,
+            heading=_centidegrees(self._yaw()) // 100,
+            throttle=whole_within(100.0 * float(self._crew.actuators[0]["controls"][3]), 0, 100),
+            alt=alt,
+            climb=climb,
+        )
+
+    def highres_imu(self) -> MAVLink_message:
+        """HIGHRES_IMU: specific force and rates; there is no other sensor."""
+        state, unknown = self._state, math.nan
+        ax, ay, az, p, q, r = float32s((*state["specific_force"], *state["rates"]))
+        return dialect.MAVLink_highres_imu_message(
+            self._time_us, ax, ay, az, p, q, r, unknown, unknown, unknown,
+            unknown, unknown, unknown, unknown, _GIVEN_IMU,
+        )  # fmt: skip
+
+    def odometry(self) -> MAVLink_message:
+        """ODOMETRY: position in the local frame, velocity and rates in the body's."""
+        state, unknown = self._state, [math.nan, *[0.0] * 20]
+        x, y, z = float32s(state["position"])
+        u, v, w, p, q, r = float32s((*state["velocity"], *state["rates"]))
+        return dialect.MAVLink_odometry_message(
+            self._time_us, dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_BODY_FRD,
+            x, y, z, self._quaternion(), u, v, w, p, q, r, unknown, unknown,
+        )  # fmt: skip
+
+    # actuators
+
+    def actuator_output_status(self) -> MAVLink_message:
+        """ACTUATOR_OUTPUT_STATUS: the commands held, as HIL_ACTUATOR_CONTROLS has them."""
+        return dialect.MAVLink_actuator_output_status_message(
+            self._time_us, 0b1111, self._held() + [0.0] * 28
+        )
+
+    def servo_output_raw(self) -> MAVLink_message:
+        """SERVO_OUTPUT_RAW: the same as pulses, on the channels that ArduPlane gives them."""
+        aileron, elevator, rudder, throttle = self._held()
+        pulses = [_pulse(aileron), _pulse(elevator), _pulse(2.0 * throttle - 1.0), _pulse(rudder)]
+        return dialect.MAVLink_servo_output_raw_message(self._time_us % 2**32, 0, *pulses, *[0] * 4)
+
+    @property
+    def time_ms(self) -> int:
+        """Simulation time as most messages have it [ms]."""
+        return self._time_us // 1000 % 2**32
+
+    # inside
+
+    @property
+    def _state(self) -> np.void:
+        state: np.void = self._link.measured[0]
+        return state
+
+    @property
+    def _time_us(self) -> int:
+        return int(self._state["time_usec"])
+
+    def _yaw(self) -> float:
+        return float(self._state["attitude"][2])
+
+    def _place(self) -> Place:
+        return place_of(self._origin, *map(float, self._state["position"]))
+
+    def _quaternion(self) -> list[float]:
+        return float32s(_quaternion(*map(float, self._state["attitude"])))
+
+    def _velocity_ned(self) -> Vec3:
+        return mul(R1(vec3(self._state["attitude"])), vec3(self._state["velocity"]))
+
+    def _held(self) -> list[float]:
+        return float32s(self._crew.actuators[0]["controls"][:4])
+
+
+def home_item(origin: Origin) -> dialect.MAVLink_mission_item_int_message:
+    """Item 0 of every mission."""
+    home = place_of(origin, 0.0, 0.0, 0.0)
+    return dialect.MAVLink_mission_item_int_message(
+        0, 0, 0, dialect.MAV_FRAME_GLOBAL, dialect.MAV_CMD_NAV_WAYPOINT, 0, 1,
+        0.0, 0.0, 0.0, 0.0, home.latitude, home.longitude, home.altitude / 1e3,
+    )  # fmt: skip
+
+
+def _wrap(angle: float) -> float:
+    return wrap(angle) if math.isfinite(angle) else math.nan
+
+
+def _centidegrees(angle: float) -> int:
+    """An angle [rad] as 0 to 35999 cdeg; not known if it is no number."""
+    if not math.isfinite(angle):
+        return _UNKNOWN_U16
+    return round(math.degrees(wrap(angle)) * 100.0) % 36000
+
+
+def _pulse(share: float) -> int:
+    """A share of -1 to 1 as a pulse of 1000 to 2000 µs."""
+    return whole_within(_ZERO_PWM_US + _SPAN_PWM_US * share, 1000, 2000)
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> Sequence[float]:
+    """Body to NED, scalar first, from angles [rad]; NaN if one is no number."""
+    if not math.isfinite(roll + pitch + yaw):
+        return (math.nan,) * 4
+    cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
+    cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
+    cy, sy = math.cos(yaw / 2.0), math.sin(yaw / 2.0)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )

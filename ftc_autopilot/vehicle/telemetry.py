@@ -1,0 +1,216 @@
+"""Telemetry of one autopilot to one ground station: what it can tell, streams, and how often.
+
+Intervals count simulated time while it runs, so that a flight faster than real time is as
+finely resolved as any, and wall-clock time while the aircraft is frozen.
+
+Making and sending a message takes time that the next control step should not wait for. So no more
+than a few are made between two steps, those that are late longest first; and each message has its
+own phase, so that few are due at a time.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+from ftc_autopilot.vehicle.controller_messages import ControllerMessages
+from ftc_autopilot.vehicle.state_messages import StateMessages
+from ftc_autopilot.vehicle.status_messages import StatusMessages
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+
+__all__ = ["DEFAULT_INTERVALS_US", "MIN_INTERVAL_US", "Maker", "Telemetry", "makers_of"]
+
+Maker: TypeAlias = Callable[[], MAVLink_message]
+
+DEFAULT_INTERVALS_US = {
+    dialect.MAVLINK_MSG_ID_ATTITUDE: 100_000,
+    dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 100_000,
+    dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: 100_000,
+    dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 200_000,
+    dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 200_000,
+    dialect.MAVLINK_MSG_ID_VFR_HUD: 200_000,
+    dialect.MAVLINK_MSG_ID_GPS_RAW_INT: 500_000,
+    dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: 500_000,
+    dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1_000_000,
+    dialect.MAVLINK_MSG_ID_SYS_STATUS: 1_000_000,
+    dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1_000_000,
+    dialect.MAVLINK_MSG_ID_HOME_POSITION: 1_000_000,
+    dialect.MAVLINK_MSG_ID_MISSION_CURRENT: 1_000_000,
+    dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 2_000_000,
+}
+"""Message ids that are streamed from the start, and their intervals [µs].
+
+All are of common.xml: a station without our dialect cannot read others, and counts them as lost.
+"""
+
+MIN_INTERVAL_US = 20_000
+"""No message is streamed more often."""
+
+_HEARTBEAT_US = 1_000_000  # it cannot be changed
+_PHASE_US = 1_000  # between the first messages of two streams
+_MAX_INTERVAL_US = 2**31 - 1  # what MESSAGE_INTERVAL can tell
+_OFF, _NOT_AVAILABLE = -1, 0
+
+# REQUEST_DATA_STREAM, as ArduPlane groups its messages; private ones keep their rates
+_GROUPS: dict[int, tuple[int, ...]] = {
+    dialect.MAV_DATA_STREAM_RAW_SENSORS: (),
+    dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        dialect.MAVLINK_MSG_ID_SYS_STATUS,
+        dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
+        dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
+    ),
+    dialect.MAV_DATA_STREAM_RC_CHANNELS: (dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,),
+    dialect.MAV_DATA_STREAM_RAW_CONTROLLER: (),
+    dialect.MAV_DATA_STREAM_POSITION: (
+        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    dialect.MAV_DATA_STREAM_EXTRA1: (dialect.MAVLINK_MSG_ID_ATTITUDE,),
+    dialect.MAV_DATA_STREAM_EXTRA2: (dialect.MAVLINK_MSG_ID_VFR_HUD,),
+    dialect.MAV_DATA_STREAM_EXTRA3: (
+        dialect.MAVLINK_MSG_ID_SYSTEM_TIME,
+        dialect.MAVLINK_MSG_ID_BATTERY_STATUS,
+    ),
+}
+_GROUPS[dialect.MAV_DATA_STREAM_ALL] = tuple(i for group in _GROUPS.values() for i in group)
+
+
+def makers_of(
+    state: StateMessages, controller: ControllerMessages, status: StatusMessages
+) -> dict[int, Maker]:
+    """Give every message that can be streamed or requested, by its id."""
+    return {
+        dialect.MAVLINK_MSG_ID_SYSTEM_TIME: state.system_time,
+        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: state.local_position_ned,
+        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: state.global_position_int,
+        dialect.MAVLINK_MSG_ID_GPS_RAW_INT: state.gps_raw_int,
+        dialect.MAVLINK_MSG_ID_HOME_POSITION: state.home_position,
+        dialect.MAVLINK_MSG_ID_ALTITUDE: state.altitude,
+        dialect.MAVLINK_MSG_ID_ATTITUDE: state.attitude,
+        dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: state.attitude_quaternion,
+        dialect.MAVLINK_MSG_ID_ATTITUDE_TARGET: state.attitude_target,
+        dialect.MAVLINK_MSG_ID_VFR_HUD: state.vfr_hud,
+        dialect.MAVLINK_MSG_ID_HIGHRES_IMU: state.highres_imu,
+        dialect.MAVLINK_MSG_ID_ODOMETRY: state.odometry,
+        dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: state.actuator_output_status,
+        dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: state.servo_output_raw,
+        dialect.MAVLINK_MSG_ID_FTC_TRACKING: controller.tracking,
+        dialect.MAVLINK_MSG_ID_FTC_EVENTS: controller.events,
+        dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,
+        dialect.MAVLINK_MSG_ID_FTC_DROPS: controller.drops,
+        dialect.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
+        dialect.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
+        dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: status.ekf_status_report,
+        dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: status.extended_sys_state,
+        dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: status.autopilot_version,
+    }
+
+
+class Telemetry:
+    """Says which messages are due, and makes them."""
+
+    def __init__(self, makers: dict[int, Maker]) -> None:
+        """Start with the default intervals.
+
+        Args:
+            makers: Message ids and what makes them.
+        """
+        self._makers = makers
+        self._intervals_us = {i: t for i, t in DEFAULT_INTERVALS_US.items() if i in makers}
+        order = (*self._intervals_us, *(i for i in makers if i not in self._intervals_us))
+        self._phases_us = {i: k * _PHASE_US % MIN_INTERVAL_US for k, i in enumerate(order)}
+        self._due_us: dict[int, int] = {}  # without those that were not yet due
+
+    def receive(self, message: MAVLink_message) -> None:
+        """Take in a REQUEST_DATA_STREAM, the old way to ask for rates [Hz]."""
+        if isinstance(message, dialect.MAVLink_request_data_stream_message):
+            wanted = bool(message.start_stop) and message.req_message_rate > 0
+            interval_us = 1e6 / message.req_message_rate if wanted else -1.0
+            for message_id in _GROUPS.get(message.req_stream_id, ()):
+                self._set_interval(message_id, interval_us)
+
+    def due(self, clock_us: int, most: int | None = None) -> list[MAVLink_message]:
+        """Make the messages whose interval has passed on the given clock [µs].
+
+        Args:
+            clock_us: The clock.
+            most: How many at most; the others come first at the next call. None: all.
+        """
+        late = []
+        for message_id, interval_us in self._intervals_us.items():
+            due_us = self._due_us.get(message_id)
+            if due_us is None or due_us > clock_us + interval_us:  # new, or the clock was set back
+                due_us = self._due_us[message_id] = clock_us + self._phases_us[message_id]
+            if due_us <= clock_us:
+                late.append((due_us, message_id))
+        chosen = [message_id for _, message_id in sorted(late)[:most]]
+        for message_id in chosen:
+            self._due_us[message_id] += self._intervals_us[message_id]
+            if self._due_us[message_id] <= clock_us:  # what was missed is not made up for
+                self._due_us[message_id] = clock_us + self._intervals_us[message_id]
+        return [self._makers[message_id]() for message_id in chosen]
+
+    def next_due_us(self) -> int:
+        """When the next message is due, on the clock of `due` [µs]; far away if none is."""
+        return min((self._due_us.get(i, 0) for i in self._intervals_us), default=2**62)
+
+    def most_per_step(self, step_us: int) -> int:
+        """Messages per control period [µs] that are more than all of them at the shortest interval.
+
+        So, with no more between two steps, all rates hold, and something is left for answers.
+        """
+        return 1 + len(self._makers) * min(step_us, MIN_INTERVAL_US) // MIN_INTERVAL_US
+
+    def streams(self, message_id: int) -> bool:
+        """Whether a message is sent again and again."""
+        return message_id in self._intervals_us
+
+    def make(self, message_id: int) -> MAVLink_message:
+        """Make one message now; its id must be among the makers'."""
+        return self._makers[message_id]()
+
+    # commands: params are those of the MAV_CMD
+
+    def set_interval(self, params: Sequence[float]) -> int:
+        """MAV_CMD_SET_MESSAGE_INTERVAL: id, then µs; 0 restores the default, negative stops."""
+        message_id, interval_us = _whole(params[0]), params[1]
+        if message_id == dialect.MAVLINK_MSG_ID_HEARTBEAT and interval_us in {0.0, _HEARTBEAT_US}:
+            return dialect.MAV_RESULT_ACCEPTED
+        if message_id not in self._makers or not math.isfinite(interval_us):
+            return dialect.MAV_RESULT_DENIED
+        self._set_interval(message_id, interval_us)
+        return dialect.MAV_RESULT_ACCEPTED
+
+    def request(self, params: Sequence[float]) -> MAVLink_message | None:
+        """MAV_CMD_REQUEST_MESSAGE: the message; None if it is not to be had."""
+        message_id = _whole(params[0])
+        if message_id == dialect.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
+            return self.interval(params[1:])
+        maker = self._makers.get(message_id)
+        return None if maker is None else maker()
+
+    def interval(self, params: Sequence[float]) -> MAVLink_message:
+        """MAV_CMD_GET_MESSAGE_INTERVAL: the MESSAGE_INTERVAL of a message id."""
+        message_id = _whole(params[0])
+        interval_us = _OFF if message_id in self._makers else _NOT_AVAILABLE
+        interval_us = self._intervals_us.get(message_id, interval_us)
+        if message_id == dialect.MAVLINK_MSG_ID_HEARTBEAT:
+            interval_us = _HEARTBEAT_US
+        return dialect.MAVLink_message_interval_message(message_id & 0xFFFF, interval_us)
+
+    def _set_interval(self, message_id: int, interval_us: float) -> None:
+        wanted: int | None = round(min(max(interval_us, MIN_INTERVAL_US), _MAX_INTERVAL_US))
+        if interval_us == 0.0:
+            wanted = DEFAULT_INTERVALS_US.get(message_id)
+        if wanted is None or interval_us < 0.0:
+            self._intervals_us.pop(message_id, None)
+            self._due_us.pop(message_id, None)
+            return
+        if self._intervals_us.get(message_id) != wanted:
+            self._intervals_us[message_id] = wanted
+            self._due_us.pop(message_id, None)
+
+
+def _whole(value: float) -> int:
+    """A parameter that should be a whole number; -1 if it is not."""
+    return int(value) if math.isfinite(value) and value == int(value) else -1

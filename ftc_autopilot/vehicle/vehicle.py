@@ -1,0 +1,267 @@
+"""One UAV as a MAVLink vehicle: what it answers and what it says of itself.
+
+No socket and no clock: messages and the time go in, messages to send come out. The services
+are modules of their own; here they are put together.
+"""
+
+import math
+from collections.abc import Iterable
+from functools import partial
+
+from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.control.controllers import Crew, reset_crew
+from ftc_autopilot.link import GCS, PLANT, AutopilotLink, reset_link
+from ftc_autopilot.vehicle.commands import Commands, Handler
+from ftc_autopilot.vehicle.controller_messages import ControllerMessages
+from ftc_autopilot.vehicle.mission import Mission
+from ftc_autopilot.vehicle.modes import AUTO, GUIDED, LOITER, MODE_NAMES, Modes
+from ftc_autopilot.vehicle.param_table import parameters_of
+from ftc_autopilot.vehicle.state_messages import StateMessages, home_item
+from ftc_autopilot.vehicle.status_messages import StatusMessages
+from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry, makers_of
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.frames import text_chunks
+from mavlink_defs.services.machine import Address, is_for
+from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
+from mavlink_defs.services.responder import Courtesy
+
+__all__ = ["AUTO", "GUIDED", "LOITER", "MODE_NAMES", "Vehicle"]
+
+_HEARTBEAT_S = 1.0
+_REQUESTS = {  # commands that ask for one message
+    dialect.MAV_CMD_GET_HOME_POSITION: dialect.MAVLINK_MSG_ID_HOME_POSITION,
+    dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+}
+
+
+class Vehicle:
+    """The services of one autopilot, between the steps of its control loop."""
+
+    def __init__(self, config: AutopilotConfig, link: AutopilotLink, crew: Crew) -> None:
+        own = Address(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
+        self._own, self._link, self._crew = own, link, crew
+        self._stations = range(len(config.gcs))
+        self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
+        self._asking = 0  # the ground station whose message is being worked on
+        self._simulator_outbox: list[MAVLink_message] = []
+        self._next_heartbeat = -math.inf
+        self._told = (-1, False, -1)
+        self._texts = 0
+        self._edges = crew.weights[0] > 0.0
+        self._edge_changes = 0
+
+        self.modes = Modes(config, link, crew, self.say)
+        self._mission = Mission(own, self.modes, home_item(config.origin), self.say)
+        makers = makers_of(
+            StateMessages(link, crew, config.origin),
+            ControllerMessages(link, crew),
+            StatusMessages(config),
+        )
+        makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
+        self.telemetry = [Telemetry(makers) for _ in self._stations]
+        self._params = ParamServer(
+            own, parameters_of(config, link, crew), bytewise=config.identity == "generic"
+        )
+        self._commands = Commands(own, self._handlers())
+        self._courtesy = Courtesy(own)
+
+    # messages in
+
+    def receive(self, message: MAVLink_message, now: float, station: int = 0) -> None:
+        """Take in a message of a ground station; those of no concern are ignored.
+
+        Args:
+            message: The message.
+            now: Wall-clock time [s].
+            station: Number of the station in `AutopilotConfig.gcs`.
+        """
+        if not is_for(message, self._own):
+            self._link.drops[GCS, -codec.OTHER_TARGET] += 1
+            return
+        match message:
+            case dialect.MAVLink_set_attitude_target_message():
+                self.modes.set_attitude_target(message)
+            case dialect.MAVLink_set_mode_message():  # the old way, which has no answer
+                self.modes.set_mode(float(message.custom_mode))
+        self._asking = station
+        self.telemetry[station].receive(message)
+        self._commands.receive(message, now, station)
+        self._mission.receive(message, now, station)
+        self._params.receive(message, now)
+        self._courtesy.receive(message, self.time_s)
+        self._tell(self._courtesy.messages_to_send(), station)
+        self._collect()
+
+    def receive_from_simulator(self, message: MAVLink_message, now: float) -> None:
+        """Take in a message of the own aircraft's simulator component."""
+        match message:
+            case dialect.MAVLink_statustext_message():
+                self._tell([message])
+            case dialect.MAVLink_ftc_fault_message():
+                self._tell([message], self._commands.asking)
+            case dialect.MAVLink_ftc_drops_message():
+                for code, count in zip(codec.DROP_REASONS, message.plant, strict=True):
+                    self._link.drops[PLANT, -code] = count
+        self._commands.receive_from_simulator(message, now)
+        self._collect()
+
+    def tick(self, now: float, most: int | None = None) -> None:
+        """Do what is due: timers, heartbeats, mission progress, telemetry. Call it often.
+
+        Args:
+            now: Wall-clock time [s].
+            most: How many messages of telemetry to make, at most; None: all that are due.
+        """
+        self._commands.tick(now)
+        self._params.handle_timer(now)
+        self._mission.tick(now)
+        news = (self.modes.status, self.modes.armed, self.modes.mode)
+        if now >= self._next_heartbeat or news != self._told:
+            self._next_heartbeat, self._told = now + _HEARTBEAT_S, news
+            self._tell([self.modes.heartbeat()])
+            self._simulator_outbox.append(self.modes.heartbeat())
+        self._report_edges()
+        if self._link.clock[0]["heard_s"] > 0.0:
+            time_us = int(self._link.measured[0]["time_usec"])
+            clock_us = time_us if self.running else round(now * 1e6)
+            for station, telemetry in enumerate(self.telemetry):
+                self._gcs_outboxes[station][:0] = telemetry.due(clock_us, most)
+        self._collect()
+
+    def restart(self) -> None:
+        """Forget the flight when the plant was started again: disarm and wait to be armed."""
+        reset_link(self._link)
+        reset_crew(self._crew)
+        self.modes.restart()
+        self._mission.restart()
+        self._edges, self._edge_changes = self._crew.weights[0] > 0.0, 0
+        self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
+        self._collect()
+
+    def farewell(self, text: str) -> None:
+        """Say last words, and the final counters, before the process ends."""
+        self.say(dialect.MAV_SEVERITY_NOTICE, text)
+        for station, telemetry in enumerate(self.telemetry):
+            if telemetry.streams(dialect.MAVLINK_MSG_ID_FTC_EVENTS):
+                self._tell([telemetry.make(dialect.MAVLINK_MSG_ID_FTC_EVENTS)], station)
+
+    def say(self, severity: int, text: str) -> None:
+        """Queue a STATUSTEXT."""
+        self._texts += 1
+        self._tell(text_chunks(severity, text, self._texts))
+
+    # messages out
+
+    def gcs_messages(self, station: int = 0, most: int | None = None) -> list[MAVLink_message]:
+        """Hand over what is to be sent to a ground station; `most`: no more than so many."""
+        messages = self._gcs_outboxes[station][:most]
+        del self._gcs_outboxes[station][: len(messages)]
+        return messages
+
+    @property
+    def has_gcs_messages(self) -> bool:
+        """Whether some are left to hand over."""
+        return any(self._gcs_outboxes)
+
+    def next_telemetry_us(self) -> int:
+        """Simulated time at which the next message is due [µs]; far away if none is."""
+        return min(telemetry.next_due_us() for telemetry in self.telemetry)
+
+    def most_per_step(self, step_us: int) -> int:
+        """Messages to a ground station per control period [µs] with which all rates hold."""
+        return max(telemetry.most_per_step(step_us) for telemetry in self.telemetry)
+
+    def simulator_messages(self) -> list[MAVLink_message]:
+        """Hand over what is to be sent to the simulator component."""
+        messages, self._simulator_outbox = self._simulator_outbox, []
+        return messages
+
+    # state
+
+    @property
+    def running(self) -> bool:
+        """Whether simulated time runs."""
+        return self.modes.running
+
+    @property
+    def time_s(self) -> float:
+        """Simulation time of the last state [s]."""
+        return float(self._link.measured[0]["time_usec"]) * 1e-6
+
+    # inside
+
+    def _handlers(self) -> dict[int, Handler]:
+        modes, mission = self.modes, self._mission
+        handlers: dict[int, Handler] = {
+            dialect.MAV_CMD_COMPONENT_ARM_DISARM: modes.arm_or_disarm,
+            dialect.MAV_CMD_DO_SET_MODE: lambda params: modes.set_mode(params[1]),
+            dialect.MAV_CMD_DO_CHANGE_SPEED: modes.change_speed,
+            dialect.MAV_CMD_MISSION_START: mission.start,
+            dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
+            dialect.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
+            dialect.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
+            dialect.MAV_CMD_REQUEST_MESSAGE: self._request,
+        }
+        for command, message_id in _REQUESTS.items():
+            handlers[command] = partial(self._request_one, message_id)
+        return handlers
+
+    def _request(self, params: tuple[float, ...]) -> int:
+        """MAV_CMD_REQUEST_MESSAGE, and the older commands that ask for one message."""
+        if params[0] == dialect.MAVLINK_MSG_ID_HEARTBEAT:
+            message: MAVLink_message | None = self.modes.heartbeat()
+        else:
+            message = self.telemetry[self._asking].request(params)
+        if message is None:
+            return dialect.MAV_RESULT_UNSUPPORTED
+        self._tell([message], self._asking)
+        return dialect.MAV_RESULT_ACCEPTED
+
+    def _request_one(self, message_id: int, _: tuple[float, ...]) -> int:
+        return self._request((float(message_id),))
+
+    def _set_interval(self, params: tuple[float, ...]) -> int:
+        telemetry = self.telemetry[self._asking]
+        result = telemetry.set_interval(params)
+        if result == dialect.MAV_RESULT_ACCEPTED and 0.0 < params[1] < MIN_INTERVAL_US:
+            text = f"interval is {params[1]:g} us, must be >= {MIN_INTERVAL_US} us, which it is now"
+            self.say(dialect.MAV_SEVERITY_NOTICE, f"Message {params[0]:g}: {text}")
+            self._tell([telemetry.interval(params)], self._asking)
+        return result
+
+    def _get_interval(self, params: tuple[float, ...]) -> int:
+        self._tell([self.telemetry[self._asking].interval(params)], self._asking)
+        return dialect.MAV_RESULT_ACCEPTED
+
+    def _tell(self, messages: Iterable[MAVLink_message], station: int | None = None) -> None:
+        """Queue messages for a ground station; None: for all."""
+        for number in self._stations if station is None else (station,):
+            self._gcs_outboxes[number] += messages
+
+    def _collect(self) -> None:
+        """Announce what happened to parameters, and gather what the services have to send."""
+        for event in self._params.events():
+            match event:
+                case ParamChanged(name, value):
+                    self.say(dialect.MAV_SEVERITY_INFO, f"{name} is {value:g} now")
+                case ParamRefused(_, text):
+                    self.say(dialect.MAV_SEVERITY_WARNING, text)
+        self._tell(self._commands.gcs_messages())
+        self._tell(self._params.messages_to_send())
+        for message, station in self._mission.messages_to_send():
+            self._tell([message], station)
+        self._simulator_outbox += self._commands.simulator_messages()
+
+    def _report_edges(self) -> None:
+        """Announce every neighbour that was dropped or taken up again."""
+        if self._link.clock[0]["edge_changes"] == self._edge_changes:
+            return
+        self._edge_changes = int(self._link.clock[0]["edge_changes"])
+        edges = self._crew.weights[0] > 0.0
+        for d in (edges != self._edges).nonzero()[0]:
+            event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
+            text = f"neighbour {self._link.neighbours[d]} {event}"
+            self.say(dialect.MAV_SEVERITY_WARNING, text)
+        self._edges = edges

@@ -1,0 +1,1 @@
+"""Fleets of processes and flights, over UDP and in process."""

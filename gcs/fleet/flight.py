@@ -1,0 +1,153 @@
+"""Flying a scenario with real processes, as an operator would: all by MAVLink.
+
+Upload the profile to every vehicle, set the faults, start the missions, arm. When the last
+vehicle is armed simulated time begins; when the plant ends, the flight is over.
+"""
+
+import asyncio
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from gcs.errors import FlightLost
+from gcs.fleet.processes import Fleet
+from gcs.fleet.relays import relay_of
+from gcs.results.recording import Mode, Recording
+from gcs.scenario.model import Scenario
+from gcs.station.client import Client
+from mavlink_defs import dialect
+from mavlink_defs.capture.tlog import TlogWriter
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.endpoint import Address, Connection
+from mavlink_defs.runtime.files import write_text
+
+__all__ = ["collect", "fly_over_udp", "prepare"]
+
+_START_TIMEOUT_S = 60.0
+_LOOK_S = 0.05
+_END_TIMEOUT_S = 10.0
+
+
+async def fly_over_udp(
+    scenario: Scenario,
+    folder: Path,
+    speed: float | None = None,
+    on_progress: Callable[[float, np.ndarray], None] | None = None,
+) -> Recording:
+    """Fly a scenario with one plant and one autopilot process per UAV.
+
+    Args:
+        scenario: The scenario.
+        folder: Run folder, exists; gets `flight.tlog`, and `processes/` with the configuration
+            and the words of each process; with `links.impairments` also `wire.json`.
+        speed: Real-time factor; None for lockstep, as fast as the machine goes.
+        on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
+
+    Raises:
+        BadInput: A port is in use.
+        FlightLost: A process ended before simulated time began, or left no recording.
+        OSError: A file cannot be written; it is named.
+        CommandRefused: A vehicle refused its profile, a fault, its mission or arming.
+        NoAnswer: A vehicle did not appear or did not answer.
+    """
+    events = np.zeros((len(scenario.uavs), 4), np.int64)
+    ids = [uav.id for uav in scenario.uavs]
+
+    def follow(message: MAVLink_message) -> None:
+        if isinstance(message, dialect.MAVLink_ftc_events_message) and on_progress is not None:
+            events[ids.index(message.get_srcSystem())] = message.events
+            on_progress(message.time_boot_ms / 1e3, events)
+
+    links = scenario.links
+    with TlogWriter(folder / "flight.tlog") as tlog, relay_of(scenario) as relay:
+        connection = Connection("in", Address(links.host, links.gcs_port))
+        key = links.signing_key
+        async with Client(
+            connection, tlog=tlog, on_message=follow, private=True, signing_key=key
+        ) as client:
+            with Fleet(scenario, speed, folder / "processes", via=relay.via) as fleet:
+                try:
+                    await prepare(client, fleet, scenario, start=True)
+                    while fleet.plant_returncode is None:
+                        fleet.check()
+                        client.check()
+                        await asyncio.sleep(_LOOK_S)
+                    fleet.check()
+                    fleet.wait(_END_TIMEOUT_S)
+                    await asyncio.sleep(_LOOK_S)  # to read the autopilots' last words
+                finally:
+                    fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
+                    if relay.via:
+                        report = json.dumps(relay.report(), indent=2)
+                        write_text(folder / "wire.json", report + "\n")
+    return collect(scenario, fleet, "real_time" if speed else "lockstep")
+
+
+async def prepare(client: Client, fleet: Fleet, scenario: Scenario, start: bool) -> None:
+    """Bring profiles and faults to a fleet that starts up.
+
+    Args:
+        client: Connected to the fleet.
+        fleet: Its processes.
+        scenario: The scenario.
+        start: Also start the missions and arm, so that simulated time begins.
+
+    Raises:
+        BadInput, FlightLost: A process ended.
+        CommandRefused, NoAnswer: What a vehicle answered, or not.
+    """
+    ids = [uav.id for uav in scenario.uavs]
+    waiting = asyncio.create_task(client.wait_for(ids, _START_TIMEOUT_S))
+    while not waiting.done():
+        fleet.check()
+        await asyncio.wait([waiting], timeout=_LOOK_S)
+    await waiting
+    segments = scenario.segments()
+    await asyncio.gather(*(client.vehicle(i).upload(segments) for i in ids))
+    for uav_id, fault in scenario.fault_commands():
+        await client.vehicle(uav_id).set_fault(fault)
+    if start:
+        await asyncio.gather(*(client.vehicle(i).start_mission() for i in ids))
+        await asyncio.gather(*(client.vehicle(i).arm() for i in ids))
+    fleet.check()
+
+
+def collect(scenario: Scenario, fleet: Fleet, mode: Mode) -> Recording:
+    """Put together what the processes of a fleet have recorded when they ended.
+
+    The flight is as long as the plant has flown it. It is lost if a process says so, and if an
+    autopilot did not hear that the plant had come to the end.
+
+    Raises:
+        FlightLost: A process left no recording.
+    """
+    fleet.check()
+    ids = tuple(uav.id for uav in scenario.uavs)
+    try:
+        with np.load(fleet.recording_of("plant")) as plant:
+            states, applied = plant["states"], plant["applied"]
+            wall_s, loss = float(plant["wall_s"]), str(plant["loss"])
+        autopilots = [np.load(fleet.recording_of(f"uav{i}")) for i in ids]
+    except OSError as problem:
+        raise FlightLost(f"the flight left no complete recording: {problem}") from problem
+    steps = len(states)
+    for i, autopilot in zip(ids, autopilots, strict=True):
+        if steps == scenario.steps and not autopilot["heard_end"]:
+            why = str(autopilot["loss"]) or "its autopilot was stopped"
+            loss = loss or f"UAV {i} did not hear the end of the flight: {why}"
+    recording = Recording(
+        mode=mode,
+        step_us=scenario.step_us,
+        uav_ids=ids,
+        states=states,
+        applied=applied,
+        signals=np.stack([a["signals"][:steps] for a in autopilots], axis=1),
+        repeats=np.stack([a["repeats"] for a in autopilots]),
+        wall_s=wall_s,
+        loss=loss or None,
+    )
+    for name in ("plant", *(f"uav{i}" for i in ids)):
+        fleet.recording_of(name).unlink()
+    return recording

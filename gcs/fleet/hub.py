@@ -1,0 +1,109 @@
+"""The hub of ``gcs up``: lets any number of ground stations talk to the same vehicles.
+
+A ground station that binds the GCS port has it for itself. The hub has a port of its own:
+vehicles send there as well, and whoever speaks to it gets what they send. No socket and no
+clock: datagrams and the time go in, addresses to pass them on to come out.
+"""
+
+from collections import Counter
+from collections.abc import Collection
+from ipaddress import ip_address
+from typing import TypeAlias
+
+from mavlink_defs import dialect
+from mavlink_defs.framing.codec import DROP_REASONS, OTHER_TARGET, STRANGER
+from mavlink_defs.framing.frames import drop_reason, parse
+from mavlink_defs.framing.signing import Signer
+
+__all__ = ["MAX_STATIONS", "PATIENCE_S", "Hub"]
+
+PATIENCE_S = 5.0
+"""How long a ground station is served after it was heard last; they send heartbeats."""
+MAX_STATIONS = 256
+"""Ground stations served at a time; more are turned away."""
+
+_Peer: TypeAlias = tuple[str, int]
+_MIN_FRAME = 12
+
+
+class Hub:
+    """Passes datagrams on between the vehicles of one fleet and its ground stations.
+
+    Attributes:
+        drops: Datagrams that were not passed on, by reason in words.
+        moved: Vehicles that were heard from another address than before, as one that was
+            started again is; whoever takes note of them removes them.
+    """
+
+    def __init__(
+        self, systems: Collection[int], signer: Signer | None = None, host: str = "127.0.0.1"
+    ) -> None:
+        """Make a hub.
+
+        Args:
+            systems: System ids of the vehicles.
+            signer: Checks what comes from either side; frames are passed on as they are.
+            host: IPv4 address of the hub. Vehicles are on the same machine.
+        """
+        self.drops: Counter[str] = Counter()
+        self.moved: list[int] = []
+        self._systems = frozenset(systems)
+        self._signer = signer
+        self._host = host
+        self._vehicles: dict[int, _Peer] = {}
+        self._stations: dict[_Peer, float] = {}  # when each was heard last
+
+    def route(self, datagram: bytes, sender: _Peer, now: float) -> list[_Peer]:
+        """Give the addresses that a datagram is to be sent on to."""
+        if not datagram:
+            return []  # of a command that looks whether a hub is there
+        wrong = "" if self._signer is None else self._signer.problem(datagram)
+        if wrong:
+            return self._drop(wrong)
+        alive = {peer: at for peer, at in self._stations.items() if now - at <= PATIENCE_S}
+        self._stations = alive
+        if self._is_of_vehicle(datagram):
+            known = self._vehicles.get(datagram[5])
+            if known != sender:
+                if parse(datagram) is None:
+                    return self._drop(DROP_REASONS[drop_reason(datagram)])
+                if not self._is_of_this_machine(sender):
+                    return self._drop(DROP_REASONS[STRANGER])
+                self._vehicles[datagram[5]] = sender
+                if known is not None:
+                    self.moved.append(datagram[5])
+            return list(alive)
+        message = parse(datagram)
+        if message is None:
+            return self._drop(DROP_REASONS[drop_reason(datagram)])
+        if sender not in alive and len(alive) >= MAX_STATIONS:
+            return self._drop(f"of more than {MAX_STATIONS} ground stations")
+        alive[sender] = now
+        target = getattr(message, "target_system", 0)
+        if isinstance(message, dialect.MAVLink_setup_signing_message) and (
+            target == 0  # a key is for one
+            # to the vehicle it would seem to come from this machine
+            or (self._signer is None and not ip_address(sender[0]).is_loopback)
+        ):
+            return self._drop("SETUP_SIGNING to all or from another machine")
+        if target == 0:
+            return list(self._vehicles.values())
+        if target not in self._vehicles:
+            return self._drop(DROP_REASONS[OTHER_TARGET])
+        return [self._vehicles[target]]
+
+    def _drop(self, reason: str) -> list[_Peer]:
+        self.drops[reason] += 1
+        return []
+
+    def _is_of_this_machine(self, sender: _Peer) -> bool:
+        return sender[0] == self._host or ip_address(sender[0]).is_loopback
+
+    def _is_of_vehicle(self, datagram: bytes) -> bool:
+        """Look at the header only: most of what passes is telemetry from where it came before."""
+        return (
+            len(datagram) >= _MIN_FRAME
+            and datagram[0] == dialect.PROTOCOL_MARKER_V2
+            and datagram[5] in self._systems
+            and datagram[6] == dialect.MAV_COMP_ID_AUTOPILOT1
+        )

@@ -1,0 +1,262 @@
+"""Starting and stopping the processes of a fleet: one plant, one autopilot per UAV.
+
+Processes get a configuration file each on their command line; all else reaches them over the
+wire. They run in sessions of their own, so that Ctrl-C reaches only the ground station, which
+stops them in order; and they stop by themselves when it is gone.
+"""
+
+import contextlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import Self, TypeVar
+
+from gcs.errors import BadInput, FlightLost, PortInUse
+from gcs.fleet.relays import through
+from gcs.scenario.model import Scenario
+from mavlink_defs.config.models import dump
+from mavlink_defs.endpoint import Address, EndpointError, PortTaken, bind_udp, free_ports
+
+__all__ = ["Fleet", "check_ports", "on_free_ports"]
+
+T = TypeVar("T")
+
+_STOP_S = 5.0
+_TRIES = 5
+_PLANT = "plant"
+
+
+@dataclass(frozen=True)
+class _Process:
+    name: str
+    popen: subprocess.Popen[bytes]
+    log: Path
+    address: Address  # that it binds
+
+    def last_words(self) -> str:
+        """What it said last on standard error, or how it ended."""
+        if self.popen.returncode is not None and self.popen.returncode < 0:
+            return f"ended by signal {-self.popen.returncode}"
+        lines = self.log.read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else f"ended with status {self.popen.returncode}"
+
+
+def on_free_ports(scenario: Scenario, work: Callable[[Scenario, Address], T]) -> T:
+    """Do some work on UDP ports that are free, and again if others take one of them meanwhile.
+
+    Args:
+        scenario: On any ports.
+        work: Called with the scenario on free ports of its host, and with an address for a hub.
+
+    Raises:
+        BadInput: The host is not this machine, or ports were taken again and again.
+    """
+    ids = [uav.id for uav in scenario.uavs]
+    host = scenario.links.host
+    tries = _TRIES
+    while True:
+        try:
+            hub, gcs, plant, *formation = free_ports(4 + max(ids) - min(ids), host)
+        except EndpointError as problem:
+            raise BadInput(str(problem)) from None
+        ports = {
+            "gcs_port": gcs,
+            "plant_port": plant,
+            "formation_base_port": formation[0] - min(ids),
+        }
+        links = scenario.links.model_copy(update=ports)
+        try:
+            return work(scenario.model_copy(update={"links": links}), Address(host, hub))
+        except PortInUse:
+            tries -= 1
+            if not tries:
+                raise
+
+
+def check_ports(scenario: Scenario, hub: Address | None = None) -> None:
+    """Make sure that every port can be had, before any process starts.
+
+    Args:
+        scenario: The scenario.
+        hub: Where a hub is to be bound; the GCS port is left to others then.
+
+    Raises:
+        BadInput: A port is in use, or the host is not this machine.
+    """
+    links = scenario.links
+    ports = {
+        "links.plant_port of the scenario": links.plant_port,
+        **{
+            f"links.formation_base_port + {uav.id} of the scenario": (
+                links.formation_base_port + uav.id
+            )
+            for uav in scenario.uavs
+        },
+    }
+    if hub is None:
+        ports = {"links.gcs_port of the scenario": links.gcs_port, **ports}
+    elif hub.port in {links.gcs_port, *ports.values()}:
+        raise BadInput(f"--hub-port is {hub.port}, which the scenario has a use for already")
+    else:
+        ports = {"--hub-port": hub.port, **ports}
+    for what, port in ports.items():
+        try:
+            address = Address(links.host, port)
+            bind_udp(address, what, "let --free-ports choose others").close()
+        except EndpointError as problem:
+            raise BadInput(str(problem)) from None
+
+
+class Fleet:
+    """The processes of one scenario, as a context manager: on leaving it none is left.
+
+    Their configuration, what they print and what they record go into `folder`. `via` tells
+    autopilots where to send instead of to some addresses, as `Relay.via` does.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        speed: float | None,
+        folder: Path,
+        *,
+        endless: bool = False,
+        ground_stations: Sequence[Address] = (),
+        via: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        """Prepare a fleet.
+
+        Args:
+            scenario: The scenario.
+            speed: Real-time factor; None for lockstep.
+            folder: For the files of the processes.
+            endless: Fly on whatever the scenario's duration is, record nothing, and wait for
+                autopilots that fell silent.
+            ground_stations: Whom the autopilots talk to besides the scenario's GCS port.
+            via: Relays to send through, as of `gcs.fleet.relays`.
+        """
+        self._scenario = scenario
+        self._via = via
+        self._speed = speed
+        self._folder = folder
+        self._endless = endless
+        self._ground_stations = tuple(map(str, ground_stations))
+        self._processes: list[_Process] = []
+        self._ended: set[str] = set()
+
+    def __enter__(self) -> Self:
+        """Write the configurations and start all processes."""
+        scenario = self._scenario
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._configure()
+        steps = round(scenario.duration_s * 1e6 / scenario.step_us)
+        try:
+            self._start(_PLANT, "sitl_plant.process", scenario.links.plant_port, [])
+            for uav in scenario.uavs:
+                port = scenario.links.formation_base_port + uav.id
+                arguments = [] if self._endless else ["--record-steps", str(steps)]
+                self._start(f"uav{uav.id}", "ftc_autopilot.process", port, arguments)
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Stop whatever still runs."""
+        self.stop()
+
+    def recording_of(self, name: str) -> Path:
+        """Where a process ("plant", "uav3") writes what it recorded when it ends."""
+        return self._folder / f"{name}.npz"
+
+    @property
+    def plant_returncode(self) -> int | None:
+        """Exit status of the plant; None while it runs."""
+        return self._processes[0].popen.poll()
+
+    def check(self) -> None:
+        """Notice a process that ended before its time.
+
+        The plant may have ended because the flight was lost, which is its business to record.
+
+        Raises:
+            BadInput: A process could not start; its own words say why. PortInUse if its port is
+                another's.
+            FlightLost: An autopilot ended in mid-flight, or the plant without a recording.
+        """
+        for process in self._processes:
+            status = process.popen.poll()
+            if status == BadInput.exit_status:
+                try:
+                    bind_udp(process.address, process.name).close()
+                except PortTaken:
+                    raise PortInUse(process.last_words()) from None
+                raise BadInput(process.last_words())
+            if status and not self.recording_of(process.name).exists():
+                raise FlightLost(f"{process.name}: {process.last_words()}")
+
+    def newly_ended(self) -> list[tuple[str, str]]:
+        """Name and last words of each process that has ended since the last call."""
+        over = [p for p in self._processes
+                if p.popen.poll() is not None and p.name not in self._ended]  # fmt: skip
+        self._ended |= {process.name for process in over}
+        return [(process.name, process.last_words()) for process in over]
+
+    def wait(self, timeout_s: float) -> None:
+        """Give all processes time to end by themselves, then stop the rest."""
+        end = time.monotonic() + timeout_s
+        for process in self._processes:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.popen.wait(max(end - time.monotonic(), 0.0))
+        self.stop()
+
+    def stop(self) -> None:
+        """Ask every process to stop, and end those that do not."""
+        running = [p.popen for p in self._processes if p.popen.poll() is None]
+        for popen in running:
+            popen.terminate()
+        end = time.monotonic() + _STOP_S
+        for popen in running:
+            try:
+                popen.wait(max(end - time.monotonic(), 0.0))
+            except subprocess.TimeoutExpired:
+                popen.kill()
+                popen.wait()
+
+    def _configure(self) -> None:
+        """Write what each process is told."""
+        plant = self._scenario.plant_config(self._speed)
+        if self._endless:
+            plant = plant.model_copy(update={"duration_s": None, "wait_for_restart": True})
+        dump(plant, self._folder / f"{_PLANT}.yaml")
+        for uav in self._scenario.uavs:
+            config = through(self._scenario.autopilot_config(uav.id), self._via)
+            gcs = (*config.gcs, *self._ground_stations)
+            dump(config.model_copy(update={"gcs": gcs}), self._folder / f"uav{uav.id}.yaml")
+
+    def _start(self, name: str, module: str, port: int, arguments: list[str]) -> None:
+        config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
+        record = [] if self._endless else ["--record", str(self.recording_of(name))]
+        # -P: what lies in the user's current folder is not imported
+        command = [sys.executable, "-P", "-c", f"from {module} import main; main()", str(config),
+                   "--exit-with-parent", str(os.getpid()), *record, *arguments]  # fmt: skip
+        with log.open("wb") as output:
+            popen = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        address = Address(self._scenario.links.host, port)
+        self._processes.append(_Process(name, popen, log, address))

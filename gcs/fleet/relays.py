@@ -1,0 +1,51 @@
+"""What stands between the processes of a flight: the relays that its scenario asks for."""
+
+from collections.abc import Callable, Mapping
+
+from ftc_autopilot.config import AutopilotConfig
+from gcs.scenario.model import Scenario
+from gcs.scenario.sections import Links
+from mavlink_defs.capture.impairment import Impairment
+from mavlink_defs.capture.relay import Relay, Route
+from mavlink_defs.endpoint import Address
+
+__all__ = ["relay_of", "through"]
+
+
+def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None = None) -> Relay:
+    """The relay that a scenario's `links.impairments` ask for; without them, one of no routes.
+
+    The plant link is relayed with any other, since it is what tells the simulation time.
+
+    Args:
+        scenario: The scenario.
+        gate: As of `Relay`; with one, the plant link is relayed in any case.
+    """
+    links = scenario.links
+    wanted = links.impairments
+    if wanted is None and gate is None:
+        return Relay([])
+    routes = [_route(links, "plant", links.plant_port, wanted.plant if wanted else None)]
+    if wanted is not None and wanted.gcs is not None:
+        routes.append(_route(links, "gcs", links.gcs_port, wanted.gcs))
+    if wanted is not None and wanted.formation is not None:
+        ports = (links.formation_base_port + uav.id for uav in scenario.uavs)
+        routes += [_route(links, "formation", port, wanted.formation) for port in ports]
+    return Relay(routes, simulated=True, gate=gate)
+
+
+def through(config: AutopilotConfig, via: Mapping[str, str]) -> AutopilotConfig:
+    """The same configuration, but sending to relays where `Relay.via` has some."""
+    neighbours = (
+        n.model_copy(update={"address": via.get(n.address, n.address)}) for n in config.neighbours
+    )
+    update = {
+        "plant": via.get(config.plant, config.plant),
+        "gcs": tuple(via.get(address, address) for address in config.gcs),
+        "neighbours": tuple(neighbours),
+    }
+    return config.model_copy(update=update)
+
+
+def _route(links: Links, link: str, port: int, impairment: Impairment | None) -> Route:
+    return Route(link, Address(links.host, 0), Address(links.host, port), impairment)

@@ -1,0 +1,1 @@
+"""Reports for people: tables and text on the terminal, Markdown and HTML."""

@@ -1,0 +1,203 @@
+"""A sweep's results: table.csv with everything, table.md and the terminal's for one UAV.
+
+What a lost flight saved, and its errors, count only its beginning: table.csv has them beside the
+time flown; the others leave them out.
+"""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from rich import box
+from rich.table import Table
+
+from gcs.errors import BadInput
+from gcs.results.summary import CHANNELS, QUANTITIES
+from gcs.sweeps.grid import Result, Run, label
+from mavlink_defs.runtime.files import naming, write_text
+
+__all__ = ["IAE_UNITS", "Axis", "axes_of", "choose_uav", "position", "terminal_table", "uav_of",
+           "write_csv", "write_markdown"]  # fmt: skip
+
+IAE_UNITS = {"airspeed": "m", "roll": "deg s", "pitch": "deg s", "yaw": "deg s"}  # of the IAE
+_LOST = {
+    "attitude_lost_at_s": ("attitude lost", ("roll", "pitch")),
+    "heading_lost_at_s": ("heading lost", ("yaw",)),
+}
+"""Keys of a UAV's summary, the graver one first: in words, and the angles that it is about."""
+_TERMINAL_ROWS = 50
+_WIDEST_VALUE = 14  # characters of the terminal
+
+
+def choose_uav(runs: Sequence[Run], wanted: int | None) -> int | None:
+    """The UAV that table.md and the plot are about.
+
+    Args:
+        runs: The grid.
+        wanted: System id; None for the first UAV with a fault, or else the last UAV.
+
+    Returns:
+        Its system id; None if no run can be flown.
+
+    Raises:
+        BadInput: No run has the wanted UAV.
+    """
+    scenarios = [run.scenario for run in runs if run.scenario is not None]
+    if not scenarios:
+        return wanted
+    ids = sorted({uav.id for scenario in scenarios for uav in scenario.uavs})
+    if wanted is None:
+        faulted = [fault.uav for scenario in scenarios for fault in scenario.faults]
+        return faulted[0] if faulted else scenarios[0].uavs[-1].id
+    if wanted not in ids:
+        raise BadInput(f"--uav is {wanted}, expected one of {', '.join(map(str, ids))}")
+    return wanted
+
+
+# tables
+
+
+def write_csv(results: Sequence[Result], path: Path) -> None:
+    """Write one row for each UAV of each run; one row for a run without a flight."""
+    keys = list(results[0].run.values)
+    head = ["run", "scenario", *keys, "outcome", "reason", "duration_s", "saving",
+            "uav", "uav_saving"]  # fmt: skip
+    head += [f"iae_{quantity}_{IAE_UNITS[quantity].replace(' ', '_')}" for quantity in QUANTITIES]
+    head += [f"events_{channel}" for channel in CHANNELS]
+    head += ["min_interval_s", *_LOST]
+    with naming(path), path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(head)
+        for result in results:
+            run, summary = result.run, result.summary or {}
+            values = [label(run.values[key]) for key in keys]
+            begin = [run.digest, run.file, *values, result.outcome, result.reason,
+                     summary.get("duration_s"), summary.get("saving")]  # fmt: skip
+            for uav in summary.get("uavs", [None]):
+                row = begin + (_uav_columns(uav) if uav else [])
+                rows.writerow(row + [None] * (len(head) - len(row)))
+
+
+def _uav_columns(uav: dict[str, Any]) -> list[Any]:
+    iae = [uav["iae"][quantity] for quantity in QUANTITIES]
+    events = [uav["channels"][channel]["events"] for channel in CHANNELS]
+    lost = [uav[key] for key in _LOST]
+    return [uav["id"], uav["saving"], *iae, *events, _shortest_s(uav), *lost]
+
+
+def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) -> None:
+    """Write the main columns for one UAV as a Markdown table."""
+    names = [name for name, _ in axes_of(results)]
+    iae = [f"IAE {quantity} [{IAE_UNITS[quantity]}]" for quantity in QUANTITIES]
+    head = [*names, "outcome", "saving", *iae, "events", "smallest interval", "reason"]
+    lines = [_title(uav_id), "", _markdown_row(head), _markdown_row(["---"] * len(head))]
+    for result in results:
+        where = [position(result.run, name) for name in names]
+        cells = [*where, result.outcome, *_figures(result, uav_id), result.reason]
+        if lost := _lost(result, uav_id):
+            cells[len(where)], cells[-1] = lost
+        lines.append(_markdown_row(cells))
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _markdown_row(cells: Sequence[str]) -> str:
+    escaped = (" ".join(cell.split()).replace("|", "\\|") for cell in cells)
+    return f"| {' | '.join(escaped)} |"
+
+
+def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
+    """Give what `gcs sweep` prints at the end: less than table.md, for a narrow terminal."""
+    left = len(results) - _TERMINAL_ROWS
+    caption = (
+        f"{left} more runs in table.md"
+        if left > 0
+        else "red: not flown to the end, attitude or heading lost; reasons in table.md"
+    )
+    marked = any(result.reason or _lost(result, uav_id) for result in results)
+    shown = left > 0 or marked
+    table = Table(
+        title=_title(uav_id),
+        caption=caption if shown else None,
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        collapse_padding=True,
+    )
+    names = [name for name, _ in axes_of(results)]
+    short = [name.rpartition(".")[2] for name in names]
+    headings = short if len(set(short)) == len(short) else names
+    for heading, (_, labels) in zip(headings, axes_of(results), strict=True):
+        width = min(max(map(len, labels)), _WIDEST_VALUE)
+        table.add_column(heading, justify="right", overflow="fold", min_width=width)
+    table.add_column("saving", justify="right", no_wrap=True)
+    for quantity in QUANTITIES:
+        heading = f"{quantity}\n[{IAE_UNITS[quantity]}]"
+        table.add_column(heading, justify="right", no_wrap=True)
+    for result in results[:_TERMINAL_ROWS]:
+        where = [position(result.run, name) for name in names]
+        saving, *iae = _figures(result, uav_id)[:-2]
+        done = result.outcome == "completed"
+        style = "red" if not done or _lost(result, uav_id) else None
+        table.add_row(*where, saving if done else result.outcome, *iae, style=style)
+    return table
+
+
+def _title(uav_id: int | None) -> str:
+    return f"UAV {uav_id}: transmissions saved, integrals of absolute errors (IAE)"
+
+
+def _figures(result: Result, uav_id: int | None) -> list[str]:
+    """Saving, IAEs, events and smallest interval of a complete flight, for people."""
+    uav = uav_of(result, uav_id)
+    if uav is None:
+        return ["-"] * (3 + len(QUANTITIES))
+    shortest_s = _shortest_s(uav)
+    return [
+        f"{100.0 * uav['saving']:.2f} %",
+        *(f"{uav['iae'][quantity]:.2f}" for quantity in QUANTITIES),
+        str(sum(uav["channels"][channel]["events"] for channel in CHANNELS)),
+        "-" if shortest_s is None else f"{1e3 * shortest_s:g} ms",
+    ]
+
+
+def _lost(result: Result, uav_id: int | None) -> tuple[str, str] | None:
+    """What a UAV lost, and how far it came back; None if nothing, or if it did not end."""
+    uav = uav_of(result, uav_id)
+    for key, (what, angles) in _LOST.items():
+        if uav is not None and uav[key] is not None:
+            left = max(uav["final_error"][angle] for angle in angles)
+            return what, (
+                f"{' or '.join(angles)} more than 90° off first at {uav[key]:g} s, "
+                f"up to {left:.3g}° in the last second"
+            )
+    return None
+
+
+def uav_of(result: Result, uav_id: int | None) -> dict[str, Any] | None:
+    """What a complete flight's summary says about a UAV."""
+    if result.summary is None or result.outcome != "completed":
+        return None
+    return next((uav for uav in result.summary["uavs"] if uav["id"] == uav_id), None)
+
+
+def _shortest_s(uav: dict[str, Any]) -> float | None:
+    gaps = [uav["channels"][channel]["min_interval_s"] for channel in CHANNELS]
+    return min((gap for gap in gaps if gap is not None), default=None)
+
+
+Axis: TypeAlias = tuple[str, list[str]]
+"""A column of the tables, a dimension of the plot: its name, and labels of its values."""
+
+_FILE = "scenario"
+
+
+def axes_of(results: Sequence[Result]) -> list[Axis]:
+    """The keys that were swept; the files too if there are several."""
+    names = [*results[0].run.values, _FILE]
+    axes = [(name, list(dict.fromkeys(position(r.run, name) for r in results))) for name in names]
+    return [axis for axis in axes if axis[0] != _FILE or len(axis[1]) > 1]
+
+
+def position(run: Run, name: str) -> str:
+    """Where a run stands on an axis: the label of its value."""
+    return run.name if name == _FILE else label(run.values.get(name, ""))

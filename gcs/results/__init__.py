@@ -1,0 +1,1 @@
+"""What a flight leaves: recordings, summaries, exports, run folders."""

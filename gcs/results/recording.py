@@ -1,0 +1,106 @@
+"""What a flight leaves behind, the same for every way to fly it: arrays over steps and UAVs.
+
+The plant records the true state of every step. An autopilot records what it computed: nothing
+where no state reached it, and while it is disarmed only what it measures and holds.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ftc_autopilot.control.reference import wrap
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["Mode", "Recording"]
+
+Mode = Literal["lockstep", "real_time", "in_process"]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One flight at full rate. UAVs in the order of the scenario; angles in rad, SI units.
+
+    Attributes:
+        mode: How it was flown.
+        step_us: Control period [µs].
+        uav_ids: System ids, length n.
+        states: Shape (steps, n, 12), at the begin of each step; see `sitl_plant.rigid_body.State`.
+        applied: Shape (steps, n, 4), what the actuators did as each period began: aileron,
+            elevator, rudder, thrust.
+        signals: Shape (steps, n), dtype `ftc_autopilot.control.controller.SIGNALS`; NaN where an
+            autopilot received no state, and what the law computes also while it is disarmed.
+        repeats: Shape (n, 4), events sent again because the plant had not applied them.
+        wall_s: Wall-clock time that the simulated time took [s].
+        loss: Why the flight was lost; None if it was not.
+    """
+
+    mode: Mode
+    step_us: int
+    uav_ids: tuple[int, ...]
+    states: np.ndarray
+    applied: np.ndarray
+    signals: np.ndarray
+    repeats: np.ndarray
+    wall_s: float
+    loss: str | None
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """Simulation time of each step [s], shape (steps,)."""
+        return np.arange(len(self.states)) * self.step_us / 1e6
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time flown [s]."""
+        return len(self.states) * self.step_us / 1e6
+
+    @property
+    def missing(self) -> np.ndarray:
+        """At which steps a UAV's autopilot received no state, shape (steps, n)."""
+        missing: np.ndarray = np.isnan(self.signals["V"])
+        return missing
+
+    @property
+    def active(self) -> np.ndarray:
+        """At which steps a UAV's law was evaluated, shape (steps, n)."""
+        active: np.ndarray = np.isfinite(self.signals["command"][..., 0])
+        return active
+
+    @property
+    def response(self) -> np.ndarray:
+        """True airspeed [m/s], roll, pitch, yaw [rad], shape (steps, n, 4)."""
+        u, v, w = np.moveaxis(self.states[..., 3:6], -1, 0)
+        airspeed = np.sqrt(u * u + v * v + w * w)
+        return np.concatenate([airspeed[..., None], self.states[..., 6:9]], axis=-1)
+
+    def error(self, wanted: Literal["command", "reference"]) -> np.ndarray:
+        """True response minus what was wanted, roll and yaw wrapped [m/s, rad], (steps, n, 4).
+
+        Over missing steps the last command or reference holds, which the autopilot does not
+        advance then; before its first step, that of its first step. NaN while disarmed.
+
+        Args:
+            wanted: The unfiltered commands, or the filtered reference.
+        """
+        error: np.ndarray = self.response - self._held_over(self.signals[wanted])
+        _wrap_all(error[..., 1])
+        _wrap_all(error[..., 3])
+        return error
+
+    def _held_over(self, values: np.ndarray) -> np.ndarray:
+        """Values of an autopilot, shape (steps, n, 4), those of missing steps filled in."""
+        missing = self.missing
+        if not missing.any():
+            return values
+        flown = np.where(missing, -1, np.arange(len(missing))[:, None])
+        newest = np.maximum.accumulate(flown, axis=0)
+        source = np.where(newest < 0, missing.argmin(axis=0), newest)
+        return np.take_along_axis(values, source[..., None], axis=0)
+
+
+@compiled
+def _wrap_all(angles: np.ndarray) -> None:
+    for k in range(angles.shape[0]):
+        for i in range(angles.shape[1]):
+            angles[k, i] = wrap(angles[k, i])

@@ -1,0 +1,66 @@
+"""The folder that a flight's results go into."""
+
+import errno
+import json
+import os
+import re
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gcs.errors import BadInput
+from gcs.results.recording import Recording
+from gcs.results.summary import event_table
+from mavlink_defs.runtime.files import save_arrays, write_text
+
+__all__ = ["make_run_folder", "save_flight"]
+
+
+def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
+    """Make the run folder.
+
+    Args:
+        wanted: Where; None for a new folder below `runs`.
+        scenario_name: Part of the name of a new folder.
+
+    Raises:
+        BadInput: It holds something already, or cannot be made.
+    """
+    now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+    name = re.sub(r"[^\w.-]+", "-", scenario_name)
+    folder = wanted or Path("runs") / f"{name}-{now}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        occupied = any(folder.iterdir())
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as problem:
+        raise BadInput(
+            f"cannot make the run folder {folder}: {problem.strerror}", "choose another with --out"
+        ) from problem
+    if occupied:
+        raise BadInput(
+            f"the run folder {folder} is not empty", "choose another with --out, or remove it"
+        )
+    return folder
+
+
+def save_flight(recording: Recording, summary: dict[str, Any], folder: Path) -> None:
+    """Write `summary.json`, `events.npz` and `trajectory.npz`.
+
+    Raises:
+        OSError: One of them cannot be written; it is named.
+    """
+    write_text(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    save_arrays(folder / "events.npz", event_table(recording))
+    signals = recording.signals
+    trajectory = {
+        "uav": np.array(recording.uav_ids),
+        "time_s": recording.time_s,
+        "state": recording.states,
+        "applied": recording.applied,
+    }
+    trajectory |= {name: signals[name] for name in (signals.dtype.names or ())}
+    save_arrays(folder / "trajectory.npz", trajectory)

@@ -1,0 +1,279 @@
+"""Scenario files: one YAML tree that says everything about a flight.
+
+The parts are those of plant and autopilots; here they are put together, checked against each
+other, and taken apart again into what each process is told. Times of the profile and of faults
+count simulation time, which starts together with the mission.
+"""
+
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import Field, model_validator
+
+from ftc_autopilot.config import (
+    AutopilotConfig,
+    Controller,
+    Identity,
+    Neighbour,
+    Origin,
+    Trigger,
+)
+from ftc_autopilot.control.communication_graph import formation_problems
+from ftc_autopilot.control.laws.proposed import Proposed
+from gcs.scenario.sections import (
+    Found,
+    Links,
+    Network,
+    ProfileSegment,
+    ScenarioFault,
+    ScenarioUav,
+)
+from mavlink_defs.config.inherit import read_inherited
+from mavlink_defs.config.models import Loc, Model, Problems, repeated, validate
+from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.endpoint import parse_address
+from mavlink_defs.faults import MAX_FAULTS, Fault
+from mavlink_defs.profile import MAX_SEGMENTS, Segment
+from sitl_plant.config import (
+    Aircraft,
+    Disturbance,
+    PlantConfig,
+    PlantUav,
+    Uncertainty,
+    true_aircraft,
+)
+
+__all__ = ["Scenario", "load_scenario", "scenario_of", "scenario_tree"]
+
+
+class Scenario(Model):
+    """One flight: fleet, aircraft, controller, network, references, faults, links."""
+
+    name: str = Field(min_length=1)
+    description: str = ""
+    duration_s: float = quantity("s", gt=0.0, le=86_400.0, doc="Length of the flight.")
+    step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
+    aircraft: Aircraft = Field(description="The nominal aircraft.")
+    uncertainty: Uncertainty = Uncertainty()
+    disturbance: Disturbance = Disturbance()
+    controller: Controller = Proposed()
+    trigger: Trigger = Trigger()
+    uavs: tuple[ScenarioUav, ...] = Field(min_length=1)
+    network: Network
+    profile: tuple[ProfileSegment, ...] = Field(min_length=1, max_length=MAX_SEGMENTS)
+    faults: tuple[ScenarioFault, ...] = ()
+    links: Links = Links()
+    origin: Origin = Origin()
+    identity: Identity = "ardupilot"
+
+    def plant_config(self, speed: float | None = None) -> PlantConfig:
+        """What the plant is told.
+
+        Args:
+            speed: Real-time factor; None for lockstep.
+        """
+        aircraft = true_aircraft(self.aircraft, self.uncertainty)
+        return PlantConfig(
+            step_us=self.step_us,
+            duration_s=self.duration_s,
+            speed=speed,
+            bind=self.links.address(self.links.plant_port),
+            signing_key=self.links.signing_key,
+            disturbance=self.disturbance,
+            uavs=tuple(
+                PlantUav(id=uav.id, initial=uav.initial, aircraft=aircraft) for uav in self.uavs
+            ),
+        )
+
+    def autopilot_config(self, uav_id: int) -> AutopilotConfig:
+        """What the autopilot of one UAV is told.
+
+        Raises:
+            KeyError: The scenario has no such UAV.
+        """
+        names = {uav.id: uav.name for uav in self.uavs}
+        links = self.links
+        return AutopilotConfig(
+            id=uav_id,
+            name=names[uav_id],
+            step_us=self.step_us,
+            identity=self.identity,
+            origin=self.origin,
+            aircraft=self.aircraft,
+            controller=self.controller,
+            trigger=self.trigger,
+            neighbours=tuple(
+                Neighbour(id=other, weight=weight, address=self._formation_address(other))
+                for other, weight in self._neighbours(uav_id)
+            ),
+            formation_bind=self._formation_address(uav_id),
+            plant=links.plant_relay or links.address(links.plant_port),
+            gcs=(links.address(links.gcs_port),),
+            signing_key=links.signing_key,
+        )
+
+    def signed(self, key_file: Path) -> Self:
+        """The same scenario with every link signed."""
+        links = self.links.model_copy(update={"signing_key": str(key_file.resolve())})
+        return self.model_copy(update={"links": links})
+
+    def segments(self) -> tuple[Segment, ...]:
+        """The profile as it is uploaded to every UAV."""
+        return tuple(segment.segment() for segment in self.profile)
+
+    def fault_commands(self) -> list[tuple[int, Fault]]:
+        """UAV id and fault of each fault, in the order of the file."""
+        return [(fault.uav, fault.command()) for fault in self.faults]
+
+    def _neighbours(self, uav_id: int) -> list[tuple[int, float]]:
+        return [
+            (edge.between[1 - end], edge.weight)
+            for edge in self.network.edges
+            for end in (0, 1)
+            if edge.between[end] == uav_id
+        ]
+
+    def _formation_address(self, uav_id: int) -> str:
+        return self.links.address(self.links.formation_base_port + uav_id)
+
+    @model_validator(mode="after")
+    def _sections_fit_together(self) -> "Scenario":
+        checks = (
+            self._uav_problems, self._aircraft_problems, self._network_problems,
+            self._profile_problems, self._fault_problems, self._port_problems,
+        )  # fmt: skip
+        Problems.check(problem for check in checks for problem in check())
+        return self
+
+    def _uav_problems(self) -> Found:
+        for key in ("id", "name"):
+            for i, text in repeated([getattr(uav, key) for uav in self.uavs]):
+                yield ("uavs", i, key), text
+        for i, uav in enumerate(self.uavs):
+            yield from self._airspeed_problems(("uavs", i, "initial"), uav.initial.airspeed_m_s)
+
+    def _aircraft_problems(self) -> Found:
+        try:
+            true_aircraft(self.aircraft, self.uncertainty)
+        except Problems as exc:
+            yield from ((("uncertainty", *loc), text) for loc, text in exc.problems)
+
+    def _network_problems(self) -> Found:
+        edges = [(*edge.between, edge.weight) for edge in self.network.edges]
+        access = self.network.leader_access
+        for loc, text in formation_problems(self._ids, edges, access):
+            yield ("network", *loc), text
+
+    def _profile_problems(self) -> Found:
+        if self.profile[0].start_s != 0.0:
+            text = f"expected 0 s in the first segment, got {self.profile[0].start_s!r}"
+            yield ("profile", 0, "start_s"), text
+        for i in range(1, len(self.profile)):
+            before, start = self.profile[i - 1].start_s, self.profile[i].start_s
+            if start <= before:
+                text = f"overlaps profile[{i - 1}]: expected > {before!r} s, got {start!r}"
+                yield ("profile", i, "start_s"), text
+        for i in sorted({0, len(self.profile) - 1}):
+            if self.profile[i].shape == "ramp":
+                text = "expected 'step' in the first and the last segment, got 'ramp'"
+                yield ("profile", i, "shape"), text
+        for i, segment in enumerate(self.profile):
+            yield from self._airspeed_problems(("profile", i), segment.airspeed_m_s)
+
+    def _airspeed_problems(self, loc: Loc, airspeed_m_s: float) -> Found:
+        low, high = self.aircraft.airspeed_min_m_s, self.aircraft.airspeed_max_m_s
+        if not low <= airspeed_m_s <= high:
+            text = f"expected [{low:g}, {high:g}] m/s, the aircraft's limits, got {airspeed_m_s!r}"
+            yield (*loc, "airspeed_m_s"), text
+
+    def _fault_problems(self) -> Found:
+        stop, thrust = self.aircraft.surface_limit_deg, self.aircraft.thrust_limit_n
+        limits = {
+            "bias_deg": (-stop, stop, "deg"),
+            "stuck_deg": (-stop, stop, "deg"),
+            "bias_n": (-thrust, thrust, "N"),
+            "stuck_n": (0.0, thrust, "N"),
+        }
+        for i, fault in enumerate(self.faults):
+            if sum(other.uav == fault.uav for other in self.faults[:i]) == MAX_FAULTS:
+                text = f"UAV {fault.uav} has more than {MAX_FAULTS} faults, as many as fit"
+                yield ("faults", i, "uav"), text
+            if fault.uav not in self._ids:
+                ids = ", ".join(map(str, self._ids))
+                yield ("faults", i, "uav"), f"expected one of the UAVs {ids}, got {fault.uav}"
+            if (key := fault.value_key) is not None:
+                low, high, unit = limits[key]
+                value = getattr(fault, key)
+                if not low <= value <= high:
+                    text = f"expected [{low:g}, {high:g}] {unit}, the aircraft's limits"
+                    yield ("faults", i, key), f"{text}, got {value!r}"
+            for j in range(i):
+                if fault.overlaps(self.faults[j]):
+                    text = (
+                        f"overlaps faults[{j}]: the {fault.actuator} of UAV {fault.uav} has a "
+                        f"fault in {self.faults[j].window} already, got {fault.window}"
+                    )
+                    yield ("faults", i), text
+
+    def _port_problems(self) -> Found:
+        links = self.links
+        taken = {links.gcs_port: "gcs_port"}
+        if links.plant_port in taken:
+            yield (
+                ("links", "plant_port"),
+                f"expected another port than gcs_port, got {links.plant_port}",
+            )
+        taken[links.plant_port] = "plant_port"
+        base = links.formation_base_port
+        for uav_id in dict.fromkeys(self._ids):
+            port = base + uav_id
+            if port > 65535:
+                text = f"expected at most 65535 with the UAV's id added, got {base} + {uav_id}"
+                yield ("links", "formation_base_port"), text
+            elif port in taken:
+                text = f"clashes with {taken[port]}: UAV {uav_id} would bind {base} + {uav_id} too"
+                yield ("links", "formation_base_port"), text
+            taken.setdefault(port, f"the formation link of UAV {uav_id}")
+        if links.plant_relay is not None:
+            relay = parse_address(links.plant_relay)
+            if relay.host == links.host and relay.port in taken:
+                text = f"clashes with {taken[relay.port]}, got '{relay}'"
+                yield ("links", "plant_relay"), text
+
+    @property
+    def steps(self) -> int:
+        """Control periods of the whole flight."""
+        return round(self.duration_s * 1e6 / self.step_us)
+
+    @property
+    def _ids(self) -> list[int]:
+        return [uav.id for uav in self.uavs]
+
+
+def load_scenario(path: Path | str) -> Scenario:
+    """Read a scenario file, with what it extends, and check it.
+
+    Raises:
+        ConfigError: The file cannot be used; it names every problem found.
+    """
+    return scenario_of(path, scenario_tree(path))
+
+
+def scenario_tree(path: Path | str) -> dict[Any, Any]:
+    """Read a scenario file and what it extends, as plain data that is not checked yet.
+
+    Raises:
+        ConfigError: A file cannot be read, or is not YAML of a mapping, or extends itself.
+    """
+    return read_inherited(path)
+
+
+def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:
+    """Check plain data that came from a scenario file.
+
+    Raises:
+        ConfigError: It is no scenario; every problem is named, after the path.
+    """
+    scenario = validate(path, tree, Scenario)
+    key = scenario.links.signing_key
+    return scenario if key is None else scenario.signed(Path(path).parent / key)

@@ -1,0 +1,60 @@
+"""Profiles as files: YAML with a `profile:` list, which every scenario file has as well."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import yaml
+from pydantic import Field
+
+from gcs.scenario.model import Scenario
+from gcs.scenario.sections import ProfileSegment
+from gcs.station.status import segment_dict
+from mavlink_defs.config.inherit import read_inherited
+from mavlink_defs.config.models import ConfigError, Model, validate
+from mavlink_defs.profile import (
+    ANY_AIRSPEED,
+    MAX_SEGMENTS,
+    ProfileError,
+    Segment,
+    items_to_segments,
+    segments_to_items,
+)
+
+__all__ = ["ProfileFile", "load_profile", "profile_yaml"]
+
+
+class ProfileFile(Model):
+    """A profile on its own."""
+
+    name: str = ""
+    description: str = ""
+    profile: tuple[ProfileSegment, ...] = Field(min_length=1, max_length=MAX_SEGMENTS)
+
+
+def load_profile(path: Path | str) -> tuple[Segment, ...]:
+    """Read the profile of a profile file or of a scenario file, and check it.
+
+    Airspeeds are checked against the aircraft's limits only in a scenario, which has them.
+
+    Raises:
+        ConfigError: The file cannot be used; it names every problem found.
+    """
+    data = read_inherited(path)
+    if not data.keys() <= ProfileFile.model_fields.keys():
+        return validate(path, data, Scenario).segments()
+    file = validate(path, data, ProfileFile)
+    segments = tuple(segment.segment() for segment in file.profile)
+    try:
+        return items_to_segments(segments_to_items(segments, 0, 0), ANY_AIRSPEED)
+    except ProfileError as problem:
+        text = problem.text.replace(f"Item {problem.seq}:", f"profile[{problem.seq - 1}]:")
+        raise ConfigError(path, [text]) from problem
+
+
+def profile_yaml(segments: Iterable[Segment]) -> str:
+    """A profile file of these segments."""
+    lines = [
+        yaml.safe_dump(segment_dict(segment), default_flow_style=True, sort_keys=False, width=1000)
+        for segment in segments
+    ]
+    return "profile:\n" + "".join(f"  - {line}" for line in lines) if lines else "profile: []\n"

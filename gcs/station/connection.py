@@ -1,0 +1,52 @@
+"""Where commands and dashboard meet the vehicles, and as whom."""
+
+import os
+
+from gcs.errors import BadInput
+from gcs.station.signing_key import signing_key, warn_if_exposed
+from mavlink_defs.endpoint import (
+    Address,
+    Connection,
+    EndpointError,
+    parse_connection,
+    someone_listens,
+)
+from mavlink_defs.services.machine import Address as Identity
+
+__all__ = ["GCS_PORT", "HUB_PORT", "choose_connection", "own_identity"]
+
+GCS_PORT = 14550
+HUB_PORT = 14555
+
+_HOST = "127.0.0.1"
+_SYSTEM = 255
+_FIRST_COMPONENT, _COMPONENTS = 25, 75  # MAV_COMP_ID_USER1 to USER75
+
+
+def choose_connection(wanted: str | None) -> Connection:
+    """What the user asked for; else the hub of ``gcs up`` if there is one, else the GCS port.
+
+    Raises:
+        BadInput: It is no connection.
+    """
+    if wanted is not None:
+        try:
+            connection = parse_connection(wanted)
+        except EndpointError as problem:
+            raise BadInput(f"--connect: {problem}") from problem
+        if connection.direction == "in":
+            warn_if_exposed(connection.address, signing_key() is not None)
+        return connection
+    hub = Address(_HOST, HUB_PORT)
+    if someone_listens(hub):
+        return Connection("out", hub)
+    return Connection("in", Address(_HOST, GCS_PORT))
+
+
+def own_identity() -> Identity:
+    """System and component id of this process.
+
+    Several may talk to a vehicle at a time or shortly one after the other. The id tells its
+    answers apart.
+    """
+    return Identity(_SYSTEM, _FIRST_COMPONENT + os.getpid() % _COMPONENTS)

@@ -1,0 +1,55 @@
+"""What a ground station knows of all vehicles. No socket and no clock, like `VehicleState`."""
+
+from gcs.station.notifications import NOTICE, News
+from gcs.station.vehicle_state import VehicleState
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.services.machine import sender_of
+
+__all__ = ["FleetState"]
+
+
+class FleetState:
+    """Vehicles by system id, as their HEARTBEATs make them known.
+
+    Attributes:
+        vehicles: The vehicles heard so far, lost ones included.
+        rumoured: Systems that something came from, but no HEARTBEAT yet.
+    """
+
+    def __init__(self) -> None:
+        self.vehicles: dict[int, VehicleState] = {}
+        self.rumoured: set[int] = set()
+
+    def receive(self, message: MAVLink_message, now: float) -> list[News]:
+        """Take in any message."""
+        sender = sender_of(message)
+        state = self.vehicles.get(sender.system)
+        if state is not None:
+            return state.receive(message, now) if state.address == sender else []
+        if sender.component != dialect.MAV_COMP_ID_AUTOPILOT1:
+            return []
+        if not isinstance(message, dialect.MAVLink_heartbeat_message):
+            self.rumoured.add(sender.system)
+            return []
+        if message.type == dialect.MAV_TYPE_GCS:
+            return []
+        state = self.vehicles[sender.system] = VehicleState(sender, now)
+        self.rumoured.discard(sender.system)
+        found = News(now, sender.system, "link", NOTICE, "vehicle found")
+        return [found, *state.receive(message, now)]
+
+    def tick(self, now: float) -> list[News]:
+        """Notice what silence tells; call it often."""
+        return [news for state in self.vehicles.values() for news in state.tick(now)]
+
+    @property
+    def events(self) -> int:
+        """Events of all vehicles and channels."""
+        return sum(state.counts.total for state in self.vehicles.values())
+
+    @property
+    def saving(self) -> float | None:
+        """Share of all periodic transmissions that was saved; None before any step."""
+        steps = sum(state.counts.steps for state in self.vehicles.values())
+        return 1.0 - self.events / (4 * steps) if steps else None

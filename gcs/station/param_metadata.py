@@ -1,0 +1,41 @@
+"""Unit, range and meaning of vehicles' parameters, which the parameter protocol does not carry."""
+
+import functools
+
+import numpy as np
+
+from ftc_autopilot.config import Trigger
+from ftc_autopilot.control.controller import PARAMETERS
+from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.vehicle.param_table import tunables
+from mavlink_defs.config.quantity import Quantity
+
+__all__ = ["known_quantity"]
+
+_TOLD = {
+    "SYSID_THISMAV": "System id, read only.",
+    "MAV_TYPE": "MAV_TYPE of the heartbeat, read only.",
+    "MAV_AUTOPILOT": "MAV_AUTOPILOT of the heartbeat, read only.",
+    "STEP_US": "Control period, read only.",
+    "CTRL_LAW": ", ".join(f"{i} {kind}" for i, kind in enumerate(LAWS)) + "; read only.",
+}
+
+
+def known_quantity(name: str) -> Quantity | None:
+    """Unit, range and meaning of a parameter; None for one that no vehicle of ours has."""
+    return _known().get(name)
+
+
+@functools.cache
+def _known() -> dict[str, Quantity]:
+    records = np.zeros(1, PARAMETERS)
+    found = [
+        *tunables(Trigger, records["trigger"], "TRIG_"),
+        *tunables(LawParameters, records["common"]),
+    ]
+    for kind, law in LAWS.items():
+        found += tunables(law, records[kind], base=LawParameters)
+    told = {name: Quantity("", None, None, None, None, doc) for name, doc in _TOLD.items()}
+    told["STEP_US"] = Quantity("us", None, None, None, None, _TOLD["STEP_US"])
+    return told | {tunable.name: tunable.quantity for tunable in reversed(found)}

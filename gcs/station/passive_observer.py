@@ -1,0 +1,105 @@
+"""What a log tells of faults and profiles: from the commands, missions and answers in it.
+
+A live station asks the vehicles. In a log it can only be overheard when some station asked or
+told them. No socket and no clock.
+"""
+
+import math
+from collections import defaultdict
+
+from gcs.station.fleet_state import FleetState
+from gcs.station.notifications import News
+from gcs.station.vehicle_state import VehicleState
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
+from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, items_to_segments
+from mavlink_defs.services.fault_list import FaultList
+
+__all__ = ["Overheard"]
+
+_ANY = FaultLimits(math.inf, math.inf)
+_ALL = -1.0
+_Item = dialect.MAVLink_mission_item_int_message
+
+
+class Overheard:
+    """Tells a fleet state what passes by."""
+
+    def __init__(self, fleet: FleetState) -> None:
+        self._fleet = fleet
+        self._commands: dict[tuple[int, int], MAVLink_message] = {}
+        self._lists: defaultdict[int, FaultList] = defaultdict(FaultList)
+        self._items: defaultdict[int, dict[int, _Item]] = defaultdict(dict)
+        self._counts: dict[int, int] = {}
+
+    def receive(self, message: MAVLink_message, now: float) -> list[News]:
+        """Take in any message, after the fleet state had it."""
+        source = message.get_srcSystem()
+        target = getattr(message, "target_system", 0)
+        vehicles = self._fleet.vehicles
+        system = source if source in vehicles else target
+        state = vehicles.get(system)
+        if state is None:
+            return []
+        match message:
+            case dialect.MAVLink_command_long_message():
+                self._commands[system, message.command] = message
+            case dialect.MAVLink_command_ack_message():
+                return self._acknowledged(state, message, now)
+            case dialect.MAVLink_ftc_fault_message():
+                return self._listed_one(state, message, now)
+            case dialect.MAVLink_mission_count_message():
+                self._items[system].clear()
+                self._counts[system] = message.count
+            case dialect.MAVLink_mission_item_int_message():
+                self._items[system][message.seq] = message
+                if source == system and len(self._items[system]) == self._counts.get(system):
+                    return self._profile(state, now)  # the last one of a download
+            case dialect.MAVLink_mission_ack_message():
+                if source == system and message.type == dialect.MAV_MISSION_ACCEPTED:
+                    return self._profile(state, now)
+        return []
+
+    def _acknowledged(
+        self, state: VehicleState, ack: dialect.MAVLink_command_ack_message, now: float
+    ) -> list[News]:
+        command = self._commands.pop((state.system, ack.command), None)
+        if command is None or ack.result != dialect.MAV_RESULT_ACCEPTED:
+            return []
+        known = state.faults or ()
+        params = [getattr(command, f"param{i}") for i in range(1, 8)]
+        if ack.command == dialect.MAV_CMD_FTC_CLEAR_FAULTS:
+            left = [f for f in known if params[0] not in {_ALL, f.actuator}]
+            return state.learn_faults(tuple(left), now)
+        if ack.command != dialect.MAV_CMD_FTC_SET_FAULT:
+            return []
+        try:
+            fault = fault_from_params(params, _ANY)
+        except InvalidParam:
+            return []
+        time_s = state.time_s or 0.0
+        fault = fault.resolved(time_s)
+        kept = [f for f in known if fault.coexists_with(f.actuator, f.start_s, f.end_s, time_s)]
+        return state.learn_faults((*kept, fault), now)
+
+    def _listed_one(
+        self, state: VehicleState, message: dialect.MAVLink_ftc_fault_message, now: float
+    ) -> list[News]:
+        listed = self._lists[state.system]
+        listed.receive(message)
+        if listed.complete is None:
+            return []
+        del self._lists[state.system]
+        return state.learn_faults(listed.complete, now)
+
+    def _profile(self, state: VehicleState, now: float) -> list[News]:
+        found = self._items.pop(state.system, {})
+        items = [item for _, item in sorted(found.items())]
+        if len(items) != self._counts.get(state.system):
+            return []
+        try:
+            segments = items_to_segments(items, ANY_AIRSPEED) if len(items) > 1 else ()
+        except ProfileError:
+            return []
+        return state.learn_profile(segments, now)

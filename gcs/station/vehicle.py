@@ -1,0 +1,332 @@
+"""What a ground station can ask of one vehicle, by the microservices of MAVLink.
+
+Every operation ends in one of three ways: it returns, it raises `CommandRefused` (the vehicle
+said no; the text has its reason), or `NoAnswer` (it said nothing, after several tries).
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Protocol
+
+from gcs.errors import BadInput, CommandRefused, NoAnswer
+from gcs.station.notifications import ERROR, INFO, WARNING, News, enum_name
+from gcs.station.vehicle_state import MODES, VehicleState
+from mavlink_defs import dialect
+from mavlink_defs.faults import Fault, fault_to_params
+from mavlink_defs.profile import (
+    ANY_AIRSPEED,
+    ProfileError,
+    Segment,
+    items_to_segments,
+    segments_to_items,
+)
+from mavlink_defs.services.command import CommandClient, CommandFinished
+from mavlink_defs.services.fault_list import FaultLister, FaultsListed
+from mavlink_defs.services.machine import Address, Machine
+from mavlink_defs.services.mission import (
+    MissionDownloader,
+    MissionFinished,
+    MissionProgress,
+    MissionUploader,
+)
+from mavlink_defs.services.param import (
+    Param,
+    ParamFinished,
+    ParamLister,
+    ParamProgress,
+    ParamReader,
+    ParamSetter,
+)
+
+__all__ = ["PRIVATE_INTERVALS_S", "Progress", "Runner", "Vehicle"]
+
+Progress = Callable[[int, int], None]
+"""Called with what is done and what there is in all."""
+
+PRIVATE_INTERVALS_S = {
+    dialect.MAVLINK_MSG_ID_FTC_TRACKING: 0.1,
+    dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 0.5,
+    dialect.MAVLINK_MSG_ID_FTC_DROPS: 2.0,
+    dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: when it comes, all do
+}
+"""Private messages that vehicles stream on demand, and how often they are to come [s]."""
+
+_FORCE = 21196.0
+
+
+class Runner(Protocol):
+    """What operations need of the link."""
+
+    own: Address
+
+    def now(self) -> float:
+        """The client's clock [s]."""
+        ...
+
+    def tell(self, news: Iterable[News]) -> None:
+        """Put news into the log."""
+        ...
+
+    async def run(
+        self,
+        turn: tuple[int, str],
+        machine: Machine[Any],
+        start: Callable[[float], None],
+        finished: type,
+        on_event: Callable[[Any], None] | None = None,
+        stop: Callable[[float], None] | None = None,
+    ) -> Any:
+        """Start a machine when its turn comes and drive it until an event of type `finished`."""
+        ...
+
+
+class Vehicle:
+    """One vehicle: what is known of it, and what it can be asked.
+
+    Attributes:
+        system: Its system id.
+        state: What is known of it.
+    """
+
+    def __init__(self, runner: Runner, state: VehicleState) -> None:
+        self.system = state.system
+        self.state = state
+        self._runner = runner
+        self._own, self._address = runner.own, state.address
+        self._commands = CommandClient(runner.own)
+
+    # commands
+
+    async def command(self, number: int, params: Iterable[float] = ()) -> None:
+        """Send a COMMAND_LONG: MAV_CMD and up to seven parameters, the rest is 0."""
+        seven = (*params, *[0.0] * 7)[:7]
+        message = dialect.MAVLink_command_long_message(*self._address, number, 0, *seven)
+        what, ok = enum_name("MAV_CMD", number), dialect.MAV_RESULT_ACCEPTED
+        done, reasons = await self._run(
+            "command",
+            self._commands,
+            CommandFinished,
+            start=lambda now: self._commands.send(message, now),
+            stop=self._commands.cancel,
+        )
+        self._judge(what, done.result, ok, "MAV_RESULT", reasons)
+
+    async def arm(self) -> None:
+        """Arm; simulated time begins when the last vehicle of the fleet is armed."""
+        await self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
+
+    async def disarm(self, force: bool = False) -> None:
+        """Disarm; in flight only by `force`, which cuts the thrust."""
+        params = (0.0, _FORCE if force else 0.0)
+        await self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, params)
+
+    async def start_mission(self) -> None:
+        """Start to fly the profile."""
+        await self.command(dialect.MAV_CMD_MISSION_START)
+
+    async def set_mode(self, mode: str) -> None:
+        """Change the mode: "AUTO", "LOITER" or "GUIDED"."""
+        number = {name: number for number, name in MODES.items()}[mode]
+        custom = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        await self.command(dialect.MAV_CMD_DO_SET_MODE, (custom, number))
+
+    async def set_interval(self, message_id: int, interval_s: float) -> None:
+        """Let a message come every `interval_s`; 0 the vehicle's default, negative never."""
+        params = (message_id, interval_s * 1e6 if interval_s >= 0.0 else -1.0)
+        await self.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, params)
+
+    async def ask_for_private(self) -> None:
+        """Let its private messages come; what it refuses is not asked for again."""
+        try:
+            for message_id, interval_s in PRIVATE_INTERVALS_S.items():
+                await self.set_interval(message_id, interval_s)
+        except CommandRefused:
+            self.state.offers_private = False
+        except NoAnswer:
+            pass  # later
+        self.state.learn_private(self._now())
+
+    async def request(self, message_id: int) -> None:
+        """Ask for one message now; `state.latest` has it when this returns, unless it got lost."""
+        await self.command(dialect.MAV_CMD_REQUEST_MESSAGE, (message_id,))
+
+    # faults
+
+    async def set_fault(self, fault: Fault) -> None:
+        """Set an actuator fault."""
+        await self.command(dialect.MAV_CMD_FTC_SET_FAULT, fault_to_params(fault))
+
+    async def clear_faults(self, actuator: int | None = None) -> None:
+        """Clear the faults of one actuator (an index into `ACTUATORS`), or all."""
+        which = -1.0 if actuator is None else float(actuator)
+        await self.command(dialect.MAV_CMD_FTC_CLEAR_FAULTS, (which,))
+
+    async def list_faults(self) -> tuple[Fault, ...]:
+        """Ask for its faults; `state.faults` holds them from then on."""
+        machine = FaultLister(self._own, self._address)
+        done, reasons = await self._run("command", machine, FaultsListed)
+        ok = dialect.MAV_RESULT_ACCEPTED
+        faults: tuple[Fault, ...] = done.faults
+        known = faults if done.result == ok else None
+        self._runner.tell(self.state.learn_faults(known, self._now()))
+        self._judge("the request for its faults", done.result, ok, "MAV_RESULT", reasons)
+        return faults
+
+    async def ask_what_is_due(self) -> None:
+        """Ask for faults and profile if `state` wants news of them.
+
+        What the vehicle refuses is not asked for again.
+        """
+        state = self.state
+        if state.offers_faults and self._now() >= state.faults_due:
+            try:
+                await self.list_faults()
+            except CommandRefused:
+                state.offers_faults = False
+            except NoAnswer:
+                return  # later
+        if state.offers_profile and self._now() >= state.profile_due:
+            try:
+                await self.download()
+            except CommandRefused:
+                state.offers_profile = False
+            except NoAnswer:
+                return
+
+    # profile
+
+    async def upload(self, segments: Sequence[Segment], progress: Progress | None = None) -> None:
+        """Upload a reference profile; if it is refused, the old one stays in force."""
+        items = segments_to_items(segments, *self._address)
+        machine = MissionUploader(self._own, self._address, items)
+        done, reasons = await self._run(
+            "mission", machine, MissionFinished, progress, stop=lambda _: machine.cancel()
+        )
+        ok = dialect.MAV_MISSION_ACCEPTED
+        self._judge("the upload of a profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
+
+    async def download(self, progress: Progress | None = None) -> tuple[Segment, ...]:
+        """Ask for the profile that it holds, empty if it holds none.
+
+        `state.profile` holds it from then on. A mission that is no profile is refused.
+        """
+        machine = MissionDownloader(self._own, self._address)
+        done, reasons = await self._run(
+            "mission", machine, MissionFinished, progress, stop=lambda _: machine.cancel()
+        )
+        ok = dialect.MAV_MISSION_ACCEPTED
+        segments: tuple[Segment, ...] | None = None
+        problem: ProfileError | None = None
+        if done.result == ok:
+            try:
+                many = len(done.items) > 1
+                segments = items_to_segments(done.items, ANY_AIRSPEED) if many else ()
+            except ProfileError as error:
+                problem = error
+        self._runner.tell(self.state.learn_profile(segments, self._now()))
+        self._judge("the download of its profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
+        if segments is None:
+            text = f"UAV {self.system} holds a mission that is no profile: {problem}"
+            raise CommandRefused(text, dialect.MAV_MISSION_INVALID)
+        return segments
+
+    # parameters
+
+    async def list_params(self, progress: Progress | None = None) -> tuple[Param, ...]:
+        """Ask for all parameters."""
+        machine = ParamLister(self._own, self._address)
+        done, _ = await self._run("param", machine, ParamFinished, progress)
+        self._judge_param("its parameters", done)
+        params: tuple[Param, ...] = done.params
+        return params
+
+    async def get_param(self, name: str) -> Param:
+        """Ask for one parameter.
+
+        Raises:
+            BadInput: No parameter can have this name.
+        """
+        try:
+            machine = ParamReader(self._own, self._address, name)
+        except ValueError as problem:
+            raise BadInput(f"parameter: {problem}") from problem
+        done, _ = await self._run("param", machine, ParamFinished)
+        self._judge_param(name, done)
+        param: Param = done.params[0]
+        return param
+
+    async def set_param(self, name: str, value: float) -> Param:
+        """Set one parameter; gives what the vehicle holds then.
+
+        Raises:
+            BadInput: The name cannot be, or the value is not of the parameter's type.
+        """
+        known = await self.get_param(name)
+        if not math.isfinite(value) or (known.is_integer and value != int(value)):
+            expected = "a whole number" if known.is_integer else "a finite number"
+            raise BadInput(f"{name} of UAV {self.system}: expected {expected}, got {value:g}")
+        machine = ParamSetter(self._own, self._address, Param(name, value, known.type))
+        done, _ = await self._run("param", machine, ParamFinished)
+        self._judge_param(f"{name} = {value:g}", done)
+        param: Param = done.params[0]
+        return param
+
+    # inside
+
+    def _now(self) -> float:
+        return self._runner.now()
+
+    async def _run(
+        self,
+        service: str,
+        machine: Any,
+        finished: type,
+        progress: Progress | None = None,
+        start: Callable[[float], None] | None = None,
+        stop: Callable[[float], None] | None = None,
+    ) -> tuple[Any, list[str]]:
+        """Run a machine; gives its last event, and what the vehicle complained of meanwhile."""
+        heard = 0
+
+        def begin(now: float) -> None:
+            nonlocal heard
+            heard = self.state.texts_heard
+            (start or machine.start)(now)
+
+        def on_event(event: Any) -> None:
+            if progress is not None and isinstance(event, MissionProgress | ParamProgress):
+                progress(event.done, event.total)
+
+        turn = (self.system, service)
+        done = await self._runner.run(turn, machine, begin, finished, on_event, stop)
+        texts = self.state.texts_since(heard)
+        return done, [text.text for text in texts if text.severity <= WARNING]
+
+    def _judge(self, what: str, result: int | None, ok: int, enum: str, reasons: list[str]) -> None:
+        """Raise what a result means that is not `ok`."""
+        if result == ok:
+            return
+        if result is None:
+            raise self._no_answer(f"UAV {self.system} did not answer {what}")
+        answer, reason = enum_name(enum, result), "".join(f": {text}" for text in reasons)
+        raise CommandRefused(f"UAV {self.system} refused {what} ({answer}){reason}", result)
+
+    def _judge_param(self, what: str, done: ParamFinished) -> None:
+        if done.error is None:
+            raise self._no_answer(
+                f"UAV {self.system} offers no parameters: it did not answer the request for {what}"
+            )
+        if done.error != dialect.MAV_PARAM_ERROR_NO_ERROR:
+            kept = f"; it keeps {done.params[0].value:g}" if done.params else ""
+            reason = enum_name("MAV_PARAM_ERROR", done.error)
+            text = f"UAV {self.system} refused {what} ({reason}){kept}"
+            self._runner.tell([News(self._now(), self.system, "ack", WARNING, text)])
+            raise CommandRefused(text, done.error)
+        if len(done.params) == 1:
+            param = done.params[0]
+            text = f"{param.name} is {param.value:g}"
+            self._runner.tell([News(self._now(), self.system, "ack", INFO, text)])
+
+    def _no_answer(self, text: str) -> NoAnswer:
+        self._runner.tell([News(self._now(), self.system, "ack", ERROR, text)])
+        return NoAnswer(text)

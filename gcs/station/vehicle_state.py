@@ -1,0 +1,398 @@
+"""What a ground station knows of one vehicle.
+
+No socket and no clock: messages and the time go in, news come out. Times are those of the
+client's clock [s]; simulated time is called so.
+"""
+
+import math
+from collections import deque
+from typing import Any
+
+from gcs.station.event_counts import EventCounts
+from gcs.station.history import History
+from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, News, enum_name
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.framing.codec import DROP_REASONS
+from mavlink_defs.profile import Segment
+from mavlink_defs.services.machine import Address
+from mavlink_defs.services.statustext import Text, TextAssembler
+
+__all__ = ["LOST_S", "MODES", "VehicleState", "describe_fault"]
+
+LOST_S = 2.0
+"""Silence after which the link to a vehicle counts as lost."""
+MODES = {10: "AUTO", 12: "LOITER", 15: "GUIDED"}
+"""Modes that our vehicles know, by custom_mode."""
+
+_RATE_WINDOW_S = 2.0
+_BACK_IN_TIME_S = 1.0  # older messages than the newest only, for so long: another run
+_FAULTS_REFRESH_S = 5.0
+_PROFILE_REFRESH_S = 30.0
+_PRIVATE_PATIENCE_S = 5.0
+_TRY_AGAIN_S = 2.0
+_TEXTS_KEPT = 500
+_FAULT_COMMANDS = {
+    dialect.MAV_CMD_FTC_SET_FAULT,
+    dialect.MAV_CMD_FTC_CLEAR_FAULTS,
+    dialect.MAV_CMD_INJECT_FAILURE,
+}
+_NOT_WORTH_A_WORD = {dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL}
+_ACKED = {dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS}
+
+
+class VehicleState:
+    """One vehicle, from its first HEARTBEAT on.
+
+    Attributes:
+        address: Its system and component id.
+        latest: Last message of each type, by message id.
+        received_at: When each of them came.
+        heard_at: When anything came last.
+        lost: Whether it has been silent for `LOST_S`.
+        restarts: How often it was started again since it was first heard.
+        counts: Its event counters.
+        history: What it did, for plots.
+        texts: Its last STATUSTEXTs, oldest first.
+        faults: Its faults, past and future ones too; None until it was asked.
+        profile: The segments that it holds; None until it was asked.
+        offers_faults: Whether it answers when asked for its faults; True until shown otherwise.
+        offers_profile: The same for its profile.
+        offers_private: The same for the streams of its private messages.
+    """
+
+    def __init__(self, address: Address, now: float) -> None:
+        self.address = address
+        self.latest: dict[int, Any] = {}
+        self.received_at: dict[int, float] = {}
+        self.heard_at = now
+        self.lost = False
+        self.restarts = 0
+        self.texts: deque[Text] = deque(maxlen=_TEXTS_KEPT)
+        self.texts_heard = 0
+        self.offers_faults = self.offers_profile = self.offers_private = True
+        self._assembler = TextAssembler()
+        self._arrivals: deque[float] = deque()
+        self._forget(now)
+
+    def _forget(self, now: float) -> None:
+        """Drop all that belongs to a run of the vehicle."""
+        self.counts = EventCounts()
+        self.history = History()
+        self.faults: tuple[Fault, ...] | None = None
+        self.profile: tuple[Segment, ...] | None = None
+        self.faults_due = self.profile_due = self.private_due = now
+        self._newest_ms = -1
+        self._back_since: float | None = None
+
+    # messages and time in
+
+    def receive(self, message: MAVLink_message, now: float) -> list[News]:
+        """Take in a message of the vehicle."""
+        news = []
+        if self.lost:
+            self.lost = False
+            silence = f"link back after {now - self.heard_at:.1f} s"
+            news.append(self._news(now, "link", NOTICE, silence))
+            self.faults_due = self.profile_due = self.private_due = now
+        self.heard_at = now
+        self._arrivals.append(now)
+        if self._is_another_run(message, now):
+            self.restarts += 1
+            self._forget(now)
+            news.append(self._news(now, "link", WARNING, "vehicle was restarted"))
+        number = message.get_msgId()
+        before = self.latest.get(number)
+        self.latest[number], self.received_at[number] = message, now
+        match message:
+            case dialect.MAVLink_heartbeat_message():
+                news += self._mode_news(before, now)
+            case dialect.MAVLink_statustext_message():
+                news += self._said(self._assembler.receive(message, now), now)
+            case dialect.MAVLink_ftc_events_message():
+                self.counts.receive(message)
+                self.private_due = now + _PRIVATE_PATIENCE_S
+            case dialect.MAVLink_ftc_tracking_message():
+                self._remember(message)
+            case dialect.MAVLink_mission_current_message(total=total):
+                if before is not None and before.total != total:
+                    self.profile_due = now  # uploaded from where we do not hear the answers
+            case dialect.MAVLink_command_ack_message():
+                news += self._acknowledged(message, now)
+            case dialect.MAVLink_mission_ack_message():
+                news += self._mission_acknowledged(message, now)
+        return news
+
+    def tick(self, now: float) -> list[News]:
+        """Notice silence, and texts that will not be completed; call it often."""
+        news = self._said(self._assembler.overdue(now), now)
+        while self._arrivals and self._arrivals[0] < now - _RATE_WINDOW_S:
+            self._arrivals.popleft()
+        if not self.lost and now - self.heard_at >= LOST_S:
+            self.lost = True
+            text = f"link lost: silent for {now - self.heard_at:.1f} s"
+            news.append(self._news(now, "link", ERROR, text))
+        return news
+
+    def learn_faults(self, faults: tuple[Fault, ...] | None, now: float) -> list[News]:
+        """Note its answer when asked for its faults; None if there was none."""
+        self.faults_due = now + (_TRY_AGAIN_S if faults is None else _FAULTS_REFRESH_S)
+        before = self.faults
+        if faults is None or faults == before:
+            return []
+        self.faults = faults
+        words = "; ".join(map(describe_fault, faults)) or "none"
+        if before is None and not faults:
+            return []
+        return [self._news(now, "faults", NOTICE, f"faults: {words}", faults)]
+
+    def learn_profile(self, profile: tuple[Segment, ...] | None, now: float) -> list[News]:
+        """Note its answer when asked for its profile; None if there was none."""
+        self.profile_due = now + (_TRY_AGAIN_S if profile is None else _PROFILE_REFRESH_S)
+        if profile is None or profile == self.profile:
+            return []
+        self.profile = profile
+        words = f"profile of {len(profile)} segments" if profile else "no profile"
+        return [self._news(now, "profile", INFO, f"holds {words}", profile)]
+
+    def learn_private(self, now: float) -> None:
+        """Note that it was asked for its private messages."""
+        self.private_due = now + _PRIVATE_PATIENCE_S
+
+    # what is known
+
+    @property
+    def system(self) -> int:
+        """Its system id."""
+        return self.address.system
+
+    def is_asking_due(self, now: float) -> bool:
+        """Whether it should be asked for its faults or its profile (again)."""
+        faults = self.offers_faults and now >= self.faults_due
+        profile = self.offers_profile and now >= self.profile_due
+        return not self.lost and (faults or profile)
+
+    def is_private_due(self, now: float) -> bool:
+        """Whether it should be asked to stream its private messages (again)."""
+        return not self.lost and self.offers_private and now >= self.private_due
+
+    @property
+    def tells_private(self) -> bool:
+        """Whether its private messages come."""
+        return dialect.MAVLINK_MSG_ID_FTC_EVENTS in self.latest
+
+    def texts_since(self, heard: int) -> list[Text]:
+        """The texts that came after `texts_heard` was `heard`, as far as they are kept."""
+        new = min(self.texts_heard - heard, len(self.texts))
+        return list(self.texts)[len(self.texts) - new :]
+
+    def age_s(self, now: float) -> float:
+        """Time since anything came from it [s]."""
+        return max(now - self.heard_at, 0.0)
+
+    def rate_hz(self, now: float) -> float:
+        """Messages per second of wall-clock time, over the last two seconds."""
+        return sum(at >= now - _RATE_WINDOW_S for at in self._arrivals) / _RATE_WINDOW_S
+
+    @property
+    def armed(self) -> bool:
+        """Whether its HEARTBEAT says so."""
+        return bool(self._heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+
+    @property
+    def mode(self) -> str:
+        """Its mode: "AUTO", or the number of one that we do not know."""
+        return _mode_name(self._heartbeat)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it can be armed, or is: its HEARTBEAT says STANDBY or ACTIVE."""
+        return self._heartbeat.system_status in {
+            dialect.MAV_STATE_STANDBY,
+            dialect.MAV_STATE_ACTIVE,
+        }
+
+    @property
+    def time_s(self) -> float | None:
+        """Simulated time of its newest message [s]; None before it told."""
+        return None if self._newest_ms < 0 else self._newest_ms / 1e3
+
+    @property
+    def airspeed_m_s(self) -> float | None:
+        """Airspeed [m/s]."""
+        return self._field(dialect.MAVLINK_MSG_ID_VFR_HUD, "airspeed")
+
+    @property
+    def attitude_deg(self) -> tuple[float, float, float] | None:
+        """Roll, pitch, yaw [deg]."""
+        message = self.latest.get(dialect.MAVLINK_MSG_ID_ATTITUDE)
+        if message is None:
+            return None
+        return (math.degrees(message.roll), math.degrees(message.pitch), math.degrees(message.yaw))
+
+    @property
+    def position_m(self) -> tuple[float, float, float] | None:
+        """North, east, down [m]."""
+        message = self.latest.get(dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
+        return None if message is None else (message.x, message.y, message.z)
+
+    @property
+    def reference(self) -> tuple[float, ...] | None:
+        """Filtered reference: airspeed [m/s], roll, pitch, yaw [deg]."""
+        return self._four(dialect.MAVLINK_MSG_ID_FTC_TRACKING, "reference")
+
+    @property
+    def error(self) -> tuple[float, ...] | None:
+        """Actual minus reference: airspeed [m/s], roll, pitch, yaw [deg]."""
+        return self._four(dialect.MAVLINK_MSG_ID_FTC_TRACKING, "error")
+
+    @property
+    def sync_error(self) -> tuple[float, ...] | None:
+        """Synchronisation error (31), (32): airspeed [m/s], roll, pitch, yaw [deg]."""
+        return self._four(dialect.MAVLINK_MSG_ID_FTC_TRACKING, "sync_error")
+
+    @property
+    def held(self) -> tuple[float, ...] | None:
+        """Commands held: aileron, elevator, rudder, throttle, as shares of their limits."""
+        return self._four(dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS, "actuator")
+
+    @property
+    def active_faults(self) -> tuple[Fault, ...]:
+        """The faults that act now, by simulated time."""
+        time_s = self.time_s or 0.0
+        return tuple(f for f in self.faults or () if f.start_s < time_s <= f.end_s)
+
+    @property
+    def past_faults(self) -> tuple[Fault, ...]:
+        """The faults whose window is over."""
+        time_s = self.time_s or 0.0
+        return tuple(f for f in self.faults or () if f.end_s < time_s)
+
+    @property
+    def drops(self) -> dict[str, dict[str, int]] | None:
+        """Datagrams that it and the plant dropped, by link and reason; None before it told."""
+        message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_DROPS)
+        if message is None:
+            return None
+        links = ("gcs", "formation", "simulator", "plant")
+        words = DROP_REASONS.values()
+        told = {link: zip(words, getattr(message, link), strict=True) for link in links}
+        return {link: {word: n for word, n in counts if n} for link, counts in told.items()}
+
+    # inside
+
+    @property
+    def _heartbeat(self) -> Any:
+        return self.latest[dialect.MAVLINK_MSG_ID_HEARTBEAT]  # the first message of a vehicle
+
+    def _field(self, number: int, name: str) -> float | None:
+        message = self.latest.get(number)
+        return None if message is None else float(getattr(message, name))
+
+    def _four(self, number: int, name: str) -> tuple[float, ...] | None:
+        message = self.latest.get(number)
+        return None if message is None else tuple(getattr(message, name)[:4])
+
+    def _news(self, now: float, kind: Kind, severity: int, text: str, about: Any = None) -> News:
+        return News(now, self.system, kind, severity, text, about)
+
+    def _is_another_run(self, message: MAVLink_message, now: float) -> bool:
+        """Tell whether the vehicle has been started again.
+
+        It boots; or its control steps fell while time went on; or its time has gone back and
+        stays so, unlike that of messages that are merely late.
+        """
+        if isinstance(message, dialect.MAVLink_heartbeat_message):
+            before = self.latest.get(dialect.MAVLINK_MSG_ID_HEARTBEAT)
+            boots = message.system_status == dialect.MAV_STATE_BOOT
+            return boots and before is not None and before.system_status != message.system_status
+        time_ms = getattr(message, "time_boot_ms", None)
+        if time_ms is None:
+            return False
+        if time_ms >= self._newest_ms:
+            self._newest_ms, self._back_since = time_ms, None
+        elif self._back_since is None:
+            self._back_since = now
+        elif now - self._back_since > _BACK_IN_TIME_S:
+            return True
+        return (
+            isinstance(message, dialect.MAVLink_ftc_events_message)
+            and time_ms >= self.counts.time_s * 1e3
+            and message.steps < self.counts.steps
+        )
+
+    def _mode_news(self, before: Any, now: float) -> list[News]:
+        heartbeat = self._heartbeat
+        if before is None:
+            return []
+        news = []
+        flag = dialect.MAV_MODE_FLAG_SAFETY_ARMED
+        if (heartbeat.base_mode ^ before.base_mode) & flag:
+            text = "armed" if self.armed else "disarmed"
+            news.append(self._news(now, "mode", NOTICE, text))
+        if heartbeat.custom_mode != before.custom_mode:
+            text = f"mode {_mode_name(before)} → {self.mode}"
+            news.append(self._news(now, "mode", NOTICE, text))
+        return news
+
+    def _said(self, texts: list[Text], now: float) -> list[News]:
+        self.texts.extend(texts)
+        self.texts_heard += len(texts)
+        return [self._news(now, "text", text.severity, text.text, text) for text in texts]
+
+    def _remember(self, message: dialect.MAVLink_ftc_tracking_message) -> None:
+        nothing = (math.nan,) * 4
+        actual = tuple(a + b for a, b in zip(message.reference, message.error, strict=True))
+        if math.isnan(actual[0]) and self.airspeed_m_s is not None:  # disarmed: no reference
+            actual = (self.airspeed_m_s, *(self.attitude_deg or nothing[:3]))
+        self.history.add(
+            (
+                message.time_boot_ms / 1e3, actual, tuple(message.reference),
+                tuple(message.sync_error), self.held or nothing, self.counts.events,
+                self.position_m or nothing[:3],
+            )
+        )  # fmt: skip
+
+    def _acknowledged(self, message: dialect.MAVLink_command_ack_message, now: float) -> list[News]:
+        accepted = message.result == dialect.MAV_RESULT_ACCEPTED
+        if accepted and message.command in _FAULT_COMMANDS:
+            self.faults_due = now
+        if message.result in _ACKED and message.command in _NOT_WORTH_A_WORD:
+            return []
+        result = enum_name("MAV_RESULT", message.result, "MAV_RESULT_")
+        text = f"{enum_name('MAV_CMD', message.command, 'MAV_CMD_')}: {result}"
+        severity = INFO if message.result in _ACKED else WARNING
+        return [self._news(now, "ack", severity, text, message)]
+
+    def _mission_acknowledged(
+        self, message: dialect.MAVLink_mission_ack_message, now: float
+    ) -> list[News]:
+        accepted = message.type == dialect.MAV_MISSION_ACCEPTED
+        if accepted:
+            self.profile_due = now
+        text = f"mission: {enum_name('MAV_MISSION_RESULT', message.type, 'MAV_MISSION_')}"
+        return [self._news(now, "ack", INFO if accepted else WARNING, text, message)]
+
+
+def describe_fault(fault: Fault) -> str:
+    """A fault in words: "rudder at 90 % + 1 deg in (19, 22] s"."""
+    unit = "N" if fault.actuator == dialect.FTC_ACTUATOR_THROTTLE else "deg"
+    wave = f" · cos 2π {fault.frequency_hz:g} Hz" if fault.frequency_hz else ""
+    if fault.effectiveness == 0.0:
+        what = f"stuck at {fault.value:g} {unit}{wave}"
+    else:
+        what = f"at {100.0 * fault.effectiveness:g} %"
+        if fault.value:
+            what += f" {'-' if fault.value < 0.0 else '+'} {abs(fault.value):g} {unit}{wave}"
+    return f"{ACTUATORS[fault.actuator]} {what} {_window(fault)}"
+
+
+def _window(fault: Fault) -> str:
+    begins = "now" if math.isnan(fault.start_s) else f"({fault.start_s:g}"
+    ends = f"{fault.end_s:g}] s" if math.isfinite(fault.end_s) else "until cleared"
+    return f"from {begins}, {ends}" if begins == "now" else f"in {begins}, {ends}"
+
+
+def _mode_name(heartbeat: Any) -> str:
+    return MODES.get(heartbeat.custom_mode, str(heartbeat.custom_mode))

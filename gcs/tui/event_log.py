@@ -1,0 +1,65 @@
+"""The event log: news of the vehicles and what came of the operator's actions."""
+
+from collections import deque
+from dataclasses import dataclass
+
+from gcs.station.notifications import News
+
+__all__ = ["KINDS", "Entry", "Journal"]
+
+KINDS = ("link", "mode", "text", "ack", "faults", "profile", "action")
+"""What entries are about; "action" is what came of something the operator asked for here."""
+
+_KEPT = 5000
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the log.
+
+    Attributes:
+        number: Counts the entries of a journal, from 1.
+        at: When [s since 1970].
+        time_s: Simulated time of the vehicle then [s], if it had told.
+        system: System id of the vehicle; 0 for the station itself.
+        kind: One of `KINDS`.
+        severity: MAV_SEVERITY.
+        text: The line.
+    """
+
+    number: int
+    at: float
+    time_s: float | None
+    system: int
+    kind: str
+    severity: int
+    text: str
+
+
+class Journal:
+    """The latest entries, oldest first."""
+
+    def __init__(self) -> None:
+        self.entries: deque[Entry] = deque(maxlen=_KEPT)
+        self.count = 0
+
+    def hear(self, news: News, at: float, time_s: float | None) -> None:
+        """Take in news of the client."""
+        self.note(at, time_s, news.system, news.kind, news.severity, news.text)
+
+    def note(
+        self, at: float, time_s: float | None, system: int, kind: str, severity: int, text: str
+    ) -> None:
+        """Append an entry."""
+        self.count += 1
+        self.entries.append(Entry(self.count, at, time_s, system, kind, severity, text))
+
+    def since(self, number: int) -> list[Entry]:
+        """The entries after this number, as far as they are kept."""
+        new = min(self.count - number, len(self.entries))
+        return [self.entries[i] for i in range(len(self.entries) - new, len(self.entries))]
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.entries.clear()
+        self.count = 0

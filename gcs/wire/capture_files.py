@@ -1,0 +1,72 @@
+"""Files that hold what crossed the wire, counted: captures, telemetry logs, reports of a relay."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from gcs.errors import BadInput
+from mavlink_defs import dialect
+from mavlink_defs.capture.pcap import PcapCutOff, PcapError, is_pcap, read_pcap
+from mavlink_defs.capture.tap import LinkNames, Tap
+from mavlink_defs.capture.tlog import TlogCutOff, TlogError, read_frames
+
+__all__ = ["count_file"]
+
+_LAST_VEHICLE = 250  # system ids above belong to ground stations
+
+
+def count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[dict[str, Any], str]:
+    """Count what a file holds; its first bytes tell what it is.
+
+    Args:
+        path: A pcap, pcapng or tlog file, or the wire.json of a flight.
+        tap: Counts; nothing was counted before.
+        names: How to name the links of a capture. Those of a telemetry log are "gcs".
+
+    Returns:
+        A report as of `Tap.report`, and what the user should know about it or "".
+
+    Raises:
+        BadInput: The file cannot be read, or is something else.
+    """
+    try:
+        if report := _report(path):
+            return report, ""
+        if is_pcap(path):
+            for packet in read_pcap(path):
+                link, direction = names.of(packet.source, packet.destination)
+                tap.count(packet.time_s, link, direction, packet.payload)
+        else:
+            for time_us, frame in read_frames(path, complain=True):
+                tap.count(time_us / 1e6, "gcs", _direction(frame), frame)
+    except (PcapCutOff, TlogCutOff) as problem:
+        return tap.report(), f"{problem}; what comes before is counted"
+    except OSError as problem:
+        raise BadInput(f"{path} cannot be read: {problem.strerror}") from problem
+    except PcapError as problem:
+        raise BadInput(str(problem)) from problem
+    except TlogError as problem:
+        text = f"{path} is no capture (pcap, pcapng), telemetry log (tlog) or wire.json"
+        raise BadInput(text, str(problem)) from problem
+    return tap.report(), ""
+
+
+def _report(path: Path) -> dict[str, Any] | None:
+    """The report in a wire.json; None if the file is something else."""
+    with path.open("rb") as file:
+        if file.read(1) != b"{":
+            return None
+    try:
+        report = json.loads(path.read_bytes())
+    except ValueError:
+        return None
+    keys = {"span_s", "links", "messages", "uavs", "saving"}
+    return report if keys <= report.keys() else None
+
+
+def _direction(frame: bytes) -> str:
+    """Direction of a logged frame, seen from the ground station."""
+    version_2 = frame[0] == dialect.PROTOCOL_MARKER_V2
+    system, component = frame[5:7] if version_2 else frame[3:5]
+    ground = system > _LAST_VEHICLE or component == dialect.MAV_COMP_ID_MISSIONPLANNER
+    return "from" if ground else "to"

@@ -1,0 +1,1 @@
+"""Traffic recorded, counted, relayed and impaired."""

@@ -1,0 +1,278 @@
+"""The tap: counts what crosses the links of a fleet, from datagrams and their times alone.
+
+It knows the public wire format and no state of any process, so what it counts is what any
+sniffer can count. One datagram may hold several frames. A frame is counted per link, direction,
+system, component and message; a datagram that is not MAVLink 2 of this dialect is counted by
+the reason. Directions are seen from the fixed end of a link: "to" the plant, "from" the plant.
+
+Control transmissions (`mavlink_defs.capture.transmissions`) are compared with periodic sending: one per
+channel and control period, and FTC_SIM_STATE tells how many periods there were.
+"""
+
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from mavlink_defs import dialect
+from mavlink_defs.capture.transmissions import Transmissions, reported, saving
+from mavlink_defs.endpoint import Address
+from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.framing.frames import frame_size, parse
+
+__all__ = ["DEFAULT_PORTS", "LinkNames", "Stream", "Tap"]
+
+DEFAULT_PORTS: Mapping[int, str] = {
+    14550: "gcs",
+    14560: "plant",
+    **dict.fromkeys(range(14601, 14851), "formation"),
+}
+"""Ports of fixed ends where a scenario does not say otherwise, and their links."""
+
+_ACTUATORS = dialect.MAVLink_hil_actuator_controls_message
+_STATE = dialect.MAVLink_ftc_sim_state_message
+_EVENTS = dialect.MAVLink_ftc_events_message
+
+
+class Stream(NamedTuple):
+    """Who says what where."""
+
+    link: str
+    direction: str
+    system: int
+    component: int
+    message_id: int
+
+
+class Rate:
+    """How much there was within the last `window_s` seconds."""
+
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
+        self._recent: deque[tuple[float, int]] = deque()
+        self._bytes = 0
+
+    def add(self, time_s: float, size: int) -> None:
+        """Take in one frame of `size` bytes."""
+        self._recent.append((time_s, size))
+        self._bytes += size
+        self._forget(time_s)
+
+    def at(self, now_s: float) -> tuple[float, float]:
+        """Frames and bytes per second at a time not before the last one added."""
+        self._forget(now_s)
+        return len(self._recent) / self._window_s, self._bytes / self._window_s
+
+    def _forget(self, now_s: float) -> None:
+        recent, begin_s = self._recent, now_s - self._window_s
+        while recent and recent[0][0] <= begin_s:
+            self._bytes -= recent.popleft()[1]
+
+
+@dataclass
+class Count:
+    """Frames of one stream."""
+
+    rate: Rate
+    frames: int = 0
+    bytes: int = 0
+    signed: int = 0
+
+
+@dataclass
+class Flow:
+    """Datagrams in one direction of one link; `dropped` by reason, each no frame of ours."""
+
+    rate: Rate
+    datagrams: int = 0
+    bytes: int = 0
+    dropped: Counter[str] = field(default_factory=Counter)
+
+
+class Tap:
+    """Counts datagrams; no socket, no clock.
+
+    Args:
+        window_s: Length of the window that rates are taken over [s].
+        period_us: Control period, where no FTC_SIM_STATE tells how many there were [µs].
+    """
+
+    def __init__(self, window_s: float = 1.0, period_us: int | None = None) -> None:
+        self._window_s, self._period_us = window_s, period_us
+        self._flows: dict[tuple[str, str], Flow] = {}
+        self._counts: dict[Stream, Count] = {}
+        self._uavs: dict[tuple[str, int], Transmissions] = {}
+        self._reports: dict[tuple[str, int], dialect.MAVLink_ftc_events_message] = {}
+        self._first_s: float | None = None
+        self._last_s = 0.0
+        self.simulated_s: float | None = None
+        """Simulation time of the newest running FTC_SIM_STATE [s]; None before the first."""
+
+    def count(self, time_s: float, link: str, direction: str, datagram: bytes) -> None:
+        """Count one datagram.
+
+        Args:
+            time_s: When it was seen [s], on any clock.
+            link: Name of the link.
+            direction: "to" or "from" the fixed end of the link.
+            datagram: Its UDP payload.
+        """
+        if self._first_s is None:
+            self._first_s = self._last_s = time_s
+        self._last_s = max(self._last_s, time_s)
+        flow = self._flows.get((link, direction))
+        if flow is None:
+            flow = self._flows[link, direction] = Flow(Rate(self._window_s))
+        flow.datagrams += 1
+        flow.bytes += len(datagram)
+        flow.rate.add(time_s, len(datagram))
+        rest = datagram
+        while True:
+            size, wrong = frame_size(rest)
+            if wrong:
+                flow.dropped[wrong] += 1
+                return
+            self._count_frame(time_s, link, direction, rest[:size])
+            if size == len(rest):
+                return
+            rest = rest[size:]
+
+    def frames(self, message: str | None = None, **where: str | int) -> int:
+        """Number of frames of a message, or of all, where a `Stream`'s fields have these values.
+
+        For example ``tap.frames("HIL_ACTUATOR_CONTROLS", link="plant", system=3)``.
+        """
+        return sum(
+            count.frames
+            for stream, count in self._counts.items()
+            if message in {None, _name(stream.message_id)}
+            and all(getattr(stream, key) == value for key, value in where.items())
+        )
+
+    def events(self, system: int, channel: str, link: str = "plant") -> int:
+        """Number of transmissions of one actuator channel ("rudder") of one UAV."""
+        uav = self._uavs.get((link, system))
+        return 0 if uav is None else uav.events[ACTUATORS.index(channel)]
+
+    def min_interval_s(self, system: int, channel: str, link: str = "plant") -> float | None:
+        """Shortest time between two transmissions of a channel [s, simulated]; None: below two."""
+        uav = self._uavs.get((link, system))
+        shortest = None if uav is None else uav.min_interval_us[ACTUATORS.index(channel)]
+        return None if shortest is None else shortest / 1e6
+
+    def report(self, now_s: float | None = None) -> dict[str, Any]:
+        """Everything counted, as plain data for JSON.
+
+        Args:
+            now_s: When rates are wanted, not before the last datagram [s]; None: at that one.
+        """
+        now = self._last_s if now_s is None else now_s
+        span_s = self._last_s - (self._first_s or 0.0) if self._flows else 0.0
+        uavs = self._uav_figures()
+        return {
+            "span_s": span_s,
+            "links": [_flow(key, flow, now) for key, flow in sorted(self._flows.items())],
+            "messages": [
+                _count(key, count, now, span_s) for key, count in sorted(self._counts.items())
+            ],
+            "uavs": uavs,
+            "saving": _total_saving(uavs),
+        }
+
+    def _uav_figures(self) -> list[dict[str, Any]]:
+        """What is counted; for UAVs whose transmissions were not seen, what they report."""
+        found = [
+            (link, system, False, uav.figures(self._period_us))
+            for (link, system), uav in self._uavs.items()
+        ]
+        counted = {system for _, system, _, figures in found if figures["messages"]}
+        found += [
+            (link, system, True, reported(message))
+            for (link, system), message in self._reports.items()
+            if system not in counted
+        ]
+        return [
+            {"link": link, "system": system, "reported": hearsay, **figures}
+            for link, system, hearsay, figures in sorted(found, key=lambda row: row[:2])
+            if figures["messages"]
+        ]
+
+    def _count_frame(self, time_s: float, link: str, direction: str, frame: bytes) -> None:
+        system, component = frame[5], frame[6]
+        message_id = int.from_bytes(frame[7:10], "little")
+        stream = Stream(link, direction, system, component, message_id)
+        count = self._counts.get(stream)
+        if count is None:
+            count = self._counts[stream] = Count(Rate(self._window_s))
+        count.frames += 1
+        count.bytes += len(frame)
+        count.signed += frame[2] & dialect.MAVLINK_IFLAG_SIGNED
+        count.rate.add(time_s, len(frame))
+        if message_id == _EVENTS.id and isinstance(report := parse(frame), _EVENTS):
+            self._reports[link, system] = report
+        elif message_id in {_ACTUATORS.id, _STATE.id}:
+            uav = self._uavs.setdefault((link, system), Transmissions())
+            self._look_into(frame, message_id, uav)
+
+    def _look_into(self, frame: bytes, message_id: int, uav: Transmissions) -> None:
+        payload = frame[dialect.HEADER_LEN_V2 : dialect.HEADER_LEN_V2 + frame[1]]
+        unpacker = (_ACTUATORS if message_id == _ACTUATORS.id else _STATE).unpacker
+        fields = unpacker.unpack(payload[: unpacker.size].ljust(unpacker.size, b"\0"))
+        if message_id == _ACTUATORS.id:  # time_usec, flags, controls[16], mode
+            uav.transmission(fields[0], fields[2 : 2 + len(ACTUATORS)])
+        elif fields[-2] & dialect.FTC_SIM_FLAGS_RUNNING:  # time_usec, …, step, flags, run
+            uav.step(fields[-3], fields[-1])
+            self.simulated_s = fields[0] / 1e6
+
+
+class LinkNames:
+    """Names links by the port of their fixed end."""
+
+    def __init__(self, ports: Mapping[int, str] = DEFAULT_PORTS) -> None:
+        self._ports = ports
+
+    def of(self, source: Address, destination: Address) -> tuple[str, str]:
+        """Link and direction of a datagram; a link with no known port has its addresses' name."""
+        if destination.port in self._ports:
+            return self._ports[destination.port], "to"
+        if source.port in self._ports:
+            return self._ports[source.port], "from"
+        near, far = sorted(map(str, (source, destination)))
+        return f"{near} / {far}", "to" if str(destination) == far else "from"
+
+
+def _name(message_id: int) -> str:
+    return str(dialect.mavlink_map[message_id].msgname)
+
+
+def _total_saving(uavs: list[dict[str, Any]]) -> float | None:
+    """The saving of all UAVs together; what is counted here goes before what they report."""
+    known = [uav for uav in uavs if uav["periods"] is not None]
+    counted = [uav for uav in known if not uav["reported"]] or known
+    events = sum(channel["events"] for uav in counted for channel in uav["channels"].values())
+    return saving(events, sum(uav["periods"] for uav in counted), len(ACTUATORS))
+
+
+def _flow(key: tuple[str, str], flow: Flow, now_s: float) -> dict[str, Any]:
+    rate_hz, bytes_s = flow.rate.at(now_s)
+    return {
+        "link": key[0],
+        "direction": key[1],
+        "datagrams": flow.datagrams,
+        "bytes": flow.bytes,
+        "rate_hz": rate_hz,
+        "bytes_per_s": bytes_s,
+        "dropped": dict(flow.dropped),
+    }
+
+
+def _count(stream: Stream, count: Count, now_s: float, span_s: float) -> dict[str, Any]:
+    return {
+        **stream._asdict(),
+        "message": _name(stream.message_id),
+        "frames": count.frames,
+        "bytes": count.bytes,
+        "signed": count.signed,
+        "rate_hz": count.rate.at(now_s)[0],
+        "mean_hz": count.frames / span_s if span_s > 0.0 else None,
+    }

@@ -1,0 +1,1 @@
+"""Checked, frozen models read from YAML, with units and ranges."""

@@ -1,0 +1,108 @@
+"""Configuration files that say only in what they differ from another one.
+
+``extends: other.yaml`` in a file names its base, relative to the file itself. What the file
+says is laid over the base as a JSON Merge Patch (RFC 7396): mappings merge key by key, a null
+takes the base's key away, anything else, lists included, replaces. One rule more: a mapping
+with another `kind` than the base's inherits nothing from it, so that one control law does not
+get the gains of another.
+
+Errors: ValueError ← PlaceError (no such place in a tree); about files `ConfigError`.
+"""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mavlink_defs.config.models import ConfigError, read, shown
+
+__all__ = ["PlaceError", "merged", "read_inherited", "with_values"]
+
+_PLACE = re.compile(r"\w+(?:\.\w+|\[[0-9]+\])*")
+_STEP = re.compile(r"\.?(\w+)|\[([0-9]+)\]")  # a key, or an index
+
+
+class PlaceError(ValueError):
+    """A tree has no such place, or it is not written as one; one line that names the place."""
+
+
+def read_inherited(path: Path | str) -> dict[Any, Any]:
+    """Read a YAML file and what it extends, as one tree without `extends`.
+
+    Raises:
+        ConfigError: A file cannot be read, holds something else, or extends itself.
+    """
+    return _read(Path(path), [])
+
+
+def _read(path: Path, above: list[Path]) -> dict[Any, Any]:
+    """Read a file that the ones `above` extend."""
+    if path.resolve() in above:
+        raise ConfigError(path, ["extends itself"])
+    tree = read(path)
+    if "extends" not in tree:
+        return tree
+    name = tree.pop("extends")
+    if not isinstance(name, str) or not name:
+        raise ConfigError(path, [f"extends: expected the path of one file, got {shown(name)}"])
+    try:
+        return dict(merged(_read(path.parent / name, [*above, path.resolve()]), tree))
+    except ConfigError as exc:
+        problems = [f"extends: {problem}" for problem in str(exc).splitlines()]
+        raise ConfigError(path, problems) from exc
+    except RecursionError as exc:
+        raise ConfigError(path, ["nested too deeply"]) from exc
+
+
+def merged(base: Any, overlay: Any) -> Any:
+    """What `overlay` makes of `base`; neither is changed."""
+    if not isinstance(overlay, dict):
+        return overlay
+    if not isinstance(base, dict) or overlay.get("kind", base.get("kind")) != base.get("kind"):
+        base = {}
+    new = dict(base)
+    for key, value in overlay.items():
+        if value is None:
+            new.pop(key, None)
+        else:
+            new[key] = merged(base.get(key), value)
+    return new
+
+
+def with_values(tree: dict[Any, Any], values: Mapping[str, Any]) -> dict[Any, Any]:
+    """Lay values over single places of a tree, one after the other, as `merged` does.
+
+    Args:
+        tree: Plain data; it is not changed.
+        values: From places, written as in error messages (``trigger.b2_deg``,
+            ``faults[0].effectiveness``), to values. Keys may be new, indices may not.
+
+    Raises:
+        PlaceError: A place is written in another way, or leads through something that is no
+            mapping or list, or beyond the end of a list.
+    """
+    for place, value in values.items():
+        if not _PLACE.fullmatch(place):
+            text = "expected keys and indices as in trigger.b2_deg or faults[0].uav"
+            raise PlaceError(f"{place}: {text}")
+        tree = _laid(tree, list(_STEP.finditer(place)), value)
+    return tree
+
+
+def _laid(here: Any, way: list[re.Match[str]], value: Any) -> Any:
+    """Lay a value over what stands at the end of a way that begins here."""
+    if not way:
+        return merged(here, value)
+    step, *rest = way
+    name, index = step.groups()
+    if name is not None and isinstance(here, dict):
+        key = int(name) if name.isdecimal() else name
+        if rest:
+            return {**here, key: _laid(here.get(key, {}), rest, value)}
+        return merged(here, {key: value})
+    if index is not None and isinstance(here, list) and int(index) < len(here):
+        i = int(index)
+        return [*here[:i], _laid(here[i], rest, value), *here[i + 1 :]]
+    wanted = "a mapping" if name is not None else f"a list of more than {index}"
+    place, begin = way[-1].string, step.string[: step.start()]
+    raise PlaceError(f"{place}: expected {wanted} at {begin}, got {shown(here)}")

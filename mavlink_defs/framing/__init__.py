@@ -1,0 +1,1 @@
+"""Frames on the wire: the compiled codec, pymavlink frames, signatures."""

@@ -1,0 +1,328 @@
+"""Hot-path codec: the messages of every control step, packed and checked by compiled code.
+
+Four messages are hot: FTC_SIM_STATE, FTC_STEP_DONE, FTC_NEIGHBOUR and HIL_ACTUATOR_CONTROLS.
+Their layout comes from the generated dialect, and the bytes are those of pymavlink. All other
+messages are left to pymavlink.
+
+To send, fill a record of your own and pack it into a datagram buffer; one buffer serves any
+number of records, and packing never changes a record::
+
+    state = np.zeros(1, SIM_STATE)
+    datagram = new_buffer()
+    state[0]["position"][2] = -1000.0
+    length = pack(datagram, state, ID_SIM_STATE, system_id, component_id, sequence)
+
+To receive, look at the payload of one buffer through prebuilt views::
+
+    datagram = new_buffer()
+    state = payload_view(datagram, SIM_STATE)
+    if check(datagram, length) == ID_SIM_STATE:
+        expand(datagram, SIM_STATE_SIZE)
+        z = state[0]["position"][2]
+
+Wire format: MAVLink 2, https://mavlink.io/en/guide/serialization.html. One frame per datagram;
+signed frames are recognised and left to `mavlink_defs.framing.hot_signing`.
+"""
+
+import numpy as np
+
+from mavlink_defs import dialect
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["ACTUATORS", "ACTUATORS_SIZE", "BAD_CRC", "BAD_FLAGS", "BAD_LENGTH", "BAD_MAGIC",
+           "BUFFER_SIZE", "DROPS_SIZE", "DROP_REASONS", "FOREIGN", "ID_ACTUATORS",
+           "ID_NEIGHBOUR", "ID_SIM_STATE", "ID_STEP_DONE", "NEIGHBOUR", "NEIGHBOUR_SIZE",
+           "NOT_NEWER", "OTHER_TARGET", "OUT_OF_RANGE", "REPLAYED", "SIGNED", "SIM_STATE",
+           "SIM_STATE_SIZE", "STEP_DONE", "STEP_DONE_SIZE", "STRANGER", "TRUNCATED", "UNEXPECTED",
+           "UNSIGNED", "WRONG_SIGNATURE", "add_checksum", "check", "component_of", "drop_counts",
+           "expand", "identify", "new_buffer", "pack", "payload_dtype", "payload_view",
+           "sequence_of", "system_of"]  # fmt: skip
+
+BUFFER_SIZE = 280  # the longest MAVLink 2 frame: 10 header, 255 payload, 2 CRC, 13 signature
+_MAGIC = 0xFD
+_HEADER_SIZE = 10
+_CRC_SIZE = 2
+_SIGNATURE_SIZE = 13
+_FLAG_SIGNED = 1
+
+# What `check` answers instead of a message id. The first two are good frames for pymavlink.
+FOREIGN = -1
+SIGNED = -2
+TRUNCATED = -3
+BAD_MAGIC = -4
+BAD_LENGTH = -5
+BAD_FLAGS = -6
+BAD_CRC = -7
+# Why a good frame is dropped after that; `check` does not know.
+UNEXPECTED = -8
+STRANGER = -9
+OTHER_TARGET = -10
+NOT_NEWER = -11
+OUT_OF_RANGE = -12
+WRONG_SIGNATURE = -13  # with a key only, see `mavlink_defs.framing.hot_signing`
+UNSIGNED = -14
+REPLAYED = -15
+DROP_REASONS = {
+    TRUNCATED: "truncated",
+    BAD_MAGIC: "not MAVLink 2",
+    BAD_LENGTH: "bytes after the frame",
+    BAD_FLAGS: "unknown incompatibility flags",
+    BAD_CRC: "wrong checksum",
+    UNEXPECTED: "unknown message",
+    STRANGER: "wrong sender",
+    OTHER_TARGET: "wrong target",
+    NOT_NEWER: "not newer",
+    OUT_OF_RANGE: "out of range",
+    WRONG_SIGNATURE: "wrong signature",
+    UNSIGNED: "unsigned",
+    REPLAYED: "replayed",
+}
+"""Why a datagram is dropped, in the order of the arrays of FTC_DROPS."""
+
+DROPS_SIZE = 16
+"""Counters of dropped datagrams: ``drops[-code]`` for each of DROP_REASONS."""
+
+
+def payload_dtype(message_class: type[dialect.MAVLink_message]) -> np.dtype[np.void]:
+    """Layout of a message's payload: packed, little endian, in wire order, arrays nested."""
+    fields: list[tuple[str, str, tuple[int, ...]]] = []
+    for name, code, length in zip(
+        message_class.ordered_fieldnames,
+        message_class.native_format.decode().lstrip("<"),
+        message_class.array_lengths,
+        strict=True,
+    ):
+        fields.append((name, np.dtype("<" + code).str, (length,) if length else ()))
+    return np.dtype(fields)
+
+
+SIM_STATE = payload_dtype(dialect.MAVLink_ftc_sim_state_message)
+STEP_DONE = payload_dtype(dialect.MAVLink_ftc_step_done_message)
+NEIGHBOUR = payload_dtype(dialect.MAVLink_ftc_neighbour_message)
+ACTUATORS = payload_dtype(dialect.MAVLink_hil_actuator_controls_message)
+
+SIM_STATE_SIZE = SIM_STATE.itemsize
+STEP_DONE_SIZE = STEP_DONE.itemsize
+NEIGHBOUR_SIZE = NEIGHBOUR.itemsize
+ACTUATORS_SIZE = ACTUATORS.itemsize
+
+ID_SIM_STATE = dialect.MAVLink_ftc_sim_state_message.id
+ID_STEP_DONE = dialect.MAVLink_ftc_step_done_message.id
+ID_NEIGHBOUR = dialect.MAVLink_ftc_neighbour_message.id
+ID_ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.id
+
+_EXTRA_SIM_STATE = dialect.MAVLink_ftc_sim_state_message.crc_extra
+_EXTRA_STEP_DONE = dialect.MAVLink_ftc_step_done_message.crc_extra
+_EXTRA_NEIGHBOUR = dialect.MAVLink_ftc_neighbour_message.crc_extra
+_EXTRA_ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.crc_extra
+
+
+def _crc_tables() -> np.ndarray:
+    tables = np.zeros((8, 256), np.int32)
+    for value in range(256):
+        crc = value
+        for _ in range(8):
+            crc = (crc >> 1) ^ (0x8408 if crc & 1 else 0)
+        tables[0, value] = crc
+    for k in range(1, 8):  # table k: the same byte, followed by k zero bytes
+        tables[k] = (tables[k - 1] >> 8) ^ tables[0, tables[k - 1] & 0xFF]
+    return tables
+
+
+_T = _crc_tables()
+
+
+def new_buffer() -> np.ndarray:
+    """A zeroed datagram buffer, uint8, shape (BUFFER_SIZE,)."""
+    return np.zeros(BUFFER_SIZE, np.uint8)
+
+
+def payload_view(datagram: np.ndarray, dtype: np.dtype[np.void]) -> np.ndarray:
+    """The payload of a datagram buffer as a record array of shape (1,), sharing its memory.
+
+    Valid after `check` has returned this message's id and `expand` has been called.
+    """
+    return datagram[_HEADER_SIZE : _HEADER_SIZE + dtype.itemsize].view(dtype)
+
+
+def drop_counts(drops: np.ndarray) -> list[int]:
+    """Counters of shape (DROPS_SIZE,) as FTC_DROPS carries them: in order, at most UINT32_MAX."""
+    return [min(int(drops[-code]), 2**32 - 1) for code in DROP_REASONS]
+
+
+@compiled
+def pack(
+    datagram: np.ndarray,
+    payload: np.ndarray,
+    message_id: int,
+    system_id: int,
+    component_id: int,
+    sequence: int,
+) -> int:
+    """Write one hot message into a datagram buffer.
+
+    Args:
+        datagram: Buffer to write to, from `new_buffer`.
+        payload: The message, shape (1,), of the dtype that belongs to `message_id`; unchanged.
+            One row of a longer array is the slice ``rows[i : i + 1]``.
+        message_id: One of the ``ID_`` constants.
+        system_id: Sender's system id, 1 to 255.
+        component_id: Sender's component id.
+        sequence: Number of frames sent before; its low byte goes out.
+
+    Returns:
+        Length of the datagram [bytes].
+
+    Raises:
+        ValueError: `message_id` is not a hot message.
+    """
+    if _crc_extra(message_id) < 0:
+        raise ValueError("not a hot message")
+    source = payload.view(np.uint8)
+    size = source.size
+    while size > 1 and source[size - 1] == 0:  # MAVLink 2: trailing zeros are not sent
+        size -= 1
+    datagram[0] = _MAGIC
+    datagram[1] = size
+    datagram[2] = 0
+    datagram[3] = 0
+    datagram[4] = sequence & 0xFF
+    datagram[5] = system_id
+    datagram[6] = component_id
+    datagram[7] = message_id & 0xFF
+    datagram[8] = (message_id >> 8) & 0xFF
+    datagram[9] = message_id >> 16
+    for i in range(size):
+        datagram[_HEADER_SIZE + i] = source[i]
+    add_checksum(datagram)
+    return _HEADER_SIZE + size + _CRC_SIZE
+
+
+@compiled
+def add_checksum(datagram: np.ndarray) -> None:
+    """Write the checksum of a hot message that stands in a datagram buffer."""
+    end = _HEADER_SIZE + _byte(datagram, 1)
+    crc = _checksum(datagram, end, _crc_extra(_message_id(datagram)))
+    datagram[end] = crc & 0xFF
+    datagram[end + 1] = crc >> 8
+
+
+@compiled
+def check(datagram: np.ndarray, length: int) -> int:
+    """Tell what a received datagram holds.
+
+    Args:
+        datagram: Buffer from `new_buffer`, filled from the wire.
+        length: Number of bytes received, 0 to BUFFER_SIZE.
+
+    Returns:
+        The message id of a valid hot message, or a negative code: FOREIGN and SIGNED for a
+        frame that is whole but not ours to check (its checksum is left to pymavlink), or one
+        of DROP_REASONS. A payload may be longer than ours (fields of a newer dialect).
+    """
+    if length < 1:
+        return TRUNCATED
+    if datagram[0] != _MAGIC:
+        return BAD_MAGIC
+    if length < _HEADER_SIZE + _CRC_SIZE:
+        return TRUNCATED
+    flags = _byte(datagram, 2)
+    if flags > _FLAG_SIGNED:
+        return BAD_FLAGS
+    end = _HEADER_SIZE + _byte(datagram, 1)
+    whole = end + _CRC_SIZE + (_SIGNATURE_SIZE if flags == _FLAG_SIGNED else 0)
+    if length != whole:
+        return TRUNCATED if length < whole else BAD_LENGTH
+    if flags == _FLAG_SIGNED:
+        return SIGNED
+    return identify(datagram)
+
+
+@compiled
+def identify(datagram: np.ndarray) -> int:
+    """Message id of a whole frame if it is hot and its checksum right; or FOREIGN, BAD_CRC.
+
+    For frames whose signature has been checked; `check` does it for unsigned ones.
+    """
+    end = _HEADER_SIZE + _byte(datagram, 1)
+    message_id = _message_id(datagram)
+    extra = _crc_extra(message_id)
+    if extra < 0:
+        return FOREIGN
+    crc = _checksum(datagram, end, extra)
+    if datagram[end] != crc & 0xFF or datagram[end + 1] != crc >> 8:
+        return BAD_CRC
+    return message_id
+
+
+@compiled
+def expand(datagram: np.ndarray, payload_size: int) -> None:
+    """Put back the trailing zeros of a checked frame's payload, so that its view is valid.
+
+    They overwrite the checksum: forward or record the datagram before.
+
+    Args:
+        datagram: Buffer whose frame `check` has accepted.
+        payload_size: Size of the message's whole payload [bytes], ``ACTUATORS_SIZE`` and so on.
+    """
+    for i in range(_HEADER_SIZE + _byte(datagram, 1), _HEADER_SIZE + payload_size):
+        datagram[i] = 0
+
+
+@compiled
+def sequence_of(datagram: np.ndarray) -> int:
+    """Sequence number of a checked frame, 0 to 255."""
+    return _byte(datagram, 4)
+
+
+@compiled
+def system_of(datagram: np.ndarray) -> int:
+    """Sender's system id of a checked frame."""
+    return _byte(datagram, 5)
+
+
+@compiled
+def component_of(datagram: np.ndarray) -> int:
+    """Sender's component id of a checked frame."""
+    return _byte(datagram, 6)
+
+
+@compiled
+def _byte(datagram: np.ndarray, i: int) -> int:
+    return int(np.int64(datagram[i]))  # compiled, an unsigned and a signed int would make a float
+
+
+@compiled
+def _message_id(datagram: np.ndarray) -> int:
+    return _byte(datagram, 7) + (_byte(datagram, 8) << 8) + (_byte(datagram, 9) << 16)
+
+
+@compiled
+def _crc_extra(message_id: int) -> int:
+    if message_id == ID_SIM_STATE:
+        return _EXTRA_SIM_STATE
+    if message_id == ID_ACTUATORS:
+        return _EXTRA_ACTUATORS
+    if message_id == ID_STEP_DONE:
+        return _EXTRA_STEP_DONE
+    if message_id == ID_NEIGHBOUR:
+        return _EXTRA_NEIGHBOUR
+    return -1
+
+
+@compiled
+def _checksum(b: np.ndarray, end: int, extra: int) -> int:
+    """CRC-16/MCRF4XX of b[1:end] and the message's CRC_EXTRA, eight bytes at a time."""
+    crc = 0xFFFF
+    i = 1
+    while i + 8 <= end:
+        crc = (
+            _T[7, (crc & 0xFF) ^ b[i]] ^ _T[6, (crc >> 8) ^ b[i + 1]]
+            ^ _T[5, b[i + 2]] ^ _T[4, b[i + 3]] ^ _T[3, b[i + 4]]
+            ^ _T[2, b[i + 5]] ^ _T[1, b[i + 6]] ^ _T[0, b[i + 7]]
+        )  # fmt: skip
+        i += 8
+    while i < end:
+        crc = (crc >> 8) ^ _T[0, (crc & 0xFF) ^ b[i]]
+        i += 1
+    return int((crc >> 8) ^ _T[0, (crc & 0xFF) ^ extra])

@@ -1,0 +1,113 @@
+"""Everything that is not hot: messages of one component as frames, packed by pymavlink."""
+
+from collections.abc import Callable
+
+from fastcrc.crc16 import mcrf4xx
+
+from mavlink_defs import dialect
+from mavlink_defs.framing import codec
+
+__all__ = ["Speaker", "code_of", "drop_reason", "frame_size", "parse", "text_chunks"]
+
+_TEXT_SIZE = 50  # of one STATUSTEXT
+_CRC = 2  # bytes
+_SHORTEST = dialect.HEADER_LEN_V2 + _CRC
+_CODES = {words: code for code, words in codec.DROP_REASONS.items()}
+_CODES |= {"empty": codec.TRUNCATED, "MAVLink 1": codec.BAD_MAGIC}
+
+
+class Speaker:
+    """Packs messages of one system and component.
+
+    Sequence numbers must be contiguous per component and link. A component whose hot messages
+    are packed elsewhere shares their counter by `next_sequence`.
+    """
+
+    def __init__(
+        self, system: int, component: int, next_sequence: Callable[[], int] | None = None
+    ) -> None:
+        self._mavlink = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._next_sequence = next_sequence
+
+    def pack(self, message: dialect.MAVLink_message) -> bytes:
+        """Give the frame of a message and count it as sent."""
+        if self._next_sequence is not None:
+            self._mavlink.seq = self._next_sequence() & 0xFF
+        frame = bytes(message.pack(self._mavlink))
+        self._mavlink.seq = (self._mavlink.seq + 1) & 0xFF
+        return frame
+
+
+_decoder = dialect.MAVLink(None)
+
+
+def parse(datagram: bytes) -> dialect.MAVLink_message | None:
+    """Decode a datagram that holds one MAVLink 2 frame of the dialect; None if it does not."""
+    if frame_size(datagram)[0] != len(datagram) or not datagram:
+        return None  # pymavlink would take MAVLink 1, unknown messages and unknown flags, too
+    try:
+        return _decoder.decode(bytearray(datagram))
+    except Exception:  # pymavlink raises struct.error, IndexError, … besides its MAVError
+        return None
+
+
+def drop_reason(datagram: bytes) -> int:
+    """Tell why `parse` refuses a datagram: one of `codec.DROP_REASONS`."""
+    size, words = frame_size(datagram)
+    if size == 0:
+        return code_of(words)
+    return codec.BAD_LENGTH if size != len(datagram) else codec.OUT_OF_RANGE
+
+
+def code_of(words: str) -> int:
+    """The one of `codec.DROP_REASONS` that words of `frame_size` or of a signer stand for."""
+    return _CODES[words]
+
+
+def frame_size(data: bytes) -> tuple[int, str]:
+    """Size of the MAVLink 2 frame of the dialect that `data` begins with.
+
+    Returns:
+        The size [bytes] and ""; or 0 and what is wrong, in words. Signatures are not verified.
+    """
+    if not data:
+        return 0, "empty"
+    if data[0] != dialect.PROTOCOL_MARKER_V2:
+        return 0, "MAVLink 1" if data[0] == dialect.PROTOCOL_MARKER_V1 else "not MAVLink 2"
+    if len(data) < _SHORTEST:
+        return 0, "truncated"
+    end, flags = dialect.HEADER_LEN_V2 + data[1], data[2]
+    if flags > dialect.MAVLINK_IFLAG_SIGNED:
+        return 0, "unknown incompatibility flags"
+    size = end + _CRC + (dialect.MAVLINK_SIGNATURE_BLOCK_LEN if flags else 0)
+    if len(data) < size:
+        return 0, "truncated"
+    message = dialect.mavlink_map.get(int.from_bytes(data[7:10], "little"))
+    if message is None:
+        return 0, "unknown message"
+    crc = mcrf4xx(data[1:end] + bytes([message.crc_extra]))
+    if crc != int.from_bytes(data[end : end + _CRC], "little"):
+        return 0, "wrong checksum"
+    return size, ""
+
+
+def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink_message]:
+    """Give the STATUSTEXT messages of a text, in chunks if it is longer than one holds.
+
+    Args:
+        severity: MAV_SEVERITY.
+        text: What to say; characters outside ASCII are replaced.
+        identity: Number that tells this text from others while its chunks arrive; 0 is raised
+            to 1, since 0 means a text of one chunk.
+    """
+    raw = text.encode("ascii", "replace")
+    chunks = [raw[i : i + _TEXT_SIZE] for i in range(0, len(raw), _TEXT_SIZE)] or [b""]
+    if len(chunks) == 1:
+        return [dialect.MAVLink_statustext_message(severity, chunks[0])]
+    if len(chunks[-1]) == _TEXT_SIZE:
+        chunks.append(b"")  # a chunk without a zero byte says that another one follows
+    number = identity % 65535 + 1
+    return [
+        dialect.MAVLink_statustext_message(severity, chunk, number, k)
+        for k, chunk in enumerate(chunks)
+    ]

@@ -1,0 +1,246 @@
+"""MAVLink 2 signing: the key file, the clock of signatures, and the signer of one link.
+
+https://mavlink.io/en/guide/message_signing.html. A signature covers the key, the frame and a
+timestamp, in units of 10 µs since 2015, which no stream (system, component, link id) may use
+twice. `Signer` is for all that is not hot; `mavlink_defs.framing.hot_signing` does the same in compiled code.
+"""
+
+import hashlib
+import mmap
+import os
+import secrets
+import stat
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from fastcrc.crc16 import mcrf4xx
+
+from mavlink_defs import dialect
+from mavlink_defs.framing.codec import DROP_REASONS, OUT_OF_RANGE
+from mavlink_defs.framing.frames import frame_size
+
+__all__ = ["EPOCH_S", "FORMATION_LINK", "KEY_SIZE", "PLANT_LINK", "SIGNING_REASONS",
+           "UNSIGNED_ALLOWED", "WINDOW", "Signer", "SigningError", "flagged", "is_ahead",
+           "load_signer", "make_key", "new_time", "open_time", "read_key", "time_file", "timestamp",
+           "words_of"]  # fmt: skip
+
+KEY_SIZE = 32  # bytes
+EPOCH_S = 1_420_070_400  # 2015-01-01, Unix time
+WINDOW = 6_000_000
+"""How far a new stream may be behind the own timestamp, and any frame ahead of it: one minute.
+
+With the two equal, no frame can move the own time so far that others fall behind it."""
+PLANT_LINK, FORMATION_LINK = 254, 253
+"""Link ids of the links that are not ground stations': what is captured on one link is refused
+on the others."""
+UNSIGNED_ALLOWED = frozenset({dialect.MAVLINK_MSG_ID_RADIO_STATUS})
+"""Messages that are taken unsigned: radios send them, and have no key."""
+UNSIGNED, WRONG, REPLAYED = SIGNING_REASONS = ("unsigned", "wrong signature", "replayed")
+
+_SIGNATURE = dialect.MAVLINK_SIGNATURE_BLOCK_LEN
+_HASH = 6  # bytes
+_CRC = 2
+_PRIVATE = 0o600
+
+
+class SigningError(Exception):
+    """A key cannot be used; the message names the file and what to do, never the key."""
+
+
+def make_key(path: Path, key: bytes | None = None) -> None:
+    """Write a key file that only its owner can read.
+
+    Args:
+        path: Must not exist.
+        key: 32 bytes; None for random ones.
+
+    Raises:
+        SigningError: The file exists or cannot be written.
+    """
+    try:
+        fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, _PRIVATE)
+    except FileExistsError:
+        raise SigningError(f"{path} exists already; a key is never overwritten") from None
+    except OSError as problem:
+        raise SigningError(f"{path}: cannot be written: {problem.strerror}") from None
+    try:
+        with os.fdopen(fd, "wb") as file:
+            file.write(secrets.token_bytes(KEY_SIZE) if key is None else key)
+    except OSError as problem:
+        path.unlink()
+        raise SigningError(f"{path}: cannot be written: {problem.strerror}") from None
+
+
+def read_key(path: Path | str) -> bytes:
+    """Read a key file.
+
+    Raises:
+        SigningError: It cannot be read, others can read it, or it holds no key.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+            key = file.read(KEY_SIZE + 1)
+    except OSError as problem:
+        hint = "; `gcs key FILE` makes one" if isinstance(problem, FileNotFoundError) else ""
+        raise SigningError(f"signing key {path}: {problem.strerror}{hint}") from None
+    if mode & 0o077:
+        raise SigningError(
+            f"signing key {path}: others can use it, its mode is {mode:04o}, expected 0600; "
+            f"run: chmod 600 {path}"
+        )
+    if len(key) != KEY_SIZE or not any(key):
+        size = "more" if len(key) > KEY_SIZE else "zeros" if len(key) == KEY_SIZE else len(key)
+        raise SigningError(f"signing key {path}: expected {KEY_SIZE} bytes, got {size}")
+    return key
+
+
+def time_file(path: Path | str) -> str:
+    """Name of the file beside a key that keeps the timestamp used last."""
+    return f"{path}.time"
+
+
+def timestamp(unix_s: float) -> int:
+    """The timestamp of a signature [10 µs since 2015] at a Unix time [s]."""
+    return int((unix_s - EPOCH_S) * 1e5)
+
+
+def is_ahead(stamp: int) -> bool:
+    """Tell whether a timestamp is further ahead of the clock than it may be."""
+    return stamp > timestamp(time.time()) + WINDOW
+
+
+def new_time() -> np.ndarray:
+    """Keep the timestamp used last in memory only, int64, shape (1,)."""
+    return np.zeros(1, np.int64)
+
+
+def open_time(path: Path | str) -> np.ndarray:
+    """Keep the timestamp used last beside a key file, so that a restart does not go behind it.
+
+    The file is mapped: all processes of this machine share it, each signature costs one store
+    to memory, what a killed process wrote is kept, and the system writes it to disk at times.
+
+    Returns:
+        int64, shape (1,), sharing the file's memory.
+
+    Raises:
+        SigningError: It cannot be written.
+    """
+    name = time_file(path)
+    try:
+        fd = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, _PRIVATE)
+        try:
+            if os.fstat(fd).st_size < 8:
+                os.ftruncate(fd, 8)
+            return np.frombuffer(mmap.mmap(fd, 8), np.int64)
+        finally:
+            os.close(fd)
+    except OSError as problem:
+        text = f"signing: cannot keep the time of the last signature in {name}"
+        raise SigningError(f"{text}: {problem.strerror}") from None
+
+
+def flagged(frame: bytes) -> bytearray:
+    """An unsigned frame that the dialect knows, up to its signature: flag set, checksum right."""
+    body = bytearray(frame[:-_CRC])
+    body[2] |= dialect.MAVLINK_IFLAG_SIGNED
+    extra = dialect.mavlink_map[int.from_bytes(body[7:10], "little")].crc_extra
+    return body + mcrf4xx(bytes(body[1:]) + bytes([extra])).to_bytes(_CRC, "little")
+
+
+class Signer:
+    """Signs and checks the frames of one link.
+
+    Attributes:
+        refused: Number of frames refused, by reason.
+    """
+
+    def __init__(
+        self,
+        key: bytes,
+        shared: np.ndarray | None = None,
+        link: int = 0,
+        unix_s: Callable[[], float] = time.time,
+        at_least: int = 0,
+    ) -> None:
+        """Make a signer.
+
+        Args:
+            key: 32 bytes.
+            shared: The timestamp used last, of `open_time`.
+            link: Link id to sign with.
+            unix_s: The clock.
+            at_least: Timestamp to begin with, if the clock does not show a later one.
+        """
+        self.refused: Counter[str] = Counter()
+        self._key, self._link, self._unix_s = key, link, unix_s
+        self._shared = new_time() if shared is None else shared
+        self._time = at_least
+        self._newest: dict[tuple[int, int, int], int] = {}
+
+    def __repr__(self) -> str:
+        return f"Signer(link={self._link})"  # the key is nobody's business
+
+    def sign(self, frame: bytes) -> bytes:
+        """Give the signed frame of an unsigned one that the dialect knows."""
+        body = flagged(frame)
+        self._time = self._now(1)
+        self._shared[0] = max(int(self._shared[0]), self._time)
+        body.append(self._link)
+        body += self._time.to_bytes(6, "little")
+        return bytes(body + self._hash(body))
+
+    def accepts(self, frame: bytes) -> bool:
+        """Tell whether a frame may be believed; if not, the reason is counted."""
+        wrong = self.problem(frame)
+        if wrong:
+            self.refused[wrong] += 1
+        return not wrong
+
+    def problem(self, frame: bytes) -> str:
+        """Why a frame must not be believed, in words of `codec.DROP_REASONS`; empty if it may."""
+        size, wrong = frame_size(frame)
+        if wrong or size != len(frame):
+            return wrong or "bytes after the frame"
+        if not frame[2] & dialect.MAVLINK_IFLAG_SIGNED:
+            allowed = int.from_bytes(frame[7:10], "little") in UNSIGNED_ALLOWED
+            return "" if allowed else UNSIGNED
+        link = frame[-_SIGNATURE]
+        if not secrets.compare_digest(self._hash(frame[:-_HASH]), frame[-_HASH:]):
+            return WRONG
+        stamp = int.from_bytes(frame[-_SIGNATURE + 1 : -_HASH], "little")
+        stream, now = (link, frame[5], frame[6]), self._now()
+        newest = self._newest.get(stream, now - WINDOW - 1)
+        if stamp <= newest or link in {PLANT_LINK, FORMATION_LINK} - {self._link}:
+            return REPLAYED
+        if stamp > now + WINDOW:
+            return DROP_REASONS[OUT_OF_RANGE]
+        self._newest[stream] = stamp
+        self._time = max(self._time, stamp)
+        return ""
+
+    def _now(self, more: int = 0) -> int:
+        """The timestamp to use now, after `more` than the last."""
+        clock = timestamp(self._unix_s())
+        return max(self._time + more, int(self._shared[0]) + more, clock)
+
+    def _hash(self, covered: bytes | bytearray) -> bytes:
+        return hashlib.sha256(self._key + covered).digest()[:_HASH]
+
+
+def load_signer(key_file: str | None) -> Signer | None:
+    """The signer of a key file for a ground station link; None without one.
+
+    Raises:
+        SigningError: The key cannot be used.
+    """
+    return None if key_file is None else Signer(read_key(key_file), open_time(key_file))
+
+
+def words_of(refused: Counter[str]) -> str:
+    """Say how many frames were refused for which reasons."""
+    return ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))

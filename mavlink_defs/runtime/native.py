@@ -1,0 +1,205 @@
+"""UDP sockets and the clock for compiled code: libc's own functions, called without Python.
+
+Sockets are made and closed by `mavlink_defs.endpoint`; compiled loops get their file
+descriptors. Nothing here raises: a failed call returns -1, and a signal that interrupts a wait
+ends it early, so that the caller can look at its stop flag.
+
+POSIX systems with 64-bit `long` only (Linux, macOS, BSD). With ``NUMBA_DISABLE_JIT=1`` the same
+functions call the same libc through ctypes.
+
+A connected UDP socket reports that nobody listened to an earlier datagram (ECONNREFUSED) at the
+next call, which then does nothing else. `send` and `send_to` therefore try twice; `receive`
+returns -1 long before its timeout, so that a caller must look at the clock, not count timeouts.
+"""
+
+import ctypes
+import socket
+import time
+from collections.abc import Callable
+from typing import Any, cast
+
+import numba
+import numpy as np
+from numba import types
+
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["ADDRESS_SIZE", "monotonic_s", "receive", "receive_from", "receive_from_now",
+           "receive_from_soon", "receive_soon", "same_address", "send", "send_to",
+           "sleep_until", "unix_s"]  # fmt: skip
+
+ADDRESS_SIZE = 16  # struct sockaddr_in
+
+_MONOTONIC, _UNIX = int(time.CLOCK_MONOTONIC), int(time.CLOCK_REALTIME)
+_NOW = int(socket.MSG_DONTWAIT)
+_YIELDS = 100  # about a tenth of a millisecond
+_NUMBA_TYPES: dict[object, Any] = {
+    ctypes.c_int: types.int32,
+    ctypes.c_void_p: types.uintp,
+    ctypes.c_size_t: types.uintp,
+    ctypes.c_ssize_t: types.intp,
+}
+
+
+def _libc(name: str, result: type, *arguments: type) -> Callable[..., int]:
+    if vars(numba.config)["DISABLE_JIT"]:
+        function = getattr(ctypes.CDLL(None), name)
+        function.restype, function.argtypes = result, arguments
+    else:  # resolved by name when the code is loaded, so that it can lie in the cache
+        signature = _NUMBA_TYPES[result](*(_NUMBA_TYPES[argument] for argument in arguments))
+        function = types.ExternalFunction(name, signature)
+    return cast(Callable[..., int], function)
+
+
+_INT, _POINTER, _SIZE, _SSIZE = ctypes.c_int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_ssize_t
+_recv = _libc("recv", _SSIZE, _INT, _POINTER, _SIZE, _INT)
+_recvfrom = _libc("recvfrom", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _POINTER)
+_send = _libc("send", _SSIZE, _INT, _POINTER, _SIZE, _INT)
+_sendto = _libc("sendto", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _INT)
+_clock_gettime = _libc("clock_gettime", _INT, _INT, _POINTER)
+_sched_yield = _libc("sched_yield", _INT)
+_nanosleep = _libc("nanosleep", _INT, _POINTER, _POINTER)
+
+
+@compiled
+def receive(fd: int, buffer: np.ndarray) -> int:
+    """Wait for one datagram, at most for the socket's receive timeout.
+
+    Args:
+        fd: File descriptor of a blocking socket, see `endpoint.set_receive_timeout`.
+        buffer: Where to put it, uint8; what does not fit is cut off.
+
+    Returns:
+        Length [bytes], or -1 on timeout, signal or error.
+    """
+    return _recv(fd, buffer.ctypes.data, buffer.size, 0)
+
+
+@compiled
+def receive_soon(fd: int, buffer: np.ndarray) -> int:
+    """Take one datagram that is expected within microseconds; otherwise as `receive`.
+
+    The processor is offered to others, but does not fall asleep, for the first moments:
+    waking it again would take longer than all the work of a lockstep step.
+    """
+    for _ in range(_YIELDS):
+        length = _recv(fd, buffer.ctypes.data, buffer.size, _NOW)
+        if length >= 0:
+            return length
+        _sched_yield()
+    return _recv(fd, buffer.ctypes.data, buffer.size, 0)
+
+
+@compiled
+def receive_from(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
+    """Wait for one datagram and its sender, at most for the socket's receive timeout.
+
+    Args:
+        fd: File descriptor of a blocking IPv4 socket.
+        buffer: Where to put the datagram, uint8.
+        address: Where to put the sender's sockaddr_in, uint8, shape (ADDRESS_SIZE,).
+
+    Returns:
+        Length [bytes], or -1 on timeout, signal or error.
+    """
+    return _receive_from(fd, buffer, address, np.full(1, ADDRESS_SIZE, np.uint32), 0)
+
+
+@compiled
+def receive_from_soon(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
+    """Take one datagram and its sender, expected within microseconds; see `receive_soon`."""
+    size = np.full(1, ADDRESS_SIZE, np.uint32)
+    for _ in range(_YIELDS):
+        length = _receive_from(fd, buffer, address, size, _NOW)
+        if length >= 0:
+            return length
+        _sched_yield()
+    return _receive_from(fd, buffer, address, size, 0)
+
+
+@compiled
+def receive_from_now(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
+    """Take one datagram and its sender if one is there; otherwise as `receive_from`."""
+    return _receive_from(fd, buffer, address, np.full(1, ADDRESS_SIZE, np.uint32), _NOW)
+
+
+@compiled
+def same_address(a: np.ndarray, b: np.ndarray) -> bool:
+    """Tell whether two sockaddr_in have the same port and IPv4 address."""
+    for k in range(2, 8):
+        if a[k] != b[k]:
+            return False
+    return True
+
+
+@compiled
+def send(fd: int, buffer: np.ndarray, length: int) -> int:
+    """Send buffer[:length] to the peer of a connected socket, without waiting.
+
+    Returns:
+        The length, or -1 when the datagram was not sent (full socket buffer, no route, …).
+    """
+    sent = _send(fd, buffer.ctypes.data, length, _NOW)
+    if sent < 0:  # perhaps only the late error of an earlier datagram
+        sent = _send(fd, buffer.ctypes.data, length, _NOW)
+    return sent
+
+
+@compiled
+def send_to(fd: int, buffer: np.ndarray, length: int, address: np.ndarray) -> int:
+    """Send buffer[:length] to a sockaddr_in of shape (ADDRESS_SIZE,); otherwise as `send`."""
+    data = buffer.ctypes.data
+    sent = _sendto(fd, data, length, _NOW, address.ctypes.data, ADDRESS_SIZE)
+    if sent < 0:
+        sent = _sendto(fd, data, length, _NOW, address.ctypes.data, ADDRESS_SIZE)
+    return sent
+
+
+@compiled
+def monotonic_s() -> float:
+    """The time of `time.monotonic` [s]."""
+    timespec = np.empty(2, np.int64)
+    _read_clock(_MONOTONIC, timespec)
+    return float(timespec[0] + 1e-9 * timespec[1])
+
+
+@compiled
+def unix_s() -> float:
+    """The time of `time.time` [s]."""
+    timespec = np.empty(2, np.int64)
+    _read_clock(_UNIX, timespec)
+    return float(timespec[0] + 1e-9 * timespec[1])
+
+
+@compiled
+def sleep_until(t_s: float) -> None:
+    """Sleep until `monotonic_s` reaches `t_s` [s]; at once if past, early on a signal."""
+    remaining_s = t_s - monotonic_s()
+    if remaining_s > 0.0:
+        timespec = np.empty(2, np.int64)
+        timespec[0] = int(remaining_s)
+        timespec[1] = int((remaining_s - timespec[0]) * 1e9)
+        _pause(timespec)
+
+
+# An array must outlive the call that gets its address. Compiled code frees an array after its
+# last use, and taking the address is one; arguments live on, since the caller holds them.
+
+
+@compiled
+def _receive_from(
+    fd: int, buffer: np.ndarray, address: np.ndarray, size: np.ndarray, flags: int
+) -> int:
+    return _recvfrom(
+        fd, buffer.ctypes.data, buffer.size, flags, address.ctypes.data, size.ctypes.data
+    )
+
+
+@compiled
+def _read_clock(clock: int, timespec: np.ndarray) -> int:
+    return _clock_gettime(clock, timespec.ctypes.data)
+
+
+@compiled
+def _pause(timespec: np.ndarray) -> int:
+    return _nanosleep(timespec.ctypes.data, 0)

@@ -1,0 +1,1 @@
+"""MAVLink microservices as machines without sockets and clocks, both sides."""

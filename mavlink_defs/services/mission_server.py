@@ -1,0 +1,376 @@
+"""The mission microservice (https://mavlink.io/en/services/mission.html), vehicle side."""
+
+import copy
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+from mavlink_defs import dialect
+from mavlink_defs.dialect import (
+    MAVLink_message,
+    MAVLink_mission_ack_message,
+    MAVLink_mission_clear_all_message,
+    MAVLink_mission_count_message,
+    MAVLink_mission_current_message,
+    MAVLink_mission_item_int_message,
+    MAVLink_mission_item_message,
+    MAVLink_mission_request_int_message,
+    MAVLink_mission_request_list_message,
+    MAVLink_mission_request_message,
+    MAVLink_mission_request_partial_list_message,
+    MAVLink_mission_set_current_message,
+    MAVLink_mission_write_partial_list_message,
+)
+from mavlink_defs.profile import MAX_ITEMS, ProfileError
+from mavlink_defs.services.machine import Address, Machine, is_for, sender_of
+from mavlink_defs.services.mission import (
+    ITEM_TIMEOUT_S,
+    MAX_RETRIES,
+    MissionItem,
+    item_as_int,
+)
+
+__all__ = [
+    "CurrentChanged",
+    "MissionAccepted",
+    "MissionEvent",
+    "MissionRefused",
+    "MissionServer",
+]
+
+_MISSION = dialect.MAV_MISSION_TYPE_MISSION
+_TYPES = (_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY)
+_NO_MISSION = 0xFFFF
+_MAX_READERS = 16
+
+
+@dataclass(frozen=True)
+class MissionAccepted:
+    """A new mission is in force; without items (or with home alone) it has been cleared."""
+
+    items: tuple[MissionItem, ...]
+
+
+@dataclass(frozen=True)
+class MissionRefused:
+    """Something was refused; the mission in force is as before.
+
+    Attributes:
+        result: MAV_MISSION_RESULT.
+        text: What to say about it in a STATUSTEXT.
+    """
+
+    result: int
+    text: str
+
+
+@dataclass(frozen=True)
+class CurrentChanged:
+    """The current item was set to `seq`; its MISSION_CURRENT is among the messages to send."""
+
+    seq: int
+
+
+MissionEvent: TypeAlias = MissionAccepted | MissionRefused | CurrentChanged
+
+
+class _Client(NamedTuple):
+    """Who is talking: an address, and the station that it is heard from."""
+
+    address: Address
+    station: int
+
+
+@dataclass
+class _Upload:
+    """An upload, going on (`result` None) or over: then only its last item is kept."""
+
+    sender: _Client
+    mission_type: int
+    count: int
+    items: list[MissionItem] = field(default_factory=list)
+    retries: int = 0
+    deadline: float = 0.0
+    result: int | None = None
+
+    def differs(self, item: MissionItem | MAVLink_mission_item_message, index: int) -> bool:
+        """Whether an item is another one than that of its number, which we have."""
+        return bool(self.items) and _content(item_as_int(item)) != _content(self.items[index])
+
+
+class MissionServer(Machine[MissionEvent]):
+    """Holds the mission of one vehicle and answers every client.
+
+    A mission is replaced only when the new one is complete and valid. Geofences and rally
+    points are always empty. One client can upload at a time; any number can download, and a
+    download that a change of the mission overtakes is cancelled, so that none is a mixture.
+
+    Two ground stations may have the same address by mistake. Their uploads are not mixed: from
+    another station the second one is denied; from the same one it must wait until the first is
+    over or stuck, and is cancelled with it when they are seen to differ.
+
+    The vehicle keeps `mission_state` (MISSION_STATE) and `mission_mode` (of MISSION_CURRENT)
+    up to date, and broadcasts `mission_current()` at its own rate besides.
+
+    Attributes:
+        asking: The station that the addressed messages to send are for.
+    """
+
+    def __init__(
+        self,
+        own: Address,
+        validate: Callable[[Sequence[MissionItem]], None],
+        max_items: int = MAX_ITEMS,
+        home: MissionItem | None = None,
+    ) -> None:
+        """Start without a mission.
+
+        Args:
+            own: Address of the vehicle.
+            validate: Raises ProfileError for a mission that the vehicle cannot fly.
+            max_items: Most items that a mission may have, home included.
+            home: What item 0 of every mission is, whatever was uploaded; None leaves it.
+        """
+        super().__init__()
+        self._own, self._validate, self._max_items = own, validate, max_items
+        self._home = home
+        self._items: tuple[MissionItem, ...] = ()
+        self._current = 0
+        self._upload: _Upload | None = None
+        self._revision = 0
+        self._readers: dict[_Client, int] = {}  # downloads going on: revision that they read
+        self.mission_state = 0
+        self.mission_mode = 0
+        self.asking = 0
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """The mission in force, home included."""
+        return self._items
+
+    @property
+    def current(self) -> int:
+        """Number of the current item."""
+        return self._current
+
+    def set_current(self, seq: int) -> bool:
+        """Make `seq` the current item and announce it; False if there is no such item."""
+        if not 0 <= seq < len(self._items):
+            return False
+        self._current = seq
+        self._outbox.append(self.mission_current())
+        self._happened.append(CurrentChanged(seq))
+        return True
+
+    def mission_current(self) -> MAVLink_mission_current_message:
+        """Give the message that tells the current item; home does not count in its total."""
+        total = len(self._items) - 1 if len(self._items) > 1 else _NO_MISSION
+        return MAVLink_mission_current_message(
+            self._current, total, self.mission_state, self.mission_mode
+        )
+
+    def receive(self, message: MAVLink_message, now: float, station: int = 0) -> None:
+        """Take in any message; those of the mission protocol that are for us are answered.
+
+        Args:
+            message: The message.
+            now: Time [s].
+            station: Tells apart where messages come from; answers must go back there.
+        """
+        if not is_for(message, self._own):
+            return
+        sender = _Client(sender_of(message), station)
+        self.asking = station
+        match message:
+            case MAVLink_mission_count_message():
+                self._on_count(message, sender, now)
+            case MAVLink_mission_item_int_message() | MAVLink_mission_item_message():
+                self._on_item(message, sender, now)
+            case MAVLink_mission_request_list_message():
+                self._on_request_list(message, sender)
+            case MAVLink_mission_request_int_message() | MAVLink_mission_request_message():
+                self._on_request(message.seq, message.mission_type, sender)
+            case MAVLink_mission_clear_all_message():
+                self._on_clear(message, sender)
+            case MAVLink_mission_ack_message():
+                self._on_ack(message, sender)
+            case MAVLink_mission_set_current_message():
+                if not self.set_current(message.seq):
+                    text = f"Mission has no item {message.seq} to go to"
+                    refused = MissionRefused(dialect.MAV_MISSION_INVALID_SEQUENCE, text)
+                    self._happened.append(refused)
+            case (
+                MAVLink_mission_write_partial_list_message()
+                | MAVLink_mission_request_partial_list_message()
+            ):
+                self._ack(sender, message.mission_type, dialect.MAV_MISSION_UNSUPPORTED)
+
+    def handle_timer(self, now: float) -> None:
+        """Ask for the awaited item again, or cancel the upload."""
+        upload = self._going_on()
+        if upload is None or now < upload.deadline:
+            return
+        self.asking = upload.sender.station
+        if upload.retries >= MAX_RETRIES:
+            text = f"Mission upload: item {len(upload.items)} did not come"
+            self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
+        else:
+            upload.retries += 1
+            self._request_item(upload, now)
+
+    def deadline(self) -> float | None:
+        """Give the time at which an awaited item is asked for again [s]."""
+        upload = self._going_on()
+        return None if upload is None else upload.deadline
+
+    def _going_on(self) -> _Upload | None:
+        upload = self._upload
+        return upload if upload is not None and upload.result is None else None
+
+    def _busy_for(self, sender: _Client) -> bool:
+        upload = self._going_on()
+        return upload is not None and upload.sender != sender
+
+    def _on_count(
+        self, message: MAVLink_mission_count_message, sender: _Client, now: float
+    ) -> None:
+        mission_type, count = message.mission_type, message.count
+        if self._busy_for(sender):
+            self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
+            return
+        before = self._going_on()
+        if before is not None and before.retries == 0:
+            if (before.mission_type, before.count) != (mission_type, count):
+                text = f"Mission upload: another one of {count} items was begun meanwhile"
+                self._end_upload(before, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
+            return  # late, or of another client with this address
+        # When items do not come it begins anew: it may be a restarted client's other mission.
+        self._upload = upload = _Upload(sender, mission_type, count)
+        if mission_type not in _TYPES or (mission_type != _MISSION and count > 0):
+            text = f"Mission type {mission_type} is not supported"
+            self._end_upload(upload, dialect.MAV_MISSION_UNSUPPORTED, text)
+        elif count > self._max_items:
+            text = f"Mission has {count} items, at most {self._max_items} fit"
+            self._end_upload(upload, dialect.MAV_MISSION_NO_SPACE, text)
+        elif count == 0:  # the same as clearing
+            self._replace(mission_type, ())
+            self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
+        else:
+            self._request_item(upload, now)
+
+    def _on_item(
+        self, item: MissionItem | MAVLink_mission_item_message, sender: _Client, now: float
+    ) -> None:
+        upload = self._upload
+        if upload is None or (upload.sender, upload.mission_type) != (sender, item.mission_type):
+            self._ack(sender, item.mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
+        elif upload.result is not None:
+            # A last item that comes again asks for the answer that was lost; others are late.
+            if upload.result != dialect.MAV_MISSION_ACCEPTED:
+                self._ack(sender, item.mission_type, upload.result)
+            elif item.seq == upload.count - 1:
+                differs = upload.differs(item, -1)
+                result = dialect.MAV_MISSION_INVALID_SEQUENCE if differs else upload.result
+                self._ack(sender, item.mission_type, result)
+        elif item.seq == len(upload.items):
+            upload.items.append(item_as_int(item))
+            upload.retries = 0
+            if len(upload.items) < upload.count:
+                self._request_item(upload, now)
+            else:
+                self._complete(upload)
+        elif item.seq > len(upload.items):
+            self._request_item(upload, now)  # out of sequence: the expected one is asked for
+        elif upload.differs(item, item.seq):
+            text = f"Mission upload: item {item.seq} came twice, with different contents"
+            self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
+        # An item that we have came twice. To ask then would double all that follow.
+
+    def _complete(self, upload: _Upload) -> None:
+        try:
+            self._validate(upload.items)
+        except ProfileError as error:
+            self._end_upload(upload, error.mav_mission_result, error.text)
+        else:
+            home = upload.items[:1] if self._home is None else [self._home]
+            self._replace(upload.mission_type, (*home, *upload.items[1:]))
+            self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
+
+    def _on_request_list(
+        self, message: MAVLink_mission_request_list_message, sender: _Client
+    ) -> None:
+        mission_type = message.mission_type
+        if mission_type not in _TYPES:
+            self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
+            return
+        count = 0
+        if mission_type == _MISSION:
+            count = len(self._items)
+            self._readers.pop(sender, None)
+            self._readers[sender] = self._revision
+            if len(self._readers) > _MAX_READERS:
+                del self._readers[next(iter(self._readers))]
+        self._outbox.append(MAVLink_mission_count_message(*sender.address, count, mission_type))
+
+    def _on_request(self, seq: int, mission_type: int, sender: _Client) -> None:
+        if mission_type != _MISSION or seq >= len(self._items):
+            self._ack(sender, mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
+        elif self._readers.get(sender, self._revision) != self._revision:
+            # Until it asks for the list again: this answer can be lost, too.
+            self._ack(sender, mission_type, dialect.MAV_MISSION_OPERATION_CANCELLED)
+        else:
+            item = copy.copy(self._items[seq])
+            item.target_system, item.target_component = sender.address
+            item.current = int(seq == self._current)
+            self._outbox.append(item)
+
+    def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: _Client) -> None:
+        mission_type = message.mission_type
+        if mission_type not in {*_TYPES, dialect.MAV_MISSION_TYPE_ALL}:
+            self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
+        elif self._busy_for(sender):
+            self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
+        else:
+            self._upload = None
+            self._replace(mission_type, ())
+            self._ack(sender, mission_type, dialect.MAV_MISSION_ACCEPTED)
+
+    def _on_ack(self, message: MAVLink_mission_ack_message, sender: _Client) -> None:
+        self._readers.pop(sender, None)
+        upload = self._going_on()
+        if upload is None or message.type == dialect.MAV_MISSION_ACCEPTED:
+            return  # an acceptance ends a download
+        if (upload.sender, upload.mission_type) == (sender, message.mission_type):
+            upload.result = dialect.MAV_MISSION_OPERATION_CANCELLED  # the sender knows
+
+    def _replace(self, mission_type: int, items: tuple[MissionItem, ...]) -> None:
+        if mission_type not in {_MISSION, dialect.MAV_MISSION_TYPE_ALL}:
+            return  # geofence and rally points are empty as it is
+        self._items, self._current = items, 0
+        self._revision += 1
+        self._happened.append(MissionAccepted(items))
+
+    def _request_item(self, upload: _Upload, now: float) -> None:
+        upload.deadline = now + ITEM_TIMEOUT_S
+        request = MAVLink_mission_request_int_message(
+            *upload.sender.address, len(upload.items), upload.mission_type
+        )
+        self._outbox.append(request)
+
+    def _end_upload(self, upload: _Upload, result: int, text: str = "") -> None:
+        upload.result = result
+        upload.items = upload.items[-1:]
+        self._ack(upload.sender, upload.mission_type, result)
+        if result != dialect.MAV_MISSION_ACCEPTED:
+            self._happened.append(MissionRefused(result, text))
+
+    def _ack(self, sender: _Client, mission_type: int, result: int) -> None:
+        self._outbox.append(MAVLink_mission_ack_message(*sender.address, result, mission_type))
+
+
+def _content(item: MissionItem) -> bytes:
+    """Give all that makes an item, as bytes: NaN is equal to itself there."""
+    i = item
+    numbers = (i.param1, i.param2, i.param3, i.param4, i.z, i.x, i.y, i.command, i.frame)
+    return struct.pack("<5f2i2H", *numbers)

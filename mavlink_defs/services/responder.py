@@ -1,0 +1,74 @@
+"""Short answers that a vehicle owes its peers: ping, time, and "no" to what it does not have.
+
+https://mavlink.io/en/services/ping.html, timesync.html, ftp.html; the log download is
+ArduPilot's. Who asks for files or logs is told at once that there are none, and need not wait.
+"""
+
+from mavlink_defs.dialect import (
+    MAVLink_file_transfer_protocol_message,
+    MAVLink_log_entry_message,
+    MAVLink_log_request_list_message,
+    MAVLink_message,
+    MAVLink_ping_message,
+    MAVLink_timesync_message,
+)
+from mavlink_defs.services.machine import Address, Machine, is_for, sender_of
+
+__all__ = ["Courtesy"]
+
+_FTP_SIZE = 251
+_FTP_REQUESTS = range(1, 128)  # op codes; the others are answers
+_FTP_NAK = 129
+_FTP_UNKNOWN_COMMAND = 7
+_MAX_NS = 2**63 - 1
+
+
+class Courtesy(Machine[None]):
+    """Answers, and remembers nothing."""
+
+    def __init__(self, own: Address) -> None:
+        super().__init__()
+        self._own = own
+
+    def receive(self, message: MAVLink_message, now: float) -> None:
+        """Take in any message; answer it if that is all there is to do.
+
+        Args:
+            message: The message.
+            now: Time by the clock that the vehicle's time stamps have [s].
+        """
+        if not is_for(message, self._own):
+            return
+        sender = sender_of(message)
+        match message:
+            case MAVLink_ping_message(target_system=0, target_component=0):
+                answer = MAVLink_ping_message(message.time_usec, message.seq, *sender)
+                self._outbox.append(answer)
+            case MAVLink_timesync_message(tc1=0):
+                own_ns = min(max(round(now * 1e9), 1), _MAX_NS)
+                self._outbox.append(MAVLink_timesync_message(own_ns, message.ts1))
+            case MAVLink_file_transfer_protocol_message():
+                self._refuse_file(message, sender)
+            case MAVLink_log_request_list_message():
+                self._outbox.append(MAVLink_log_entry_message(0, 0, 0, 0, 0))
+
+    def handle_timer(self, now: float) -> None:
+        """Do nothing: nothing is ever due."""
+
+    def deadline(self) -> float | None:
+        """None: nothing is ever awaited."""
+        return None
+
+    def _refuse_file(
+        self, message: MAVLink_file_transfer_protocol_message, sender: Address
+    ) -> None:
+        sequence, session, opcode = (
+            message.payload[0] | message.payload[1] << 8, message.payload[2], message.payload[3],
+        )  # fmt: skip
+        if opcode not in _FTP_REQUESTS:
+            return
+        following = (sequence + 1) & 0xFFFF
+        head = [following & 0xFF, following >> 8, session, _FTP_NAK, 1, opcode, 0, 0]
+        payload = [*head, 0, 0, 0, 0, _FTP_UNKNOWN_COMMAND]
+        payload += [0] * (_FTP_SIZE - len(payload))
+        self._outbox.append(MAVLink_file_transfer_protocol_message(0, *sender, payload))

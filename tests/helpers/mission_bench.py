@@ -1,0 +1,98 @@
+"""Missions, messages and a vehicle for the tests of the mission service."""
+
+import struct
+from collections.abc import Sequence
+
+from lossy_network import GCS, VEHICLE, over_the_wire
+
+from mavlink_defs import dialect
+from mavlink_defs.dialect import (
+    MAVLink_message,
+    MAVLink_mission_count_message,
+    MAVLink_mission_request_int_message,
+)
+from mavlink_defs.profile import (
+    AirspeedLimits,
+    Segment,
+    check_mission,
+    segments_to_items,
+)
+from mavlink_defs.services.machine import Address
+from mavlink_defs.services.mission import MissionItem
+from mavlink_defs.services.mission_server import MissionServer
+
+ACCEPTED = dialect.MAV_MISSION_ACCEPTED
+CANCELLED = dialect.MAV_MISSION_OPERATION_CANCELLED
+FENCE = dialect.MAV_MISSION_TYPE_FENCE
+RALLY = dialect.MAV_MISSION_TYPE_RALLY
+ALL = dialect.MAV_MISSION_TYPE_ALL
+
+
+def mission(segments: int, airspeed: float = 30.0) -> list[MissionItem]:
+    return segments_to_items(
+        [Segment(float(i), airspeed, 0.5 * i, 0.9, -0.1, ramp=False) for i in range(segments)],
+        *VEHICLE,
+    )
+
+
+def contents(items: Sequence[MissionItem]) -> list[bytes]:
+    return [
+        struct.pack(
+            "<4f2if2H", i.param1, i.param2, i.param3, i.param4, i.x, i.y, i.z, i.seq, i.command
+        )
+        for i in items
+    ]
+
+
+def validate(items: Sequence[MissionItem]) -> None:
+    check_mission(items, AirspeedLimits(15.0, 45.0))
+
+
+def item(seq: int, source: Sequence[MissionItem] | None = None) -> MissionItem:
+    return (mission(9) if source is None else source)[seq]
+
+
+def count(n: int, mission_type: int = 0) -> MAVLink_mission_count_message:
+    return MAVLink_mission_count_message(*VEHICLE, n, mission_type)
+
+
+def request(seq: int, mission_type: int = 0) -> MAVLink_mission_request_int_message:
+    return MAVLink_mission_request_int_message(*VEHICLE, seq, mission_type)
+
+
+class Vehicle:
+    """A server that is talked to one message at a time."""
+
+    def __init__(self, segments: int = 0) -> None:
+        self.server = MissionServer(VEHICLE, validate)
+        if segments:
+            self.upload(mission(segments))
+            self.server.events()
+
+    def answers(
+        self, message: MAVLink_message, source: Address = GCS, now: float = 0.0
+    ) -> list[tuple[str, int]]:
+        """Type of each answer, and what it says."""
+        self.server.receive(over_the_wire(message, source), now)
+        return self.sent(source)
+
+    def sent(self, to: Address = GCS) -> list[tuple[str, int]]:
+        found = []
+        for message in self.server.messages_to_send():
+            if hasattr(message, "target_system"):
+                assert (message.target_system, message.target_component) == to
+            said = next(n for n in ("type", "count", "seq") if hasattr(message, n))
+            found.append((message.get_type(), getattr(message, said)))
+        return found
+
+    def upload(self, items: Sequence[MissionItem], source: Address = GCS) -> int:
+        (answer,) = self.answers(count(len(items)), source)
+        for i in range(len(items)):
+            assert answer == ("MISSION_REQUEST_INT", i)
+            (answer,) = self.answers(items[i], source)
+        assert answer[0] == "MISSION_ACK"
+        return answer[1]
+
+
+def ack(result: int) -> list[tuple[str, int]]:
+    return [("MISSION_ACK", result)]

@@ -1,0 +1,190 @@
+"""Laws beside the paper's, chosen by name, and the records that they are given."""
+
+import math
+from typing import Literal
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import Field
+
+from ftc_autopilot.config import Trigger
+from ftc_autopilot.control.controller import (
+    CONTROLLER,
+    SIGNALS,
+    control_step,
+    new_controller,
+    parameter_record,
+)
+from ftc_autopilot.control.laws import KINDS, LAWS
+from ftc_autopilot.control.laws.backstepping import Backstepping, surfaces_for
+from ftc_autopilot.control.laws.pid import Pid
+from ftc_autopilot.control.motion import motion_of
+from ftc_autopilot.control.records import fill, record_dtype
+from ftc_autopilot.control.schedule import Schedule, schedule
+from gcs.fleet.in_process import fly_in_process
+from gcs.scenario.model import Scenario
+from mavlink_defs.config.models import Model
+from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
+from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration, gravity_body
+from sitl_plant.vec3 import mat3
+
+DT = 1e-3
+angle = st.floats(-0.5, 0.5)
+rate = st.floats(-1.0, 1.0)
+
+
+class Pilot:
+    """One law, one aircraft, no neighbours."""
+
+    def __init__(self, law: Backstepping | Pid, nominal: np.void) -> None:
+        self.nominal = nominal
+        self.parameters = parameter_record(law, Trigger(mode="periodic"))
+        self.state = new_controller()
+        self.signals = np.zeros(1, SIGNALS)[0]
+
+    def step(
+        self, phi: tuple[float, ...], omega: tuple[float, ...] = (0.0, 0.0, 0.0), V: float = 45.0
+    ) -> np.void:
+        """One step towards level flight at 45 m/s; gives the signals."""
+        message = np.zeros(1, SIM_STATE)[0]
+        message["velocity"] = (V, 0.0, 0.0)
+        message["attitude"], message["rates"] = phi, omega
+        message["specific_force"] = -np.array(gravity_body(phi, self.nominal["g"]))
+        self.motion = motion_of(message, self.nominal)
+        control_step(
+            0.0, DT, self.motion, np.array([45.0, 0.0, 0.0, 0.0]), np.zeros(0, NEIGHBOUR),
+            np.zeros(0), self.nominal, self.parameters, self.state, np.zeros(16, np.float32),
+            self.signals,
+        )  # fmt: skip
+        return self.signals
+
+
+@given(st.tuples(rate, rate, rate))
+def test_surfaces_make_the_moment_that_is_wanted(
+    nominal: np.void, moment: tuple[float, float, float]
+) -> None:
+    C = motion_of(_straight(), nominal).air.C
+    assert np.allclose(np.array(C) @ surfaces_for(moment, C), moment, atol=1e-12)
+
+
+def _straight() -> np.void:
+    message: np.void = np.zeros(1, SIM_STATE)[0]
+    message["velocity"] = (45.0, 1.0, 2.0)
+    return message
+
+
+@given(st.tuples(angle, angle, angle), st.tuples(rate, rate, rate), st.floats(30.0, 60.0))
+def test_backstepping_inverts_the_nominal_model(
+    nominal: np.void, phi: tuple[float, ...], omega: tuple[float, ...], V: float
+) -> None:
+    law = Backstepping(K1=(3.0, 4.0, 5.0), K2=(6.0, 7.0, 8.0))  # type: ignore[arg-type]
+    pilot = Pilot(law, nominal)
+    signals = pilot.step(phi, omega, V)
+    air, e = pilot.motion.air, np.array(phi)
+    J, J_inv = mat3(nominal["J"]), mat3(nominal["J_inv"])
+
+    e_prime = law.lambda3 * e
+    omega_d = np.array(R2(phi)) @ (-np.array([3.0, 4.0, 5.0]) * e_prime / law.lambda3)
+    moment = np.array(air.N) + np.array(air.C) @ signals["demand"][:3]
+    omega_dot = np.array(angular_acceleration(omega, tuple(moment), J, J_inv))
+    wanted = -np.array([6.0, 7.0, 8.0]) * (np.array(omega) - omega_d)
+    wanted -= law.lambda3 * np.array(R2_inv(phi)).T @ e_prime  # ω̇_d = 0 in the first step
+    assert np.allclose(omega_dot, wanted, atol=1e-9)
+
+    force = np.add(air.F, (signals["demand"][3], 0.0, 0.0))
+    gravity = np.array(pilot.motion.gravity)
+    V_dot = np.array(pilot.motion.v) @ (force / nominal["m"] + gravity) / V
+    assert V_dot == pytest.approx(-law.c_v * (V - 45.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_pid_turns_against_the_error(nominal: np.void, axis: int) -> None:
+    error = [0.0, 0.0, 0.0]
+    error[axis] = 0.1
+    demand = Pilot(Pid(), nominal).step(tuple(error))["demand"][:3]
+    assert demand[axis] > 0.01  # a positive deflection makes a negative moment
+    assert abs(demand[axis]) == max(abs(demand))
+
+
+def test_pid_gives_thrust_to_be_faster(nominal: np.void) -> None:
+    slow, fast = (Pilot(Pid(), nominal).step((0.0, 0.0, 0.0), V=V)["demand"][3] for V in (44, 46))
+    assert slow == pytest.approx(900.0 + 206.0)
+    assert fast == pytest.approx(900.0 - 206.0)
+
+
+@pytest.mark.parametrize("phi", [0.02, 0.5])
+def test_pid_does_not_wind_up(nominal: np.void, phi: float) -> None:
+    pilot = Pilot(Pid(integral_limit_deg=(5.0, 5.0, 5.0)), nominal)
+    for _ in range(2000):
+        pilot.step((phi, 0.0, 0.0), V=3.5)  # far too slow: both at their limits
+    integral = pilot.state["pid"]["integral"][0]
+    assert abs(integral) <= math.radians(5.0) * (1.0 + 1e-12)
+    thrust = pilot.state["pid"]["thrust_integral"]
+    assert thrust <= nominal["thrust_limit"] + 1.0
+
+
+def test_pid_holds_the_trim_of_every_surface(scenario1: Scenario) -> None:
+    tree = scenario1.model_dump() | {"faults": (), "controller": {"kind": "pid"}}
+    flight = fly_in_process(Scenario.model_validate(tree))
+    last = np.abs(np.degrees(flight.signals["error"][-1000:, :, 1:])).max(axis=(0, 1))
+    assert np.degrees(np.abs(flight.signals["held"][-1, :, 2])).max() > 20.0
+    assert max(last) < 0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("mode", ["per_channel", "joint", "periodic"])
+def test_every_law_flies_with_every_trigger(scenario1: Scenario, kind: str, mode: str) -> None:
+    tree = scenario1.model_dump() | {"duration_s": 1.0, "faults": ()}
+    tree |= {"controller": {"kind": kind}, "trigger": {"mode": mode}}
+    flight = fly_in_process(Scenario.model_validate(tree))
+    assert flight.loss is None
+    errors = np.abs(flight.signals["error"][500:])
+    assert errors[..., 0].max() < 1.5  # m/s
+    assert np.degrees(errors[..., 1:]).max() < 2.0
+    sent = [(flight.signals["events"] >> c & 1).sum(axis=0) for c in range(4)]
+    if mode == "periodic":
+        assert np.all(np.array(sent) == 1000)
+    else:
+        assert np.all(np.array(sent) < 900)
+    if mode == "joint":
+        assert np.array_equal(sent[0], sent[1])
+
+
+def test_laws_go_by_the_name_in_their_kind() -> None:
+    assert KINDS[0] == "proposed"
+    for kind, law in LAWS.items():
+        assert law().kind == kind
+        assert CONTROLLER[kind] == law.STATE
+
+
+class Inner(Model):
+    count: int = 3
+
+
+class Numbers(Model):
+    kind: Literal["numbers"] = "numbers"
+    gain: float = 1.5
+    choice: Literal["a", "b", "c"] = "b"
+    axes: tuple[float, float, float] = (1.0, 2.0, 3.0)
+    course: Schedule[float] = schedule([{"until_s": 2.0, "value": 7.0}, {"value": 8.0}])
+    inner: Inner = Inner()
+
+
+def test_a_record_holds_what_a_model_says() -> None:
+    record = np.zeros(1, record_dtype(Numbers))[0]
+    fill(record, Numbers())
+    assert record.dtype.names == ("gain", "choice", "axes", "course", "inner")
+    assert (record["gain"], record["choice"], record["inner"]["count"]) == (1.5, 1, 3)
+    assert list(record["axes"]) == [1.0, 2.0, 3.0]
+    assert record["course"][0].tolist() == [2.0, 7.0, 7.0, 7.0]
+    assert record["course"][1, 1] == 8.0
+
+
+def test_a_parameter_that_no_record_can_hold_is_refused() -> None:
+    class Wrong(Model):
+        names: list[str] = Field(default=[])
+
+    with pytest.raises(TypeError, match="parameter of type list"):
+        record_dtype(Wrong)

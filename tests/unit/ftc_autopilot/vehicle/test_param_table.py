@@ -1,0 +1,126 @@
+"""Parameters of a vehicle: what there is, and that compiled code flies what is set."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from ftc_autopilot.control.controllers import NOT_STARTED, Crew, new_crew
+from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.schedule import scheduled
+from ftc_autopilot.link import new_link
+from ftc_autopilot.vehicle.param_table import parameters_of
+from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs import dialect
+from mavlink_defs.services.param_server import (
+    INT32,
+    MAX_NAME,
+    REAL32,
+    Parameter,
+    ParamValueError,
+)
+
+PAPER = Path(__file__).parents[4] / "scenarios" / "paper"
+FLYING = {"proposed": "scenario1", "backstepping": "scenario2_backstepping", "pid": "scenario2_pid"}
+
+
+class Bench:
+    def __init__(self, scenario: Scenario) -> None:
+        config = scenario.autopilot_config(2)
+        self.crew: Crew = new_crew([config])
+        self.link = new_link(2, config.neighbours, config.step_us, 0.25, 0)
+        found = parameters_of(config, self.link, self.crew)
+        self.parameters = {parameter.name: parameter for parameter in found}
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self.parameters[name]
+
+    def set(self, name: str, value: float) -> None:
+        put = self[name].set
+        assert put is not None
+        put(value)
+
+
+@pytest.fixture
+def bench(scenario1: Scenario) -> Bench:
+    return Bench(scenario1)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_names_fit_and_values_are_the_configurations(kind: str) -> None:
+    bench = Bench(load_scenario(PAPER / f"{FLYING[kind]}.yaml"))
+    for name, parameter in bench.parameters.items():
+        assert re.fullmatch(rf"[A-Z][A-Z0-9_]{{0,{MAX_NAME - 1}}}", name)
+        value = parameter.get()
+        if parameter.set is not None:
+            parameter.set(value)  # the value in force is a good one
+        assert parameter.get() == value
+        if parameter.type == INT32:
+            assert value == int(value)
+    assert bench["CTRL_LAW"].get() == list(LAWS).index(kind)
+
+
+def test_the_papers_parameters_are_there(bench: Bench) -> None:
+    expected = {"LAMBDA1": 0.46, "K1_ROLL": 50.0, "K2_YAW": 51.0, "TRIG_B2_DEG": 1.0,
+                "TRIG_A2_N": 0.5, "REF_BANDWIDTH": 2.5, "RBF_NEURONS": 15}  # fmt: skip
+    assert {name: bench[name].get() for name in expected} == expected
+    types = {bench[name].type for name in ("TRIG_MODE", "RBF_NEURONS", "SYSID_THISMAV")}
+    assert types == {INT32}
+    assert bench["K1_ROLL"].type == REAL32
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("K1_ROLL", 0.0, "is 0, must be > 0 1/s"),
+        ("TRIG_A1", 1.0, "is 1, must be in [0, 1)"),
+        ("TRIG_MODE", 3, "is 3, must be in [0, 2]"),
+        ("RBF_NEURONS", 65, "is 65, must be in [1, 64]"),
+    ],
+)
+def test_a_value_out_of_range_is_refused(bench: Bench, name: str, value: float, text: str) -> None:
+    before = bench.crew.parameters.copy()
+    with pytest.raises(ParamValueError) as refusal:
+        bench.set(name, value)
+    assert refusal.value.text == text
+    assert bench.crew.parameters == before
+
+
+def test_what_is_set_is_flown(bench: Bench) -> None:
+    record = bench.crew.parameters[0]
+    bench.set("LAMBDA3", 4.0)
+    bench.set("TRIG_MODE", 1)
+    assert (record["common"]["lambda3"], record["trigger"]["mode"]) == (4.0, 1)
+
+
+def test_a_schedule_is_read_as_it_is_now_and_set_for_good(bench: Bench) -> None:
+    table = bench.crew.parameters[0]["trigger"]["a2_n"]
+    bench.crew.guidance[0]["start_step"] = 1000
+    bench.link.clock[0]["step"] = 16_000
+    assert bench["TRIG_A2_N"].get() == 1.0  # from 14 s on
+    bench.crew.guidance[0]["start_step"] = NOT_STARTED
+    assert bench["TRIG_A2_N"].get() == 0.5
+    bench.set("TRIG_A2_N", 2.0)
+    assert [scheduled(table, t)[0] for t in (0.0, 14.0, 99.0)] == [2.0] * 3
+
+
+def test_one_axis_is_set_and_the_others_keep_their_schedule(bench: Bench) -> None:
+    table = bench.crew.parameters[0]["proposed"]["K1"]
+    bench.set("K1_PITCH", 30.0)
+    assert scheduled(table, 0.0) == (50.0, 30.0, 51.0)
+    assert scheduled(table, 99.0) == (40.0, 30.0, 40.0)
+
+
+def test_initial_values_can_be_set_until_the_law_has_read_them(bench: Bench) -> None:
+    bench.set("BETA_V0", 2.0)
+    assert bench.crew.parameters[0]["proposed"]["beta_v0"] == 2.0
+    bench.crew.controllers[0]["steps"] = 1
+    with pytest.raises(ParamValueError) as refusal:
+        bench.set("BETA_V0", 3.0)
+    assert refusal.value.error == dialect.MAV_PARAM_ERROR_READ_ONLY
+
+
+def test_what_identifies_a_vehicle_cannot_be_set(bench: Bench) -> None:
+    for name in ("SYSID_THISMAV", "MAV_TYPE", "MAV_AUTOPILOT", "CTRL_LAW", "STEP_US"):
+        assert bench[name].set is None
+    assert bench["SYSID_THISMAV"].get() == 2

@@ -1,0 +1,84 @@
+"""What the commands refuse before they talk to any vehicle, and what their help holds."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from gcs.cli import app
+from gcs.errors import BadInput
+from mavlink_defs.config.models import ConfigError
+
+SCENARIO_1 = str(Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml")
+NOWHERE = ("--connect", "udpout:127.0.0.1:1")
+RUDDER = ("fault", "set", "rudder", "--effectiveness", "0.5", *NOWHERE)
+
+
+def complaint(*arguments: str) -> str:
+    """What a command says about bad input, ours or typer's, with exit status 2."""
+    result = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, arguments)
+    assert result.stdout == ""
+    if isinstance(result.exception, BadInput | ConfigError):
+        return str(result.exception)
+    assert result.exit_code == 2, result.exception
+    return result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("fault", "set", "rudder", *NOWHERE), "--effectiveness"),
+        (("fault", "set", "rudder", "--effectiveness", "1.5", *NOWHERE), "--effectiveness"),
+        (("fault", "set", "throttle", "--bias-deg", "1", *NOWHERE), "--bias-n"),
+        (("fault", "set", "rudder", "--bias-deg", "nan", *NOWHERE), "--bias-deg"),
+        (("fault", "set", "flaps", *NOWHERE), "flaps"),
+        ((*RUDDER, "--stuck-deg", "1"), "--stuck-deg"),
+        ((*RUDDER, "--frequency-hz", "501"), "--frequency-hz"),
+        ((*RUDDER, "--start-s", "-1"), "--start-s"),
+        ((*RUDDER, "--start-s", "3", "--end-s", "2"), "--end-s"),
+        ((*RUDDER, "--end-s", "2", "--for-s", "2"), "--for-s"),
+        ((*RUDDER, "--for-s", "0"), "--for-s"),
+        (("fault", "clear", "--actuator", "flaps", *NOWHERE), "flaps"),
+        (("status", "--uav", "x"), "--uav"),
+        (("status", "--uav", "0"), "--uav"),
+        (("status", "--uav", ""), "--uav"),
+        (("arm", "--connect", "tcp:1.2.3.4:5"), "--connect"),
+        (("arm", "--timeout", "0"), "--timeout"),
+        (("arm", "--tomeout", "1"), "--tomeout"),
+        (("mode", "hover"), "hover"),
+        (("param", "set", "B1", "lots"), "VALUE"),
+        (("up", SCENARIO_1, "--speed", "0"), "--speed"),
+        (("up", SCENARIO_1, "--speed", "2", "--lockstep"), "--lockstep"),
+        (("up", SCENARIO_1, "--hub-port", "14550"), "--hub-port"),
+        (("up", SCENARIO_1, "--hub-port", "70000"), "--hub-port"),
+        (("up", "none.yaml"), "none.yaml"),
+        (("profile", "check", "none.yaml"), "none.yaml"),
+    ],
+)
+def test_bad_input_names_what_is_wrong(arguments: tuple[str, ...], named: str) -> None:
+    assert named in complaint(*arguments)
+
+
+@pytest.mark.parametrize("command", ["check", "upload"])
+def test_bad_profile_files(tmp_path: Path, command: str) -> None:
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("profile: [{start_s: 1, airspeed_m_s: 40}]\n")
+    said = complaint("profile", command, str(bad))
+    assert str(bad) in said
+    assert "profile[0]" in said
+
+
+def commands(typer_app: Any) -> Iterator[Any]:
+    yield from typer_app.registered_commands
+    for group in typer_app.registered_groups:
+        yield from commands(group.typer_instance)
+
+
+def test_every_help_has_examples_and_exit_status() -> None:
+    found = list(commands(app))
+    assert len(found) >= 16
+    for command in found:
+        assert "Examples:" in command.epilog, command.name
+        assert "Exit status:" in command.epilog, command.name

@@ -1,0 +1,147 @@
+"""Figures of a flight: what is counted where an autopilot knew nothing, and what was lost."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from ftc_autopilot.control.controller import SIGNALS, no_signals
+from gcs.reports.flight import flight_tables
+from gcs.results.recording import Recording
+from gcs.results.summary import summarise
+from gcs.scenario.model import Scenario
+
+STEPS = 40
+
+
+def straight(loss: str | None = None) -> Recording:
+    """Two UAVs at 40 m/s, level to the North; the commands count the steps, all else is 0."""
+    states = np.zeros((STEPS, 2, 12))
+    states[:, :, 3] = 40.0
+    signals = np.zeros((STEPS, 2), SIGNALS)
+    signals["V"] = 40.0
+    signals["command"][..., 0] = signals["reference"][..., 0] = np.arange(STEPS)[:, None]
+    return Recording(
+        mode="real_time",
+        step_us=100_000,
+        uav_ids=(1, 2),
+        states=states,
+        applied=np.zeros((STEPS, 2, 4)),
+        signals=signals,
+        repeats=np.zeros((2, 4), np.int64),
+        wall_s=4.0,
+        loss=loss,
+    )
+
+
+def scenario_of(scenario1: Scenario, steps: int = STEPS) -> Scenario:
+    changes = {
+        "uavs": scenario1.uavs[:2],
+        "step_us": 100_000,
+        "duration_s": steps / 10,
+        "faults": (),
+    }
+    return scenario1.model_copy(update=changes)
+
+
+def summary_of(recording: Recording, scenario1: Scenario) -> dict[str, Any]:
+    return summarise(recording, scenario_of(scenario1))
+
+
+@given(st.sets(st.integers(0, STEPS - 1), max_size=STEPS - 1))
+def test_over_missing_steps_the_last_command_holds(missing: set[int]) -> None:
+    flight = straight()
+    gone = sorted(missing)
+    flight.signals[gone, 0] = no_signals(len(gone))
+    assert flight.missing.sum(axis=0).tolist() == [len(missing), 0]
+    flown = sorted(set(range(STEPS)) - missing)
+    held = [max((k for k in flown if k <= step), default=flown[0]) for step in range(STEPS)]
+    for wanted in ("command", "reference"):
+        error = flight.error(wanted)  # type: ignore[arg-type]
+        assert (error[:, 0, 0] == 40.0 - np.array(held)).all()
+        assert (error[:, 1, 0] == 40.0 - np.arange(STEPS)).all()
+
+
+def test_missing_steps_count_as_errors_but_not_as_periods(scenario1: Scenario) -> None:
+    flight = straight()
+    flight.signals[10:20, 0] = no_signals(10)
+    flight.signals["events"][:10, :] = 1
+    first, second = summary_of(flight, scenario1)["uavs"]
+    assert (first["active_steps"], first["missing_steps"]) == (30, 10)
+    assert (second["active_steps"], second["missing_steps"]) == (40, 0)
+    assert first["saving"] == 1.0 - 10 / (4 * 30)
+    assert second["saving"] == 1.0 - 10 / (4 * 40)
+    lag = sum(range(1, 11))  # of the command that holds over ten steps
+    assert first["iae"]["airspeed"] - second["iae"]["airspeed"] == pytest.approx(0.1 * lag)
+
+
+def test_an_autopilot_that_heard_nothing_has_no_figures(scenario1: Scenario) -> None:
+    flight = straight()
+    flight.signals[:, 0] = no_signals(STEPS)
+    uav = summary_of(flight, scenario1)["uavs"][0]
+    assert (uav["active_steps"], uav["missing_steps"], uav["saving"]) == (0, STEPS, None)
+    for figures in ("iae", "iae_filtered", "max_error", "final_error"):
+        assert set(uav[figures].values()) == {None}
+
+
+def test_while_disarmed_nothing_is_wanted(scenario1: Scenario) -> None:
+    flight = straight()
+    disarmed = no_signals(20)
+    disarmed["V"] = 40.0
+    flight.signals[20:, 0] = disarmed
+    uav = summary_of(flight, scenario1)["uavs"][0]
+    assert (uav["active_steps"], uav["missing_steps"]) == (20, 0)
+    assert uav["iae"]["airspeed"] == pytest.approx(0.1 * sum(40 - k for k in range(20)))
+    assert uav["final_error"]["airspeed"] is None
+
+
+@pytest.mark.parametrize(
+    ("angle", "turned", "attitude", "heading"),
+    [(0, 1.6, 2.0, None), (1, -1.6, 2.0, None), (2, 1.6, None, 2.0), (2, 6.2, None, None),
+     (0, 1.5, None, None)],
+)  # fmt: skip
+def test_attitude_and_heading_are_lost_apart(
+    scenario1: Scenario, angle: int, turned: float, attitude: float | None, heading: float | None
+) -> None:
+    flight = straight()
+    flight.states[20:, 1, 6 + angle] = turned
+    uav = summary_of(flight, scenario1)["uavs"][1]
+    assert (uav["attitude_lost_at_s"], uav["heading_lost_at_s"]) == (attitude, heading)
+
+
+def test_a_flight_that_was_stopped_says_so(scenario1: Scenario) -> None:
+    whole = summary_of(straight(), scenario1)
+    assert (whole["completed"], whole["loss"]) == (True, None)
+    stopped = summarise(straight(), scenario_of(scenario1, 100))
+    assert (stopped["completed"], stopped["loss"]) == (False, "stopped at 4 s of 10 s")
+    lost = summarise(straight("UAV 2 was lost"), scenario_of(scenario1, 100))
+    assert (lost["completed"], lost["loss"]) == (False, "UAV 2 was lost")
+
+
+def test_the_printed_report_says_what_the_tables_leave_out(scenario1: Scenario) -> None:
+    flight = straight()
+    flight.signals[10:20, 0] = no_signals(10)
+    disarmed = no_signals(15)
+    disarmed["V"] = 40.0
+    flight.signals[25:, 1] = disarmed
+    states = flight.states.copy()
+    states[5:, 0, 6], states[8:, 1, 8] = math.pi, math.radians(100.0)
+    flight = replace(flight, states=states)
+    scenario = scenario_of(scenario1)
+    console = Console(width=1000)
+    with console.capture() as captured:
+        console.print(*flight_tables(summarise(flight, scenario), scenario), sep="\n")
+    said = captured.get()
+    for line in (
+        "UAV 1 lost its attitude: roll or pitch was more than 90° off first at 0.500 s",
+        "UAV 2 lost its heading: yaw was more than 90° off first at 0.800 s",
+        "UAV 1 missed 10 of 40 steps",
+        "UAV 2 was disarmed for 15 of 40 steps",
+    ):
+        assert line in said
+    assert "UAV 1 was disarmed" not in said

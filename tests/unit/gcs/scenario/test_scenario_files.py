@@ -1,0 +1,104 @@
+"""The scenarios that come with the project, and scenarios that extend others."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
+from mavlink_defs.config.inherit import with_values
+from mavlink_defs.config.models import ConfigError
+from mavlink_defs.faults import ACTUATORS
+
+SCENARIOS = Path(__file__).parents[4] / "scenarios"
+FILES = sorted(SCENARIOS.rglob("*.yaml"))
+PAPER = SCENARIOS / "paper" / "scenario1.yaml"
+
+
+def identify(path: Path) -> str:
+    return str(path.relative_to(SCENARIOS).with_suffix(""))
+
+
+@pytest.mark.parametrize("path", FILES, ids=identify)
+def test_it_loads_and_says_what_it_shows(path: Path) -> None:
+    scenario = load_scenario(path)
+    assert path.read_text().startswith("# ")
+    assert path == PAPER or scenario.description != load_scenario(PAPER).description
+
+
+def test_names_are_unique() -> None:
+    names = [re.findall(r"^name: (.*)$", path.read_text(), re.MULTILINE) for path in FILES]
+    assert all(len(found) == 1 for found in names)
+    assert len({found[0] for found in names}) == len(FILES)
+
+
+@pytest.mark.parametrize(
+    ("mode", "fault"),
+    [
+        (1, ("rudder", 0.9, 0.0)),
+        (2, ("rudder", 0.9, 1.0)),
+        (3, ("elevator", 0.9, 0.5)),
+        (4, ("aileron", 0.9, 1.0)),
+    ],
+)
+def test_fault_modes_of_scenario_3_are_the_papers(
+    scenario1: Scenario, mode: int, fault: tuple[str, float, float]
+) -> None:
+    scenario = load_scenario(SCENARIOS / "paper" / f"scenario3_mode{mode}.yaml")
+    [(uav, found)] = scenario.fault_commands()
+    assert (ACTUATORS[found.actuator], found.effectiveness, found.value) == fault
+    assert (uav, found.start_s, found.end_s) == (3, 19.0, 22.0)
+    same = {key: getattr(scenario1, key) for key in ("name", "description", "faults")}
+    assert scenario.model_copy(update=same) == scenario1
+
+
+@pytest.mark.parametrize("path", sorted((SCENARIOS / "faults").iterdir()), ids=identify)
+def test_faults_strike_the_papers_flight(path: Path, scenario1: Scenario) -> None:
+    scenario = load_scenario(path)
+    same = ("name", "description", "faults", "duration_s")
+    assert scenario.model_copy(update={key: getattr(scenario1, key) for key in same}) == scenario1
+    assert all(fault.start_s < scenario.duration_s for fault in scenario.faults)
+
+
+def extending(folder: Path, text: str) -> Path:
+    path = folder / "mine.yaml"
+    path.write_text(f"extends: {PAPER}\n{text}")
+    return path
+
+
+def test_a_scenario_says_only_in_what_it_differs(tmp_path: Path, scenario1: Scenario) -> None:
+    path = extending(
+        tmp_path, "name: mine\naircraft: {mass_kg: 21}\ntrigger: {a2_n: 2}\nfaults: []"
+    )
+    mine = load_scenario(path)
+    assert mine.name == "mine"
+    assert mine.aircraft == scenario1.aircraft.model_copy(update={"mass_kg": 21.0})
+    assert mine.trigger.a2_n.root == 2.0
+    assert mine.trigger.b2_deg == scenario1.trigger.b2_deg
+    assert mine.faults == ()
+    assert mine.uavs == scenario1.uavs
+
+
+def test_every_problem_is_told_of_the_file_that_was_loaded(tmp_path: Path) -> None:
+    path = extending(tmp_path, "aircraft: {mass_kg: -1, mass_g:  3}\nextend: other.yaml")
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(path)
+    assert str(caught.value).splitlines() == [
+        f"{path}: aircraft.mass_kg: expected > 0 kg, got -1",
+        f"{path}: aircraft.mass_g: unknown key; did you mean 'mass_kg'?",
+        f"{path}: extend: unknown key",
+    ]
+
+
+def test_a_tree_has_everything_and_can_be_changed_before_it_is_checked(tmp_path: Path) -> None:
+    path = extending(tmp_path, "name: mine")
+    tree: dict[str, Any] = scenario_tree(path)
+    assert "extends" not in tree
+    assert scenario_of(path, tree) == load_scenario(path)
+    values = {"trigger.b2_deg": 0.5, "controller.rbf.neurons": 20, "faults[0].effectiveness": 0.3}
+    swept = scenario_of(path, with_values(tree, values))
+    assert swept.trigger.b2_deg.root == 0.5
+    assert swept.faults[0].effectiveness == 0.3
+    with pytest.raises(ConfigError, match=r"mine\.yaml: trigger\.b2_deg: expected >= 0 deg, got"):
+        scenario_of(path, with_values(tree, {"trigger.b2_deg": -1}))

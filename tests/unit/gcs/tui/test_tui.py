@@ -1,0 +1,443 @@
+"""What the dashboard knows and says, without a fleet and mostly without a screen."""
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Input
+
+from gcs.commands.log import log
+from gcs.errors import BadInput, CommandRefused, NoAnswer
+from gcs.scenario.model import Scenario
+from gcs.scenario.profile_file import load_profile
+from gcs.station.fleet_state import FleetState
+from gcs.station.notifications import INFO, News
+from gcs.station.vehicle_state import VehicleState
+from gcs.tui.app import Dashboard
+from gcs.tui.event_log import Journal
+from gcs.tui.fault_form import read_fault
+from gcs.tui.fault_history import Ledger
+from gcs.tui.formatting import count, number, percent, seconds, sparkline
+from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.playback import Playback
+from gcs.tui.profile_views import differences, polyline
+from gcs.tui.view import SILENT_S, FleetView, Live
+from mavlink_defs import dialect
+from mavlink_defs.capture.tlog import read_frames
+from mavlink_defs.faults import Fault
+from mavlink_defs.services.machine import Address
+from mavlink_defs.services.param import Param
+
+DATA = Path(__file__).parents[3] / "data" / "dashboard"
+SCENARIO_1 = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
+OWN = (255, 77)
+RUDDER = Fault(2, 0.5, 0.0, 0.0, 10.0, 20.0)
+
+
+def heartbeat(system: int, armed: bool = False) -> Any:
+    flag = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+    message = dialect.MAVLink_heartbeat_message(1, 3, flag | 1, 12, dialect.MAV_STATE_STANDBY, 3)
+    return sent(message, system)
+
+
+def sent(message: Any, system: int) -> Any:
+    message.get_srcSystem = lambda: system
+    message.get_srcComponent = lambda: 1
+    return message
+
+
+class Station:
+    """A client without a link; vehicles do what `act` says."""
+
+    def __init__(self, *systems: int) -> None:
+        self.fleet, self.time_s = FleetState(), 100.0
+        self.vehicles: dict[int, Any] = {}
+        for system in systems:
+            self.hear(system)
+
+    def hear(self, system: int) -> None:
+        self.fleet.receive(heartbeat(system), self.time_s)
+
+    def now(self) -> float:
+        return self.time_s
+
+    def vehicle(self, system: int) -> Any:
+        return self.vehicles[system]
+
+
+def live(station: Station) -> Live:
+    source = Live("test", 1.0e9, OWN)
+    source.attach(station)
+    return source
+
+
+# words
+
+
+@pytest.mark.parametrize(
+    ("shown", "expected"),
+    [
+        (number(None), "–"), (number(math.nan), "–"), (number(-0.04), "0.0"),
+        (number(-0.06), "-0.1"), (number(12.345, 2), "12.35"), (count(1234567), "1 234 567"),
+        (percent(0.91666, 2), "91.67 %"), (percent(None), "–"), (seconds(None), "–"),
+        (seconds(59.96), "60.0"), (seconds(754.0), "12:34"), (seconds(3725.0), "1:02:05"),
+        (sparkline([0.0, 0.0, 1.0, 4.0, 8.0], 5), "  ▁▄█"), (sparkline([], 3), "   "),
+        (sparkline([8.0, 0.0, 8.0], 2), " █"),
+    ],
+)  # fmt: skip
+def test_words(shown: str, expected: str) -> None:
+    assert shown == expected
+
+
+# the form
+
+
+@pytest.mark.parametrize(
+    ("actuator", "kind", "texts", "fault"),
+    [
+        ("rudder", "bias", {"effectiveness": "0.5"}, Fault(2, 0.5, 0.0, 0.0, math.nan, math.nan)),
+        ("aileron", "bias", {"value": "-2,5", "start_s": "3", "end_s": "4"},
+         Fault(0, 1.0, -2.5, 0.0, 3.0, 4.0)),
+        ("throttle", "stuck", {"value": "100", "effectiveness": "0.7", "frequency_hz": "2"},
+         Fault(3, 0.0, 100.0, 2.0, math.nan, math.nan)),
+    ],
+)  # fmt: skip
+def test_a_form_is_read(actuator: str, kind: str, texts: dict[str, str], fault: Fault) -> None:
+    read = read_fault(actuator, kind, texts)
+    assert repr(read.fault) == repr(fault)  # NaN is not equal to itself
+    assert read.problems == ()
+
+
+@pytest.mark.parametrize(
+    ("kind", "texts", "problem"),
+    [
+        ("bias", {}, "expected 'effectiveness'"),
+        ("bias", {"effectiveness": "half"}, "effectiveness: expected a number, got 'half'"),
+        ("bias", {"effectiveness": "-0.1"}, "effectiveness: expected [0, 1]"),
+        ("bias", {"effectiveness": "nan"}, "effectiveness: expected a finite number"),
+        ("bias", {"value": "1", "start_s": "5", "end_s": "5"}, "end_s: expected > start_s"),
+        ("bias", {"value": "1", "frequency_hz": "501"}, "frequency_hz: expected [0, 500] Hz"),
+        ("stuck", {}, "expected"),
+    ],
+)
+def test_a_form_that_cannot_be_sent_says_why(
+    kind: str, texts: dict[str, str], problem: str
+) -> None:
+    read = read_fault("rudder", kind, texts)
+    assert read.fault is None
+    assert problem in "\n".join(read.problems)
+
+
+# journal and ledger
+
+
+def test_a_journal_keeps_the_latest() -> None:
+    journal = Journal()
+    for i in range(5010):
+        journal.hear(News(0.0, 1, "text", INFO, str(i)), 0.0, None)
+    assert len(journal.entries) == 5000
+    assert [entry.text for entry in journal.since(5007)] == ["5007", "5008", "5009"]
+    assert len(journal.since(0)) == 5000
+
+
+def ack(command: int, asker: tuple[int, int] = OWN) -> News:
+    message = dialect.MAVLink_command_ack_message(command, 0, 0, 0, *asker)
+    return News(0.0, 3, "ack", INFO, "", message)
+
+
+def test_a_ledger_knows_who_acknowledged_what_and_when() -> None:
+    ledger, state = Ledger(OWN), VehicleState(Address(3, 1), 0.0)
+    ledger.hear(ack(dialect.MAV_CMD_FTC_SET_FAULT), 50.0)
+    state.faults = (RUDDER,)
+    ledger.observe(state, 51.0)
+    ledger.observe(state, 52.0)
+    (record,) = ledger.records
+    assert record.acknowledged is not None
+    assert (record.acknowledged.at, record.acknowledged.asked_by) == (50.0, "this station")
+    assert [record.phase(t) for t in (None, 10.0, 10.1, 20.0, 20.1)] == [
+        "waiting", "waiting", "active", "active", "over",
+    ]  # fmt: skip
+
+    ledger.hear(ack(dialect.MAV_CMD_FTC_SET_FAULT, (255, 190)), 60.0)
+    state.faults = (replace(RUDDER, effectiveness=0.1),)
+    ledger.observe(state, 61.0)
+    assert record.phase(15.0) == "replaced"
+    assert ledger.last is not None
+    assert ledger.last.acknowledged is not None
+    assert ledger.last.acknowledged.asked_by == "station 255/190"
+
+    ledger.hear(ack(dialect.MAV_CMD_FTC_CLEAR_FAULTS), 70.0)
+    state.faults = ()
+    ledger.observe(state, 71.0)
+    assert (ledger.last.gone, ledger.last.gone_at) == ("cleared", 71.0)
+    assert ledger.last.cleared is not None
+
+
+def test_a_restarted_vehicle_has_lost_its_faults() -> None:
+    ledger, state = Ledger(OWN), VehicleState(Address(3, 1), 0.0)
+    state.faults = (RUDDER,)
+    ledger.observe(state, 1.0)
+    assert ledger.records[0].acknowledged is None
+    state.restarts, state.faults = 1, None
+    ledger.observe(state, 2.0)
+    assert ledger.records[0].phase(15.0) == "restarted"
+
+
+# the view
+
+
+def test_a_view_says_whether_anything_is_new() -> None:
+    station = Station(1, 2)
+    view = FleetView(live(station))
+    assert view.look()
+    assert not view.look()
+    assert view.selected == 1
+    view.select_next(-1)
+    assert view.selected == 2
+    assert view.targets == (2,)
+    view.marked = {1, 2}
+    assert view.targets == (1, 2)
+    station.time_s += SILENT_S
+    station.hear(1)
+    assert view.look()
+    silent = {state.system for state in view.states if view.is_silent(state)}
+    assert silent == {2}
+
+
+# profiles
+
+
+def test_corners_and_differences_of_profiles(scenario1: Scenario) -> None:
+    segments = scenario1.segments()
+    assert polyline(segments, "yaw_deg") == (
+        [0.0, 4.0, 4.0, 15.0, 15.0, 18.75], [0.0, 0.0, 10.0, 10.0, 10.0, 10.0]
+    )  # fmt: skip
+    ramp = (segments[0], replace(segments[1], ramp=True), segments[2])
+    assert polyline(ramp, "yaw_deg")[1] == [0.0, 0.0, 0.0, 10.0, 10.0, 10.0]
+    assert polyline((), "yaw_deg") == ([], [])
+    assert differences(segments, segments) == 0
+    assert differences(segments, ramp[:2]) == 2
+
+
+# logs
+
+
+def playback(clock: Callable[[], float] = lambda: 0.0) -> Playback:
+    return Playback("log", list(read_frames(DATA / "flight.tlog")), clock)
+
+
+def go(player: Playback, position_s: float) -> None:
+    player.seek(position_s)
+    while not player.advance():
+        pass
+
+
+def test_a_log_tells_faults_and_profile_that_were_sent() -> None:
+    player = playback()
+    player.playing = False
+    go(player, 25.5)
+    states = player.fleet.vehicles
+    assert sorted(states) == [1, 2, 3]
+    assert states[2].profile == load_profile(SCENARIO_1)
+    assert states[3].active_faults == (Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0),)
+    assert states[1].counts.total > 1000
+
+
+def test_a_log_goes_back_and_tells_the_same_again() -> None:
+    player = playback()
+    player.playing = False
+    go(player, 20.0)
+    before = (player.fleet.vehicles[1].time_s, player.journal.count, player.fleet.events)
+    go(player, 29.0)
+    go(player, 20.0)
+    after = (player.fleet.vehicles[1].time_s, player.journal.count, player.fleet.events)
+    assert after == before
+
+
+def test_a_log_plays_at_its_speed_to_its_end() -> None:
+    now = 0.0
+    player = playback(lambda: now)
+    player.change_speed(1)
+    assert player.speed == 2.0
+    for _ in range(30):
+        now += 0.1
+        player.advance()
+    assert player.position_s == pytest.approx(6.0)
+    for _ in range(100):
+        now += 1.0
+        player.advance()
+    assert (player.position_s, player.playing) == (player.length_s, False)
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [(None, "cannot read"), (b"", "no frame in it"), (b"x" * 50, "no MAVLink frame")],
+)
+def test_a_file_that_is_no_log_is_refused(
+    content: bytes | None, problem: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "file.tlog"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(BadInput, match=problem):
+        log(path)
+
+
+def test_a_log_cannot_be_asked() -> None:
+    with pytest.raises(KeyError):
+        playback().vehicle(1)
+
+
+# on a screen
+
+
+def at_screen(
+    source: Any, work: Callable[[Dashboard, Pilot[None]], Any], size: tuple[int, int] = (100, 30)
+) -> None:
+    async def run() -> None:
+        app = Dashboard(source)
+        async with app.run_test(size=size) as pilot:
+            await pilot.pause()
+            await work(app, pilot)
+
+    asyncio.run(run())
+
+
+def test_an_empty_fleet_says_what_to_do() -> None:
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        assert "gcs up" in app.export_screenshot().replace("&#160;", " ")
+        for key in (*"123456", "r", "C", "enter", "a", "s"):
+            await pilot.press(key)
+        await pilot.pause()
+        assert app.defect is None
+
+    at_screen(live(Station()), work)
+
+
+class Obstinate:
+    """A vehicle with parameters that answers as it is told."""
+
+    system = 1
+
+    def __init__(self) -> None:
+        self.params = (Param("TRG_B1", 0.01, 9), Param("CTL_CV", 10.0, 9))
+        self.refuses = False
+
+    async def list_params(self) -> tuple[Param, ...]:
+        return self.params
+
+    async def set_param(self, name: str, value: float) -> Param:
+        if self.refuses:
+            raise CommandRefused(f"UAV 1 refused {name} = {value:g} (READ_ONLY)", 3)
+        return Param(name, value, 9)
+
+    async def arm(self) -> None:
+        raise NoAnswer("UAV 1 did not answer MAV_CMD_COMPONENT_ARM_DISARM")
+
+
+def test_parameters_are_searched_and_set_after_a_question() -> None:
+    station, vehicle = Station(1), Obstinate()
+    station.vehicles[1] = vehicle
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        entries = app.view.source.journal.entries
+        await pilot.press("5")
+        await pilot.pause(0.2)
+        grid = app.query_one("#params", Grid)
+        assert grid.text.splitlines()[0].split()[:2] == ["TRG_B1", "0.01"]
+        await pilot.press("slash", *"cv", "enter")
+        assert len(grid.rows) == 1
+        app.query_one("#param-search", Input).value = ""
+        await pilot.press("home", "enter", *"0.02", "enter")
+        await pilot.pause()
+        assert "from 0.01 to 0.02" in app.export_screenshot().replace("&#160;", " ")
+        await pilot.press("enter")
+        await pilot.pause(0.1)
+        assert entries[-1].text == "TRG_B1 is 0.02"
+        assert "TRG_B1 0.02" in grid.text
+        vehicle.refuses = True
+        await pilot.press("enter", *"7", "enter", "enter")
+        await pilot.pause(0.1)
+        assert entries[-1].text == "UAV 1 refused TRG_B1 = 7 (READ_ONLY)"
+        await pilot.press("enter", *"x", "enter")
+        assert "TRG_B1 0.02" in grid.text
+
+    at_screen(live(station), work)
+
+
+def test_every_failure_is_told() -> None:
+    station = Station(1, 2)
+    station.vehicles[1] = Obstinate()
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        entries = app.view.source.journal.entries
+        await pilot.press("asterisk", "a", "enter")
+        await pilot.pause(0.1)
+        texts = {entry.system: entry.text for entry in entries if entry.kind == "action"}
+        assert "did not answer" in texts[1]
+        assert "has not been heard of" in texts[2]
+
+    at_screen(live(station), work)
+
+
+def test_the_palette_and_the_help_know_the_actions() -> None:
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        titles = {command.title for command in app.get_system_commands(app.screen)}
+        assert {"Arm", "Disarm", "Repeat fault", "Clear all faults", "Quit"} <= titles
+        await pilot.press("question_mark")
+        await pilot.pause()
+        help_text = app.export_screenshot().replace("&#160;", " ")
+        assert "Arm the marked UAVs" in help_text
+        await pilot.press("escape", "t")
+        assert app.theme == "ftc-light"
+
+    at_screen(live(Station(1)), work, (120, 60))
+
+
+def test_in_a_log_nothing_can_be_done() -> None:
+    player = playback()
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        for key in ("a", "s", "x", "m", "r", "C"):
+            await pilot.press(key)
+            assert len(app.screen_stack) == 1
+        titles = {command.title for command in app.get_system_commands(app.screen)}
+        assert "Arm" not in titles
+        await pilot.press("k", "l", "greater_than_sign")
+        assert player.speed == 2.0
+        assert not player.playing
+
+    at_screen(player, work)
+
+
+def test_a_grid_keeps_its_cursor_on_what_it_stands_for() -> None:
+    columns = (Column("name", 8, "left"), Column("value", 0))
+
+    def rows(*names: str) -> list[Row]:
+        return [Row(name, ((name, ""), ("1", "good"))) for name in names]
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        grid = Grid()
+        await app.screen.mount(grid)
+        grid.show(columns, rows("a", "b", "c"))
+        grid.focus()
+        await pilot.press("down")
+        assert grid.key == "b"
+        grid.show(columns, rows("0", "a", "b", "c"))
+        assert grid.key == "b"
+        grid.show(columns, rows("a"))
+        assert grid.key == "a"
+        grid.show(columns, [])
+        assert grid.key is None
+        grid.show(columns, rows(*map(str, range(100))))
+        await pilot.press("end")
+        assert grid.key == "99"
+        await pilot.press("pageup", "home", "up")
+        assert grid.key == "0"
+
+    at_screen(live(Station()), work)

@@ -1,0 +1,163 @@
+"""The relay over real loopback sockets."""
+
+import contextlib
+import socket
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from mavlink_defs import dialect
+from mavlink_defs.capture.impairment import Impairment, Outage
+from mavlink_defs.capture.relay import Relay, Route
+from mavlink_defs.endpoint import Address, EndpointError, parse_address
+from mavlink_defs.framing.frames import Speaker
+
+ANY = Address("127.0.0.1", 0)
+
+
+@contextlib.contextmanager
+def udp() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        sock.settimeout(10.0)
+        yield sock
+
+
+def address_of(sock: socket.socket) -> Address:
+    return Address(*sock.getsockname())
+
+
+def front_of(relay: Relay, target: socket.socket) -> tuple[str, int]:
+    at = parse_address(relay.via[str(address_of(target))])
+    return at.host, at.port
+
+
+def heartbeat(system: int) -> bytes:
+    return Speaker(system, 1).pack(dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
+
+
+def drain(sock: socket.socket, quiet_s: float = 0.3) -> list[bytes]:
+    sock.settimeout(quiet_s)
+    found = []
+    with contextlib.suppress(TimeoutError):
+        while True:
+            found.append(sock.recv(4096))
+    return found
+
+
+def test_both_ways_and_who_is_who_is_kept() -> None:
+    with (
+        udp() as end,
+        udp() as a,
+        udp() as b,
+        Relay([Route("plant", ANY, address_of(end))]) as relay,
+    ):
+        at = front_of(relay, end)
+        seen = {}
+        for peer, system in ((a, 1), (b, 2), (a, 1)):
+            peer.sendto(heartbeat(system), at)
+            datagram, seen[system] = end.recvfrom(4096)
+            assert datagram == heartbeat(system)
+        assert seen[1] != seen[2]
+        end.sendto(b"for 2", seen[2])
+        end.sendto(b"for 1", seen[1])
+        assert (a.recv(4096), b.recv(4096)) == (b"for 1", b"for 2")
+        with relay.counting() as tap:
+            assert tap.frames("HEARTBEAT", system=1) == 2
+        report = relay.report()
+    links = {(row["link"], row["direction"]): row["datagrams"] for row in report["links"]}
+    assert links == {("plant", "to"): 3, ("plant", "from"): 2}
+    assert report["links"][0]["dropped"] == {"not MAVLink 2": 2}
+
+
+def test_between_two_fixed_ends_each_is_heard_from_where_it_is_answered() -> None:
+    with udp() as a, udp() as b:
+        routes = [Route("formation", ANY, address_of(end)) for end in (a, b)]
+        with Relay(routes) as relay:
+            for source, target in ((a, b), (b, a), (a, b)):
+                source.sendto(heartbeat(1), front_of(relay, target))
+                assert target.recvfrom(4096) == (heartbeat(1), front_of(relay, source))
+            links = {(row["link"], row["direction"]): row["datagrams"]
+                     for row in relay.report()["links"]}  # fmt: skip
+    assert links == {("formation", "to"): 3}
+
+
+def test_loss_is_counted_and_what_is_not_lost_arrives() -> None:
+    half = Impairment(loss=0.5, seed=7)
+    with udp() as end, udp() as peer, Relay([Route("gcs", ANY, address_of(end), half)]) as relay:
+        for i in range(200):
+            peer.sendto(i.to_bytes(2), front_of(relay, end))
+        arrived = drain(end)
+        (fate,) = [f for f in relay.report()["fates"] if f["direction"] == "to"]
+    assert fate["taken"] == 200
+    assert fate["delivered"] == len(arrived) == 200 - fate["lost"]
+    assert 60 < len(arrived) < 140
+
+
+def test_a_delay_delays_and_keeps_the_order() -> None:
+    with udp() as end, udp() as peer:
+        route = Route("gcs", ANY, address_of(end), Impairment(delay_ms=100.0, jitter_ms=20.0))
+        with Relay([route]) as relay:
+            begin = time.monotonic()
+            for i in range(20):
+                peer.sendto(bytes([i]), front_of(relay, end))
+            assert end.recv(4096) == b"\0"
+            assert time.monotonic() - begin >= 0.1
+            assert drain(end) == [bytes([i]) for i in range(1, 20)]
+
+
+def test_outages_count_seconds_or_simulated_time() -> None:
+    always = Impairment(outages=(Outage(from_s=0.0, to_s=3600.0),))
+    for simulated in (False, True):
+        with udp() as end, udp() as peer:
+            route = Route("gcs", ANY, address_of(end), always)
+            with Relay([route], simulated=simulated) as relay:
+                peer.sendto(b"x", front_of(relay, end))
+                assert drain(end) == ([b"x"] if simulated else [])  # no simulated time yet
+
+
+def test_a_fixed_end_that_is_not_there_yet_loses_nothing_later() -> None:
+    with udp() as later:
+        target = address_of(later)
+    with udp() as peer, Relay([Route("plant", ANY, target)]) as relay:
+        at = parse_address(relay.via[str(target)])
+        for _ in range(3):
+            peer.sendto(b"early", (at.host, at.port))
+            time.sleep(0.02)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+            end.bind((target.host, target.port))
+            peer.sendto(b"now", (at.host, at.port))
+            assert drain(end)[-1] == b"now"
+
+
+def test_an_error_about_the_datagram_before_loses_none(monkeypatch) -> None:
+    errors = [ConnectionRefusedError()]
+
+    def refuse_once(sock: socket.socket, datagram: bytes) -> int:
+        if errors:
+            raise errors.pop()
+        return original(sock, datagram)
+
+    class Socket(socket.socket):
+        send = refuse_once
+
+    original = socket.socket.send
+    monkeypatch.setattr("mavlink_defs.endpoint.socket.socket", Socket)
+    with udp() as end, udp() as peer, Relay([Route("plant", ANY, address_of(end))]) as relay:
+        peer.sendto(b"x", front_of(relay, end))
+        assert drain(end) == [b"x"]
+        assert not errors
+        assert [fate["undeliverable"] for fate in relay.report()["fates"]] == [0, 0]
+
+
+def test_a_port_in_use_is_refused_and_nothing_stays_open() -> None:
+    with udp() as taken, udp() as end:
+        routes = [Route("a", ANY, address_of(end)), Route("b", address_of(taken), address_of(end))]
+        with pytest.raises(EndpointError, match="relay of the b link"), Relay(routes):
+            pass
+
+
+def test_no_routes_no_relay() -> None:
+    with Relay([]) as relay:
+        assert relay.via == {}

@@ -1,0 +1,242 @@
+"""The tap against an independent count of what was put in."""
+
+import itertools
+from collections import Counter
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavlink_defs import dialect
+from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
+from mavlink_defs.endpoint import Address
+from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.framing.frames import Speaker, frame_size
+
+RUNNING = dialect.FTC_SIM_FLAGS_RUNNING
+HEARTBEAT = dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
+
+floats = st.floats(width=32, allow_nan=False)
+messages = st.one_of(
+    st.just(HEARTBEAT),
+    st.builds(dialect.MAVLink_ftc_step_done_message, st.integers(0, 2**32 - 1)),
+    st.builds(
+        dialect.MAVLink_attitude_message, st.integers(0, 2**32 - 1), *[floats for _ in range(6)]
+    ),
+    st.builds(
+        dialect.MAVLink_ftc_events_message, *[st.integers(0, 2**32 - 1)] * 2,
+        *[st.lists(st.integers(0, 2**32 - 1), min_size=4, max_size=4)] * 2,
+        st.integers(0, 2**32 - 1),
+        st.lists(st.integers(0, 2**32 - 1), min_size=4, max_size=4), st.integers(0, 2**32 - 1),
+    ),
+)  # fmt: skip
+senders = st.tuples(st.integers(1, 255), st.integers(1, 255))
+ways = st.tuples(st.sampled_from(["plant", "gcs"]), st.sampled_from(["to", "from"]))
+
+
+def actuators(time_us: int, values: tuple[float, ...], system: int = 1) -> bytes:
+    controls = [*values, *[0.0] * 12]
+    message = dialect.MAVLink_hil_actuator_controls_message(time_us, controls, 0, 0)
+    return Speaker(system, 1).pack(message)
+
+
+def state(step: int, system: int = 1, flags: int = RUNNING, run: int = 7) -> bytes:
+    zeros = [[0.0] * 3] * 5
+    message = dialect.MAVLink_ftc_sim_state_message(step * 1000, 0, *zeros, step, flags, run)
+    return Speaker(system, 25).pack(message)
+
+
+def uav_of(tap: Tap, system: int = 1, link: str = "plant") -> dict:
+    (uav,) = [u for u in tap.report()["uavs"] if (u["system"], u["link"]) == (system, link)]
+    return uav
+
+
+@given(st.lists(st.tuples(ways, senders, messages), max_size=30))
+def test_frames_and_bytes_are_counted_by_link_direction_sender_and_message(sent) -> None:
+    tap, frames, sizes = Tap(), Counter(), Counter()
+    for t, ((link, direction), (system, component), message) in enumerate(sent):
+        datagram = Speaker(system, component).pack(message)
+        tap.count(float(t), link, direction, datagram)
+        key = (link, direction, system, component, message.get_type())
+        frames[key] += 1
+        sizes[key] += len(datagram)
+    rows = tap.report()["messages"]
+    keys = [(r["link"], r["direction"], r["system"], r["component"], r["message"]) for r in rows]
+    assert dict(zip(keys, [r["frames"] for r in rows], strict=True)) == frames
+    assert dict(zip(keys, [r["bytes"] for r in rows], strict=True)) == sizes
+    assert tap.frames() == len(sent)
+    assert tap.frames("HEARTBEAT", link="gcs") == sum(
+        n for key, n in frames.items() if key[0] == "gcs" and key[4] == "HEARTBEAT"
+    )
+    assert sum(link["bytes"] for link in tap.report()["links"]) == sizes.total()
+
+
+@given(st.lists(st.tuples(*[st.sampled_from([0.0, 0.25, -0.5])] * 4), min_size=1, max_size=40))
+def test_a_channel_transmits_when_its_value_changes(commands) -> None:
+    tap = Tap()
+    for k, values in enumerate(commands):
+        tap.count(k * 1e-3, "plant", "from", state(k))
+        tap.count(k * 1e-3, "plant", "to", actuators(1000 * k, values))
+    before = [(None,) * 4, *commands]
+    pairs = list(zip(before, commands, strict=False))
+    uav, sent = uav_of(tap), 0
+    for c, name in enumerate(ACTUATORS):
+        at = [k for k, (old, new) in enumerate(pairs) if old[c] != new[c]]
+        gaps = [(b - a) / 1e3 for a, b in itertools.pairwise(at)]
+        assert uav["channels"][name]["events"] == tap.events(1, name) == len(at)
+        assert tap.min_interval_s(1, name) == (pytest.approx(min(gaps)) if gaps else None)
+        sent += len(at)
+    assert uav["messages"] == len(commands)
+    assert uav["repeats"] == sum(old == new for old, new in pairs)
+    assert uav["periods"] == len(commands)
+    assert uav["saving"] == tap.report()["saving"] == 1 - sent / (4 * len(commands))
+
+
+def test_systems_links_and_flights_do_not_disturb_each_other() -> None:
+    tap = Tap()
+    for step, run in ((0, 7), (1, 7), (2, 7), (2, 7), (0, 8), (1, 8)):  # one state comes twice
+        for link, system in (("plant", 1), ("plant", 2), ("other", 1)):
+            tap.count(0.0, link, "from", state(step, system, run=run))
+    for link, system in (("plant", 1), ("plant", 2), ("other", 1)):
+        tap.count(0.0, link, "to", actuators(0, (1.0, 1.0, 1.0, 1.0), system))
+    for system, link in ((1, "plant"), (2, "plant"), (1, "other")):
+        assert uav_of(tap, system, link)["periods"] == 5
+        assert tap.events(system, "rudder", link) == 1
+    assert tap.events(9, "rudder") == 0
+    assert tap.min_interval_s(9, "rudder") is None
+
+
+def test_a_late_copy_of_the_first_state_begins_no_flight() -> None:
+    tap = Tap()
+    for step in (0, 1, 0, 2):
+        tap.count(0.0, "plant", "from", state(step))
+        tap.count(0.0, "plant", "to", actuators(1000 * step, (1.0, 1.0, 1.0, 1.0)))
+    assert uav_of(tap)["periods"] == 3
+    assert tap.events(1, "rudder") == 1
+
+
+def test_frozen_and_ended_states_are_no_control_periods() -> None:
+    tap = Tap()
+    assert tap.simulated_s is None
+    for step, flags in ((0, 0), (0, RUNNING), (1, RUNNING), (2, dialect.FTC_SIM_FLAGS_ENDED)):
+        tap.count(0.0, "plant", "from", state(step, flags=flags))
+    tap.count(0.0, "plant", "to", actuators(0, (0.0,) * 4))
+    assert uav_of(tap)["periods"] == 2
+    assert tap.simulated_s == pytest.approx(1e-3)
+
+
+def test_without_states_the_control_period_is_taken_from_the_user() -> None:
+    for period_us, periods in ((None, None), (1000, 11), (5000, 3)):
+        tap = Tap(period_us=period_us)
+        for time_us in (0, 10_000):
+            tap.count(0.0, "plant", "to", actuators(time_us, (0.0,) * 4))
+        assert uav_of(tap)["periods"] == periods
+
+
+def test_what_autopilots_report_stands_in_for_what_is_not_seen() -> None:
+    report = dialect.MAVLink_ftc_events_message(
+        9, 100, [1, 2, 3, 4], [2**32 - 1, 500, 600, 700], 7, [0, 1, 0, 0], 0
+    )
+    tap = Tap()
+    tap.count(0.0, "gcs", "to", Speaker(1, 1).pack(report))
+    uav = uav_of(tap, link="gcs")
+    assert uav["reported"]
+    assert uav["saving"] == pytest.approx(1 - 10 / 400)
+    assert [c["min_interval_s"] for c in uav["channels"].values()] == [None, 5e-4, 6e-4, 7e-4]
+    tap.count(0.0, "plant", "to", actuators(0, (0.0,) * 4))
+    assert [(u["link"], u["reported"]) for u in tap.report()["uavs"]] == [("plant", False)]
+
+
+def test_rates_are_over_a_sliding_window() -> None:
+    tap = Tap(window_s=2.0)
+    frame = Speaker(1, 1).pack(HEARTBEAT)
+    for k in range(100):
+        tap.count(k * 0.1, "gcs", "to", frame)
+    (row,) = tap.report(9.9)["messages"]
+    assert row["rate_hz"] == pytest.approx(10.0)
+    assert row["mean_hz"] == pytest.approx(10.0, rel=0.02)
+    (link,) = tap.report(10.9)["links"]
+    assert link["rate_hz"] == pytest.approx(5.0, abs=0.5)
+    assert link["bytes_per_s"] == pytest.approx(link["rate_hz"] * len(frame))
+    assert tap.report(20.0)["links"][0]["rate_hz"] == 0.0
+
+
+def damaged(frame: bytes) -> dict[str, bytes]:
+    unknown = bytes([0xFD, 1, 0, 0, 0, 1, 1, 0xFF, 0xFF, 0xFF, 5, 0, 0])
+    version_1 = HEARTBEAT.pack(dialect.MAVLink(None, 1, 1), force_mavlink1=True)
+    return {
+        "empty": b"",
+        "truncated": frame[:-1],
+        "wrong checksum": frame[:-1] + bytes([frame[-1] ^ 1]),
+        "not MAVLink 2": b"hello",
+        "MAVLink 1": bytes(version_1),
+        "unknown message": unknown,
+        "unknown incompatibility flags": frame[:2] + b"\x02" + frame[3:],
+    }
+
+
+def test_what_is_no_frame_is_counted_by_reason() -> None:
+    wrong = damaged(Speaker(1, 1).pack(HEARTBEAT))
+    tap = Tap()
+    for reason, datagram in wrong.items():
+        tap.count(0.0, "gcs", "to", datagram)
+        assert frame_size(datagram) == (0, reason)
+    (link,) = tap.report()["links"]
+    assert link["dropped"] == dict.fromkeys(wrong, 1)
+    assert (link["datagrams"], tap.frames()) == (len(wrong), 0)
+
+
+def test_a_datagram_may_hold_several_frames() -> None:
+    frame = Speaker(1, 1).pack(HEARTBEAT)
+    tap = Tap()
+    tap.count(0.0, "gcs", "to", frame * 3 + b"rest")
+    assert tap.frames("HEARTBEAT") == 3
+    assert tap.report()["links"][0]["dropped"] == {"not MAVLink 2": 1}
+
+
+def test_signed_frames_are_counted() -> None:
+    signing = dialect.MAVLink(None, 1, 1)
+    signing.signing.secret_key = bytes(32)
+    signing.signing.sign_outgoing = True
+    tap = Tap()
+    tap.count(0.0, "gcs", "to", bytes(HEARTBEAT.pack(signing)))
+    tap.count(0.0, "gcs", "to", Speaker(1, 1).pack(HEARTBEAT))
+    (row,) = tap.report()["messages"]
+    assert (row["frames"], row["signed"]) == (2, 1)
+
+
+@given(st.binary(max_size=300), st.binary(max_size=40))
+def test_no_datagram_is_too_odd(noise: bytes, tail: bytes) -> None:
+    tap = Tap()
+    for datagram in (noise, b"\xfd" + noise, state(3) + tail, actuators(0, (0.0,) * 4) + tail):
+        tap.count(0.0, "plant", "to", datagram)
+    assert sum(link["datagrams"] for link in tap.report()["links"]) == 4
+
+
+@given(messages | st.just(HEARTBEAT), senders)
+def test_frame_size_agrees_with_pymavlink(message, sender) -> None:
+    frame = Speaker(*sender).pack(message)
+    assert frame_size(frame + b"more") == (len(frame), "")
+
+
+def test_memory_does_not_grow_with_the_number_of_frames() -> None:
+    tap = Tap(window_s=0.1)
+    frame = Speaker(1, 1).pack(HEARTBEAT)
+    for k in range(5000):
+        tap.count(k * 1e-2, "gcs", "to", frame)
+    (count,) = tap._counts.values()
+    assert len(count.rate._recent) <= 11
+
+
+def test_links_are_named_by_the_port_of_their_fixed_end() -> None:
+    names = LinkNames({**DEFAULT_PORTS, 9000: "mine"})
+    peer = Address("127.0.0.1", 40123)
+    for port, link in ((14550, "gcs"), (14560, "plant"), (14602, "formation"), (9000, "mine")):
+        end = Address("127.0.0.1", port)
+        assert names.of(peer, end) == (link, "to")
+        assert names.of(end, peer) == (link, "from")
+    other = Address("127.0.0.1", 50000)
+    link, direction = names.of(peer, other)
+    assert link == "127.0.0.1:40123 / 127.0.0.1:50000"
+    assert {direction, names.of(other, peer)[1]} == {"to", "from"}
+    assert names.of(other, peer)[0] == link

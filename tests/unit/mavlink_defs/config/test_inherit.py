@@ -1,0 +1,269 @@
+import copy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from mavlink_defs.config.inherit import PlaceError, merged, read_inherited, with_values
+from mavlink_defs.config.models import ConfigError
+
+LEAVES = st.integers() | st.booleans() | st.sampled_from(["x", "y"])
+
+
+def mappings(keys: list[str | int], values: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    return st.dictionaries(st.sampled_from(keys), values, max_size=4)
+
+
+def values(keys: list[str | int]) -> st.SearchStrategy[Any]:
+    return st.recursive(LEAVES, lambda v: st.lists(v, max_size=3) | mappings(keys, v), max_leaves=8)
+
+
+PLAIN: list[str | int] = ["a", "b", "c", 1]
+ALL = [*PLAIN, "kind"]
+PLAIN_TREES = mappings(PLAIN, values(PLAIN))
+TREES = mappings(ALL, values(ALL))
+OVERLAYS = mappings(ALL, values(ALL) | st.none())
+
+
+def paths(tree: Any) -> list[tuple[Any, ...]]:
+    """Ways to all values of nested mappings that are no mappings themselves."""
+    if not isinstance(tree, dict):
+        return [()]
+    return [(key, *way) for key, value in tree.items() for way in paths(value)]
+
+
+def at(tree: Any, way: tuple[Any, ...]) -> Any:
+    for key in way:
+        tree = tree[key]
+    return tree
+
+
+def clash(a: Any, b: Any) -> bool:
+    """Tell whether a mapping stands in one where something else stands in the other."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return any(clash(a[key], b[key]) for key in a.keys() & b.keys())
+    return isinstance(a, dict) or isinstance(b, dict)
+
+
+@given(PLAIN_TREES, PLAIN_TREES, PLAIN_TREES)
+def test_it_does_not_matter_which_two_of_three_are_merged_first(a: Any, b: Any, c: Any) -> None:
+    assume(not (clash(a, b) or clash(b, c) or clash(a, c)))
+    assert merged(merged(a, b), c) == merged(a, merged(b, c))
+
+
+@given(TREES, OVERLAYS)
+def test_overlay_wins(base: Any, overlay: Any) -> None:
+    new = merged(base, overlay)
+    for way in paths(overlay):
+        if at(overlay, way) is not None:
+            assert at(new, way) == at(overlay, way)
+        else:
+            assert way[-1] not in at(new, way[:-1])
+    assert merged(new, overlay) == new
+
+
+@given(TREES, OVERLAYS)
+def test_what_goes_in_stays_as_it_is(base: Any, overlay: Any) -> None:
+    before = copy.deepcopy((base, overlay))
+    merged(base, overlay)
+    assert (base, overlay) == before
+
+
+@given(TREES)
+def test_nothing_over_a_tree_and_a_tree_over_itself_change_nothing(tree: Any) -> None:
+    assert merged(tree, {}) == merged({}, tree) == merged(tree, tree) == tree
+
+
+@given(PLAIN_TREES, PLAIN_TREES)
+def test_what_the_overlay_does_not_mention_is_the_bases(base: Any, overlay: Any) -> None:
+    new = merged(base, overlay)
+    assert new.keys() == base.keys() | overlay.keys()
+    for key in base.keys() - overlay.keys():
+        assert new[key] == base[key]
+
+
+LAW: dict[str, Any] = {"kind": "proposed", "c_v": 10.0, "rbf": {"neurons": 15, "span": 1.5}}
+
+
+@pytest.mark.parametrize(
+    ("overlay", "result"),
+    [
+        ({"kind": "pid"}, {"kind": "pid"}),
+        ({"kind": "pid", "p": 1, "q": None}, {"kind": "pid", "p": 1}),
+        ({"kind": "proposed", "c_v": 9}, {**LAW, "c_v": 9}),
+        ({"rbf": {"span": 2}}, {**LAW, "rbf": {"neurons": 15, "span": 2}}),
+        ({"rbf": None}, {"kind": "proposed", "c_v": 10.0}),
+        ({"kind": None, "p": 1}, {"p": 1}),
+        ({"c_v": [1, 2], "rbf": 3}, {"kind": "proposed", "c_v": [1, 2], "rbf": 3}),
+        ({"c_v": {"x": None, "y": 1}}, {**LAW, "c_v": {"y": 1}}),
+    ],
+)
+def test_merging(overlay: Any, result: Any) -> None:
+    assert merged({"law": LAW, "a": [1]}, {"law": overlay}) == {"law": result, "a": [1]}
+
+
+def test_a_kind_where_there_was_none_inherits_nothing() -> None:
+    assert merged({"c_v": 10.0}, {"kind": "pid"}) == {"kind": "pid"}
+
+
+# files
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str, str], Path]:
+    def to(name: str, text: str) -> Path:
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        return path
+
+    return to
+
+
+def test_a_chain_is_read_from_its_far_end(write: Callable[[str, str], Path]) -> None:
+    write("far/root.yaml", "a: 1\nb: {x: 1, y: 1}\nc: [1, 2]\n")
+    write("far/middle.yaml", "extends: root.yaml\nb: {x: 2}\nc: [3]\n")
+    top = write("top.yaml", "extends: far/middle.yaml\nb: {z: 3}\na:\n")
+    assert read_inherited(top) == {"b": {"x": 2, "y": 1, "z": 3}, "c": [3]}
+
+
+def test_a_file_without_a_base_is_read_as_it_is(write: Callable[[str, str], Path]) -> None:
+    assert read_inherited(write("one.yaml", "a:\nb: {kind:}\n")) == {"a": None, "b": {"kind": None}}
+
+
+def test_two_files_may_have_one_base(write: Callable[[str, str], Path]) -> None:
+    write("root.yaml", "a: 1")
+    write("left.yaml", "extends: ./root.yaml\nb: 1")
+    top = write("top.yaml", "extends: left.yaml\nc: 1")
+    assert read_inherited(top) == {"a": 1, "b": 1, "c": 1}
+
+
+@pytest.mark.parametrize(
+    ("files", "problem"),
+    [
+        ({"top": "extends: none.yaml"}, "{top}: extends: {none}: no such file"),
+        ({"top": "extends: ."}, "{top}: extends: {folder}: cannot be read: Is a directory"),
+        ({"top": "extends:"}, "{top}: extends: expected the path of one file, got nothing"),
+        ({"top": "extends: ''"}, "{top}: extends: expected the path of one file, got ''"),
+        ({"top": "extends: 3"}, "{top}: extends: expected the path of one file, got 3"),
+        (
+            {"top": "extends: [a.yaml, b.yaml]"},
+            "{top}: extends: expected the path of one file, got a list of 2",
+        ),
+        ({"top": "extends: top.yaml"}, "{top}: extends: {top}: extends itself"),
+        (
+            {"top": "extends: middle.yaml", "middle": "extends: top.yaml"},
+            "{top}: extends: {middle}: extends: {top}: extends itself",
+        ),
+        (
+            {"top": "extends: middle.yaml", "middle": "extends: none.yaml"},
+            "{top}: extends: {middle}: extends: {none}: no such file",
+        ),
+        (
+            {"top": "extends: middle.yaml", "middle": "a: 1\na: 2"},
+            "{top}: extends: {middle}: line 2, column 1: duplicate key 'a', given before in line 1",
+        ),
+        (
+            {"top": "extends: middle.yaml", "middle": "[1, 2]"},
+            "{top}: extends: {middle}: expected a mapping, got a list of 2",
+        ),
+        (
+            {"top": "extends: middle.yaml\na: &a {b: *a}", "middle": "c: 1"},
+            "{top}: nested too deeply",
+        ),
+    ],
+)
+def test_a_base_that_cannot_be_is_refused_in_one_line(
+    write: Callable[[str, str], Path], tmp_path: Path, files: dict[str, str], problem: str
+) -> None:
+    for name, text in files.items():
+        write(f"{name}.yaml", text)
+    with pytest.raises(ConfigError) as caught:
+        read_inherited(tmp_path / "top.yaml")
+    places = {name: tmp_path / f"{name}.yaml" for name in ("top", "middle", "none")}
+    assert str(caught.value) == problem.format(**places, folder=tmp_path)
+
+
+# single places
+
+
+TREE: dict[str, Any] = {
+    "trigger": {"b2_deg": 1.0},
+    "controller": LAW,
+    "faults": [{"uav": 3}, {"uav": 1}],
+    "grid": [[1, 2], [3]],
+    "access": {1: 1.0},
+    "duration_s": 24.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "found"),
+    [
+        ("trigger.b2_deg", 0.5, TREE | {"trigger": {"b2_deg": 0.5}}),
+        ("trigger.a1", 0.5, TREE | {"trigger": {"b2_deg": 1.0, "a1": 0.5}}),
+        ("trigger", {"a1": 0.5}, TREE | {"trigger": {"b2_deg": 1.0, "a1": 0.5}}),
+        ("faults[1].uav", 2, TREE | {"faults": [{"uav": 3}, {"uav": 2}]}),
+        ("faults[0]", {"uav": 2}, TREE | {"faults": [{"uav": 2}, {"uav": 1}]}),
+        ("faults", [], TREE | {"faults": []}),
+        ("grid[0][1]", 9, TREE | {"grid": [[1, 9], [3]]}),
+        ("access.1", 2.0, TREE | {"access": {1: 2.0}}),
+        ("uncertainty.inertia.Jxx", 1.1, TREE | {"uncertainty": {"inertia": {"Jxx": 1.1}}}),
+        ("controller.kind", "pid", TREE | {"controller": {"kind": "pid"}}),
+        ("controller.c_v", [5, 6], TREE | {"controller": LAW | {"c_v": [5, 6]}}),
+        ("trigger", None, {key: value for key, value in TREE.items() if key != "trigger"}),
+    ],
+)
+def test_a_value_is_set(place: str, value: Any, found: Any) -> None:
+    before = copy.deepcopy(TREE)
+    assert with_values(TREE, {place: value}) == found
+    assert before == TREE
+
+
+@pytest.mark.parametrize(
+    ("place", "problem"),
+    [
+        ("duration_s.x", "expected a mapping at duration_s, got 24.0"),
+        ("duration_s[0]", "expected a list of more than 0 at duration_s, got 24.0"),
+        ("trigger[0]", "expected a list of more than 0 at trigger, got a mapping"),
+        ("faults.uav", "expected a mapping at faults, got a list of 2"),
+        ("faults[2].uav", "expected a list of more than 2 at faults, got a list of 2"),
+        ("faults[0].uav.x", "expected a mapping at faults[0].uav, got 3"),
+        ("nothing[0].x", "expected a list of more than 0 at nothing, got a mapping"),
+        *(
+            (place, "expected keys and indices as in trigger.b2_deg or faults[0].uav")
+            for place in ("", ".a", "a.", "a..b", "[0]", "a[-1]", "a[x]", "a[0]b", "a b", "a\n")
+        ),
+    ],
+)
+def test_a_place_that_cannot_be_is_refused(place: str, problem: str) -> None:
+    with pytest.raises(PlaceError) as caught:
+        with_values(TREE, {place: 1})
+    assert str(caught.value) == f"{place}: {problem}"
+
+
+def test_values_are_set_one_after_the_other() -> None:
+    values = {"controller.kind": "pid", "controller.p": 3.0, "faults[0].uav": 1, "faults[1].uav": 2}
+    new = with_values(TREE, values)
+    assert new["controller"] == {"kind": "pid", "p": 3.0}
+    assert new["faults"] == [{"uav": 1}, {"uav": 2}]
+    assert with_values(TREE, {}) == TREE
+
+
+def test_what_an_anchor_shares_is_changed_only_where_it_is_said(
+    write: Callable[[str, str], Path],
+) -> None:
+    tree = read_inherited(write("a.yaml", "a: [&x {v: 1}, *x]\nb: *x\n"))
+    assert with_values(tree, {"a[0].v": 2}) == {"a": [{"v": 2}, {"v": 1}], "b": {"v": 1}}
+
+
+@given(PLAIN_TREES, st.lists(st.sampled_from("abc"), min_size=1), LEAVES)
+def test_setting_by_keys_is_merging(tree: Any, keys: list[str], value: Any) -> None:
+    overlay: Any = value
+    for key in reversed(keys):
+        overlay = {key: overlay}
+    assume(not clash(tree, overlay))
+    assert with_values(tree, {".".join(keys): value}) == merged(tree, overlay)

@@ -1,0 +1,433 @@
+import math
+from collections import Counter
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lossy_network import (
+    GCS,
+    OTHER_GCS,
+    OTHER_VEHICLE,
+    VEHICLE,
+    LossyNetwork,
+    over_the_wire,
+)
+
+from mavlink_defs import dialect
+from mavlink_defs.dialect import (
+    MAVLink_command_ack_message,
+    MAVLink_command_int_message,
+    MAVLink_command_long_message,
+    MAVLink_message,
+)
+from mavlink_defs.services.command import (
+    ACK_TIMEOUT_S,
+    CONFIRMED_WINDOW_S,
+    LATE_S,
+    MAX_PENDING,
+    MAX_SENDS,
+    PENDING_TIMEOUT_S,
+    PROGRESS_TIMEOUT_S,
+    CommandClient,
+    CommandFinished,
+    CommandMessage,
+    CommandProgress,
+    CommandReceived,
+    CommandServer,
+    command_params,
+)
+from mavlink_defs.services.machine import Address
+
+ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
+SET_FAULT = dialect.MAV_CMD_FTC_SET_FAULT
+CLEAR_FAULTS = dialect.MAV_CMD_FTC_CLEAR_FAULTS
+QUESTIONS = (
+    dialect.MAV_CMD_REQUEST_MESSAGE,
+    dialect.MAV_CMD_GET_HOME_POSITION,
+    dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
+    dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+)
+ACCEPTED = dialect.MAV_RESULT_ACCEPTED
+FAILED = dialect.MAV_RESULT_FAILED
+IN_PROGRESS = dialect.MAV_RESULT_IN_PROGRESS
+
+
+def long(
+    param1: float = 1.0, command: int = ARM, confirmation: int = 0, target: Address = VEHICLE
+) -> MAVLink_command_long_message:
+    return MAVLink_command_long_message(
+        *target, command, confirmation, param1, 0.0, math.nan, 0.0, 0.0, 0.0, 0.0
+    )
+
+
+def int_(param1: float = 1.0, command: int = ARM) -> MAVLink_command_int_message:
+    return MAVLink_command_int_message(
+        *VEHICLE, 0, command, 0, 0, param1, 0.0, math.nan, 0.0, 0, 0, 0.0
+    )
+
+
+def ack(
+    command: int = ARM,
+    result: int = ACCEPTED,
+    progress: int = 0,
+    source: Address = VEHICLE,
+    target: Address = GCS,
+    seq: int = 0,
+) -> MAVLink_command_ack_message:
+    message = MAVLink_command_ack_message(command, result, progress, 7, *target)
+    return over_the_wire(message, source, seq)
+
+
+def run_out(client: CommandClient) -> None:
+    while (at := client.deadline()) is not None:
+        client.handle_timer(at)
+
+
+class TestClient:
+    def test_command_is_abandoned_after_max_sends(self) -> None:
+        client = CommandClient(GCS)
+        client.send(int_(), now=0.0)
+        run_out(client)
+        assert len(client.messages_to_send()) == MAX_SENDS
+        client.events()
+        client.send(long(), now=0.0)
+        run_out(client)
+        assert [m.confirmation for m in client.messages_to_send()] == list(range(MAX_SENDS))
+        assert client.events() == [CommandFinished(ARM, result=None)]
+        assert not client.busy
+
+    def test_answer_ends_it(self) -> None:
+        client = CommandClient(GCS)
+        client.send(long(), now=0.0)
+        client.receive(ack(result=FAILED, progress=3), now=0.1)
+        assert client.events() == [CommandFinished(ARM, FAILED, 3, 7)]
+        assert client.deadline() is None
+
+    @pytest.mark.parametrize(
+        "foreign",
+        [
+            ack(command=SET_FAULT),
+            ack(source=OTHER_VEHICLE),
+            ack(source=Address(1, 2)),
+            ack(target=OTHER_GCS),
+            ack(target=Address(255, 191)),
+            over_the_wire(long(), VEHICLE),
+        ],
+    )
+    def test_foreign_answer_is_ignored(self, foreign: MAVLink_command_ack_message) -> None:
+        client = CommandClient(GCS)
+        client.receive(ack(), now=0.0)
+        client.send(long(), now=0.0)
+        client.receive(foreign, now=0.1)
+        assert client.busy
+        assert client.events() == []
+
+    def test_answer_without_target_is_for_everybody(self) -> None:
+        client = CommandClient(GCS)
+        client.send(long(target=Address(0, 0)), now=0.0)
+        client.receive(ack(target=Address(0, 0)), now=0.1)
+        assert client.events() == [CommandFinished(ARM, ACCEPTED, 0, 7)]
+
+    def test_progress_is_reported_and_extends_patience(self) -> None:
+        client = CommandClient(GCS)
+        client.send(long(), now=0.0)
+        client.receive(ack(result=IN_PROGRESS, progress=40), now=0.1)
+        client.receive(ack(result=IN_PROGRESS, progress=255), now=0.2)
+        assert client.events() == [CommandProgress(ARM, 40), CommandProgress(ARM, None)]
+        assert client.deadline() == 0.2 + PROGRESS_TIMEOUT_S
+        run_out(client)
+        confirmations = [m.confirmation for m in client.messages_to_send()]
+        assert confirmations == list(range(MAX_SENDS + 1))
+
+    def test_second_answer_to_a_repeated_command_is_not_that_of_the_next(self) -> None:
+        client = CommandClient(GCS)
+        client.send(long(1.0), now=0.0)
+        client.handle_timer(ACK_TIMEOUT_S)
+        client.receive(ack(), now=0.6)
+        client.send(long(0.0), now=0.6)
+        client.receive(ack(seq=1), now=0.7)  # for the repetition of the first
+        assert client.busy
+        client.handle_timer(0.6 + ACK_TIMEOUT_S)
+        client.receive(ack(seq=2), now=1.2)
+        assert not client.busy
+
+    def test_duplicate_of_an_answer_is_not_that_of_the_next(self) -> None:
+        client = CommandClient(GCS)
+        client.send(long(1.0), now=0.0)
+        client.receive(ack(seq=255), now=0.1)
+        client.send(long(0.0), now=0.1)
+        client.receive(ack(seq=255), now=0.2)
+        assert client.busy
+        client.receive(ack(seq=0), now=0.3)
+        assert not client.busy
+
+    def test_cancel_stops_waiting(self) -> None:
+        client = CommandClient(GCS)
+        client.cancel(now=0.0)
+        client.send(long(), now=0.0)
+        client.cancel(now=0.1)
+        assert client.events() == [CommandFinished(ARM, None, cancelled=True)]
+        assert client.deadline() is None
+
+    def test_one_command_at_a_time(self) -> None:
+        client = CommandClient(GCS)
+        client.send(long(), now=0.0)
+        with pytest.raises(RuntimeError, match="in flight"):
+            client.send(long(), now=0.0)
+
+    def test_early_timer_does_nothing(self) -> None:
+        client = CommandClient(GCS)
+        client.handle_timer(9.0)
+        client.send(long(), now=9.0)
+        client.handle_timer(9.1)
+        assert len(client.messages_to_send()) == 1
+
+
+class Vehicle:
+    """A server and what came out of it; each arrival takes the next sequence number."""
+
+    def __init__(self) -> None:
+        self.server = CommandServer(VEHICLE)
+        self.seq = 250
+
+    def gets(
+        self, message: CommandMessage, now: float, source: Address = GCS, seq: int | None = None
+    ) -> list[CommandReceived]:
+        self.seq = (self.seq + 1) % 256
+        received = over_the_wire(message, source, self.seq if seq is None else seq)
+        self.server.receive(received, now)
+        return self.server.events()
+
+    def executes(self, message: CommandMessage, now: float, source: Address = GCS) -> bool:
+        """Accept every command at once; tell whether `message` was executed."""
+        events = self.gets(message, now, source)
+        for event in events:
+            self.server.finish(event.token, ACCEPTED, now=now)
+        (answer,) = self.server.messages_to_send()
+        assert (answer.command, answer.result) == (message.command, ACCEPTED)
+        assert (answer.target_system, answer.target_component) == source
+        return bool(events)
+
+
+class TestServer:
+    def test_repetition_has_no_second_effect(self) -> None:
+        vehicle = Vehicle()
+        assert vehicle.executes(long(), now=0.0)
+        assert not vehicle.executes(long(confirmation=1), now=0.5)
+        assert not vehicle.executes(long(confirmation=2), now=CONFIRMED_WINDOW_S)
+        assert vehicle.executes(long(confirmation=3), now=CONFIRMED_WINDOW_S + 0.1)
+
+    @pytest.mark.parametrize("form", [long, int_])
+    def test_what_does_not_say_that_it_repeats_is_executed(self, form: type) -> None:
+        vehicle = Vehicle()
+        assert all(vehicle.executes(form(), now=0.5 * i) for i in range(6))
+
+    @pytest.mark.parametrize("command", QUESTIONS)
+    @pytest.mark.parametrize("confirmation", [0, 1])
+    def test_questions_are_answered_as_often_as_they_are_asked(
+        self, command: int, confirmation: int
+    ) -> None:
+        vehicle = Vehicle()
+        question = long(148.0, command, confirmation)
+        assert all(vehicle.executes(question, now=1.0 * i) for i in range(6))
+
+    def test_a_datagram_that_the_network_duplicates_is_dropped(self) -> None:
+        vehicle = Vehicle()
+        assert vehicle.gets(long(), now=0.0, seq=7)
+        assert vehicle.gets(long(), now=LATE_S, seq=7) == []
+        vehicle.gets(long(0.0), now=LATE_S, seq=8)
+        assert vehicle.gets(long(), now=LATE_S, seq=7) == []
+        assert vehicle.server.messages_to_send() == []
+        assert vehicle.gets(long(), now=LATE_S + 0.1, seq=7)  # of a client that was started anew
+
+    def test_a_change_by_another_station_is_undone_by_the_same_command_given_again(self) -> None:
+        vehicle = Vehicle()
+        assert vehicle.executes(long(1.0), now=0.0)
+        assert vehicle.executes(long(0.0), now=0.2, source=OTHER_GCS)
+        assert vehicle.executes(long(1.0), now=0.4)
+        assert vehicle.executes(long(0.0), now=0.6, source=OTHER_GCS)
+        # lost as it was sent first at 0.7 s, so its repetition comes first
+        assert vehicle.executes(long(1.0, confirmation=1), now=1.2)
+
+    def test_short_lived_clients_of_one_address_mean_what_they_say(self) -> None:
+        vehicle = Vehicle()
+        for now, command in enumerate((SET_FAULT, CLEAR_FAULTS, SET_FAULT, CLEAR_FAULTS)):
+            assert vehicle.gets(long(command=command), now=0.2 * now, seq=0)
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            dialect.MAVLink_set_mode_message(1, 1, 12),
+            dialect.MAVLink_mission_clear_all_message(*VEHICLE, 0),
+            dialect.MAVLink_mission_count_message(*VEHICLE, 3, 0),
+            dialect.MAVLink_mission_set_current_message(*VEHICLE, 2),
+        ],
+    )
+    def test_messages_change_what_commands_act_on(self, change: MAVLink_message) -> None:
+        start = dialect.MAV_CMD_MISSION_START
+        vehicle = Vehicle()
+        assert vehicle.executes(long(0.0, start), now=0.0)
+        assert not vehicle.executes(long(0.0, start, confirmation=1), now=0.5)
+        vehicle.server.receive(over_the_wire(change, OTHER_GCS), now=0.6)
+        assert vehicle.executes(long(0.0, start, confirmation=1), now=1.1)
+
+    @pytest.mark.parametrize("source", [GCS, OTHER_GCS])
+    @pytest.mark.parametrize("form", [lambda: long(confirmation=1), int_])
+    def test_a_repetition_that_comes_late_undoes_nothing(
+        self, source: Address, form: Callable[[], CommandMessage]
+    ) -> None:
+        vehicle = Vehicle()
+        first = long() if isinstance(form(), MAVLink_command_long_message) else int_()
+        vehicle.gets(first, now=0.0, seq=255)
+        vehicle.gets(long(0.0), now=0.5, source=source, seq=1)
+        assert vehicle.gets(form(), now=0.5 + LATE_S, seq=0) == []
+        assert vehicle.server.messages_to_send() == []
+        assert vehicle.gets(form(), now=1.0, seq=2)  # it was meant
+
+    def test_confirmation_alone_does_not_make_a_repetition(self) -> None:
+        vehicle = Vehicle()
+        assert vehicle.executes(long(confirmation=1), now=0.0)
+        assert vehicle.executes(long(0.0, confirmation=1), now=0.1)
+        assert vehicle.executes(long(0.0, SET_FAULT, confirmation=1), now=0.2)
+        assert vehicle.executes(long(0.0, confirmation=1), now=0.3, source=OTHER_GCS)
+
+    def test_arm_disarm_arm_in_a_hurry_is_three_commands(self) -> None:
+        vehicle = Vehicle()
+        assert all(vehicle.executes(long(p), now=0.1 * i) for i, p in enumerate((1.0, 0.0, 1.0)))
+        assert vehicle.executes(long(0.0), now=0.4)  # lost, so its repetition comes first
+        assert vehicle.executes(long(1.0, confirmation=1), now=0.5)
+
+    def test_set_clear_set_in_a_hurry_is_three_commands(self) -> None:
+        vehicle = Vehicle()
+        assert vehicle.executes(int_(command=SET_FAULT), now=0.0)
+        assert vehicle.executes(int_(command=CLEAR_FAULTS), now=0.1)
+        assert vehicle.executes(int_(command=SET_FAULT), now=0.2)
+
+    def test_other_command_in_between_does_not_hide_a_confirmed_repetition(self) -> None:
+        vehicle = Vehicle()
+        assert vehicle.executes(long(command=SET_FAULT), now=0.0)
+        assert vehicle.executes(long(), now=0.1)
+        assert not vehicle.executes(long(command=SET_FAULT, confirmation=1), now=0.5)
+
+    def test_pending_command_is_in_progress(self) -> None:
+        vehicle = Vehicle()
+        (event,) = vehicle.gets(long(), now=0.0)
+        assert (event.sender, event.message.command) == (GCS, ARM)
+        assert vehicle.server.messages_to_send() == []
+        assert vehicle.gets(long(), now=PENDING_TIMEOUT_S - 1.0) == []
+        (answer,) = vehicle.server.messages_to_send()
+        assert (answer.result, answer.progress) == (IN_PROGRESS, 255)
+
+    def test_progress_is_passed_on_and_gives_more_time(self) -> None:
+        vehicle = Vehicle()
+        (event,) = vehicle.gets(long(), now=0.0)
+        vehicle.server.finish(event.token, IN_PROGRESS, now=5.0, progress=30)
+        assert vehicle.server.deadline() == 5.0 + PENDING_TIMEOUT_S
+        vehicle.gets(long(confirmation=1), now=6.0)
+        vehicle.server.finish(event.token, ACCEPTED, now=7.0, result_param2=-3)
+        answers = vehicle.server.messages_to_send()
+        assert [(a.result, a.progress) for a in answers] == [
+            (IN_PROGRESS, 30),
+            (IN_PROGRESS, 30),
+            (ACCEPTED, 0),
+        ]
+        assert answers[-1].result_param2 == -3
+        assert vehicle.server.deadline() is None
+
+    def test_pending_too_long_is_failed_for_good(self) -> None:
+        vehicle = Vehicle()
+        (event,) = vehicle.gets(long(), now=0.0)
+        vehicle.server.handle_timer(PENDING_TIMEOUT_S - 0.1)
+        assert vehicle.server.messages_to_send() == []
+        vehicle.server.handle_timer(PENDING_TIMEOUT_S)
+        vehicle.server.finish(event.token, ACCEPTED, now=PENDING_TIMEOUT_S + 0.1)
+        assert [m.result for m in vehicle.server.messages_to_send()] == [FAILED]
+        assert vehicle.gets(long(confirmation=9), now=PENDING_TIMEOUT_S + 0.2) == []
+        assert [m.result for m in vehicle.server.messages_to_send()] == [FAILED]
+
+    @pytest.mark.parametrize("target", [Address(0, 0), Address(1, 0), Address(0, 1), VEHICLE])
+    def test_addressed_to_us(self, target: Address) -> None:
+        assert Vehicle().gets(long(target=target), now=0.0)
+
+    @pytest.mark.parametrize("target", [OTHER_VEHICLE, Address(1, 2), Address(2, 0)])
+    def test_addressed_to_others(self, target: Address) -> None:
+        vehicle = Vehicle()
+        assert vehicle.gets(long(target=target), now=0.0) == []
+        assert vehicle.server.messages_to_send() == []
+
+    def test_other_messages_are_ignored(self) -> None:
+        assert Vehicle().gets(ack(), now=0.0) == []
+
+    def test_too_many_pending_are_turned_away(self) -> None:
+        vehicle = Vehicle()
+        for i in range(MAX_PENDING):
+            assert vehicle.gets(long(float(i)), now=0.0)
+        assert vehicle.gets(long(-1.0), now=0.0) == []
+        (answer,) = vehicle.server.messages_to_send()
+        assert answer.result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
+
+    def test_memory_is_bounded_and_pending_ones_are_kept(self) -> None:
+        vehicle = Vehicle()
+        (pending,) = vehicle.gets(long(0.5), now=0.0)
+        for i in range(500):
+            assert vehicle.executes(long(float(i)), now=0.001 * i)
+        assert len(vehicle.server._records) <= 2 * MAX_PENDING
+        vehicle.server.finish(pending.token, ACCEPTED, now=1.0)
+        assert len(vehicle.server.messages_to_send()) == 1
+
+
+def test_params_of_both_forms() -> None:
+    sent = MAVLink_command_long_message(1, 1, ARM, 0, 1, 2, 3, 4, 5, 6, 7)
+    assert command_params(sent) == (1, 2, 3, 4, 5, 6, 7)
+    sent = MAVLink_command_int_message(1, 1, 0, ARM, 0, 0, 1, 2, 3, 4, 5, 2**31 - 1, 7)
+    params = command_params(sent)
+    assert params[:5] == (1, 2, 3, 4, 5)
+    assert math.isnan(params[5])
+    assert params[6] == 7
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    loss=st.floats(0.0, 0.4),
+    duplication=st.floats(0.0, 0.3),
+    delay_s=st.floats(0.0, LATE_S),
+    works_s=st.lists(st.sampled_from([0.0, 0.3, 2.0, 6.0, math.inf]), min_size=1, max_size=4),
+    form=st.sampled_from([long, int_]),
+)
+def test_any_network_ends_in_one_effect_or_an_explicit_failure(
+    seed: int, loss: float, duplication: float, delay_s: float, works_s: list[float], form: type
+) -> None:
+    network = LossyNetwork(seed, loss, duplication, delay_s)
+    client, server = CommandClient(GCS), CommandServer(VEHICLE)
+    gcs, vehicle = network.join(client, GCS), network.join(server, VEHICLE)
+    network.join(CommandServer(OTHER_VEHICLE), OTHER_VEHICLE)
+    executed: Counter[float] = Counter()
+    waiting = [form(float(i)) for i in range(len(works_s))]
+
+    def execute(event: CommandReceived, now: float) -> None:
+        number = event.message.param1
+        executed[number] += 1
+        if math.isfinite(work_s := works_s[int(number)]):
+            finish = lambda: server.finish(event.token, ACCEPTED, now=network.now)  # noqa: E731
+            network.call_at(now + work_s, finish)
+
+    def send_next(event: CommandFinished | CommandProgress, now: float) -> None:
+        if isinstance(event, CommandFinished):
+            number = len(works_s) - len(waiting) - 1
+            assert event.result in {ACCEPTED, FAILED, None}
+            assert executed[number] >= 1 or event.result is None
+            assert event.result != ACCEPTED or math.isfinite(works_s[number])
+            if waiting and event.result is not None:
+                client.send(waiting.pop(0), now)
+
+    vehicle.on_event, gcs.on_event = execute, send_next
+    client.send(waiting.pop(0), now=0.0)
+    network.run(limit_s=40.0 * len(works_s))
+
+    finished = [event for event in gcs.events if isinstance(event, CommandFinished)]
+    assert len(finished) == len(works_s) or finished[-1].result is None
+    assert form is int_ or set(executed.values()) <= {1}
+    if loss == 0.0 and max(works_s) < 1.0:
+        assert {event.result for event in finished} == {ACCEPTED}

@@ -1,0 +1,51 @@
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavlink_defs.float32 import decimal_of_float32
+
+
+def as_float32(x: float) -> float:
+    return struct.unpack("<f", struct.pack("<f", x))[0]
+
+
+@pytest.mark.parametrize("x", [0.9, 0.1, -25.0, 1e-7, 123456.0, 0.333333, 16777216.0, 1.5e-45])
+def test_short_decimals_come_back(x: float) -> None:
+    restored = decimal_of_float32(as_float32(x))
+    assert restored == pytest.approx(x, rel=0.1)
+    assert as_float32(restored) == as_float32(x)
+
+
+def test_09_comes_back_as_09() -> None:
+    assert as_float32(0.9) != 0.9
+    assert decimal_of_float32(as_float32(0.9)) == 0.9
+
+
+@given(st.integers(-999_999, 999_999), st.integers(-30, 30))
+def test_six_significant_digits_pass_unchanged(digits: int, exponent: int) -> None:
+    decimal = float(f"{digits}e{exponent}")
+    assert decimal_of_float32(as_float32(decimal)) == decimal
+
+
+@given(st.floats(width=32))
+def test_no_float32_is_changed(x: float) -> None:
+    restored = decimal_of_float32(x)
+    assert struct.pack("<f", restored) == struct.pack("<f", x) or math.isnan(x)
+    assert math.isnan(restored) == math.isnan(x)
+
+
+@pytest.mark.parametrize("x", [math.inf, -math.inf])
+def test_infinity_is_kept(x: float) -> None:
+    assert decimal_of_float32(x) == x
+
+
+def test_beyond_float32_is_infinite() -> None:
+    assert decimal_of_float32(1e300) == math.inf
+    assert decimal_of_float32(1e-300) == 0.0
+
+
+def test_sign_of_zero_is_kept() -> None:
+    assert math.copysign(1.0, decimal_of_float32(-0.0)) == -1.0
