@@ -29,7 +29,7 @@ from random import Random
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import free_ports
-from mavlink_defs.framing.frames import Speaker, parse
+from mavlink_defs.framing.frames import FramePacker, parse
 
 __all__ = ["Load", "measure"]
 
@@ -64,7 +64,7 @@ class Vehicles:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.connect(("127.0.0.1", port))
         self._socket.setblocking(False)
-        self._speakers = {i: Speaker(i, 1) for i in range(1, VEHICLES + 1)}
+        self._speakers = {i: FramePacker(i, 1) for i in range(1, VEHICLES + 1)}
         self._begin = time.monotonic()
         self._tick = 0
         self._due: list[tuple[float, int]] = []

@@ -14,7 +14,7 @@ import numpy as np
 
 from ftc_autopilot.config import Neighbour
 from ftc_autopilot.control.controller import no_signals
-from ftc_autopilot.control.controllers import Crew, announce, onboard_step
+from ftc_autopilot.control.controllers import Controllers, announce, controller_step
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOCKSTEP,
@@ -40,7 +40,7 @@ from mavlink_defs.framing.codec import (
     pack,
     system_of,
 )
-from mavlink_defs.framing.hot_signing import Seal, new_seal, open_frame, seal_frame
+from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame, verify_frame
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import (
@@ -118,8 +118,8 @@ class AutopilotLink(NamedTuple):
     report: np.ndarray  # view of `word`
     step_done: np.ndarray  # (1,), payload
     signals: np.ndarray  # (steps,), recorded, NaN where no state came; no steps: nothing is
-    plant_seal: Seal
-    formation_seal: Seal
+    plant_signer: LinkSigner
+    formation_signer: LinkSigner
 
 
 def new_link(
@@ -128,8 +128,8 @@ def new_link(
     step_us: int,
     neighbour_timeout_s: float,
     record_steps: int,
-    plant_seal: Seal | None = None,
-    formation_seal: Seal | None = None,
+    plant_signer: LinkSigner | None = None,
+    formation_signer: LinkSigner | None = None,
 ) -> AutopilotLink:
     """The link of an autopilot that has not heard of the plant.
 
@@ -139,8 +139,8 @@ def new_link(
         step_us: Control period [µs].
         neighbour_timeout_s: Simulated silence after which a neighbour is dropped [s].
         record_steps: Number of steps to keep signals of.
-        plant_seal: Signs the simulator link.
-        formation_seal: Signs the formation link.
+        plant_signer: Signs the simulator link.
+        formation_signer: Signs the formation link.
     """
     degree = len(neighbours)
     clock = np.zeros(1, CLOCK)
@@ -171,8 +171,8 @@ def new_link(
         codec.payload_view(word, codec.NEIGHBOUR),
         np.zeros(1, codec.STEP_DONE),
         no_signals(record_steps),
-        plant_seal or new_seal(b"", PLANT_LINK),
-        formation_seal or new_seal(b"", FORMATION_LINK),
+        plant_signer or new_link_signer(b"", PLANT_LINK),
+        formation_signer or new_link_signer(b"", FORMATION_LINK),
     )
     reset_link(link)
     return link
@@ -196,7 +196,7 @@ def run(
     plant_fd: int,
     formation_fd: int,
     link: AutopilotLink,
-    crew: Crew,
+    controllers: Controllers,
     until_s: float,
     until_step: int,
 ) -> int:
@@ -207,7 +207,7 @@ def run(
             is noticed.
         formation_fd: Socket bound to the own formation port, with a short receive timeout.
         link: The link.
-        crew: A crew of one.
+        controllers: The controllers of one UAV.
         until_s: Wall-clock time, as `monotonic_s` gives it, at which to come back [s].
         until_step: Step after which to come back.
 
@@ -221,7 +221,7 @@ def run(
         else:
             length = receive(plant_fd, link.received)
         if length >= 0:
-            code = open_frame(link.plant_seal, link.received, length)
+            code = verify_frame(link.plant_signer, link.received, length)
             if code in (FOREIGN, SIGNED):
                 clock["received"] = length
                 return SERVICE
@@ -231,7 +231,7 @@ def run(
                 if code == 0:
                     if _is_of_another_run(link):
                         return RESTARTED
-                    _work(plant_fd, formation_fd, link, crew)
+                    _work(plant_fd, formation_fd, link, controllers)
                     if clock["flags"] & FTC_SIM_FLAGS_ENDED:
                         return OVER
             elif code > 0:
@@ -272,7 +272,7 @@ def _is_of_another_run(link: AutopilotLink) -> bool:
 
 
 @compiled
-def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> None:
+def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers) -> None:
     """Answer one received state; in lockstep nothing is left to send after FTC_STEP_DONE.
 
     So when the next state comes, the words of this step lie at every neighbour already. A step
@@ -283,21 +283,21 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, crew: Crew) -> 
     running, ended = flags & FTC_SIM_FLAGS_RUNNING, flags & FTC_SIM_FLAGS_ENDED
     lockstep = (flags & FTC_SIM_FLAGS_LOCKSTEP) != 0
     if running and clock["step"] < 0:  # the first step needs words of the same state
-        announce(crew, 0, state)
-        _tell_neighbours(formation_fd, link, crew)
+        announce(controllers, 0, state)
+        _tell_neighbours(formation_fd, link, controllers)
     fresh = running and step > clock["step"]
     if fresh:
-        _collect_reports(formation_fd, link, crew, step, lockstep)
-        mask = onboard_step(crew, 0, state, clock["step_us"])
-        _send_actuators(plant_fd, link, crew, mask, lockstep)
-        _tell_neighbours(formation_fd, link, crew)
+        _collect_reports(formation_fd, link, controllers, step, lockstep)
+        mask = controller_step(controllers, 0, state, clock["step_us"])
+        _send_actuators(plant_fd, link, controllers, mask, lockstep)
+        _tell_neighbours(formation_fd, link, controllers)
         clock["step"] = step
         if step < len(link.signals):
-            link.signals[step] = crew.signals[0]
+            link.signals[step] = controllers.signals[0]
     elif not running and not ended:  # frozen: neighbours learn of each other
-        announce(crew, 0, state)
-        _tell_neighbours(formation_fd, link, crew)
-        _take_reports(formation_fd, link, crew, 0)
+        announce(controllers, 0, state)
+        _tell_neighbours(formation_fd, link, controllers)
+        _take_reports(formation_fd, link, controllers, 0)
     if ended or (running and lockstep and step == clock["step"]):
         link.step_done[0]["step"] = step
         _send(plant_fd, link, link.step_done, ID_STEP_DONE)
@@ -310,12 +310,12 @@ def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: i
         link.sent, payload, message_id, link.system, MAV_COMP_ID_AUTOPILOT1, clock["sequence"]
     )
     clock["sequence"] += 1
-    send(plant_fd, link.sent, seal_frame(link.plant_seal, link.sent, length))
+    send(plant_fd, link.sent, sign_frame(link.plant_signer, link.sent, length))
 
 
 @compiled
 def _send_actuators(
-    plant_fd: int, link: AutopilotLink, crew: Crew, mask: int, lockstep: bool
+    plant_fd: int, link: AutopilotLink, controllers: Controllers, mask: int, lockstep: bool
 ) -> None:
     """Send the actuator message if there was an event, or again if one was not acknowledged.
 
@@ -341,28 +341,28 @@ def _send_actuators(
             clock["pending_usec"][c] = time_usec
         elif overdue & (1 << c):
             clock["repeated"][c] += 1
-    crew.actuators[0]["time_usec"] = time_usec
-    _send(plant_fd, link, crew.actuators, ID_ACTUATORS)
+    controllers.actuators[0]["time_usec"] = time_usec
+    _send(plant_fd, link, controllers.actuators, ID_ACTUATORS)
 
 
 @compiled
-def _tell_neighbours(formation_fd: int, link: AutopilotLink, crew: Crew) -> None:
+def _tell_neighbours(formation_fd: int, link: AutopilotLink, controllers: Controllers) -> None:
     clock = link.clock[0]
     if len(link.neighbours) == 0:
         return
     length = pack(
-        link.sent, crew.reports, ID_NEIGHBOUR, link.system, MAV_COMP_ID_AUTOPILOT1,
+        link.sent, controllers.reports, ID_NEIGHBOUR, link.system, MAV_COMP_ID_AUTOPILOT1,
         clock["formation_sequence"],
     )  # fmt: skip
     clock["formation_sequence"] += 1
-    length = seal_frame(link.formation_seal, link.sent, length)
+    length = sign_frame(link.formation_signer, link.sent, length)
     for d in range(len(link.neighbours)):
         send_to(formation_fd, link.sent, length, link.addresses[d])
 
 
 @compiled
 def _collect_reports(
-    formation_fd: int, link: AutopilotLink, crew: Crew, step: int, lockstep: bool
+    formation_fd: int, link: AutopilotLink, controllers: Controllers, step: int, lockstep: bool
 ) -> None:
     """Bring the neighbours' words up to date, and drop or take up edges, before a step.
 
@@ -373,16 +373,16 @@ def _collect_reports(
     newest = max(step - 1, 0)  # the first step uses the words of the frozen state
     for d in range(len(link.neighbours)):
         if link.heard_step[d] < link.early_step[d] <= newest:
-            crew.inboxes[0, d] = link.early[d]
+            controllers.inboxes[0, d] = link.early[d]
             link.heard_step[d] = link.early_step[d]
     if not lockstep or _some_given_up(link):
-        _take_reports(formation_fd, link, crew, newest)
+        _take_reports(formation_fd, link, controllers, newest)
     if lockstep and _some_missing(link, newest):
         end_s = monotonic_s() + _NEIGHBOUR_WAIT_S
         while _some_missing(link, newest):
             length = receive_from_soon(formation_fd, link.word, link.sender)
             if length >= 0:
-                _take_report(link, crew, length, newest)
+                _take_report(link, controllers, length, newest)
             elif monotonic_s() >= end_s:
                 break
         for d in range(len(link.neighbours)):
@@ -392,8 +392,8 @@ def _collect_reports(
         heard = link.heard_step[d] != _NEVER_HEARD
         fresh = heard and step - link.heard_step[d] <= clock["timeout_steps"]
         weight = link.weights[d] if fresh else 0.0
-        if weight != crew.weights[0, d]:
-            crew.weights[0, d] = weight
+        if weight != controllers.weights[0, d]:
+            controllers.weights[0, d] = weight
             if step > 0:  # the first words are no change
                 clock["edge_changes"] += 1
 
@@ -415,18 +415,20 @@ def _some_given_up(link: AutopilotLink) -> bool:
 
 
 @compiled
-def _take_reports(formation_fd: int, link: AutopilotLink, crew: Crew, newest: int) -> None:
+def _take_reports(
+    formation_fd: int, link: AutopilotLink, controllers: Controllers, newest: int
+) -> None:
     while True:
         length = receive_from_now(formation_fd, link.word, link.sender)
         if length < 0:
             return
-        _take_report(link, crew, length, newest)
+        _take_report(link, controllers, length, newest)
 
 
 @compiled
-def _take_report(link: AutopilotLink, crew: Crew, length: int, newest: int) -> None:
+def _take_report(link: AutopilotLink, controllers: Controllers, length: int, newest: int) -> None:
     """Keep a neighbour's word: for use if its step is over here, for later if not."""
-    code = open_frame(link.formation_seal, link.word, length)
+    code = verify_frame(link.formation_signer, link.word, length)
     if code != ID_NEIGHBOUR:
         link.drops[FORMATION, -(code if code < SIGNED else UNEXPECTED)] += 1
         return
@@ -445,7 +447,7 @@ def _take_report(link: AutopilotLink, crew: Crew, length: int, newest: int) -> N
             link.early[d] = report
             link.early_step[d] = step
         elif step >= link.heard_step[d]:
-            crew.inboxes[0, d] = report
+            controllers.inboxes[0, d] = report
             link.heard_step[d] = step
         else:
             link.drops[FORMATION, -NOT_NEWER] += 1

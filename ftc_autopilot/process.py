@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import Any
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import new_crew
+from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.link import GCS, OVER, PLANT, RESTARTED, SERVICE, SIMULATOR, new_link, run
-from ftc_autopilot.vehicle.gcs_signing import Door
+from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.config.models import ConfigError, load
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.endpoint import (
-    Address,
     EndpointError,
+    UdpAddress,
     bind_udp,
     connect_udp,
     exposed,
@@ -35,8 +35,8 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import STRANGER
-from mavlink_defs.framing.frames import Speaker, drop_reason, parse
-from mavlink_defs.framing.hot_signing import load_seal, seal_bytes
+from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.hot_signing import load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.files import save_arrays
 from mavlink_defs.runtime.shutdown import on_stop
@@ -70,21 +70,21 @@ class Autopilot:
         addresses = [resolve(parse_address(text)) for text in config.gcs]
         self._ground_stations = [(address.host, address.port) for address in addresses]
         self._simulator = (config.id, SIMULATOR_COMPONENT)
-        self._crew = new_crew([config])
+        self._controllers = new_controllers([config])
         self._link = new_link(
             config.id, config.neighbours, config.step_us, config.neighbour_timeout_s, record_steps,
-            load_seal(config.signing_key, PLANT_LINK),
-            load_seal(config.signing_key, FORMATION_LINK),
+            load_link_signer(config.signing_key, PLANT_LINK),
+            load_link_signer(config.signing_key, FORMATION_LINK),
         )  # fmt: skip
         self._clock = self._link.clock[0]
-        self._vehicle = Vehicle(config, self._link, self._crew)
+        self._vehicle = Vehicle(config, self._link, self._controllers)
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
-        self._to_gcs = [Speaker(config.id, component) for _ in config.gcs]
+        self._to_gcs = [FramePacker(config.id, component) for _ in config.gcs]
         self._most_per_step = self._vehicle.most_per_step(config.step_us)
         self._more_to_do = False
-        self._door = Door(config.id, config.signing_key)
-        self._to_plant = Speaker(config.id, component, self._next_sequence)
+        self._gcs_signing = GcsSigning(config.id, config.signing_key)
+        self._to_plant = FramePacker(config.id, component, self._next_sequence)
         self.stopping = False
 
     def fly(self) -> str | None:
@@ -94,7 +94,7 @@ class Autopilot:
         while not self.stopping:
             until_s = time.monotonic() + _TICK_S
             outcome = run(
-                plant_fd, formation_fd, self._link, self._crew, until_s, self._until_step()
+                plant_fd, formation_fd, self._link, self._controllers, until_s, self._until_step()
             )
             if outcome == SERVICE:
                 self._hear_simulator()
@@ -184,11 +184,11 @@ class Autopilot:
             if sender not in self._ground_stations:
                 self._link.drops[GCS, -STRANGER] += 1
                 continue
-            message = self._door.admit(datagram)
+            message = self._gcs_signing.accept(datagram)
             if message is None:
-                self._link.drops[GCS, -self._door.refusal] += 1
+                self._link.drops[GCS, -self._gcs_signing.refusal] += 1
             elif isinstance(message, dialect.MAVLink_setup_signing_message):
-                words = self._door.set_key(message, sender[0], self._vehicle.modes.armed)
+                words = self._gcs_signing.set_key(message, sender[0], self._vehicle.modes.armed)
                 if words is not None:
                     self._vehicle.say(dialect.MAV_SEVERITY_WARNING, words)
             else:
@@ -198,10 +198,10 @@ class Autopilot:
 
     def _speak(self, most: int | None = None) -> None:
         for message in self._vehicle.simulator_messages():
-            _send(self._plant, seal_bytes(self._link.plant_seal, self._to_plant.pack(message)))
+            _send(self._plant, sign_bytes(self._link.plant_signer, self._to_plant.pack(message)))
         for station, address in enumerate(self._ground_stations):
             for message in self._vehicle.gcs_messages(station, most):
-                frame = self._door.sign(self._to_gcs[station].pack(message))
+                frame = self._gcs_signing.sign(self._to_gcs[station].pack(message))
                 _send(self._gcs, frame, address)
 
 
@@ -246,7 +246,7 @@ def main(arguments: list[str] | None = None) -> None:
         print(problem, file=sys.stderr)
         sys.exit(2)
     prefix = f"ftc-autopilot {config.id}"
-    for at in (address, Address(*gcs.getsockname())):
+    for at in (address, UdpAddress(*gcs.getsockname())):
         if not is_loopback(at):
             print(f"{prefix}: {exposed(at, bool(config.signing_key))}", file=sys.stderr)
     try:

@@ -29,7 +29,10 @@ def targets(scenario: Scenario) -> dict[str, Target]:
     """Everything that takes datagrams, by name."""
     doors = ("gcs", "simulator", "formation")
     return {
-        **{f"autopilot, {door} link": AutopilotTarget(scenario, door) for door in doors},
+        **{
+            f"autopilot, {gcs_signing} link": AutopilotTarget(scenario, gcs_signing)
+            for gcs_signing in doors
+        },
         "plant, autopilot": PlantTarget(scenario, stranger=False),
         "plant, stranger": PlantTarget(scenario, stranger=True),
         "ground station": StationTarget(),
@@ -99,7 +102,7 @@ def main() -> None:
 def with_coverage(runs: int, function: Callable[[bytes], object]) -> None:
     """Let atheris choose the bytes for the parsers; it ends the process."""
     try:
-        import atheris  # noqa: PLC0415 - optional
+        import atheris
     except ImportError:
         print("atheris is not installed: pip install atheris (dependency group `fuzz`)")
         return

@@ -8,7 +8,7 @@ from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
 
-__all__ = ["MESSAGES", "damaged", "message_frame", "noise", "seal"]
+__all__ = ["MESSAGES", "damaged", "link_signer", "message_frame", "noise"]
 
 MESSAGES: dict[int, Any] = dialect.mavlink_map
 """Every message class of the dialect, by id."""
@@ -24,7 +24,9 @@ _DOUBLES = (*_FLOATS, 1.7976931348623157e308, 5e-324, 1e300)
 _TARGETS = ("target_system", "target_component")
 
 
-def seal(message_id: int, payload: bytes, system: int, component: int, sequence: int) -> bytes:
+def link_signer(
+    message_id: int, payload: bytes, system: int, component: int, sequence: int
+) -> bytes:
     """Make a good frame of any payload; an id that the dialect does not have gets a CRC, too."""
     message = MESSAGES.get(message_id)
     size = len(payload.rstrip(b"\0")) or 1
@@ -57,7 +59,7 @@ def message_frame(
             payload += struct.pack(f"<{count}{code}", *values)
         else:
             payload += b"".join(_whole(random, code) for _ in range(count))
-    return seal(message_id, payload, *sender, random.randrange(256))
+    return link_signer(message_id, payload, *sender, random.randrange(256))
 
 
 def _whole(random: Random, code: str) -> bytes:

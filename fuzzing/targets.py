@@ -14,18 +14,18 @@ from typing import Any, Protocol
 import numpy as np
 
 from ftc_autopilot import link as autopilot_link
-from ftc_autopilot.control.controllers import onboard_step
+from ftc_autopilot.control.controllers import controller_step
 from ftc_autopilot.process import Autopilot
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, status_dict
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogError, read_tlog
-from mavlink_defs.endpoint import Address as Endpoint
 from mavlink_defs.endpoint import Connection, parse_address, sockaddr
+from mavlink_defs.endpoint import UdpAddress as Endpoint
 from mavlink_defs.framing import codec
-from mavlink_defs.framing.frames import Speaker, drop_reason, parse
-from mavlink_defs.framing.hot_signing import new_seal
+from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.hot_signing import new_link_signer
 from mavlink_defs.framing.signing import PLANT_LINK
 from sitl_plant import link as plant_link
 from sitl_plant.fleet import fly
@@ -77,12 +77,12 @@ class AutopilotTarget:
 
     target = (UAV, dialect.MAV_COMP_ID_AUTOPILOT1)
 
-    def __init__(self, scenario: Scenario, door: str) -> None:
+    def __init__(self, scenario: Scenario, gcs_signing: str) -> None:
         """Start one.
 
         Args:
             scenario: Whose UAV 2 it is.
-            door: "gcs", "simulator" or "formation": where the datagrams come in.
+            gcs_signing: "gcs", "simulator" or "formation": where the datagrams come in.
         """
         self._plant, self._own, self._formation, self._gcs = (_udp() for _ in range(4))
         self._own.connect(self._plant.getsockname())
@@ -95,11 +95,15 @@ class AutopilotTarget:
         )
         self._formation.setblocking(False)
         self._own.setblocking(False)
-        self._door = {"gcs": self._gcs, "simulator": self._own, "formation": self._formation}[door]
+        self._gcs_signing = {
+            "gcs": self._gcs,
+            "simulator": self._own,
+            "formation": self._formation,
+        }[gcs_signing]
         senders = {"gcs": (255, 190), "simulator": (UAV, 25), "formation": (NEIGHBOUR, 1)}
-        self.sender = senders[door]
-        self._is_formation = door == "formation"
-        self._link, self._crew = self._autopilot._link, self._autopilot._crew
+        self.sender = senders[gcs_signing]
+        self._is_formation = gcs_signing == "formation"
+        self._link, self._controllers = self._autopilot._link, self._autopilot._controllers
         self._steps = 0
         self._arm()
         self._link.measured[0]["velocity"] = (40.0, 0.0, 0.5)
@@ -108,14 +112,14 @@ class AutopilotTarget:
 
     def feed(self, datagram: bytes) -> None:
         """Take in a datagram and do all that it causes."""
-        self._plant.sendto(datagram, self._door.getsockname())
+        self._plant.sendto(datagram, self._gcs_signing.getsockname())
         self._link.clock["flags"] &= _LOCKSTEP
         self._link.clock["heard_s"] = time.monotonic()
         if self._is_formation:
-            autopilot_link._take_reports(self._formation.fileno(), self._link, self._crew, 0)
+            autopilot_link._take_reports(self._formation.fileno(), self._link, self._controllers, 0)
             return
         fds = self._own.fileno(), self._formation.fileno()
-        outcome = autopilot_link.run(*fds, self._link, self._crew, 0.0, 2**62)
+        outcome = autopilot_link.run(*fds, self._link, self._controllers, 0.0, 2**62)
         if outcome == autopilot_link.SERVICE:
             self._autopilot._hear_simulator()
         elif outcome == autopilot_link.RESTARTED:
@@ -125,7 +129,7 @@ class AutopilotTarget:
         self._autopilot._speak()
 
     def _arm(self) -> None:
-        self._crew.guidance[0]["active"] = 1
+        self._controllers.guidance[0]["active"] = 1
         self._autopilot._vehicle.modes.armed = True
 
     def tick(self, now: float) -> None:
@@ -139,8 +143,8 @@ class AutopilotTarget:
         state = np.zeros(1, codec.SIM_STATE)
         state["velocity"] = (40.0, 0.0, 0.5)
         state["step"], self._steps = self._steps, self._steps + 1
-        onboard_step(self._crew, 0, state[0], 1000)
-        controls: np.ndarray = self._crew.actuators[0]["controls"]
+        controller_step(self._controllers, 0, state[0], 1000)
+        controls: np.ndarray = self._controllers.actuators[0]["controls"]
         return controls
 
     def state(self) -> bytes:
@@ -152,7 +156,7 @@ class AutopilotTarget:
             vehicle._mission.server.items, [p.get() for p in vehicle._params._parameters],
         ))  # fmt: skip
         return (
-            b"".join(array.tobytes() for array in self._crew)
+            b"".join(array.tobytes() for array in self._controllers)
             + b"".join(clock[name].tobytes() for name in names)
             + self._link.early.tobytes()
             + self._link.heard_step.tobytes()
@@ -177,10 +181,12 @@ class PlantTarget:
 
     def __init__(self, scenario: Scenario, stranger: bool) -> None:
         self._peer, self._other, self._sock = _udp(), _udp(), _udp()
-        seal = new_seal(b"", PLANT_LINK)
-        self._plant = Plant(scenario.plant_config(), self._sock, record=False, seal=seal)
+        link_signer = new_link_signer(b"", PLANT_LINK)
+        self._plant = Plant(
+            scenario.plant_config(), self._sock, record=False, link_signer=link_signer
+        )
         self._sock.setblocking(False)
-        self._door = self._other if stranger else self._peer
+        self._gcs_signing = self._other if stranger else self._peer
         self.sender = (1, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._link, self._fleet = self._plant._link, self._plant._fleet
         self._link.addresses[:] = sockaddr(Endpoint(*self._peer.getsockname()))
@@ -190,7 +196,7 @@ class PlantTarget:
     def feed(self, datagram: bytes) -> None:
         """Take in a datagram and do all that it causes."""
         self._link.heard_s[:] = self._link.clock["sent_s"] = time.monotonic()
-        self._door.sendto(datagram, self._sock.getsockname())
+        self._gcs_signing.sendto(datagram, self._sock.getsockname())
         outcome = plant_link.run(self._sock.fileno(), self._link, self._fleet, 0.0)
         if outcome == plant_link.SERVICE:
             self._plant._serve()
@@ -232,7 +238,7 @@ class StationTarget:
         heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
         self._now = 0.0
         self.client.now = lambda: self._now  # type: ignore[method-assign]
-        self.feed(Speaker(*self.sender).pack(heartbeat))
+        self.feed(FramePacker(*self.sender).pack(heartbeat))
 
     def feed(self, datagram: bytes) -> None:
         """Take in a datagram and do all that it causes."""
@@ -254,7 +260,7 @@ class StationTarget:
         fleet = self.client.fleet
         known = {i: (s.heard_at, len(s.texts), s.restarts, {k: id(m) for k, m in s.latest.items()})
                  for i, s in fleet.vehicles.items()}  # fmt: skip
-        return repr((known, fleet.rumoured, self.client._peers, len(self.client.log))).encode()
+        return repr((known, fleet.unconfirmed, self.client._peers, len(self.client.log))).encode()
 
     def drops(self) -> int:
         """Datagrams counted as dropped."""

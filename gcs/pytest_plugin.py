@@ -15,14 +15,14 @@ import pytest
 
 if TYPE_CHECKING:
     from gcs.testing.fixtures import FlightMode
-    from gcs.testing.flying import FlyingFleet
+    from gcs.testing.flying import TestFleet
     from gcs.testing.results import Flight
 
 __all__: list[str] = []
 
 _MARK = "ftc_scenario"
 _FLIGHTS: pytest.StashKey[dict[str, Flight]] = pytest.StashKey()
-_FLEETS: pytest.StashKey[list[FlyingFleet]] = pytest.StashKey()
+_FLEETS: pytest.StashKey[list[TestFleet]] = pytest.StashKey()
 
 
 class Launch(Protocol):
@@ -30,7 +30,7 @@ class Launch(Protocol):
 
     def __call__(
         self, path: str | Path, *, speed: float | None = None, **changes: Any
-    ) -> FlyingFleet:
+    ) -> TestFleet:
         """Start a fleet; see `ftc_launch`."""
 
 
@@ -66,12 +66,12 @@ def ftc_launch(
 
     They fly in lockstep, or at a real-time factor `speed`, and are ended after the test.
     """
-    from gcs.testing.fixtures import launch, read_scenario  # noqa: PLC0415
+    from gcs.testing.fixtures import launch, read_scenario
 
     fleets = request.node.stash[_FLEETS] = []
     with ExitStack() as stack:
 
-        def start(path: str | Path, *, speed: float | None = None, **changes: Any) -> FlyingFleet:
+        def start(path: str | Path, *, speed: float | None = None, **changes: Any) -> TestFleet:
             scenario = read_scenario(_found(request, path), changes)
             fleet = launch(scenario, tmp_path_factory.mktemp("fleet"), speed)
             stack.callback(fleet.close)
@@ -82,7 +82,7 @@ def ftc_launch(
 
 
 @pytest.fixture
-def ftc_fleet(request: pytest.FixtureRequest, ftc_launch: Launch) -> FlyingFleet:
+def ftc_fleet(request: pytest.FixtureRequest, ftc_launch: Launch) -> TestFleet:
     """The fleet of ``@pytest.mark.ftc_scenario``: it has its profile and faults, is not armed."""
     path, options = _marked(request)
     options.pop("mode", None)
@@ -96,7 +96,7 @@ def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
     In mode "in_process" without processes and wire. The same flight is flown once per session.
     """
-    from gcs.testing.fixtures import fly, read_scenario  # noqa: PLC0415
+    from gcs.testing.fixtures import fly, read_scenario
 
     flights = request.config.stash[_FLIGHTS]
 
@@ -140,7 +140,7 @@ def pytest_runtest_makereport(
 @contextmanager
 def _plainly() -> Iterator[None]:
     """Say what is wrong with a scenario or its fleet without a traceback through our code."""
-    from gcs.errors import GcsError  # noqa: PLC0415
+    from gcs.errors import GcsError
 
     try:
         yield

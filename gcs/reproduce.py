@@ -19,7 +19,7 @@ from gcs.reports.published_values import FIG_9
 from gcs.reports.theory import theory_section
 from gcs.results.export import export_flight
 from gcs.results.recording import Recording
-from gcs.results.summary import CHANNELS, QUANTITIES, summarise
+from gcs.results.summary import PAPER_ORDER, QUANTITIES, summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.files import naming, write_text
 
@@ -151,11 +151,11 @@ def _write_table(path: Path, summaries: Mapping[str, dict[str, Any]]) -> None:
     with naming(path), path.open("w", newline="") as file:
         writer = csv.writer(file)
         iae = [f"iae_{q}_{'m' if q == 'airspeed' else 'deg_s'}" for q in QUANTITIES]
-        events = [f"events_{c}" for c in CHANNELS]
+        events = [f"events_{c}" for c in PAPER_ORDER]
         writer.writerow(["scenario", "uav", "completed", "saving", *iae, *events])
         for name, summary in summaries.items():
             for uav in summary["uavs"]:
-                counts = [uav["channels"][c]["events"] for c in CHANNELS]
+                counts = [uav["channels"][c]["events"] for c in PAPER_ORDER]
                 areas = [uav["iae"][q] for q in QUANTITIES]
                 writer.writerow(
                     [name, uav["id"], summary["completed"], uav["saving"], *areas, *counts]

@@ -18,10 +18,25 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-__all__ = ["Address", "Connection", "EndpointError", "PortTaken", "address_of", "bind_udp",
-           "connect_udp", "exposed", "free_ports", "is_loopback", "open_udp", "parse_address",
-           "parse_connection", "resolve", "set_receive_timeout", "sockaddr",
-           "someone_listens"]  # fmt: skip
+__all__ = [
+    "Connection",
+    "EndpointError",
+    "PortTaken",
+    "UdpAddress",
+    "address_of",
+    "bind_udp",
+    "connect_udp",
+    "exposed",
+    "free_ports",
+    "is_loopback",
+    "open_udp",
+    "parse_address",
+    "parse_connection",
+    "resolve",
+    "set_receive_timeout",
+    "sockaddr",
+    "someone_listens",
+]  # fmt: skip
 
 Direction: TypeAlias = Literal["in", "out"]
 
@@ -41,7 +56,7 @@ class PortTaken(EndpointError):  # noqa: N818 - the name says it
 
 
 @dataclass(frozen=True)
-class Address:
+class UdpAddress:
     """A UDP address: host name or IPv4 address, and port."""
 
     host: str
@@ -51,7 +66,7 @@ class Address:
         return f"{self.host}:{self.port}"
 
 
-def parse_address(text: str) -> Address:
+def parse_address(text: str) -> UdpAddress:
     """Read "host:port", also with "udp:", "udpin:" or "udpout:" before it, as MAVProxy has it.
 
     Raises:
@@ -60,7 +75,7 @@ def parse_address(text: str) -> Address:
     match = _ENDPOINT.fullmatch(text.strip())
     if match is None or not 1 <= int(match["port"]) <= 65535:
         raise EndpointError(f"expected host:port with an IPv4 host and port 1-65535, got '{text}'")
-    return Address(match["host"], int(match["port"]))
+    return UdpAddress(match["host"], int(match["port"]))
 
 
 @dataclass(frozen=True)
@@ -68,7 +83,7 @@ class Connection:
     """How a ground station meets vehicles: it binds an address ("in"), or talks to one ("out")."""
 
     direction: Direction
-    address: Address
+    address: UdpAddress
 
     def __str__(self) -> str:
         return f"udp{self.direction}:{self.address}"
@@ -90,7 +105,7 @@ def parse_connection(text: str) -> Connection:
     return Connection("out" if text.strip().startswith("udpout:") else "in", address)
 
 
-def resolve(address: Address) -> Address:
+def resolve(address: UdpAddress) -> UdpAddress:
     """The IPv4 address that datagrams to an address go to, and come from when it answers.
 
     0.0.0.0 stands for this machine.
@@ -99,10 +114,10 @@ def resolve(address: Address) -> Address:
         EndpointError: The host's name cannot be resolved.
     """
     ip = _resolve(address)
-    return Address(_LOOPBACK if ip == _EVERY_INTERFACE else ip, address.port)
+    return UdpAddress(_LOOPBACK if ip == _EVERY_INTERFACE else ip, address.port)
 
 
-def sockaddr(address: Address) -> np.ndarray:
+def sockaddr(address: UdpAddress) -> np.ndarray:
     """Where `resolve` leads as a struct sockaddr_in for `native.send_to`, uint8, shape (16,).
 
     Raises:
@@ -120,13 +135,13 @@ def sockaddr(address: Address) -> np.ndarray:
     return np.frombuffer(raw, np.uint8).copy()
 
 
-def address_of(raw: np.ndarray) -> Address:
+def address_of(raw: np.ndarray) -> UdpAddress:
     """The address in a struct sockaddr_in, as `native.receive_from` leaves it."""
     (port,) = struct.unpack("!H", raw[2:4].tobytes())
-    return Address(socket.inet_ntoa(raw[4:8].tobytes()), port)
+    return UdpAddress(socket.inet_ntoa(raw[4:8].tobytes()), port)
 
 
-def is_loopback(address: Address) -> bool:
+def is_loopback(address: UdpAddress) -> bool:
     """Tell whether only this machine can reach the address.
 
     Raises:
@@ -135,7 +150,7 @@ def is_loopback(address: Address) -> bool:
     return ipaddress.ip_address(_resolve(address)).is_loopback
 
 
-def exposed(address: Address, signed: bool) -> str:
+def exposed(address: UdpAddress, signed: bool) -> str:
     """Warn of an address that is not loopback.
 
     Args:
@@ -150,7 +165,7 @@ def exposed(address: Address, signed: bool) -> str:
     )
 
 
-def bind_udp(address: Address, what: str, hint: str = "") -> socket.socket:
+def bind_udp(address: UdpAddress, what: str, hint: str = "") -> socket.socket:
     """Open a UDP socket that receives at an address.
 
     Args:
@@ -174,7 +189,7 @@ def bind_udp(address: Address, what: str, hint: str = "") -> socket.socket:
     return sock
 
 
-def connect_udp(address: Address) -> socket.socket:
+def connect_udp(address: UdpAddress) -> socket.socket:
     """Open a UDP socket, on a port of the system's choice, that talks to one peer only.
 
     Raises:
@@ -190,7 +205,7 @@ def connect_udp(address: Address) -> socket.socket:
     return sock
 
 
-def open_udp(peers: Iterable[Address]) -> socket.socket:
+def open_udp(peers: Iterable[UdpAddress]) -> socket.socket:
     """Open a UDP socket, on a port of the system's choice, for talking to some peers.
 
     It can be reached only at the address that this machine has on the way to them; at all of
@@ -208,7 +223,7 @@ def open_udp(peers: Iterable[Address]) -> socket.socket:
     return sock
 
 
-def someone_listens(address: Address) -> bool:
+def someone_listens(address: UdpAddress) -> bool:
     """Tell whether a UDP port of this machine is bound by someone.
 
     An empty datagram finds out; for another machine the answer is True.
@@ -251,7 +266,7 @@ def free_ports(n: int, host: str = "127.0.0.1") -> list[int]:
         ports = list(range(first, first + n))
         with ExitStack() as sockets, suppress(PortTaken):
             for port in ports:
-                sockets.enter_context(bind_udp(Address(host, port), "free port"))
+                sockets.enter_context(bind_udp(UdpAddress(host, port), "free port"))
             return ports
 
 
@@ -262,7 +277,7 @@ def _udp_socket() -> socket.socket:
     return sock
 
 
-def _resolve(address: Address) -> str:
+def _resolve(address: UdpAddress) -> str:
     try:
         return socket.gethostbyname(address.host)
     except (OSError, UnicodeError) as exc:  # a name with an empty part cannot be encoded
@@ -270,7 +285,7 @@ def _resolve(address: Address) -> str:
         raise EndpointError(f"unknown host '{address.host}': {why}") from exc
 
 
-def _why_not_bound(exc: OSError, address: Address, what: str, hint: str) -> str:
+def _why_not_bound(exc: OSError, address: UdpAddress, what: str, hint: str) -> str:
     if exc.errno == errno.EADDRINUSE:
         advice = "stop the other program" + (f", or {hint}" if hint else "")
         return f"UDP port {address.port} on {address.host} is in use ({what}); {advice}"

@@ -12,10 +12,10 @@ from sitl_plant.config import InitialState, PlantConfig
 from sitl_plant.disturbance import disturbance_table
 from sitl_plant.plant import is_lost, sense, step_aircraft, time_s
 
-__all__ = ["Fleet", "fly", "new_fleet", "observe", "receive_controls"]
+__all__ = ["PlantState", "fly", "new_plant_state", "observe", "receive_controls"]
 
 
-class Fleet(NamedTuple):
+class PlantState(NamedTuple):
     """Arrays over n aircraft, in the order of the configuration."""
 
     states: np.ndarray  # (n, 12), see `sitl_plant.rigid_body.State`
@@ -30,7 +30,7 @@ class Fleet(NamedTuple):
 _NOTHING_APPLIED = np.uint64(2**64 - 1)
 
 
-def new_fleet(config: PlantConfig) -> Fleet:
+def new_plant_state(config: PlantConfig) -> PlantState:
     """The fleet of a configuration, at its initial states."""
     n = len(config.uavs)
     aircraft = np.zeros(n, AIRCRAFT)
@@ -40,7 +40,7 @@ def new_fleet(config: PlantConfig) -> Fleet:
     for i, uav in enumerate(config.uavs):
         aircraft[i] = aircraft_record(uav.aircraft)
         states[i] = _initial_state(uav.initial)
-    return Fleet(
+    return PlantState(
         states,
         np.zeros((n, 4)),
         np.zeros((n, 4)),
@@ -58,7 +58,7 @@ def _initial_state(initial: InitialState) -> np.ndarray:
 
 
 @compiled
-def receive_controls(fleet: Fleet, i: int, actuators: np.void) -> int:
+def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
     """Take over an HIL_ACTUATOR_CONTROLS payload, unless it is not newer than the last one.
 
     Nor is one from the future: its time is that of a state sent, and would hold off all later
@@ -92,7 +92,7 @@ def receive_controls(fleet: Fleet, i: int, actuators: np.void) -> int:
 
 
 @compiled
-def observe(fleet: Fleet, i: int, step: int, step_us: int) -> None:
+def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     """Write aircraft i's state at a step into its FTC_SIM_STATE payload."""
     sense(
         fleet.states[i],
@@ -107,7 +107,7 @@ def observe(fleet: Fleet, i: int, step: int, step_us: int) -> None:
 
 
 @compiled
-def fly(fleet: Fleet, step: int, step_us: int) -> int:
+def fly(fleet: PlantState, step: int, step_us: int) -> int:
     """Advance every aircraft from a step to the next.
 
     Returns:

@@ -31,7 +31,7 @@ from mavlink_defs.framing.codec import (
     pack,
     system_of,
 )
-from mavlink_defs.framing.hot_signing import Seal, new_seal, open_frame, seal_frame
+from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame, verify_frame
 from mavlink_defs.framing.signing import PLANT_LINK
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import (
@@ -44,7 +44,7 @@ from mavlink_defs.runtime.native import (
     send_to,
     sleep_until,
 )
-from sitl_plant.fleet import Fleet, fly, observe, receive_controls
+from sitl_plant.fleet import PlantState, fly, observe, receive_controls
 
 __all__ = ["LOST", "OVER", "SERVICE", "TICK", "PlantLink", "new_link", "run", "send_states"]
 
@@ -93,7 +93,7 @@ class PlantLink(NamedTuple):
     actuators: np.ndarray
     states: np.ndarray  # (steps, n, 12), recorded; no steps: nothing is recorded
     applied: np.ndarray  # (steps, n, 4), recorded
-    seal: Seal
+    link_signer: LinkSigner
 
 
 def new_link(
@@ -102,7 +102,7 @@ def new_link(
     last_step: int,
     speed: float | None,
     record: bool,
-    seal: Seal | None = None,
+    link_signer: LinkSigner | None = None,
 ) -> PlantLink:
     """The link of a plant that has not heard of any autopilot.
 
@@ -112,7 +112,7 @@ def new_link(
         last_step: Step at which the simulation ends.
         speed: Real-time factor; None for lockstep.
         record: Keep states and applied controls of every step.
-        seal: Signs the link.
+        link_signer: Signs the link.
     """
     n = len(systems)
     clock = np.zeros(1, CLOCK)
@@ -139,12 +139,12 @@ def new_link(
         codec.payload_view(received, codec.ACTUATORS),
         np.zeros((rows, n, 12)),
         np.zeros((rows, n, 4)),
-        seal or new_seal(b"", PLANT_LINK),
+        link_signer or new_link_signer(b"", PLANT_LINK),
     )
 
 
 @compiled
-def send_states(fd: int, link: PlantLink, fleet: Fleet, unfinished_only: bool) -> None:
+def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bool) -> None:
     """Send the present state to every registered autopilot, or to those that have not answered.
 
     Args:
@@ -166,13 +166,13 @@ def send_states(fd: int, link: PlantLink, fleet: Fleet, unfinished_only: bool) -
             link.sequences[i],
         )  # fmt: skip
         link.sequences[i] += 1
-        length = seal_frame(link.seal, link.sent, length)
+        length = sign_frame(link.link_signer, link.sent, length)
         send_to(fd, link.sent, length, link.addresses[i])
     clock["sent_s"] = monotonic_s()
 
 
 @compiled
-def run(fd: int, link: PlantLink, fleet: Fleet, until_s: float) -> int:
+def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> int:
     """Move simulated time on, if it runs, until something needs Python.
 
     Args:
@@ -209,7 +209,7 @@ def run(fd: int, link: PlantLink, fleet: Fleet, until_s: float) -> int:
 
 
 @compiled
-def _wait(fd: int, link: PlantLink, fleet: Fleet, until_s: float) -> int:
+def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> int:
     """Receive until the step is ready (0), or Python is needed (SERVICE, TICK)."""
     clock = link.clock[0]
     running = clock["flags"] & FTC_SIM_FLAGS_RUNNING
@@ -264,9 +264,9 @@ def _all_done(link: PlantLink) -> bool:
 
 
 @compiled
-def _take(link: PlantLink, fleet: Fleet, length: int) -> bool:
+def _take(link: PlantLink, fleet: PlantState, length: int) -> bool:
     """Work on a received datagram; True if it is for Python."""
-    code = open_frame(link.seal, link.received, length)
+    code = verify_frame(link.link_signer, link.received, length)
     if code in (FOREIGN, SIGNED):
         return True
     problem = code if code < 0 else _take_hot(link, fleet, code)
@@ -276,7 +276,7 @@ def _take(link: PlantLink, fleet: Fleet, length: int) -> bool:
 
 
 @compiled
-def _take_hot(link: PlantLink, fleet: Fleet, message_id: int) -> int:
+def _take_hot(link: PlantLink, fleet: PlantState, message_id: int) -> int:
     """Work on a checked hot message; one of DROP_REASONS if it is not to be followed, else 0."""
     i = _index_of_sender(link)
     if i < 0:

@@ -39,13 +39,13 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.faults import FaultLimits
 from mavlink_defs.framing.codec import DROP_REASONS, STRANGER, drop_counts
-from mavlink_defs.framing.frames import Speaker, drop_reason, parse
-from mavlink_defs.framing.hot_signing import Seal, load_seal, seal_bytes
+from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.hot_signing import LinkSigner, load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.files import save_arrays
 from mavlink_defs.runtime.shutdown import on_stop
 from sitl_plant.config import PlantConfig
-from sitl_plant.fleet import new_fleet
+from sitl_plant.fleet import new_plant_state
 from sitl_plant.link import (
     LOST,
     OVER,
@@ -71,7 +71,9 @@ _STEPS_MAX = 2**31  # 24 days at 1 kHz
 class Plant:
     """The plant's shell: socket, wall clock, registration."""
 
-    def __init__(self, config: PlantConfig, sock: socket.socket, record: bool, seal: Seal) -> None:
+    def __init__(
+        self, config: PlantConfig, sock: socket.socket, record: bool, link_signer: LinkSigner
+    ) -> None:
         self._config = config
         self._sock = sock
         self._fd = sock.fileno()
@@ -80,9 +82,9 @@ class Plant:
         if config.duration_s is not None:
             last_step = round(config.duration_s * 1e6 / config.step_us)
         systems = [uav.id for uav in config.uavs]
-        self._fleet = new_fleet(config)
+        self._fleet = new_plant_state(config)
         self._fleet.messages["run"] = secrets.randbits(32)
-        self._link = new_link(systems, config.step_us, last_step, config.speed, record, seal)
+        self._link = new_link(systems, config.step_us, last_step, config.speed, record, link_signer)
         self._clock = self._link.clock[0]
         self._services = [
             AircraftService(
@@ -95,7 +97,7 @@ class Plant:
             for i, uav in enumerate(config.uavs)
         ]
         self._speakers = [
-            Speaker(uav.id, SIMULATOR_COMPONENT, self._counter(i))
+            FramePacker(uav.id, SIMULATOR_COMPONENT, self._counter(i))
             for i, uav in enumerate(config.uavs)
         ]
         self._begin_s = 0.0
@@ -181,7 +183,7 @@ class Plant:
 
     def _send(self, i: int, message: MAVLink_message) -> None:
         host = address_of(self._link.addresses[i])
-        frame = seal_bytes(self._link.seal, self._speakers[i].pack(message))
+        frame = sign_bytes(self._link.link_signer, self._speakers[i].pack(message))
         with contextlib.suppress(OSError):  # losses are the microservices' business
             self._sock.sendto(frame, (host.host, host.port))
 
@@ -275,7 +277,7 @@ def main(arguments: list[str] | None = None) -> None:
         config = load(options.config, PlantConfig)
         if options.record and config.duration_s is None:
             raise ConfigError(options.config, ["duration_s: missing; --record needs an end"])
-        seal = load_seal(config.signing_key, PLANT_LINK)
+        link_signer = load_link_signer(config.signing_key, PLANT_LINK)
         address = parse_address(config.bind)
         sock = bind_udp(address, "plant", "change `bind`")
     except (ConfigError, EndpointError, SigningError) as problem:
@@ -283,7 +285,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(2)
     if not is_loopback(address):
         _say(exposed(address, config.signing_key is not None))
-    plant = Plant(config, sock, options.record is not None, seal)
+    plant = Plant(config, sock, options.record is not None, link_signer)
 
     def stop() -> None:
         plant.stopping = True

@@ -19,7 +19,7 @@ from mavlink_defs.faults import (
 )
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.command import CommandMessage, CommandServer, command_params
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 from sitl_plant.actuators import add_fault, clear_faults
 
 __all__ = ["AircraftService"]
@@ -52,7 +52,7 @@ class AircraftService:
         self._faults = faults  # the aircraft's row of the fault table
         self._applied = applied  # what its actuators do now [rad, rad, rad, N]
         self._limits = limits
-        self._commands = CommandServer(Address(system, component))
+        self._commands = CommandServer(SystemId(system, component))
         self._outbox: list[MAVLink_message] = []
         self._texts = 0
 

@@ -16,18 +16,33 @@ ALLOWED: dict[str, set[str]] = {
 MODEL = {"aerodynamics", "aircraft", "config", "rigid_body", "vec3"}
 """What an autopilot may know of `sitl_plant`: the aircraft's model, not the plant that runs."""
 SHELLS = {
-    "ftc_autopilot.process", "gcs.cli", "gcs.station.client", "gcs.fleet.flight", "gcs.fleet.processes", "gcs.fleet.standing",
-    "gcs.fleet.relays", "mavlink_defs.capture.relay", "sitl_plant.process",
-}  # fmt: skip
+    "ftc_autopilot.process",
+    "gcs.cli",
+    "gcs.fleet.flight",
+    "gcs.fleet.processes",
+    "gcs.fleet.relays",
+    "gcs.fleet.standing",
+    "gcs.station.client",
+    "mavlink_defs.capture.relay",
+    "sitl_plant.process",
+}
 """Modules that own a socket, a clock or a process, or start one that does."""
 ABOVE = ("gcs.commands.", "gcs.testing.")
 """Packages on top of the shells."""
 SYSTEM = {"asyncio", "selectors", "socket", "subprocess", "threading", "time"}
 USERS_OF_THE_SYSTEM = SHELLS | {
-    "gcs.fleet.in_process", "gcs.figures.style", "gcs.sweeps.grid", "gcs.tui.operations", "gcs.fleet.precompile",
-    "mavlink_defs.dialect", "mavlink_defs.endpoint", "mavlink_defs.runtime.jit", "mavlink_defs.runtime.native",
-    "mavlink_defs.framing.signing", "mavlink_defs.capture.tlog",
-}  # fmt: skip
+    "gcs.figures.style",
+    "gcs.fleet.in_process",
+    "gcs.fleet.precompile",
+    "gcs.sweeps.grid",
+    "gcs.tui.operations",
+    "mavlink_defs.capture.tlog",
+    "mavlink_defs.dialect",
+    "mavlink_defs.endpoint",
+    "mavlink_defs.framing.signing",
+    "mavlink_defs.runtime.jit",
+    "mavlink_defs.runtime.native",
+}
 
 
 def modules(package: str) -> Iterator[tuple[str, Path]]:
@@ -50,8 +65,12 @@ def imports(source: str) -> set[str]:
 
 
 def test_every_way_to_import_a_module_is_seen() -> None:
-    ways = ("import gcs.station.client", "import gcs.station.client as c", "from gcs.station import client",
-            "from gcs.station.client import Client")  # fmt: skip
+    ways = (
+        "import gcs.station.client",
+        "import gcs.station.client as c",
+        "from gcs.station import client",
+        "from gcs.station.client import Client",
+    )
     for source in ways:
         assert "gcs.station.client" in imports(source)
         assert "gcs.station.client" in imports(f"def later():\n    {source}")

@@ -17,7 +17,7 @@ from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.schedule import scheduled
-from ftc_autopilot.control.trigger import CHANNELS, trigger
+from ftc_autopilot.control.trigger import N_CHANNELS, trigger
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
@@ -52,13 +52,13 @@ CONTROLLER = np.dtype(
     [
         *((kind, law.STATE) for kind, law in LAWS.items()),
         ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
-        ("held", "f8", (CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
+        ("held", "f8", (N_CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
         ("started", "i8"),  # 0: the next step is the law's first one since the UAV was armed
         ("steps", "i8"),  # control steps made
         ("messages", "i8"),  # steps in which at least one channel had an event
-        ("events", "i8", (CHANNELS,)),
-        ("last_event", "i8", (CHANNELS,)),  # step of the channel's last event
-        ("min_interval", "i8", (CHANNELS,)),  # smallest interval between two events [steps]
+        ("events", "i8", (N_CHANNELS,)),
+        ("last_event", "i8", (N_CHANNELS,)),  # step of the channel's last event
+        ("min_interval", "i8", (N_CHANNELS,)),  # smallest interval between two events [steps]
     ]
 )
 
@@ -72,8 +72,8 @@ SIGNALS = np.dtype(
         ("reference_dot", "f8", (4,)),
         ("error", "f8", (4,)),  # Ṽ and e
         ("sync_error", "f8", (4,)),  # Ṽ' and e', eqs. (31), (32)
-        ("demand", "f8", (CHANNELS,)),  # δ̂ and T̂ before saturation
-        ("held", "f8", (CHANNELS,)),  # δ_0 and T_x0
+        ("demand", "f8", (N_CHANNELS,)),  # δ̂ and T̂ before saturation
+        ("held", "f8", (N_CHANNELS,)),  # δ_0 and T_x0
         ("events", "u1"),  # bit per channel
         ("Phi_v", "f8"),
         ("g_v", "f8"),
@@ -228,7 +228,7 @@ def count_events(mask: int, step: int, state: np.void) -> None:
         step: Step number of the measured state.
         state: Record of dtype `CONTROLLER`, updated in place.
     """
-    for i in range(CHANNELS):
+    for i in range(N_CHANNELS):
         if mask & (1 << i):
             if state["events"][i] > 0:
                 interval = step - state["last_event"][i]

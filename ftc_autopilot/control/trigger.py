@@ -12,8 +12,8 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
 __all__ = [
-    "CHANNELS",
     "JOINT",
+    "N_CHANNELS",
     "PERIODIC",
     "PER_CHANNEL",
     "THROTTLE",
@@ -22,7 +22,7 @@ __all__ = [
     "trigger",
 ]
 
-CHANNELS = 4
+N_CHANNELS = 4
 THROTTLE = 3
 
 PER_CHANNEL = 0

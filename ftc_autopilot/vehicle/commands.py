@@ -20,7 +20,7 @@ from mavlink_defs.services.command import (
     CommandServer,
     command_params,
 )
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 
 __all__ = ["Commands", "Handler"]
 
@@ -37,11 +37,11 @@ _FOR_THE_SIMULATOR = {
 class Commands:
     """Takes commands from ground stations and sees to their answers."""
 
-    def __init__(self, own: Address, handlers: Mapping[int, Handler]) -> None:
+    def __init__(self, own: SystemId, handlers: Mapping[int, Handler]) -> None:
         """Start with nothing to do.
 
         Args:
-            own: Address of the vehicle.
+            own: SystemId of the vehicle.
             handlers: What carries out each MAV_CMD.
         """
         self._own, self._handlers = own, handlers
@@ -105,7 +105,7 @@ class Commands:
         self._server.finish(command.token, result, now=now)
 
 
-def _readdressed(message: CommandMessage, own: Address) -> MAVLink_command_long_message:
+def _readdressed(message: CommandMessage, own: SystemId) -> MAVLink_command_long_message:
     """The same command for the own simulator component; as COMMAND_LONG it can say it repeats."""
     target = (own.system, SIMULATOR_COMPONENT)
     return MAVLink_command_long_message(*target, message.command, 0, *command_params(message))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ftc_autopilot.control.controller import NO_INTERVAL
-from ftc_autopilot.control.controllers import Crew
+from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.link import AutopilotLink
 from mavlink_defs import dialect
@@ -19,12 +19,12 @@ __all__ = ["ControllerMessages"]
 class ControllerMessages:
     """Makes messages from what the controller computed last."""
 
-    def __init__(self, link: AutopilotLink, crew: Crew) -> None:
-        self._link, self._crew = link, crew
+    def __init__(self, link: AutopilotLink, controllers: Controllers) -> None:
+        self._link, self._controllers = link, controllers
 
     def tracking(self) -> MAVLink_message:
         """FTC_TRACKING."""
-        signals = self._crew.signals[0]
+        signals = self._controllers.signals[0]
         return dialect.MAVLink_ftc_tracking_message(
             self._time_ms,
             _degrees(signals["reference"]),
@@ -34,7 +34,7 @@ class ControllerMessages:
 
     def events(self) -> MAVLink_message:
         """FTC_EVENTS."""
-        controller, clock = self._crew.controllers[0], self._link.clock[0]
+        controller, clock = self._controllers.states[0], self._link.clock[0]
         intervals = [
             min(int(steps) * int(clock["step_us"]), NO_INTERVAL)
             for steps in controller["min_interval"]
@@ -51,7 +51,7 @@ class ControllerMessages:
 
     def adaptation(self) -> MAVLink_message:
         """FTC_ADAPTATION."""
-        c = self._crew.controllers[0]["proposed"]
+        c = self._controllers.states[0]["proposed"]
         names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
         return dialect.MAVLink_ftc_adaptation_message(
             self._time_ms, *float32s(c[name] for name in names)

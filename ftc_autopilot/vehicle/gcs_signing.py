@@ -10,10 +10,10 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.framing.frames import code_of, drop_reason, parse
 from mavlink_defs.framing.signing import Signer, is_ahead, load_signer
 
-__all__ = ["Door"]
+__all__ = ["GcsSigning"]
 
 
-class Door:
+class GcsSigning:
     """Signs and checks the frames of the GCS link, if there is a key.
 
     The key is that of the key file until a ground station sets another one, for as long as the
@@ -24,7 +24,7 @@ class Door:
     """
 
     def __init__(self, system: int, key_file: str | None) -> None:
-        """Make a door.
+        """Make a gcs_signing.
 
         Args:
             system: Own system id.
@@ -37,7 +37,7 @@ class Door:
         self._signer = load_signer(key_file)
         self.refusal = 0
 
-    def admit(self, datagram: bytes) -> MAVLink_message | None:
+    def accept(self, datagram: bytes) -> MAVLink_message | None:
         """The message of a datagram; None if it holds none or must not be believed."""
         wrong = "" if self._signer is None else self._signer.problem(datagram)
         message = None if wrong else parse(datagram)

@@ -7,7 +7,7 @@ from ftc_autopilot.vehicle.modes import AUTO, Modes, Say
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.profile import check_mission
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import MissionItem
 from mavlink_defs.services.mission_server import (
     CurrentChanged,
@@ -26,7 +26,7 @@ _ACCEPTED, _FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED
 class Mission:
     """Joins the mission protocol and the modes."""
 
-    def __init__(self, own: Address, modes: Modes, home: MissionItem, say: Say) -> None:
+    def __init__(self, own: SystemId, modes: Modes, home: MissionItem, say: Say) -> None:
         self._modes, self._say = modes, say
         self.server = MissionServer(
             own, lambda items: check_mission(items, modes.airspeeds), home=home

@@ -1,7 +1,7 @@
 """What the controller is to fly: armed or not, the mode, the profile's clock, set-points.
 
-Decisions reach the controller through the crew's guidance and profile, between two steps. What
-can be refused returns a MAV_RESULT, and says why.
+Decisions reach the controller through its guidance and profile, between two steps. What can be
+refused returns a MAV_RESULT, and says why.
 """
 
 import math
@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controller import restart_law
-from ftc_autopilot.control.controllers import NOT_STARTED, Crew
+from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.link import AutopilotLink
 from mavlink_defs import dialect
@@ -38,14 +38,16 @@ class Modes:
         airspeeds: What the aircraft can be asked for.
     """
 
-    def __init__(self, config: AutopilotConfig, link: AutopilotLink, crew: Crew, say: Say) -> None:
+    def __init__(
+        self, config: AutopilotConfig, link: AutopilotLink, controllers: Controllers, say: Say
+    ) -> None:
         self.mode = LOITER
         self.armed = False
         self.airspeeds = AirspeedLimits(
             config.aircraft.airspeed_min_m_s, config.aircraft.airspeed_max_m_s
         )
-        self._link, self._crew, self._say = link, crew, say
-        self._guidance = crew.guidance[0]
+        self._link, self._controllers, self._say = link, controllers, say
+        self._guidance = controllers.guidance[0]
         self._autopilot = config.mav_autopilot
 
     # state
@@ -65,7 +67,7 @@ class Modes:
     @property
     def has_profile(self) -> bool:
         """Whether there is a profile to fly."""
-        return bool(self._crew.profiles[0]["count"] > 0)
+        return bool(self._controllers.profiles[0]["count"] > 0)
 
     @property
     def started(self) -> bool:
@@ -92,13 +94,13 @@ class Modes:
     def take_profile(self, items: Sequence[MissionItem]) -> None:
         """Put a mission, checked before, in force; home alone or nothing clears the profile."""
         if len(items) < 2:
-            self._crew.profiles[0]["count"] = 0
+            self._controllers.profiles[0]["count"] = 0
             self._guidance["start_step"] = NOT_STARTED
             if self.mode == AUTO:
                 self._enter(LOITER)
             return
         segments = items_to_segments(items, self.airspeeds)
-        self._crew.profiles[0] = profile_record(segments)
+        self._controllers.profiles[0] = profile_record(segments)
         text = f"profile of {len(segments)} segments in force"
         if self.flies_profile:
             text += f", segment {self.current_item()} at {self._elapsed_s():.3f} s of the mission"
@@ -108,14 +110,14 @@ class Modes:
 
     def current_item(self) -> int:
         """Number of the mission item whose segment the next step of the mission flies."""
-        profile, elapsed_s = self._crew.profiles[0], self._elapsed_s()
+        profile, elapsed_s = self._controllers.profiles[0], self._elapsed_s()
         return 1 + sum(
             elapsed_s >= float(start) for start in profile["start"][1 : int(profile["count"])]
         )
 
     def is_over(self) -> bool:
         """Whether the last segment, which goes on for ever, is being flown."""
-        return self.started and self.current_item() == int(self._crew.profiles[0]["count"])
+        return self.started and self.current_item() == int(self._controllers.profiles[0]["count"])
 
     def jump_to(self, seq: int) -> None:
         """Let a started mission go on with item seq, as if its segment began now."""
@@ -133,7 +135,7 @@ class Modes:
                 self._refuse("Arm: no state from the simulator yet")
                 return dialect.MAV_RESULT_TEMPORARILY_REJECTED
             if not self.armed:
-                restart_law(self._crew.controllers[0])
+                restart_law(self._controllers.states[0])
                 self._set_armed(True)
                 self._enter(self.mode)
         elif self.armed:
@@ -202,7 +204,7 @@ class Modes:
 
     def _set_armed(self, armed: bool) -> None:
         self.armed = armed
-        self._crew.actuators[0]["mode"] = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+        self._controllers.actuators[0]["mode"] = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
         self._guidance["active"] = int(armed)
 
     def _elapsed_s(self) -> float:
@@ -213,7 +215,7 @@ class Modes:
 
     def _steps_to(self, seq: int) -> int:
         """Steps from the start of the mission to the segment of an item."""
-        start_s = float(self._crew.profiles[0]["start"][seq - 1])
+        start_s = float(self._controllers.profiles[0]["start"][seq - 1])
         return math.ceil(start_s * 1e6 / int(self._link.clock[0]["step_us"]))
 
     def _enter(self, mode: int) -> None:

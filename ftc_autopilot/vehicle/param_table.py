@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from ftc_autopilot.config import AutopilotConfig, Trigger
-from ftc_autopilot.control.controllers import NOT_STARTED, Crew
+from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.schedule import Schedule
@@ -86,9 +86,11 @@ class Tunable:
         self.cells[:] = value
 
 
-def parameters_of(config: AutopilotConfig, link: AutopilotLink, crew: Crew) -> list[Parameter]:
+def parameters_of(
+    config: AutopilotConfig, link: AutopilotLink, controllers: Controllers
+) -> list[Parameter]:
     """Give all parameters of a vehicle: its trigger's, its law's, and some that only tell."""
-    records, kind = crew.parameters, config.controller.kind
+    records, kind = controllers.parameters, config.controller.kind
     found = [
         *tunables(Trigger, records["trigger"], "TRIG_"),
         *tunables(LawParameters, records["common"]),
@@ -96,13 +98,13 @@ def parameters_of(config: AutopilotConfig, link: AutopilotLink, crew: Crew) -> l
     ]
 
     def clock_s() -> float:
-        clock, start = link.clock[0], int(crew.guidance[0]["start_step"])
+        clock, start = link.clock[0], int(controllers.guidance[0]["start_step"])
         if start == NOT_STARTED:
             return 0.0
         return max(int(clock["step"]) - start, 0) * int(clock["step_us"]) / 1e6
 
     def put_at_the_start(tunable: Tunable, value: float) -> None:
-        if crew.controllers[0]["steps"] > 0:
+        if controllers.states[0]["steps"] > 0:
             raise ParamValueError("acts at the start only", dialect.MAV_PARAM_ERROR_READ_ONLY)
         tunable.put(value)
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ftc_autopilot.control.controllers import Crew
+from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.geography import Origin, Place, place_of
 from ftc_autopilot.link import AutopilotLink
@@ -29,8 +29,8 @@ _GIVEN_IMU = 0b111111  # HIGHRES_IMU.fields_updated: accelerations and rates
 class StateMessages:
     """Makes messages of position, attitude, motion and actuators."""
 
-    def __init__(self, link: AutopilotLink, crew: Crew, origin: Origin) -> None:
-        self._link, self._crew, self._origin = link, crew, origin
+    def __init__(self, link: AutopilotLink, controllers: Controllers, origin: Origin) -> None:
+        self._link, self._controllers, self._origin = link, controllers, origin
 
     # time and place
 
@@ -101,13 +101,13 @@ class StateMessages:
 
     def attitude_target(self) -> MAVLink_message:
         """ATTITUDE_TARGET: the filtered reference; the airspeed is in FTC_TRACKING."""
-        q = _quaternion(*map(float, self._crew.signals[0]["reference"][1:4]))
+        q = _quaternion(*map(float, self._controllers.signals[0]["reference"][1:4]))
         mask = (
             dialect.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
             | dialect.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
             | dialect.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE
         )
-        thrust = float(self._crew.actuators[0]["controls"][3])
+        thrust = float(self._controllers.actuators[0]["controls"][3])
         return dialect.MAVLink_attitude_target_message(
             self.time_ms, mask, float32s(q), 0.0, 0.0, 0.0, thrust
         )
@@ -124,7 +124,9 @@ class StateMessages:
             airspeed=airspeed,
             groundspeed=groundspeed,
             heading=_centidegrees(self._yaw()) // 100,
-            throttle=whole_within(100.0 * float(self._crew.actuators[0]["controls"][3]), 0, 100),
+            throttle=whole_within(
+                100.0 * float(self._controllers.actuators[0]["controls"][3]), 0, 100
+            ),
             alt=alt,
             climb=climb,
         )
@@ -191,7 +193,7 @@ class StateMessages:
         return mul(R1(vec3(self._state["attitude"])), vec3(self._state["velocity"]))
 
     def _held(self) -> list[float]:
-        return float32s(self._crew.actuators[0]["controls"][:4])
+        return float32s(self._controllers.actuators[0]["controls"][:4])
 
 
 def home_item(origin: Origin) -> dialect.MAVLink_mission_item_int_message:

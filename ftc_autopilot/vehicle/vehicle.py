@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from functools import partial
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import Crew, reset_crew
+from ftc_autopilot.control.controllers import Controllers, reset_crew
 from ftc_autopilot.link import GCS, PLANT, AutopilotLink, reset_link
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
@@ -23,9 +23,9 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.frames import text_chunks
-from mavlink_defs.services.machine import Address, is_for
+from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
-from mavlink_defs.services.responder import Courtesy
+from mavlink_defs.services.responder import Responder
 
 __all__ = ["AUTO", "GUIDED", "LOITER", "MODE_NAMES", "Vehicle"]
 
@@ -39,9 +39,11 @@ _REQUESTS = {  # commands that ask for one message
 class Vehicle:
     """The services of one autopilot, between the steps of its control loop."""
 
-    def __init__(self, config: AutopilotConfig, link: AutopilotLink, crew: Crew) -> None:
-        own = Address(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
-        self._own, self._link, self._crew = own, link, crew
+    def __init__(
+        self, config: AutopilotConfig, link: AutopilotLink, controllers: Controllers
+    ) -> None:
+        own = SystemId(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
+        self._own, self._link, self._controllers = own, link, controllers
         self._stations = range(len(config.gcs))
         self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
         self._asking = 0  # the ground station whose message is being worked on
@@ -49,23 +51,23 @@ class Vehicle:
         self._next_heartbeat = -math.inf
         self._told = (-1, False, -1)
         self._texts = 0
-        self._edges = crew.weights[0] > 0.0
+        self._edges = controllers.weights[0] > 0.0
         self._edge_changes = 0
 
-        self.modes = Modes(config, link, crew, self.say)
+        self.modes = Modes(config, link, controllers, self.say)
         self._mission = Mission(own, self.modes, home_item(config.origin), self.say)
         makers = makers_of(
-            StateMessages(link, crew, config.origin),
-            ControllerMessages(link, crew),
+            StateMessages(link, controllers, config.origin),
+            ControllerMessages(link, controllers),
             StatusMessages(config),
         )
         makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
         self.telemetry = [Telemetry(makers) for _ in self._stations]
         self._params = ParamServer(
-            own, parameters_of(config, link, crew), bytewise=config.identity == "generic"
+            own, parameters_of(config, link, controllers), bytewise=config.identity == "generic"
         )
         self._commands = Commands(own, self._handlers())
-        self._courtesy = Courtesy(own)
+        self._courtesy = Responder(own)
 
     # messages in
 
@@ -133,10 +135,10 @@ class Vehicle:
     def restart(self) -> None:
         """Forget the flight when the plant was started again: disarm and wait to be armed."""
         reset_link(self._link)
-        reset_crew(self._crew)
+        reset_crew(self._controllers)
         self.modes.restart()
         self._mission.restart()
-        self._edges, self._edge_changes = self._crew.weights[0] > 0.0, 0
+        self._edges, self._edge_changes = self._controllers.weights[0] > 0.0, 0
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
@@ -259,7 +261,7 @@ class Vehicle:
         if self._link.clock[0]["edge_changes"] == self._edge_changes:
             return
         self._edge_changes = int(self._link.clock[0]["edge_changes"])
-        edges = self._crew.weights[0] > 0.0
+        edges = self._controllers.weights[0] > 0.0
         for d in (edges != self._edges).nonzero()[0]:
             event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
             text = f"neighbour {self._link.neighbours[d]} {event}"

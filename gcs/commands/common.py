@@ -20,11 +20,11 @@ def console_of(stderr: bool = True, quiet: bool = False) -> Console:
 
 def warm_up(scenario: Scenario, console: Console) -> None:
     """Compile the numeric core before processes need it, if that was not done before."""
-    from mavlink_defs.runtime.jit import cache_is_cold  # noqa: PLC0415 - has numba
+    from mavlink_defs.runtime.jit import cache_is_cold
 
     if not cache_is_cold():
         return
-    from gcs.fleet.precompile import compile_everything  # noqa: PLC0415
+    from gcs.fleet.precompile import compile_everything
 
     message = "compiling the numeric core (only the first run after an install pays this)"
     console.print(message)

@@ -59,15 +59,15 @@ def refuse_options(context: typer.Context) -> None:
 def dashboard(connect: str | None, theme: str) -> None:
     """Show the vehicles at a connection until the operator leaves."""
     connection = choose_connection(connect)
-    from gcs.tui.app import Dashboard  # noqa: PLC0415 - Textual takes a while
-    from gcs.tui.view import Live  # noqa: PLC0415
+    from gcs.tui.app import Dashboard
+    from gcs.tui.view import LiveSource
 
     async def work() -> None:
         own = own_identity()
-        live = Live(str(connection), time.time() - time.monotonic(), own)
+        live = LiveSource(str(connection), time.time() - time.monotonic(), own)
         async with Client(
             connection,
-            on_news=live.hear,
+            on_notification=live.receive,
             inquire=True,
             private=True,
             own=own,

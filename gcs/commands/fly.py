@@ -14,7 +14,7 @@ from gcs.commands.common import console_of, flight_progress, warm_up
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.scenario.model import Scenario, load_scenario
 from gcs.station.signing_key import signed, warn_if_exposed
-from mavlink_defs.endpoint import Address
+from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
     from gcs.results.recording import Recording
@@ -69,9 +69,9 @@ def fly(
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
     if speed is not None and in_process:
         raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
-    from gcs.fleet.in_process import fly_in_process  # noqa: PLC0415 - numba comes with it
-    from gcs.fleet.processes import check_ports  # noqa: PLC0415
-    from gcs.results.run_folder import make_run_folder  # noqa: PLC0415
+    from gcs.fleet.in_process import fly_in_process
+    from gcs.fleet.processes import check_ports
+    from gcs.results.run_folder import make_run_folder
 
     loaded = signed(load_scenario(scenario))
     if in_process and loaded.links.impairments is not None:
@@ -103,12 +103,12 @@ def _over_udp(
     free_ports: bool,
     on_progress: Callable[[float, np.ndarray], None],
 ) -> "Recording":
-    from gcs.fleet.flight import fly_over_udp  # noqa: PLC0415 - numba comes with it
-    from gcs.fleet.processes import on_free_ports  # noqa: PLC0415
+    from gcs.fleet.flight import fly_over_udp
+    from gcs.fleet.processes import on_free_ports
 
-    def flown(scenario: Scenario, _hub: Address | None = None) -> "Recording":
+    def flown(scenario: Scenario, _hub: UdpAddress | None = None) -> "Recording":
         links = scenario.links
-        warn_if_exposed(Address(links.host, links.gcs_port), links.signing_key is not None)
+        warn_if_exposed(UdpAddress(links.host, links.gcs_port), links.signing_key is not None)
         return asyncio.run(fly_over_udp(scenario, folder, speed, on_progress))
 
     return on_free_ports(scenario, flown) if free_ports else flown(scenario)
@@ -117,10 +117,10 @@ def _over_udp(
 def _report(
     recording: "Recording", scenario: Scenario, folder: Path, console: Console, as_json: bool
 ) -> None:
-    from gcs.figures.overview import draw_flight  # noqa: PLC0415 - matplotlib comes with it
-    from gcs.reports.flight import flight_tables  # noqa: PLC0415
-    from gcs.results.run_folder import save_flight  # noqa: PLC0415
-    from gcs.results.summary import summarise  # noqa: PLC0415
+    from gcs.figures.overview import draw_flight
+    from gcs.reports.flight import flight_tables
+    from gcs.results.run_folder import save_flight
+    from gcs.results.summary import summarise
 
     summary = summarise(recording, scenario)
     save_flight(recording, summary, folder)

@@ -43,8 +43,8 @@ def log(
         raise BadInput(str(problem), "`gcs record` writes telemetry logs") from problem
     if not frames:
         raise BadInput(f"{file}: there is no frame in it")
-    from gcs.tui.app import Dashboard  # noqa: PLC0415 - Textual takes a while
-    from gcs.tui.playback import Playback  # noqa: PLC0415
+    from gcs.tui.app import Dashboard
+    from gcs.tui.playback import Playback
 
     playback = Playback(file.name, frames, time.monotonic)
     playback.speed = speed

@@ -53,8 +53,8 @@ def reproduce(
     Writes one folder: report.html (self-contained) and report.md, figures/ (Fig. 5 to 11 as PNG
     and SVG), data/ (each flight as .npz and .csv, its summary, theory.json).
     """
-    from gcs import reproduce as work  # noqa: PLC0415 - numba and matplotlib come with it
-    from gcs.results.run_folder import make_run_folder  # noqa: PLC0415
+    from gcs import reproduce as work
+    from gcs.results.run_folder import make_run_folder
 
     loaded = work.load_all(scenarios)
     folder = make_run_folder(out, "reproduce")
@@ -90,15 +90,15 @@ def reproduce(
 
 
 def _in_process(file: str, scenario: "Scenario") -> "Recording":
-    from gcs.fleet.in_process import fly_in_process  # noqa: PLC0415
+    from gcs.fleet.in_process import fly_in_process
 
     return fly_in_process(scenario)
 
 
 def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
     """Fly with processes; each flight's tlog and words go into a folder of its own."""
-    from gcs.fleet.flight import fly_over_udp  # noqa: PLC0415
-    from gcs.fleet.processes import on_free_ports  # noqa: PLC0415
+    from gcs.fleet.flight import fly_over_udp
+    from gcs.fleet.processes import on_free_ports
 
     def fly(file: str, scenario: "Scenario") -> "Recording":
         own = folder / "wire" / file

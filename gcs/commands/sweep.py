@@ -69,7 +69,7 @@ def sweep(
     stopped. Lost flights and impossible values are recorded with their reasons. The folder
     gets table.csv (every UAV), table.md, and sweep.png and sweep.svg: saving against IAE.
     """
-    from gcs.reports.sweep import choose_uav  # noqa: PLC0415
+    from gcs.reports.sweep import choose_uav
     from gcs.sweeps.grid import default_folder, known_results, open_folder, parse_axes, plan
 
     console = console_of(quiet=quiet)
@@ -98,7 +98,7 @@ def sweep(
 
 def _fly(runs: list["Run"], folder: Path, jobs: int, console: Console) -> list["Result"]:
     """Give each run its result, in order; what was not flown before is flown now."""
-    from gcs.sweeps.grid import fly_runs, known_results, result_of  # noqa: PLC0415
+    from gcs.sweeps.grid import fly_runs, known_results, result_of
 
     flights = _flights(runs)
     flown = known_results(flights, folder)
@@ -149,7 +149,7 @@ def _progress(
 
 
 def _report(results: list["Result"], uav_id: int | None, folder: Path, console: Console) -> None:
-    from gcs.figures.sweep import draw_sweep  # noqa: PLC0415
+    from gcs.figures.sweep import draw_sweep
     from gcs.reports.sweep import terminal_table, write_csv, write_markdown
 
     write_csv(results, folder / "table.csv")

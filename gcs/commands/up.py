@@ -16,7 +16,7 @@ from gcs.scenario.model import Scenario, load_scenario
 from gcs.station.connection import HUB_PORT
 from gcs.station.signing_key import signed, warn_if_exposed
 from gcs.stopping import stop_signals
-from mavlink_defs.endpoint import Address, Connection
+from mavlink_defs.endpoint import Connection, UdpAddress
 
 __all__ = ["EPILOG", "up"]
 
@@ -71,18 +71,18 @@ def up(
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
     if speed is not None and lockstep:
         raise BadInput("--speed paces the plant; --lockstep does not", "leave one of them out")
-    from gcs.fleet.processes import check_ports, on_free_ports  # noqa: PLC0415 - numba comes with it
-    from gcs.results.run_folder import make_run_folder  # noqa: PLC0415
+    from gcs.fleet.processes import check_ports, on_free_ports
+    from gcs.results.run_folder import make_run_folder
 
     loaded = signed(load_scenario(scenario))
-    hub = Address(loaded.links.host, hub_port)
+    hub = UdpAddress(loaded.links.host, hub_port)
     if not free:
         check_ports(loaded, hub)
     folder = make_run_folder(out, loaded.name)
     console = console_of(quiet=quiet or as_json)
     pace = None if lockstep else speed or 1.0
 
-    def fly(scenario: Scenario, hub: Address) -> None:
+    def fly(scenario: Scenario, hub: UdpAddress) -> None:
         _up(scenario, folder, hub, pace, start, console, as_json)
 
     try:
@@ -99,16 +99,16 @@ def up(
 def _up(
     scenario: Scenario,
     folder: Path,
-    hub: Address,
+    hub: UdpAddress,
     speed: float | None,
     start: bool,
     console: Console,
     as_json: bool,
 ) -> None:
-    from gcs.fleet.standing import keep_up  # noqa: PLC0415 - numba comes with it
+    from gcs.fleet.standing import keep_up
 
     links = scenario.links
-    for address in (Address(links.host, links.gcs_port), hub):
+    for address in (UdpAddress(links.host, links.gcs_port), hub):
         warn_if_exposed(address, links.signing_key is not None)
 
     def ready() -> None:
@@ -138,8 +138,8 @@ async def _until_told_to_stop(work: Coroutine[Any, Any, None]) -> None:
         await task
 
 
-def _addresses(scenario: Scenario, folder: Path, hub: Address) -> dict[str, Any]:
-    gcs = Connection("in", Address(scenario.links.host, scenario.links.gcs_port))
+def _addresses(scenario: Scenario, folder: Path, hub: UdpAddress) -> dict[str, Any]:
+    gcs = Connection("in", UdpAddress(scenario.links.host, scenario.links.gcs_port))
     return {
         "scenario": scenario.name,
         "uavs": [uav.id for uav in scenario.uavs],
@@ -152,7 +152,7 @@ def _addresses(scenario: Scenario, folder: Path, hub: Address) -> dict[str, Any]
 def _announce(
     scenario: Scenario,
     folder: Path,
-    hub: Address,
+    hub: UdpAddress,
     speed: float | None,
     start: bool,
     console: Console,

@@ -19,7 +19,7 @@ from gcs.figures.style import (
     style,
     tidy,
 )
-from gcs.results.summary import CHANNELS
+from gcs.results.summary import PAPER_ORDER
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,10 +35,10 @@ def fig7(flight: Flight) -> "Figure":
     """Draw the time between two events of a channel: channels in rows, UAVs in columns."""
     names, ids = flight.names, flight.recording.uav_ids
     figure = new_figure(7.4)
-    axes = figure.subplots(len(CHANNELS), len(names), sharex=True, sharey=True, squeeze=False)
+    axes = figure.subplots(len(PAPER_ORDER), len(names), sharex=True, sharey=True, squeeze=False)
     for k, axis in enumerate(axes.flat):
         row, i = divmod(k, len(names))
-        times = flight.event_times(i, CHANNELS[row])
+        times = flight.event_times(i, PAPER_ORDER[row])
         intervals = 1e3 * np.diff(times)
         # thousands of dots: as an image in an SVG
         axis.plot(times[1:], intervals, ".", ms=2.8, mew=0, color=style(2).colour, alpha=0.6,
@@ -54,7 +54,7 @@ def fig7(flight: Flight) -> "Figure":
     for axis, name in zip(axes[0], names, strict=True):
         axis.annotate(name, (0.5, 1.0), (0.0, 20.0), "axes fraction", "offset points",
                       ha="center")  # fmt: skip
-    for axis, channel in zip(axes[:, 0], CHANNELS, strict=True):
+    for axis, channel in zip(axes[:, 0], PAPER_ORDER, strict=True):
         axis.set_ylabel(f"{channel}\ninterval [ms]")
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")
@@ -64,27 +64,27 @@ def fig7(flight: Flight) -> "Figure":
 
 def fig8(flight: Flight) -> "Figure":
     """Draw when each channel of each UAV had events; the more at a time, the darker."""
-    from matplotlib.colors import LinearSegmentedColormap, LogNorm  # noqa: PLC0415
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
     names, ids = flight.names, flight.recording.uav_ids
     duration_s = flight.scenario.duration_s
     figure = new_figure(0.7 + 1.45 * len(names))
     axes = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
-    rows = range(len(CHANNELS))
+    rows = range(len(PAPER_ORDER))
     bin_s = max(duration_s / _BINS, flight.step_s)
     bins = np.arange(0.0, duration_s + bin_s, bin_s) - 0.5 * flight.step_s
     most = max(bin_s / flight.step_s, 2.0)
     darkness = {"norm": LogNorm(1.0, most), "cmap": LinearSegmentedColormap.from_list("", _RAMP)}
     for i, axis in enumerate(axes):
-        for row, channel in enumerate(CHANNELS):
+        for row, channel in enumerate(PAPER_ORDER):
             counts = np.histogram(flight.event_times(i, channel), bins)[0]
             shown = np.ma.masked_equal(counts[np.newaxis], 0)
             image = axis.imshow(
                 shown, extent=(bins[0], bins[-1], row + 0.36, row - 0.36), aspect="auto",
                 interpolation="nearest", zorder=2.0, **darkness,
             )  # fmt: skip
-        axis.set_ylim(len(CHANNELS) - 0.4, -0.6)
-        axis.set_yticks(rows, CHANNELS)
+        axis.set_ylim(len(PAPER_ORDER) - 0.4, -0.6)
+        axis.set_yticks(rows, PAPER_ORDER)
         axis.set_ylabel(names[i])
         letter(axis, i)
         shade_faults(axis, [flight], ids[i])
@@ -114,22 +114,22 @@ def fig9(flight: Flight, printed: Mapping[int, Mapping[str, int]]) -> "Figure":
     """
     figure = new_figure(3.8)
     axes = figure.subplots(1, len(flight.names), sharey=True, squeeze=False)[0]
-    places = np.arange(len(CHANNELS))
+    places = np.arange(len(PAPER_ORDER))
     for i, (axis, name) in enumerate(zip(axes, flight.names, strict=True)):
         ours = flight.event_counts(i)
         paper = printed.get(flight.recording.uav_ids[i], {})
         bars = axis.bar(places - 0.21, ours, 0.4, color=STYLES[2].colour, label=flight.title)
         axis.bar_label(bars, size=SMALL, padding=1.0)
-        known = [k for k, channel in enumerate(CHANNELS) if channel in paper]
+        known = [k for k, channel in enumerate(PAPER_ORDER) if channel in paper]
         if known:
-            bars = axis.bar(places[known] + 0.21, [paper[CHANNELS[k]] for k in known], 0.4,
+            bars = axis.bar(places[known] + 0.21, [paper[PAPER_ORDER[k]] for k in known], 0.4,
                             color="white", edgecolor=STYLES[1].colour, hatch="////",
                             label="printed in the paper")  # fmt: skip
             axis.bar_label(bars, size=SMALL, padding=1.0)
         tidy(axis)
         axis.margins(y=0.1)
         axis.grid(visible=False, axis="x")
-        axis.set_xticks(places, CHANNELS)
+        axis.set_xticks(places, PAPER_ORDER)
         axis.tick_params(axis="x", length=0)
         axis.set_xlabel(name)
     axes[0].set_ylabel(f"events in {flight.scenario.duration_s:g} s")

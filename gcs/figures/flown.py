@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.results.recording import Recording
-from gcs.results.summary import CHANNELS
+from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 from mavlink_defs.faults import ACTUATORS
@@ -82,8 +82,8 @@ class Flight:
         return np.flatnonzero(self.recording.signals["events"][:, i] & bit) * self.step_s
 
     def event_counts(self, i: int) -> list[int]:
-        """Events of each channel of the i-th UAV, in the order of `CHANNELS`."""
-        return [len(self.event_times(i, channel)) for channel in CHANNELS]
+        """Events of each channel of the i-th UAV, in the order of `PAPER_ORDER`."""
+        return [len(self.event_times(i, channel)) for channel in PAPER_ORDER]
 
     @property
     def step_s(self) -> float:

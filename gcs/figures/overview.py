@@ -17,7 +17,7 @@ from gcs.figures.style import (
 )
 from gcs.figures.tracking import draw_tracking
 from gcs.results.recording import Recording
-from gcs.results.summary import CHANNELS
+from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
 from mavlink_defs.faults import ACTUATORS
 from mavlink_defs.runtime.files import naming
@@ -38,7 +38,7 @@ def draw_flight(recording: Recording, scenario: Scenario, path: Path) -> None:
     figure = new_figure(6.6)
     axes = figure.subplots(3, 4, sharex=True)
     draw_tracking(axes[0], flight)
-    for column, channel in enumerate(CHANNELS):
+    for column, channel in enumerate(PAPER_ORDER):
         _draw_command(axes[1, column], flight, channel)
         _draw_intervals(axes[2, column], flight, channel)
     for axis in axes.flat:

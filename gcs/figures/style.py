@@ -81,7 +81,7 @@ def style(i: int) -> Style:
 
 def new_figure(height_in: float, layout: Layout | None = "constrained") -> "Figure":
     """An empty figure over the width of the page, which lays out its axes itself, or not."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes a second
+    from matplotlib.figure import Figure
 
     return Figure(figsize=(WIDTH_IN, height_in), layout=layout)
 
@@ -199,7 +199,7 @@ def _columns(labels: list[str]) -> int:
 
 def save(figure: "Figure", folder: Path, stem: str) -> None:
     """Write a figure as PNG and SVG, the same bytes for the same figure, and clear it."""
-    import matplotlib as mpl  # noqa: PLC0415
+    import matplotlib as mpl
 
     folder.mkdir(parents=True, exist_ok=True)
     if (layout := figure.get_layout_engine()) is not None:

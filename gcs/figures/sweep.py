@@ -34,7 +34,7 @@ class _Styles:
     markers: Axis
 
     def colour(self, value: str) -> Any:
-        from matplotlib import colormaps  # noqa: PLC0415
+        from matplotlib import colormaps
 
         i, n = self.colours[1].index(value), len(self.colours[1])
         return _COLOURS[i] if n <= len(_COLOURS) else colormaps["viridis"](0.95 * i / (n - 1))
@@ -120,7 +120,7 @@ def _draw_points(
             panel.plot(*zip(*line, strict=True), color="0.8", lw=0.7)
     values = [x for line in lines.values() for x, _ in line]
     if values and max(values) > _WIDE * min(values) > 0.0:
-        from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter  # noqa: PLC0415
+        from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
         panel.set_xscale("log")
         subs = (1.0, 2.0, 5.0) if max(values) < 100.0 * min(values) else (1.0,)
@@ -137,7 +137,7 @@ def _draw_crosses(
     figure: "Figure", panel: "Axes", missing: Sequence[Result], styles: _Styles
 ) -> None:
     """Put a cross and its style beside the panel for each run without an IAE; count them."""
-    from matplotlib.transforms import offset_copy  # noqa: PLC0415
+    from matplotlib.transforms import offset_copy
 
     right = [offset_copy(panel.transAxes, figure, x, units="points") for x in (9, 19, 26)]
     for k, result in enumerate(missing):
@@ -150,7 +150,7 @@ def _draw_crosses(
 
 
 def _draw_legends(figure: "Figure", styles: _Styles) -> None:
-    from matplotlib.lines import Line2D  # noqa: PLC0415
+    from matplotlib.lines import Line2D
 
     colours, markers = styles.colours, styles.markers
     dots = [Line2D([], [], ls="", marker="o", color=styles.colour(v)) for v in colours[1]]

@@ -36,7 +36,7 @@ def fig5(flight: Flight, times_s: Sequence[float] = (0.0, 15.0, 24.0)) -> "Figur
     The axes' scales differ, so that turn and climb are seen; aircraft are drawn far too large,
     with the attitude that they would show if the scales were the same.
     """
-    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+    from matplotlib.ticker import MaxNLocator
 
     figure = new_figure(5.2, layout=None)  # it cannot lay out three dimensions
     axis: Any = figure.add_axes(_PLACE, projection="3d")

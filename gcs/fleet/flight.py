@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import FlightLost
-from gcs.fleet.processes import Fleet
+from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
 from gcs.results.recording import Mode, Recording
 from gcs.scenario.model import Scenario
@@ -20,7 +20,7 @@ from gcs.station.client import Client
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.endpoint import Address, Connection
+from mavlink_defs.endpoint import Connection, UdpAddress
 from mavlink_defs.runtime.files import write_text
 
 __all__ = ["collect", "fly_over_udp", "prepare"]
@@ -62,12 +62,12 @@ async def fly_over_udp(
 
     links = scenario.links
     with TlogWriter(folder / "flight.tlog") as tlog, relay_of(scenario) as relay:
-        connection = Connection("in", Address(links.host, links.gcs_port))
+        connection = Connection("in", UdpAddress(links.host, links.gcs_port))
         key = links.signing_key
         async with Client(
             connection, tlog=tlog, on_message=follow, private=True, signing_key=key
         ) as client:
-            with Fleet(scenario, speed, folder / "processes", via=relay.via) as fleet:
+            with FleetProcesses(scenario, speed, folder / "processes", via=relay.via) as fleet:
                 try:
                     await prepare(client, fleet, scenario, start=True)
                     while fleet.plant_returncode is None:
@@ -85,7 +85,7 @@ async def fly_over_udp(
     return collect(scenario, fleet, "real_time" if speed else "lockstep")
 
 
-async def prepare(client: Client, fleet: Fleet, scenario: Scenario, start: bool) -> None:
+async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, start: bool) -> None:
     """Bring profiles and faults to a fleet that starts up.
 
     Args:
@@ -114,7 +114,7 @@ async def prepare(client: Client, fleet: Fleet, scenario: Scenario, start: bool)
     fleet.check()
 
 
-def collect(scenario: Scenario, fleet: Fleet, mode: Mode) -> Recording:
+def collect(scenario: Scenario, fleet: FleetProcesses, mode: Mode) -> Recording:
     """Put together what the processes of a fleet have recorded when they ended.
 
     The flight is as long as the plant has flown it. It is lost if a process says so, and if an

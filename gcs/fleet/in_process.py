@@ -10,7 +10,12 @@ from collections.abc import Callable
 import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS
-from ftc_autopilot.control.controllers import Crew, announce, new_crew, onboard_step
+from ftc_autopilot.control.controllers import (
+    Controllers,
+    announce,
+    controller_step,
+    new_controllers,
+)
 from ftc_autopilot.control.reference import profile_record
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
@@ -18,7 +23,7 @@ from mavlink_defs.faults import FaultLimits, fault_from_params, fault_to_params
 from mavlink_defs.profile import AirspeedLimits, items_to_segments, segments_to_items
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import add_fault
-from sitl_plant.fleet import Fleet, fly, new_fleet, observe, receive_controls
+from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
 from sitl_plant.plant import describe_loss
 
 __all__ = ["fly_in_process"]
@@ -36,34 +41,34 @@ def fly_in_process(
         on_progress: Called now and then with the simulated time [s] and the event counts so
             far, shape (n, 4).
     """
-    fleet = new_fleet(scenario.plant_config(speed=None))
+    fleet = new_plant_state(scenario.plant_config(speed=None))
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
-    crew = new_crew(configs)
-    sources = np.full(crew.weights.shape, -1)
+    controllers = new_controllers(configs)
+    sources = np.full(controllers.weights.shape, -1)
     for i, config in enumerate(configs):
         for d, neighbour in enumerate(config.neighbours):
             sources[i, d] = ids.index(neighbour.id)
-            crew.weights[i, d] = neighbour.weight
-    _brief(scenario, fleet, crew, ids)
+            controllers.weights[i, d] = neighbour.weight
+    _brief(scenario, fleet, controllers, ids)
 
     steps = scenario.steps
     states = np.zeros((steps, len(ids), 12))
     applied = np.zeros((steps, len(ids), 4))
     signals = np.zeros((steps, len(ids)), SIGNALS)
-    _exchange_initial_reports(fleet, crew, sources, scenario.step_us)
+    _exchange_initial_reports(fleet, controllers, sources, scenario.step_us)
     begin = time.perf_counter()
     step, loss = 0, None
     while step < steps and loss is None:
         last = min(step + _CHUNK_STEPS, steps)
         step, lost = _run(
-            fleet, crew, sources, step, last, scenario.step_us, states, applied, signals
+            fleet, controllers, sources, step, last, scenario.step_us, states, applied, signals
         )
         if lost >= 0:
             t = step * scenario.step_us / 1e6
             loss = f"UAV {ids[lost]} was lost at {t:.3f} s: {describe_loss(fleet.states[lost])}"
         if on_progress is not None:
-            on_progress(step * scenario.step_us / 1e6, crew.controllers["events"])
+            on_progress(step * scenario.step_us / 1e6, controllers.states["events"])
     return Recording(
         mode="in_process",
         step_us=scenario.step_us,
@@ -77,15 +82,17 @@ def fly_in_process(
     )
 
 
-def _brief(scenario: Scenario, fleet: Fleet, crew: Crew, ids: tuple[int, ...]) -> None:
+def _brief(
+    scenario: Scenario, fleet: PlantState, controllers: Controllers, ids: tuple[int, ...]
+) -> None:
     """Give profile and faults the values that they would have after crossing the wire."""
     aircraft = scenario.aircraft
     airspeeds = AirspeedLimits(aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s)
     items = segments_to_items(scenario.segments(), 0, 0)
-    crew.profiles[:] = profile_record(items_to_segments(items, airspeeds))
-    crew.guidance["active"] = 1
-    crew.guidance["auto"] = 1
-    crew.guidance["start_step"] = 0
+    controllers.profiles[:] = profile_record(items_to_segments(items, airspeeds))
+    controllers.guidance["active"] = 1
+    controllers.guidance["auto"] = 1
+    controllers.guidance["start_step"] = 0
     limits = FaultLimits(aircraft.surface_limit_deg, aircraft.thrust_limit_n)
     for uav_id, fault in scenario.fault_commands():
         received = fault_from_params(fault_to_params(fault), limits)
@@ -93,17 +100,19 @@ def _brief(scenario: Scenario, fleet: Fleet, crew: Crew, ids: tuple[int, ...]) -
 
 
 @compiled
-def _exchange_initial_reports(fleet: Fleet, crew: Crew, sources: np.ndarray, step_us: int) -> None:
+def _exchange_initial_reports(
+    fleet: PlantState, controllers: Controllers, sources: np.ndarray, step_us: int
+) -> None:
     for i in range(len(sources)):
         observe(fleet, i, 0, step_us)
-        announce(crew, i, fleet.messages[i])
-    _deliver(crew, sources)
+        announce(controllers, i, fleet.messages[i])
+    _deliver(controllers, sources)
 
 
 @compiled
 def _run(
-    fleet: Fleet,
-    crew: Crew,
+    fleet: PlantState,
+    controllers: Controllers,
     sources: np.ndarray,
     step: int,
     last: int,
@@ -117,12 +126,12 @@ def _run(
     while step < last and lost < 0:
         for i in range(n):
             observe(fleet, i, step, step_us)
-            mask = onboard_step(crew, i, fleet.messages[i], step_us)
+            mask = controller_step(controllers, i, fleet.messages[i], step_us)
             if mask != 0:
-                receive_controls(fleet, i, crew.actuators[i])
+                receive_controls(fleet, i, controllers.actuators[i])
             states[step, i] = fleet.states[i]
-            signals[step, i] = crew.signals[i]
-        _deliver(crew, sources)
+            signals[step, i] = controllers.signals[i]
+        _deliver(controllers, sources)
         lost = fly(fleet, step, step_us)
         applied[step] = fleet.applied
         step += 1
@@ -130,8 +139,8 @@ def _run(
 
 
 @compiled
-def _deliver(crew: Crew, sources: np.ndarray) -> None:
+def _deliver(controllers: Controllers, sources: np.ndarray) -> None:
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
             if sources[i, d] >= 0:
-                crew.inboxes[i, d] = crew.reports[sources[i, d]]
+                controllers.inboxes[i, d] = controllers.reports[sources[i, d]]

@@ -3,7 +3,7 @@
 import socket
 
 from ftc_autopilot import link as autopilot_link
-from ftc_autopilot.control.controllers import new_crew
+from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.fleet.in_process import fly_in_process
@@ -14,7 +14,7 @@ from gcs.theory import check_theory
 from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.runtime.jit import mark_cache_warm, not_cached
 from sitl_plant import link as plant_link
-from sitl_plant.fleet import new_fleet
+from sitl_plant.fleet import new_plant_state
 
 __all__ = ["compile_everything"]
 
@@ -44,14 +44,14 @@ def _call_everything(scenario: Scenario) -> None:
         set_receive_timeout(sock, 1e-3)
         fd = sock.fileno()
         plant = short.plant_config(speed=None)
-        fleet = new_fleet(plant)
+        fleet = new_plant_state(plant)
         link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, True)
         plant_link.run(fd, link, fleet, 0.0)
         plant_link.send_states(fd, link, fleet, False)
         autopilot = short.autopilot_config(short.uavs[0].id)
-        crew = new_crew([autopilot])
+        controllers = new_controllers([autopilot])
         own = autopilot_link.new_link(autopilot.id, autopilot.neighbours, plant.step_us, 1.0, 1)
-        autopilot_link.run(fd, fd, own, crew, 0.0, 0)
-        telemetry = Vehicle(autopilot, own, crew).telemetry[0]
+        autopilot_link.run(fd, fd, own, controllers, 0.0, 0)
+        telemetry = Vehicle(autopilot, own, controllers).telemetry[0]
         for message_id in (*DEFAULT_INTERVALS_US, *PRIVATE_INTERVALS_S):
             telemetry.make(message_id)

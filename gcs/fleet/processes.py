@@ -20,9 +20,9 @@ from gcs.errors import BadInput, FlightLost, PortInUse
 from gcs.fleet.relays import through
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.models import dump
-from mavlink_defs.endpoint import Address, EndpointError, PortTaken, bind_udp, free_ports
+from mavlink_defs.endpoint import EndpointError, PortTaken, UdpAddress, bind_udp, free_ports
 
-__all__ = ["Fleet", "check_ports", "on_free_ports"]
+__all__ = ["FleetProcesses", "check_ports", "on_free_ports"]
 
 T = TypeVar("T")
 
@@ -36,7 +36,7 @@ class _Process:
     name: str
     popen: subprocess.Popen[bytes]
     log: Path
-    address: Address  # that it binds
+    address: UdpAddress  # that it binds
 
     def last_words(self) -> str:
         """What it said last on standard error, or how it ended."""
@@ -46,7 +46,7 @@ class _Process:
         return lines[-1] if lines else f"ended with status {self.popen.returncode}"
 
 
-def on_free_ports(scenario: Scenario, work: Callable[[Scenario, Address], T]) -> T:
+def on_free_ports(scenario: Scenario, work: Callable[[Scenario, UdpAddress], T]) -> T:
     """Do some work on UDP ports that are free, and again if others take one of them meanwhile.
 
     Args:
@@ -71,14 +71,14 @@ def on_free_ports(scenario: Scenario, work: Callable[[Scenario, Address], T]) ->
         }
         links = scenario.links.model_copy(update=ports)
         try:
-            return work(scenario.model_copy(update={"links": links}), Address(host, hub))
+            return work(scenario.model_copy(update={"links": links}), UdpAddress(host, hub))
         except PortInUse:
             tries -= 1
             if not tries:
                 raise
 
 
-def check_ports(scenario: Scenario, hub: Address | None = None) -> None:
+def check_ports(scenario: Scenario, hub: UdpAddress | None = None) -> None:
     """Make sure that every port can be had, before any process starts.
 
     Args:
@@ -106,13 +106,13 @@ def check_ports(scenario: Scenario, hub: Address | None = None) -> None:
         ports = {"--hub-port": hub.port, **ports}
     for what, port in ports.items():
         try:
-            address = Address(links.host, port)
+            address = UdpAddress(links.host, port)
             bind_udp(address, what, "let --free-ports choose others").close()
         except EndpointError as problem:
             raise BadInput(str(problem)) from None
 
 
-class Fleet:
+class FleetProcesses:
     """The processes of one scenario, as a context manager: on leaving it none is left.
 
     Their configuration, what they print and what they record go into `folder`. `via` tells
@@ -126,7 +126,7 @@ class Fleet:
         folder: Path,
         *,
         endless: bool = False,
-        ground_stations: Sequence[Address] = (),
+        ground_stations: Sequence[UdpAddress] = (),
         via: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Prepare a fleet.
@@ -258,5 +258,5 @@ class Fleet:
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
             )
-        address = Address(self._scenario.links.host, port)
+        address = UdpAddress(self._scenario.links.host, port)
         self._processes.append(_Process(name, popen, log, address))

@@ -7,7 +7,7 @@ from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay import Relay, Route
-from mavlink_defs.endpoint import Address
+from mavlink_defs.endpoint import UdpAddress
 
 __all__ = ["relay_of", "through"]
 
@@ -48,4 +48,4 @@ def through(config: AutopilotConfig, via: Mapping[str, str]) -> AutopilotConfig:
 
 
 def _route(links: Links, link: str, port: int, impairment: Impairment | None) -> Route:
-    return Route(link, Address(links.host, 0), Address(links.host, port), impairment)
+    return Route(link, UdpAddress(links.host, 0), UdpAddress(links.host, port), impairment)

@@ -9,11 +9,11 @@ from typing import Any
 from gcs.errors import BadInput, FlightLost, bad_endpoint
 from gcs.fleet.flight import prepare
 from gcs.fleet.hub import Hub
-from gcs.fleet.processes import Fleet
+from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
-from mavlink_defs.endpoint import Address, Connection, EndpointError, bind_udp
+from mavlink_defs.endpoint import Connection, EndpointError, UdpAddress, bind_udp
 from mavlink_defs.framing.signing import SigningError, load_signer, words_of
 
 __all__ = ["keep_up"]
@@ -24,7 +24,7 @@ _LOOK_S = 0.1
 async def keep_up(
     scenario: Scenario,
     folder: Path,
-    hub: Address,
+    hub: UdpAddress,
     *,
     speed: float | None,
     start: bool,
@@ -60,12 +60,12 @@ async def keep_up(
     loop = asyncio.get_running_loop()
     ids = [uav.id for uav in scenario.uavs]
     route = Hub(ids, signer, sock.getsockname()[0])
-    transport, _ = await loop.create_datagram_endpoint(lambda: _Relay(route), sock=sock)
+    transport, _ = await loop.create_datagram_endpoint(lambda: _HubProtocol(route), sock=sock)
     try:
         processes = folder / "processes"
         with (
             relay_of(scenario) as relay,
-            Fleet(
+            FleetProcesses(
                 scenario, speed, processes, endless=True, ground_stations=[hub], via=relay.via
             ) as fleet,
         ):
@@ -102,7 +102,7 @@ async def keep_up(
             on_word(f"hub: dropped {words_of(route.drops)} in all")
 
 
-class _Relay(asyncio.DatagramProtocol):
+class _HubProtocol(asyncio.DatagramProtocol):
     """The hub's socket."""
 
     def __init__(self, hub: Hub) -> None:

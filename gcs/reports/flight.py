@@ -6,7 +6,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from gcs.results.summary import CHANNELS, QUANTITIES
+from gcs.results.summary import PAPER_ORDER, QUANTITIES
 from gcs.scenario.model import Scenario
 
 __all__ = ["flight_tables"]
@@ -55,19 +55,19 @@ def _transmissions(summary: dict[str, Any], names: dict[int, str]) -> Table:
     for heading in ("events", "saved", "smallest interval", "repeats"):
         table.add_column(heading, justify="right")
     for uav in summary["uavs"]:
-        for channel in CHANNELS:
+        for channel in PAPER_ORDER:
             row = uav["channels"][channel]
             shortest = row["min_interval_s"]
             saved = 1.0 - row["events"] / uav["active_steps"] if uav["active_steps"] else None
             table.add_row(
-                names[uav["id"]] if channel == CHANNELS[0] else "",
+                names[uav["id"]] if channel == PAPER_ORDER[0] else "",
                 channel,
                 str(row["events"]),
                 _percent(saved),
                 "-" if shortest is None else f"{1e3 * shortest:g} ms",
                 str(row["repeats"]),
             )
-        total = sum(uav["channels"][c]["events"] for c in CHANNELS)
+        total = sum(uav["channels"][c]["events"] for c in PAPER_ORDER)
         table.add_row("", "all", str(total), _percent(uav["saving"]), "", "", style="bold")
         table.add_section()
     return table

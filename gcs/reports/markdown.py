@@ -42,7 +42,7 @@ def html_of(markdown: str, folder: Path) -> str:
         markdown: The report; its first line is its title.
         folder: Where its pictures lie.
     """
-    from markdown_it import MarkdownIt  # noqa: PLC0415 - only reports need it
+    from markdown_it import MarkdownIt
 
     body = MarkdownIt("commonmark").enable("table").render(markdown)
     body = body.replace("<table>", '<div class="wide"><table>').replace(

@@ -6,7 +6,7 @@ from typing import Any
 
 from gcs.reports.markdown import bullets, table
 from gcs.reports.published_values import FIG_9, SAVING, TABLE_IV, TABLE_V
-from gcs.results.summary import CHANNELS, QUANTITIES
+from gcs.results.summary import PAPER_ORDER, QUANTITIES
 
 __all__ = ["Results", "paper_report"]
 
@@ -54,7 +54,7 @@ class Results:
     def events(self, file: str, uav: int = _FOLLOWER_2) -> dict[str, int]:
         """Events by channel."""
         channels = self._uav(file, uav)["channels"]
-        return {name: channels[name]["events"] for name in CHANNELS}
+        return {name: channels[name]["events"] for name in PAPER_ORDER}
 
     def saving(self, file: str) -> float:
         """Share of transmissions that follower 2 saved."""
@@ -130,25 +130,25 @@ def _table_v(results: Results) -> str:
         saving = f"{100 * results.saving(file):.2f} %"
         if file == "scenario2_proposed":
             saving = f"{100 * SAVING:g} % / {saving}"
-        rows.append([label, *(_cell(paper.get(c), ours[c], "d") for c in CHANNELS), saving])
-    return table(["transmissions", *CHANNELS, "saved"], rows)
+        rows.append([label, *(_cell(paper.get(c), ours[c], "d") for c in PAPER_ORDER), saving])
+    return table(["transmissions", *PAPER_ORDER, "saved"], rows)
 
 
 def _fig_9(results: Results) -> str:
     rows = []
     for uav, paper in FIG_9.items():
         ours = results.events("scenario1", uav)
-        rows.append([f"UAV {uav}", *(_cell(paper[c], ours[c], "d") for c in CHANNELS)])
-    return "\n" + table(["events in scenario 1 (Fig. 9)", *CHANNELS], rows)
+        rows.append([f"UAV {uav}", *(_cell(paper[c], ours[c], "d") for c in PAPER_ORDER)])
+    return "\n" + table(["events in scenario 1 (Fig. 9)", *PAPER_ORDER], rows)
 
 
 def _scenario_3(results: Results) -> str:
     rows = []
     for file, label in MODES.items():
         iae, events = results.iae(file), results.events(file)
-        counts = [str(events[c]) for c in CHANNELS]
+        counts = [str(events[c]) for c in PAPER_ORDER]
         rows.append([label, *(f"{iae[q]:.2f}" for q in QUANTITIES), *counts])
-    header = ["in (19, 22] s", *(f"IAE {q} [{_UNITS[q]}]" for q in QUANTITIES), *CHANNELS]
+    header = ["in (19, 22] s", *(f"IAE {q} [{_UNITS[q]}]" for q in QUANTITIES), *PAPER_ORDER]
     return (
         "The paper shows curves (Fig. 11) and prints no numbers for these; columns after the IAEs "
         "are events.\n\n" + table(header, rows)
@@ -221,7 +221,7 @@ def _on_comparators(results: Results) -> Iterator[str]:
 
 def _on_counts(results: Results) -> Iterator[str]:
     ours, paper = results.events("scenario2_proposed"), TABLE_V["scenario2_proposed"]
-    listed = ", ".join(f"{c} {ours[c] / paper[c]:.2f}" for c in CHANNELS)
+    listed = ", ".join(f"{c} {ours[c] / paper[c]:.2f}" for c in PAPER_ORDER)
     yield (
         f"Transmissions, ours by the paper's: {listed}. Both save much "
         f"({results.saving('scenario2_proposed'):.1%} against {SAVING:.1%}), but not in the same "

@@ -13,7 +13,7 @@ from rich import box
 from rich.table import Table
 
 from gcs.errors import BadInput
-from gcs.results.summary import CHANNELS, QUANTITIES
+from gcs.results.summary import PAPER_ORDER, QUANTITIES
 from gcs.sweeps.grid import Result, Run, label
 from mavlink_defs.runtime.files import naming, write_text
 
@@ -64,7 +64,7 @@ def write_csv(results: Sequence[Result], path: Path) -> None:
     head = ["run", "scenario", *keys, "outcome", "reason", "duration_s", "saving",
             "uav", "uav_saving"]  # fmt: skip
     head += [f"iae_{quantity}_{IAE_UNITS[quantity].replace(' ', '_')}" for quantity in QUANTITIES]
-    head += [f"events_{channel}" for channel in CHANNELS]
+    head += [f"events_{channel}" for channel in PAPER_ORDER]
     head += ["min_interval_s", *_LOST]
     with naming(path), path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
@@ -81,7 +81,7 @@ def write_csv(results: Sequence[Result], path: Path) -> None:
 
 def _uav_columns(uav: dict[str, Any]) -> list[Any]:
     iae = [uav["iae"][quantity] for quantity in QUANTITIES]
-    events = [uav["channels"][channel]["events"] for channel in CHANNELS]
+    events = [uav["channels"][channel]["events"] for channel in PAPER_ORDER]
     lost = [uav[key] for key in _LOST]
     return [uav["id"], uav["saving"], *iae, *events, _shortest_s(uav), *lost]
 
@@ -155,7 +155,7 @@ def _figures(result: Result, uav_id: int | None) -> list[str]:
     return [
         f"{100.0 * uav['saving']:.2f} %",
         *(f"{uav['iae'][quantity]:.2f}" for quantity in QUANTITIES),
-        str(sum(uav["channels"][channel]["events"] for channel in CHANNELS)),
+        str(sum(uav["channels"][channel]["events"] for channel in PAPER_ORDER)),
         "-" if shortest_s is None else f"{1e3 * shortest_s:g} ms",
     ]
 
@@ -181,7 +181,7 @@ def uav_of(result: Result, uav_id: int | None) -> dict[str, Any] | None:
 
 
 def _shortest_s(uav: dict[str, Any]) -> float | None:
-    gaps = [uav["channels"][channel]["min_interval_s"] for channel in CHANNELS]
+    gaps = [uav["channels"][channel]["min_interval_s"] for channel in PAPER_ORDER]
     return min((gap for gap in gaps if gap is not None), default=None)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gcs.reports.markdown import bullets, table
 from gcs.results.recording import Recording
-from gcs.results.summary import CHANNELS
+from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
 from gcs.theory import UavTheory, check_theory, theory_words
 from gcs.theory.judgement import Judgement
@@ -74,7 +74,7 @@ def _dwell(watched: Mapping[str, UavTheory]) -> str:
     rows = []
     for file, uav in watched.items():
         cells = []
-        for name in CHANNELS:
+        for name in PAPER_ORDER:
             channel = uav.dwell[name]
             shortest, bound = channel["min_interval_s"], channel["bound_s"]
             shown = "-" if shortest is None else f"{1e3 * shortest:g} ms"
@@ -82,7 +82,7 @@ def _dwell(watched: Mapping[str, UavTheory]) -> str:
             shown += "" if bound is None else f" ≥ {1e6 * bound:.3g} µs"
             cells.append(shown + (f" ({below} below!)" if below else ""))
         rows.append([file, *cells])
-    return table(["smallest interval ≥ bound a2/µ or b2/µ", *CHANNELS], rows) + (
+    return table(["smallest interval ≥ bound a2/µ or b2/µ", *PAPER_ORDER], rows) + (
         "\nµ is the largest rate of change of the saturated command that was measured. Without a "
         "trigger there is no bound.\n"
     )

@@ -8,9 +8,9 @@ from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from mavlink_defs.faults import ACTUATORS
 
-__all__ = ["CHANNELS", "QUANTITIES", "event_table", "summarise"]
+__all__ = ["PAPER_ORDER", "QUANTITIES", "event_table", "summarise"]
 
-CHANNELS = ("throttle", "aileron", "elevator", "rudder")
+PAPER_ORDER = ("throttle", "aileron", "elevator", "rudder")
 """Actuator channels in the order of the paper's tables."""
 QUANTITIES = ("airspeed", "roll", "pitch", "yaw")
 """What is tracked: m/s and deg."""
@@ -47,7 +47,7 @@ def summarise(recording: Recording, scenario: Scenario) -> dict[str, Any]:
         "steps": steps,
         "wall_s": wall_s,
         "real_time_factor": recording.duration_s / wall_s if wall_s > 0.0 else None,
-        "saving": _saving(sent, sum(uav["active_steps"] for uav in uavs) * len(CHANNELS)),
+        "saving": _saving(sent, sum(uav["active_steps"] for uav in uavs) * len(PAPER_ORDER)),
         "uavs": uavs,
     }
 
@@ -60,7 +60,7 @@ def _summarise_uav(
     active = int(np.count_nonzero(recording.active[:, i]))
     time_s = recording.time_s
     channels: dict[str, Any] = {}
-    for name in CHANNELS:
+    for name in PAPER_ORDER:
         c = ACTUATORS.index(name)
         at = np.flatnonzero(signals["events"] & (1 << c))
         gaps = np.diff(at)
@@ -74,7 +74,7 @@ def _summarise_uav(
         "id": recording.uav_ids[i],
         "active_steps": active,
         "missing_steps": int(np.count_nonzero(recording.missing[:, i])),
-        "saving": _saving(sent, active * len(CHANNELS)),
+        "saving": _saving(sent, active * len(PAPER_ORDER)),
         "channels": channels,
         "actuator_messages": int(np.count_nonzero(signals["events"])),
         "iae": _by_quantity(_integral(recording, commands)),

@@ -21,20 +21,20 @@ from typing import Any, Self
 
 from gcs.errors import BadInput, NoAnswer, bad_endpoint
 from gcs.station.fleet_state import FleetState
-from gcs.station.notifications import ERROR, News
+from gcs.station.notifications import ERROR, Notification
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, EndpointError, bind_udp, connect_udp
 from mavlink_defs.framing.codec import DROP_REASONS
-from mavlink_defs.framing.frames import Speaker, drop_reason, parse
+from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.signing import SigningError, load_signer
-from mavlink_defs.services.machine import Address, Machine
+from mavlink_defs.services.machine import Machine, SystemId
 
 __all__ = ["GROUND_STATION", "Client"]
 
-GROUND_STATION = Address(255, dialect.MAV_COMP_ID_MISSIONPLANNER)
+GROUND_STATION = SystemId(255, dialect.MAV_COMP_ID_MISSIONPLANNER)
 _AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 _TICK_S = 0.2
 _HEARTBEAT_S = 1.0
@@ -50,7 +50,7 @@ class Client(asyncio.DatagramProtocol):
         own: System and component id that it sends as.
         connection: How it meets the vehicles.
         fleet: What is known of the vehicles.
-        log: The latest news, oldest first.
+        log: The latest notifications, oldest first.
         unreachable: Whether nobody listens where an outgoing connection leads.
         drops: Datagrams that were dropped here, by reason in words.
     """
@@ -61,10 +61,10 @@ class Client(asyncio.DatagramProtocol):
         *,
         tlog: TlogWriter | None = None,
         on_message: Callable[[MAVLink_message], None] | None = None,
-        on_news: Callable[[News], None] | None = None,
+        on_notification: Callable[[Notification], None] | None = None,
         inquire: bool = False,
         private: bool = False,
-        own: Address = GROUND_STATION,
+        own: SystemId = GROUND_STATION,
         signing_key: str | None = None,
     ) -> None:
         """Prepare a client.
@@ -73,7 +73,7 @@ class Client(asyncio.DatagramProtocol):
             connection: How to meet the vehicles.
             tlog: Where to record every frame of the link, both directions.
             on_message: Called with every message received, after `fleet` knows of it.
-            on_news: Called with all news.
+            on_notification: Called with all notifications.
             inquire: Ask every vehicle for its faults and its profile, and again whenever they
                 may have changed.
             private: Let every vehicle stream its private messages (errors, events, estimates,
@@ -88,14 +88,14 @@ class Client(asyncio.DatagramProtocol):
         self.own = own
         self.connection = connection
         self.fleet = FleetState()
-        self.log: deque[News] = deque(maxlen=_NEWS_KEPT)
+        self.log: deque[Notification] = deque(maxlen=_NEWS_KEPT)
         self.unreachable = False
         self.drops: Counter[str] = Counter()
         self._tlog = tlog
         self._failure: OSError | None = None
-        self._on_message, self._on_news = on_message, on_news
+        self._on_message, self._on_news = on_message, on_notification
         self._inquire, self._private = inquire, private
-        self._speaker = Speaker(*own)
+        self._speaker = FramePacker(*own)
         try:
             self.signer = load_signer(signing_key)
         except SigningError as problem:
@@ -194,7 +194,7 @@ class Client(asyncio.DatagramProtocol):
             if systems is not None:
                 return self._vehicles.keys() >= set(systems)
             waited = self.now() - begin >= _DISCOVERY_S
-            return waited and bool(self._vehicles) and not self.fleet.rumoured
+            return waited and bool(self._vehicles) and not self.fleet.unconfirmed
 
         heard = await self.until(lambda: complete() or self.unreachable, timeout_s)
         if self.unreachable:
@@ -238,9 +238,9 @@ class Client(asyncio.DatagramProtocol):
         """The client's clock [s]."""
         return time.monotonic()
 
-    def tell(self, news: Iterable[News]) -> None:
-        """Put news into the log."""
-        for one in news:
+    def emit(self, notifications: Iterable[Notification]) -> None:
+        """Put notifications into the log."""
+        for one in notifications:
             self.log.append(one)
             if self._on_news is not None:
                 self._on_news(one)
@@ -300,7 +300,7 @@ class Client(asyncio.DatagramProtocol):
         now, system = self.now(), message.get_srcSystem()
         if system not in self._peers or message.get_srcComponent() == _AUTOPILOT:
             self._peers[system] = addr
-        self.tell(self.fleet.receive(message, now))
+        self.emit(self.fleet.receive(message, now))
         if system not in self._vehicles and system in self.fleet.vehicles:
             self._vehicles[system] = Vehicle(self, self.fleet.vehicles[system])
             self._ask_what_is_due(now)
@@ -317,7 +317,7 @@ class Client(asyncio.DatagramProtocol):
         if isinstance(exc, ConnectionRefusedError) and not self.unreachable:
             self.unreachable = True
             text = f"nobody listens at {self.connection.address}"
-            self.tell([News(self.now(), 0, "link", ERROR, text)])
+            self.emit([Notification(self.now(), 0, "link", ERROR, text)])
             self._heard.set()
 
     async def _live(self) -> None:
@@ -328,7 +328,7 @@ class Client(asyncio.DatagramProtocol):
             if now >= beat_due:
                 beat_due = now + _HEARTBEAT_S
                 self._send(_heartbeat(), set(self._peers.values()))
-            self.tell(self.fleet.tick(now))
+            self.emit(self.fleet.tick(now))
             self._ask_what_is_due(now)
             await asyncio.sleep(_TICK_S)
 

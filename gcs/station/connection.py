@@ -5,13 +5,13 @@ import os
 from gcs.errors import BadInput
 from gcs.station.signing_key import signing_key, warn_if_exposed
 from mavlink_defs.endpoint import (
-    Address,
     Connection,
     EndpointError,
+    UdpAddress,
     parse_connection,
     someone_listens,
 )
-from mavlink_defs.services.machine import Address as Identity
+from mavlink_defs.services.machine import SystemId
 
 __all__ = ["GCS_PORT", "HUB_PORT", "choose_connection", "own_identity"]
 
@@ -37,16 +37,16 @@ def choose_connection(wanted: str | None) -> Connection:
         if connection.direction == "in":
             warn_if_exposed(connection.address, signing_key() is not None)
         return connection
-    hub = Address(_HOST, HUB_PORT)
+    hub = UdpAddress(_HOST, HUB_PORT)
     if someone_listens(hub):
         return Connection("out", hub)
-    return Connection("in", Address(_HOST, GCS_PORT))
+    return Connection("in", UdpAddress(_HOST, GCS_PORT))
 
 
-def own_identity() -> Identity:
+def own_identity() -> SystemId:
     """System and component id of this process.
 
     Several may talk to a vehicle at a time or shortly one after the other. The id tells its
     answers apart.
     """
-    return Identity(_SYSTEM, _FIRST_COMPONENT + os.getpid() % _COMPONENTS)
+    return SystemId(_SYSTEM, _FIRST_COMPONENT + os.getpid() % _COMPONENTS)

@@ -1,6 +1,6 @@
 """What a ground station knows of all vehicles. No socket and no clock, like `VehicleState`."""
 
-from gcs.station.notifications import NOTICE, News
+from gcs.station.notifications import NOTICE, Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
@@ -14,14 +14,14 @@ class FleetState:
 
     Attributes:
         vehicles: The vehicles heard so far, lost ones included.
-        rumoured: Systems that something came from, but no HEARTBEAT yet.
+        unconfirmed: Systems that something came from, but no HEARTBEAT yet.
     """
 
     def __init__(self) -> None:
         self.vehicles: dict[int, VehicleState] = {}
-        self.rumoured: set[int] = set()
+        self.unconfirmed: set[int] = set()
 
-    def receive(self, message: MAVLink_message, now: float) -> list[News]:
+    def receive(self, message: MAVLink_message, now: float) -> list[Notification]:
         """Take in any message."""
         sender = sender_of(message)
         state = self.vehicles.get(sender.system)
@@ -30,18 +30,20 @@ class FleetState:
         if sender.component != dialect.MAV_COMP_ID_AUTOPILOT1:
             return []
         if not isinstance(message, dialect.MAVLink_heartbeat_message):
-            self.rumoured.add(sender.system)
+            self.unconfirmed.add(sender.system)
             return []
         if message.type == dialect.MAV_TYPE_GCS:
             return []
         state = self.vehicles[sender.system] = VehicleState(sender, now)
-        self.rumoured.discard(sender.system)
-        found = News(now, sender.system, "link", NOTICE, "vehicle found")
+        self.unconfirmed.discard(sender.system)
+        found = Notification(now, sender.system, "link", NOTICE, "vehicle found")
         return [found, *state.receive(message, now)]
 
-    def tick(self, now: float) -> list[News]:
+    def tick(self, now: float) -> list[Notification]:
         """Notice what silence tells; call it often."""
-        return [news for state in self.vehicles.values() for news in state.tick(now)]
+        return [
+            notifications for state in self.vehicles.values() for notifications in state.tick(now)
+        ]
 
     @property
     def events(self) -> int:

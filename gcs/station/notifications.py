@@ -5,7 +5,16 @@ from typing import Any, Literal, TypeAlias
 
 from mavlink_defs import dialect
 
-__all__ = ["ERROR", "INFO", "NOTICE", "WARNING", "Kind", "News", "enum_name", "severity_name"]
+__all__ = [
+    "ERROR",
+    "INFO",
+    "NOTICE",
+    "WARNING",
+    "Kind",
+    "Notification",
+    "enum_name",
+    "severity_name",
+]
 
 Kind: TypeAlias = Literal["link", "mode", "text", "ack", "faults", "profile"]
 
@@ -16,7 +25,7 @@ INFO = dialect.MAV_SEVERITY_INFO
 
 
 @dataclass(frozen=True)
-class News:
+class Notification:
     """One thing that happened.
 
     Attributes:

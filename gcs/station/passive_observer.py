@@ -8,7 +8,7 @@ import math
 from collections import defaultdict
 
 from gcs.station.fleet_state import FleetState
-from gcs.station.notifications import News
+from gcs.station.notifications import Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
@@ -16,14 +16,14 @@ from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
 from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, items_to_segments
 from mavlink_defs.services.fault_list import FaultList
 
-__all__ = ["Overheard"]
+__all__ = ["PassiveObserver"]
 
 _ANY = FaultLimits(math.inf, math.inf)
 _ALL = -1.0
 _Item = dialect.MAVLink_mission_item_int_message
 
 
-class Overheard:
+class PassiveObserver:
     """Tells a fleet state what passes by."""
 
     def __init__(self, fleet: FleetState) -> None:
@@ -33,7 +33,7 @@ class Overheard:
         self._items: defaultdict[int, dict[int, _Item]] = defaultdict(dict)
         self._counts: dict[int, int] = {}
 
-    def receive(self, message: MAVLink_message, now: float) -> list[News]:
+    def receive(self, message: MAVLink_message, now: float) -> list[Notification]:
         """Take in any message, after the fleet state had it."""
         source = message.get_srcSystem()
         target = getattr(message, "target_system", 0)
@@ -63,7 +63,7 @@ class Overheard:
 
     def _acknowledged(
         self, state: VehicleState, ack: dialect.MAVLink_command_ack_message, now: float
-    ) -> list[News]:
+    ) -> list[Notification]:
         command = self._commands.pop((state.system, ack.command), None)
         if command is None or ack.result != dialect.MAV_RESULT_ACCEPTED:
             return []
@@ -85,7 +85,7 @@ class Overheard:
 
     def _listed_one(
         self, state: VehicleState, message: dialect.MAVLink_ftc_fault_message, now: float
-    ) -> list[News]:
+    ) -> list[Notification]:
         listed = self._lists[state.system]
         listed.receive(message)
         if listed.complete is None:
@@ -93,7 +93,7 @@ class Overheard:
         del self._lists[state.system]
         return state.learn_faults(listed.complete, now)
 
-    def _profile(self, state: VehicleState, now: float) -> list[News]:
+    def _profile(self, state: VehicleState, now: float) -> list[Notification]:
         found = self._items.pop(state.system, {})
         items = [item for _, item in sorted(found.items())]
         if len(items) != self._counts.get(state.system):

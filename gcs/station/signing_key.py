@@ -16,7 +16,7 @@ import typer
 
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario
-from mavlink_defs.endpoint import Address, EndpointError, exposed, is_loopback
+from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
 from mavlink_defs.framing.signing import SigningError, read_key
 
 __all__ = ["keyed", "signed", "signing_key", "warn_if_exposed"]
@@ -55,7 +55,7 @@ def signed(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def warn_if_exposed(address: Address, with_key: bool) -> None:
+def warn_if_exposed(address: UdpAddress, with_key: bool) -> None:
     """Say so on standard error if a port that is to be bound can be reached from elsewhere."""
     with contextlib.suppress(EndpointError):  # whoever binds it will complain
         if not is_loopback(address):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol
 
 from gcs.errors import BadInput, CommandRefused, NoAnswer
-from gcs.station.notifications import ERROR, INFO, WARNING, News, enum_name
+from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
 from gcs.station.vehicle_state import MODES, VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.faults import Fault, fault_to_params
@@ -22,7 +22,7 @@ from mavlink_defs.profile import (
 )
 from mavlink_defs.services.command import CommandClient, CommandFinished
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
-from mavlink_defs.services.machine import Address, Machine
+from mavlink_defs.services.machine import Machine, SystemId
 from mavlink_defs.services.mission import (
     MissionDownloader,
     MissionFinished,
@@ -57,14 +57,14 @@ _FORCE = 21196.0
 class Runner(Protocol):
     """What operations need of the link."""
 
-    own: Address
+    own: SystemId
 
     def now(self) -> float:
         """The client's clock [s]."""
         ...
 
-    def tell(self, news: Iterable[News]) -> None:
-        """Put news into the log."""
+    def emit(self, notifications: Iterable[Notification]) -> None:
+        """Put notifications into the log."""
         ...
 
     async def run(
@@ -168,12 +168,12 @@ class Vehicle:
         ok = dialect.MAV_RESULT_ACCEPTED
         faults: tuple[Fault, ...] = done.faults
         known = faults if done.result == ok else None
-        self._runner.tell(self.state.learn_faults(known, self._now()))
+        self._runner.emit(self.state.learn_faults(known, self._now()))
         self._judge("the request for its faults", done.result, ok, "MAV_RESULT", reasons)
         return faults
 
     async def ask_what_is_due(self) -> None:
-        """Ask for faults and profile if `state` wants news of them.
+        """Ask for faults and profile if `state` wants notifications of them.
 
         What the vehicle refuses is not asked for again.
         """
@@ -223,7 +223,7 @@ class Vehicle:
                 segments = items_to_segments(done.items, ANY_AIRSPEED) if many else ()
             except ProfileError as error:
                 problem = error
-        self._runner.tell(self.state.learn_profile(segments, self._now()))
+        self._runner.emit(self.state.learn_profile(segments, self._now()))
         self._judge("the download of its profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
         if segments is None:
             text = f"UAV {self.system} holds a mission that is no profile: {problem}"
@@ -320,13 +320,13 @@ class Vehicle:
             kept = f"; it keeps {done.params[0].value:g}" if done.params else ""
             reason = enum_name("MAV_PARAM_ERROR", done.error)
             text = f"UAV {self.system} refused {what} ({reason}){kept}"
-            self._runner.tell([News(self._now(), self.system, "ack", WARNING, text)])
+            self._runner.emit([Notification(self._now(), self.system, "ack", WARNING, text)])
             raise CommandRefused(text, done.error)
         if len(done.params) == 1:
             param = done.params[0]
             text = f"{param.name} is {param.value:g}"
-            self._runner.tell([News(self._now(), self.system, "ack", INFO, text)])
+            self._runner.emit([Notification(self._now(), self.system, "ack", INFO, text)])
 
     def _no_answer(self, text: str) -> NoAnswer:
-        self._runner.tell([News(self._now(), self.system, "ack", ERROR, text)])
+        self._runner.emit([Notification(self._now(), self.system, "ack", ERROR, text)])
         return NoAnswer(text)

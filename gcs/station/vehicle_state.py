@@ -1,6 +1,6 @@
 """What a ground station knows of one vehicle.
 
-No socket and no clock: messages and the time go in, news come out. Times are those of the
+No socket and no clock: messages and the time go in, notifications come out. Times are those of the
 client's clock [s]; simulated time is called so.
 """
 
@@ -10,13 +10,13 @@ from typing import Any
 
 from gcs.station.event_counts import EventCounts
 from gcs.station.history import History
-from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, News, enum_name
+from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import ACTUATORS, Fault
 from mavlink_defs.framing.codec import DROP_REASONS
 from mavlink_defs.profile import Segment
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
 
 __all__ = ["LOST_S", "MODES", "VehicleState", "describe_fault"]
@@ -62,7 +62,7 @@ class VehicleState:
         offers_private: The same for the streams of its private messages.
     """
 
-    def __init__(self, address: Address, now: float) -> None:
+    def __init__(self, address: SystemId, now: float) -> None:
         self.address = address
         self.latest: dict[int, Any] = {}
         self.received_at: dict[int, float] = {}
@@ -88,28 +88,28 @@ class VehicleState:
 
     # messages and time in
 
-    def receive(self, message: MAVLink_message, now: float) -> list[News]:
+    def receive(self, message: MAVLink_message, now: float) -> list[Notification]:
         """Take in a message of the vehicle."""
-        news = []
+        notifications = []
         if self.lost:
             self.lost = False
             silence = f"link back after {now - self.heard_at:.1f} s"
-            news.append(self._news(now, "link", NOTICE, silence))
+            notifications.append(self._notifications(now, "link", NOTICE, silence))
             self.faults_due = self.profile_due = self.private_due = now
         self.heard_at = now
         self._arrivals.append(now)
         if self._is_another_run(message, now):
             self.restarts += 1
             self._forget(now)
-            news.append(self._news(now, "link", WARNING, "vehicle was restarted"))
+            notifications.append(self._notifications(now, "link", WARNING, "vehicle was restarted"))
         number = message.get_msgId()
         before = self.latest.get(number)
         self.latest[number], self.received_at[number] = message, now
         match message:
             case dialect.MAVLink_heartbeat_message():
-                news += self._mode_news(before, now)
+                notifications += self._mode_news(before, now)
             case dialect.MAVLink_statustext_message():
-                news += self._said(self._assembler.receive(message, now), now)
+                notifications += self._said(self._assembler.receive(message, now), now)
             case dialect.MAVLink_ftc_events_message():
                 self.counts.receive(message)
                 self.private_due = now + _PRIVATE_PATIENCE_S
@@ -119,23 +119,23 @@ class VehicleState:
                 if before is not None and before.total != total:
                     self.profile_due = now  # uploaded from where we do not hear the answers
             case dialect.MAVLink_command_ack_message():
-                news += self._acknowledged(message, now)
+                notifications += self._acknowledged(message, now)
             case dialect.MAVLink_mission_ack_message():
-                news += self._mission_acknowledged(message, now)
-        return news
+                notifications += self._mission_acknowledged(message, now)
+        return notifications
 
-    def tick(self, now: float) -> list[News]:
+    def tick(self, now: float) -> list[Notification]:
         """Notice silence, and texts that will not be completed; call it often."""
-        news = self._said(self._assembler.overdue(now), now)
+        notifications = self._said(self._assembler.overdue(now), now)
         while self._arrivals and self._arrivals[0] < now - _RATE_WINDOW_S:
             self._arrivals.popleft()
         if not self.lost and now - self.heard_at >= LOST_S:
             self.lost = True
             text = f"link lost: silent for {now - self.heard_at:.1f} s"
-            news.append(self._news(now, "link", ERROR, text))
-        return news
+            notifications.append(self._notifications(now, "link", ERROR, text))
+        return notifications
 
-    def learn_faults(self, faults: tuple[Fault, ...] | None, now: float) -> list[News]:
+    def learn_faults(self, faults: tuple[Fault, ...] | None, now: float) -> list[Notification]:
         """Note its answer when asked for its faults; None if there was none."""
         self.faults_due = now + (_TRY_AGAIN_S if faults is None else _FAULTS_REFRESH_S)
         before = self.faults
@@ -145,16 +145,16 @@ class VehicleState:
         words = "; ".join(map(describe_fault, faults)) or "none"
         if before is None and not faults:
             return []
-        return [self._news(now, "faults", NOTICE, f"faults: {words}", faults)]
+        return [self._notifications(now, "faults", NOTICE, f"faults: {words}", faults)]
 
-    def learn_profile(self, profile: tuple[Segment, ...] | None, now: float) -> list[News]:
+    def learn_profile(self, profile: tuple[Segment, ...] | None, now: float) -> list[Notification]:
         """Note its answer when asked for its profile; None if there was none."""
         self.profile_due = now + (_TRY_AGAIN_S if profile is None else _PROFILE_REFRESH_S)
         if profile is None or profile == self.profile:
             return []
         self.profile = profile
         words = f"profile of {len(profile)} segments" if profile else "no profile"
-        return [self._news(now, "profile", INFO, f"holds {words}", profile)]
+        return [self._notifications(now, "profile", INFO, f"holds {words}", profile)]
 
     def learn_private(self, now: float) -> None:
         """Note that it was asked for its private messages."""
@@ -294,8 +294,10 @@ class VehicleState:
         message = self.latest.get(number)
         return None if message is None else tuple(getattr(message, name)[:4])
 
-    def _news(self, now: float, kind: Kind, severity: int, text: str, about: Any = None) -> News:
-        return News(now, self.system, kind, severity, text, about)
+    def _notifications(
+        self, now: float, kind: Kind, severity: int, text: str, about: Any = None
+    ) -> Notification:
+        return Notification(now, self.system, kind, severity, text, about)
 
     def _is_another_run(self, message: MAVLink_message, now: float) -> bool:
         """Tell whether the vehicle has been started again.
@@ -322,24 +324,24 @@ class VehicleState:
             and message.steps < self.counts.steps
         )
 
-    def _mode_news(self, before: Any, now: float) -> list[News]:
+    def _mode_news(self, before: Any, now: float) -> list[Notification]:
         heartbeat = self._heartbeat
         if before is None:
             return []
-        news = []
+        notifications = []
         flag = dialect.MAV_MODE_FLAG_SAFETY_ARMED
         if (heartbeat.base_mode ^ before.base_mode) & flag:
             text = "armed" if self.armed else "disarmed"
-            news.append(self._news(now, "mode", NOTICE, text))
+            notifications.append(self._notifications(now, "mode", NOTICE, text))
         if heartbeat.custom_mode != before.custom_mode:
             text = f"mode {_mode_name(before)} → {self.mode}"
-            news.append(self._news(now, "mode", NOTICE, text))
-        return news
+            notifications.append(self._notifications(now, "mode", NOTICE, text))
+        return notifications
 
-    def _said(self, texts: list[Text], now: float) -> list[News]:
+    def _said(self, texts: list[Text], now: float) -> list[Notification]:
         self.texts.extend(texts)
         self.texts_heard += len(texts)
-        return [self._news(now, "text", text.severity, text.text, text) for text in texts]
+        return [self._notifications(now, "text", text.severity, text.text, text) for text in texts]
 
     def _remember(self, message: dialect.MAVLink_ftc_tracking_message) -> None:
         nothing = (math.nan,) * 4
@@ -354,7 +356,9 @@ class VehicleState:
             )
         )  # fmt: skip
 
-    def _acknowledged(self, message: dialect.MAVLink_command_ack_message, now: float) -> list[News]:
+    def _acknowledged(
+        self, message: dialect.MAVLink_command_ack_message, now: float
+    ) -> list[Notification]:
         accepted = message.result == dialect.MAV_RESULT_ACCEPTED
         if accepted and message.command in _FAULT_COMMANDS:
             self.faults_due = now
@@ -363,16 +367,16 @@ class VehicleState:
         result = enum_name("MAV_RESULT", message.result, "MAV_RESULT_")
         text = f"{enum_name('MAV_CMD', message.command, 'MAV_CMD_')}: {result}"
         severity = INFO if message.result in _ACKED else WARNING
-        return [self._news(now, "ack", severity, text, message)]
+        return [self._notifications(now, "ack", severity, text, message)]
 
     def _mission_acknowledged(
         self, message: dialect.MAVLink_mission_ack_message, now: float
-    ) -> list[News]:
+    ) -> list[Notification]:
         accepted = message.type == dialect.MAV_MISSION_ACCEPTED
         if accepted:
             self.profile_due = now
         text = f"mission: {enum_name('MAV_MISSION_RESULT', message.type, 'MAV_MISSION_')}"
-        return [self._news(now, "ack", INFO if accepted else WARNING, text, message)]
+        return [self._notifications(now, "ack", INFO if accepted else WARNING, text, message)]
 
 
 def describe_fault(fault: Fault) -> str:

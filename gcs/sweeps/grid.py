@@ -43,7 +43,7 @@ _PART = ".part"  # ends the name of a file that is being written
 _ROOT = Path(__file__).parents[2]
 _SOURCES = (
     "mavlink_defs/**/*.py", "mavlink_defs/*.xml", "sitl_plant/**/*.py", "ftc_autopilot/**/*.py",
-    "gcs/fleet/in_process.py", "gcs/results/recording.py", "gcs/scenario*.py", "gcs/results/summary.py",
+    "gcs/fleet/in_process.py", "gcs/results/*.py", "gcs/scenario/*.py",
 )  # fmt: skip
 """What makes a summary out of a scenario, below `_ROOT`."""
 

@@ -9,11 +9,11 @@ from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.precompile import compile_everything
 from gcs.fleet.processes import on_free_ports
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
-from gcs.testing.flying import FlyingFleet
+from gcs.testing.flying import TestFleet
 from gcs.testing.results import Flight
 from mavlink_defs.config.inherit import PlaceError, with_values
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.endpoint import Address
+from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.runtime.jit import cache_is_cold
 
 __all__ = ["FlightMode", "fly", "launch", "read_scenario"]
@@ -43,7 +43,7 @@ def read_scenario(path: Path, changes: Mapping[str, Any]) -> Scenario:
     return scenario
 
 
-def launch(scenario: Scenario, folder: Path, speed: float | None) -> FlyingFleet:
+def launch(scenario: Scenario, folder: Path, speed: float | None) -> TestFleet:
     """Start a fleet on free ports; the caller has to close it.
 
     Args:
@@ -52,12 +52,12 @@ def launch(scenario: Scenario, folder: Path, speed: float | None) -> FlyingFleet
         speed: Real-time factor; None for lockstep.
 
     Raises:
-        GcsError: As of `FlyingFleet.open`.
+        GcsError: As of `TestFleet.open`.
     """
     links = scenario.links.model_copy(update={"plant_relay": None})
 
-    def opened(scenario: Scenario, _hub: Address) -> FlyingFleet:
-        fleet = FlyingFleet(scenario, folder, speed)
+    def opened(scenario: Scenario, _hub: UdpAddress) -> TestFleet:
+        fleet = TestFleet(scenario, folder, speed)
         fleet.open()
         return fleet
 

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from gcs.errors import BadInput, FlightLost, NoAnswer
 from gcs.fleet.flight import collect, prepare
-from gcs.fleet.processes import Fleet
+from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
 from gcs.results.recording import Mode
 from gcs.scenario.model import Scenario
@@ -25,9 +25,9 @@ from gcs.testing.results import Flight
 from gcs.testing.step_gate import Gate
 from gcs.testing.uav import FlyingUav
 from mavlink_defs.capture.tlog import TlogWriter
-from mavlink_defs.endpoint import Address, Connection
+from mavlink_defs.endpoint import Connection, UdpAddress
 
-__all__ = ["FlyingFleet"]
+__all__ = ["TestFleet"]
 
 T = TypeVar("T")
 
@@ -37,7 +37,7 @@ _END_TIMEOUT_S = 10.0
 _PATIENCE_S = 10.0
 
 
-class FlyingFleet:
+class TestFleet:
     """The processes of a scenario, and what a test can do with them.
 
     Attributes:
@@ -73,7 +73,7 @@ class FlyingFleet:
             GcsError: As of `gcs.fleet.flight.prepare`.
         """
         links = self.scenario.links
-        connection = Connection("in", Address(links.host, links.gcs_port))
+        connection = Connection("in", UdpAddress(links.host, links.gcs_port))
         with contextlib.ExitStack() as stack:
             self._thread.start()
             stack.callback(self._end_loop)
@@ -83,7 +83,7 @@ class FlyingFleet:
             self.call(self.client.__aenter__())
             stack.callback(lambda: self.call(self.client.__aexit__(None, None, None)))
             folder = self.folder / "processes"
-            self._fleet = Fleet(self.scenario, self._speed, folder, via=relay.via)
+            self._fleet = FleetProcesses(self.scenario, self._speed, folder, via=relay.via)
             stack.enter_context(self._fleet)
             self.call(prepare(self.client, self._fleet, self.scenario, start=False))
             self._stack = stack.pop_all()

@@ -26,7 +26,7 @@ class FlyingUav:
 
     Attributes:
         id: Its system id.
-        vehicle: The asyncio client's vehicle, for `FlyingFleet.call`.
+        vehicle: The asyncio client's vehicle, for `TestFleet.call`.
     """
 
     def __init__(

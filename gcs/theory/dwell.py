@@ -12,13 +12,13 @@ import numpy as np
 
 from ftc_autopilot.control.schedule import Schedule
 from gcs.results.recording import Recording
-from gcs.results.summary import CHANNELS
+from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
 from mavlink_defs.faults import ACTUATORS
 
 __all__ = ["WIRE_ROUNDING", "dwell_times", "in_force"]
 
-_SURFACES = CHANNELS[1:]
+_SURFACES = PAPER_ORDER[1:]
 WIRE_ROUNDING = 2.0**-24
 """Largest error of a held command, which is a float32 share of its limit, by that limit."""
 
@@ -48,7 +48,7 @@ def dwell_times(recording: Recording, i: int, scenario: Scenario) -> dict[str, A
     if scenario.trigger.mode == "joint":
         pace.update(dict.fromkeys(_SURFACES, max(mu[name] for name in _SURFACES)))
     channels: dict[str, Any] = {}
-    for name in CHANNELS:
+    for name in PAPER_ORDER:
         unit = "n" if name == "throttle" else "deg"
         events = recording.signals["events"][:, i] >> ACTUATORS.index(name) & 1
         at = np.flatnonzero(events)

@@ -3,12 +3,12 @@
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import MODES
 from gcs.tui.formatting import ids
-from gcs.tui.requests import Choice, Wish
+from gcs.tui.requests import Choice, VehicleAction
 
 __all__ = ["arm", "change_mode", "disarm", "start_mission"]
 
 
-def arm(systems: tuple[int, ...]) -> Wish:
+def arm(systems: tuple[int, ...]) -> VehicleAction:
     """Arm, after a question: when all are armed time begins."""
 
     async def act(vehicle: Vehicle, _: str) -> str:
@@ -16,20 +16,20 @@ def arm(systems: tuple[int, ...]) -> Wish:
         return ""
 
     question = f"Arm {ids(systems)}?\nSimulated time begins for all when the last UAV is armed."
-    return Wish("arm", systems, act, question=question)
+    return VehicleAction("arm", systems, act, question=question)
 
 
-def start_mission(systems: tuple[int, ...]) -> Wish:
+def start_mission(systems: tuple[int, ...]) -> VehicleAction:
     """Start to fly the profile."""
 
     async def act(vehicle: Vehicle, _: str) -> str:
         await vehicle.start_mission()
         return ""
 
-    return Wish("start mission", systems, act)
+    return VehicleAction("start mission", systems, act)
 
 
-def disarm(systems: tuple[int, ...]) -> Wish:
+def disarm(systems: tuple[int, ...]) -> VehicleAction:
     """Disarm, by force if the operator chooses that."""
 
     async def act(vehicle: Vehicle, choice: str) -> str:
@@ -41,10 +41,10 @@ def disarm(systems: tuple[int, ...]) -> Wish:
         "controller stops and the thrust goes to zero for good."
     )
     choices = (Choice("Disarm", "", "warning"), Choice("Force: no thrust", "force", "error"))
-    return Wish("disarm", systems, act, question=question, choices=choices)
+    return VehicleAction("disarm", systems, act, question=question, choices=choices)
 
 
-def change_mode(systems: tuple[int, ...]) -> Wish:
+def change_mode(systems: tuple[int, ...]) -> VehicleAction:
     """Change to the mode that the operator chooses."""
 
     async def act(vehicle: Vehicle, choice: str) -> str:
@@ -52,4 +52,4 @@ def change_mode(systems: tuple[int, ...]) -> Wish:
         return f"mode {choice}"
 
     choices = tuple(Choice(mode, mode) for mode in MODES.values())
-    return Wish("mode", systems, act, question=f"Mode of {ids(systems)}?", choices=choices)
+    return VehicleAction("mode", systems, act, question=f"Mode of {ids(systems)}?", choices=choices)

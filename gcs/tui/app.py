@@ -29,7 +29,7 @@ from gcs.tui.plots import PlotsPanel
 from gcs.tui.profile_views import ProfileFiles
 from gcs.tui.profiles import Holdings, ProfilesPanel
 from gcs.tui.replay_bar import ReplayBar
-from gcs.tui.requests import Choice, Refresh, Wish
+from gcs.tui.requests import Choice, Refresh, VehicleAction
 from gcs.tui.status_bar import StatusBar
 from gcs.tui.themes import DARK, LIGHT
 from gcs.tui.view import FleetView, Source
@@ -223,27 +223,27 @@ class Dashboard(App[None]):
             return self.playback is not None
         return self.view.source.can_act if action in ACTING else True
 
-    @on(Wish)
-    def _asked_for(self, wish: Wish) -> None:
+    @on(VehicleAction)
+    def _asked_for(self, action: VehicleAction) -> None:
         if not self.view.source.can_act:
             self._tell("this is a log: nothing can be done", "warning")
-        elif not wish.systems:
-            self._tell(f"{wish.what}: no vehicle has been heard", "warning")
-        elif wish.question:
-            choices = wish.choices or (Choice(wish.what.capitalize(), "yes"),)
+        elif not action.systems:
+            self._tell(f"{action.what}: no vehicle has been heard", "warning")
+        elif action.question:
+            choices = action.choices or (Choice(action.what.capitalize(), "yes"),)
 
             def answered(choice: str | None) -> None:
                 if choice is None:
-                    self._tell(f"{wish.what}: cancelled", "information")
+                    self._tell(f"{action.what}: cancelled", "information")
                 else:
-                    self._carry_out(wish, choice)
+                    self._carry_out(action, choice)
 
-            self.push_screen(Question(wish.question, choices), answered)
+            self.push_screen(Question(action.question, choices), answered)
         else:
-            self._carry_out(wish, "")
+            self._carry_out(action, "")
 
-    def _carry_out(self, wish: Wish, choice: str) -> None:
-        self.run_worker(self.operations.carry_out(wish, choice), group="operations")
+    def _carry_out(self, action: VehicleAction, choice: str) -> None:
+        self.run_worker(self.operations.carry_out(action, choice), group="operations")
         self.refresh_view()
 
     def _tell(self, text: str, severity: str) -> None:
@@ -269,11 +269,11 @@ class Dashboard(App[None]):
 
     def action_repeat(self) -> None:
         """Repeat the last fault."""
-        wish, words = repeat(self.view)
-        if wish is None:
+        action, words = repeat(self.view)
+        if action is None:
             self._tell(words, "warning")
         else:
-            self.post_message(wish)
+            self.post_message(action)
 
     def action_clear_all(self) -> None:
         """Clear all faults."""

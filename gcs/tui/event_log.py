@@ -1,11 +1,11 @@
-"""The event log: news of the vehicles and what came of the operator's actions."""
+"""The event log: notifications of the vehicles and what came of the operator's actions."""
 
 from collections import deque
 from dataclasses import dataclass
 
-from gcs.station.notifications import News
+from gcs.station.notifications import Notification
 
-__all__ = ["KINDS", "Entry", "Journal"]
+__all__ = ["KINDS", "Entry", "EventLog"]
 
 KINDS = ("link", "mode", "text", "ack", "faults", "profile", "action")
 """What entries are about; "action" is what came of something the operator asked for here."""
@@ -18,7 +18,7 @@ class Entry:
     """One line of the log.
 
     Attributes:
-        number: Counts the entries of a journal, from 1.
+        number: Counts the entries of a event_log, from 1.
         at: When [s since 1970].
         time_s: Simulated time of the vehicle then [s], if it had told.
         system: System id of the vehicle; 0 for the station itself.
@@ -36,16 +36,23 @@ class Entry:
     text: str
 
 
-class Journal:
+class EventLog:
     """The latest entries, oldest first."""
 
     def __init__(self) -> None:
         self.entries: deque[Entry] = deque(maxlen=_KEPT)
         self.count = 0
 
-    def hear(self, news: News, at: float, time_s: float | None) -> None:
-        """Take in news of the client."""
-        self.note(at, time_s, news.system, news.kind, news.severity, news.text)
+    def receive(self, notifications: Notification, at: float, time_s: float | None) -> None:
+        """Take in notifications of the client."""
+        self.note(
+            at,
+            time_s,
+            notifications.system,
+            notifications.kind,
+            notifications.severity,
+            notifications.text,
+        )
 
     def note(
         self, at: float, time_s: float | None, system: int, kind: str, severity: int, text: str

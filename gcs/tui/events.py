@@ -40,7 +40,7 @@ _SEVERITIES = tuple(
 
 
 class EventLog(Grid):
-    """The journal, newest last, as far as it passes the filter."""
+    """The event_log, newest last, as far as it passes the filter."""
 
     def __init__(self, short: bool = False, **kwargs: Any) -> None:
         super().__init__("nothing has happened yet", follow=True, **kwargs)
@@ -59,16 +59,18 @@ class EventLog(Grid):
 
     def show_view(self, view: FleetView) -> None:
         """Take in what is new."""
-        journal = view.source.journal
-        if journal.count < self._seen:  # a log was wound back
+        event_log = view.source.event_log
+        if event_log.count < self._seen:  # a log was wound back
             self._seen, self._lines = 0, []
-        new = [_line(e, self._short) for e in journal.since(self._seen) if self._passes(e)]
-        self._seen = journal.count
+        new = [_line(e, self._short) for e in event_log.since(self._seen) if self._passes(e)]
+        self._seen = event_log.count
         if new or len(self.rows) != len(self._lines) or not self.columns:
-            self._lines = (self._lines + new)[-len(journal.entries) :] if journal.entries else []
+            self._lines = (
+                (self._lines + new)[-len(event_log.entries) :] if event_log.entries else []
+            )
             self.show(_SHORT if self._short else _COLUMNS, self._lines)
         if not self._short:
-            self.border_title = f"Events · {len(self._lines)} of {len(journal.entries)}"
+            self.border_title = f"Events · {len(self._lines)} of {len(event_log.entries)}"
 
     def _passes(self, entry: Entry) -> bool:
         return (

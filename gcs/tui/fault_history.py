@@ -4,13 +4,13 @@ from collections import defaultdict, deque
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from gcs.station.notifications import News
+from gcs.station.notifications import Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.faults import Fault
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 
-__all__ = ["Acknowledgement", "FaultRecord", "Ledger"]
+__all__ = ["Acknowledgement", "FaultHistory", "FaultRecord"]
 
 _SETTING = {dialect.MAV_CMD_FTC_SET_FAULT, dialect.MAV_CMD_INJECT_FAILURE}
 _CLEARING = {dialect.MAV_CMD_FTC_CLEAR_FAULTS, dialect.MAV_CMD_INJECT_FAILURE}
@@ -62,34 +62,34 @@ class FaultRecord:
 _Known: TypeAlias = tuple[int, tuple[Fault, ...] | None]
 
 
-class Ledger:
+class FaultHistory:
     """Keeps records of faults, the latest last."""
 
     def __init__(self, own: tuple[int, int]) -> None:
-        """Begin an empty ledger.
+        """Begin an empty fault_history.
 
         Args:
             own: System and component id of this station.
         """
         self.records: list[FaultRecord] = []
-        self._own = Address(*own)
+        self._own = SystemId(*own)
         self._set: defaultdict[int, deque[Acknowledgement]] = defaultdict(deque)
         self._cleared: dict[int, Acknowledgement] = {}
         self._known: dict[int, _Known] = {}
 
-    def hear(self, news: News, at: float) -> None:
+    def receive(self, notifications: Notification, at: float) -> None:
         """Note acknowledgements; they come before the change shows in the vehicle's list."""
-        ack = news.about
+        ack = notifications.about
         if not isinstance(ack, dialect.MAVLink_command_ack_message):
             return
         if ack.result != dialect.MAV_RESULT_ACCEPTED:
             return
-        asker = Address(ack.target_system, ack.target_component)
+        asker = SystemId(ack.target_system, ack.target_component)
         by = "this station" if asker == self._own else f"station {asker.system}/{asker.component}"
         if ack.command in _SETTING:
-            self._set[news.system].append(Acknowledgement(at, by))
+            self._set[notifications.system].append(Acknowledgement(at, by))
         if ack.command in _CLEARING:
-            self._cleared[news.system] = Acknowledgement(at, by)
+            self._cleared[notifications.system] = Acknowledgement(at, by)
 
     def observe(self, state: VehicleState, at: float) -> None:
         """Compare the faults that a vehicle has with those it had."""

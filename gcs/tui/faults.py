@@ -14,7 +14,7 @@ from gcs.tui.fault_form import ALL, FaultForm
 from gcs.tui.fault_history import FaultRecord
 from gcs.tui.formatting import Cell, clock, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.requests import Wish
+from gcs.tui.requests import VehicleAction
 from gcs.tui.view import FleetView
 from mavlink_defs.faults import ACTUATORS, Fault
 
@@ -38,10 +38,10 @@ class FaultList(Grid):
     def show_view(self, view: FleetView) -> None:
         """Show the records."""
         times = {state.system: state.time_s for state in view.states}
-        ledger = view.source.ledger
-        self.records = list(reversed(ledger.records))
+        fault_history = view.source.fault_history
+        self.records = list(reversed(fault_history.records))
         wide = self.room >= _WIDE_FROM
-        count = len(ledger.records)
+        count = len(fault_history.records)
         rows = []
         for i, record in enumerate(self.records):
             phase = record.phase(times.get(record.system))
@@ -118,7 +118,7 @@ class FaultsPanel(Horizontal):
 
         name = ACTUATORS[actuator]
         question = f"Clear the faults of the {name} of UAV {record.system}, past ones too?"
-        self.post_message(Wish(f"clear {name}", [record.system], act, question=question))
+        self.post_message(VehicleAction(f"clear {name}", [record.system], act, question=question))
 
     @on(FaultForm.Submitted)
     def _set(self, event: FaultForm.Submitted) -> None:
@@ -131,18 +131,18 @@ class FaultsPanel(Horizontal):
         self.query_one("#fault-details", Line).say(_details(record) if record else "")
 
 
-def set_fault(systems: tuple[int, ...], fault: Fault) -> Wish:
-    """The wish to set a fault."""
+def set_fault(systems: tuple[int, ...], fault: Fault) -> VehicleAction:
+    """The action to set a fault."""
 
     async def act(vehicle: Vehicle, _: str) -> str:
         await vehicle.set_fault(fault)
         return f"set: {describe_fault(fault)}"
 
-    return Wish(f"set {ACTUATORS[fault.actuator]} fault", systems, act)
+    return VehicleAction(f"set {ACTUATORS[fault.actuator]} fault", systems, act)
 
 
-def clear_all(view: FleetView) -> Wish:
-    """The wish to clear all faults of the marked vehicles, or of all if none is marked."""
+def clear_all(view: FleetView) -> VehicleAction:
+    """The action to clear all faults of the marked vehicles, or of all if none is marked."""
 
     async def act(vehicle: Vehicle, _: str) -> str:
         await vehicle.clear_faults()
@@ -150,19 +150,19 @@ def clear_all(view: FleetView) -> Wish:
 
     systems = tuple(sorted(view.marked)) or view.systems
     question = f"Clear all faults of {ids(systems)}: active, waiting and past ones?"
-    return Wish("clear all faults", systems, act, question=question)
+    return VehicleAction("clear all faults", systems, act, question=question)
 
 
-def repeat(view: FleetView) -> tuple[Wish | None, str]:
-    """The wish to give the last fault to another vehicle: the first that has it not.
+def repeat(view: FleetView) -> tuple[VehicleAction | None, str]:
+    """The action to give the last fault to another vehicle: the first that has it not.
 
     The search begins at the selected one. Without such a vehicle, or without a fault, the
     second value says so.
     """
-    last = view.source.ledger.last
+    last = view.source.fault_history.last
     if last is None:
         return None, "there is no fault yet to be repeated"
-    there = [r for r in view.source.ledger.records if r.gone_at is None]
+    there = [r for r in view.source.fault_history.records if r.gone_at is None]
     having = {r.system for r in there if _alike(r.fault, last.fault)} | {last.system}
     system = view.first(lambda state: state.system not in having and not view.is_silent(state))
     if system is None:

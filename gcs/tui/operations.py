@@ -6,7 +6,7 @@ from collections.abc import Callable
 from gcs.errors import CommandRefused, GcsError
 from gcs.station.notifications import ERROR, NOTICE, WARNING
 from gcs.tui.formatting import ids
-from gcs.tui.requests import Outcome, Wish
+from gcs.tui.requests import Outcome, VehicleAction
 from gcs.tui.view import FleetView
 
 __all__ = ["Operations"]
@@ -27,33 +27,33 @@ class Operations:
 
         Args:
             view: The vehicles.
-            notify: How the operator is told at once; all is put into the journal as well.
+            notify: How the operator is told at once; all is put into the event_log as well.
         """
         self.going_on: list[str] = []
         self._view, self._notify = view, notify
 
-    async def carry_out(self, wish: Wish, choice: str) -> None:
+    async def carry_out(self, action: VehicleAction, choice: str) -> None:
         """Do it with every vehicle at the same time; never raises what vehicles answer."""
-        words = f"{wish.what}: {ids(wish.systems)}"
+        words = f"{action.what}: {ids(action.systems)}"
         self.going_on.append(words)
         try:
             outcomes = await asyncio.gather(
-                *(self._one(wish, system, choice) for system in wish.systems)
+                *(self._one(action, system, choice) for system in action.systems)
             )
         finally:
             self.going_on.remove(words)
         done = [outcome.system for outcome in outcomes if outcome.accepted]
         if done:
-            self._notify(f"{wish.what}: accepted by {ids(done)}", "information")
+            self._notify(f"{action.what}: accepted by {ids(done)}", "information")
         for outcome in outcomes:
             if not outcome.accepted:
                 self._notify(outcome.words, "error")
 
-    async def _one(self, wish: Wish, system: int, choice: str) -> Outcome:
+    async def _one(self, action: VehicleAction, system: int, choice: str) -> Outcome:
         severity = NOTICE
         try:
-            words = await wish.act(self._view.source.vehicle(system), choice)
-            outcome = Outcome(system, True, words or f"{wish.what}: accepted")
+            words = await action.act(self._view.source.vehicle(system), choice)
+            outcome = Outcome(system, True, words or f"{action.what}: accepted")
         except GcsError as problem:
             severity = WARNING if isinstance(problem, CommandRefused) else ERROR
             outcome = Outcome(system, False, str(problem))
@@ -61,12 +61,12 @@ class Operations:
             severity = ERROR
             outcome = Outcome(system, False, f"UAV {system} has not been heard of")
         self._note(system, severity, outcome.words)
-        if wish.on_done is not None:
-            wish.on_done(outcome)
+        if action.on_done is not None:
+            action.on_done(outcome)
         return outcome
 
     def _note(self, system: int, severity: int, text: str) -> None:
         source = self._view.source
         state = source.fleet.vehicles.get(system)
         at = source.since_1970(source.now())
-        source.journal.note(at, state.time_s if state else None, system, "action", severity, text)
+        source.event_log.note(at, state.time_s if state else None, system, "action", severity, text)

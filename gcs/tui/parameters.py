@@ -14,7 +14,7 @@ from gcs.station.vehicle import Vehicle
 from gcs.tui.cached_static import Line
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.requests import Outcome, Refresh, Wish
+from gcs.tui.requests import Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView
 from mavlink_defs.services.param import Param
 
@@ -92,7 +92,7 @@ class ParametersPanel(Vertical):
             self.params[vehicle.system] = await vehicle.list_params()
             return f"{len(self.params[vehicle.system])} parameters"
 
-        self.post_message(Wish("get parameters", [system], act, on_done=self._done))
+        self.post_message(VehicleAction("get parameters", [system], act, on_done=self._done))
 
     def _done(self, outcome: Outcome) -> None:
         if not outcome.accepted:
@@ -142,8 +142,8 @@ class ParametersPanel(Vertical):
             self.params[vehicle.system] = tuple(now if p.name == name else p for p in held)
             return f"{name} is {now.value:g}"
 
-        wish = Wish(f"set {name}", [system], act, question=question, on_done=self._done)
-        self.post_message(wish)
+        action = VehicleAction(f"set {name}", [system], act, question=question, on_done=self._done)
+        self.post_message(action)
         event.input.clear()
         self.action_leave()
 

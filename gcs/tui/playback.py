@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from gcs.station.fleet_state import FleetState
-from gcs.station.notifications import News
-from gcs.station.passive_observer import Overheard
-from gcs.tui.event_log import Journal
-from gcs.tui.fault_history import Ledger
+from gcs.station.notifications import Notification
+from gcs.station.passive_observer import PassiveObserver
+from gcs.tui.event_log import EventLog
+from gcs.tui.fault_history import FaultHistory
 from mavlink_defs.framing.frames import parse
 
 __all__ = ["SPEEDS", "Playback"]
@@ -43,7 +43,7 @@ class Playback:
             clock: Gives the time [s].
         """
         self.title = title
-        self.journal, self.ledger = Journal(), Ledger((0, 0))
+        self.event_log, self.fault_history = EventLog(), FaultHistory((0, 0))
         self.playing, self.speed, self.wanted_s = True, 1.0, 0.0
         self._frames, self._clock = frames, clock
         self._begin_s = min(time_us for time_us, _ in frames) / 1e6
@@ -53,11 +53,11 @@ class Playback:
 
     def _restart(self) -> None:
         self._fleet = FleetState()
-        self._overheard = Overheard(self._fleet)
+        self._overheard = PassiveObserver(self._fleet)
         self._next = 0
         self._tick_due = self.position_s = 0.0
-        self.journal.clear()
-        self.ledger.forget()
+        self.event_log.clear()
+        self.fault_history.forget()
 
     # as a source
 
@@ -134,8 +134,8 @@ class Playback:
             self._tell(self._fleet.receive(message, now))
             self._tell(self._overheard.receive(message, now))
 
-    def _tell(self, news: list[News]) -> None:
-        for one in news:
+    def _tell(self, notifications: list[Notification]) -> None:
+        for one in notifications:
             state = self._fleet.vehicles.get(one.system)
-            self.journal.hear(one, one.at, state.time_s if state else None)
-            self.ledger.hear(one, one.at)
+            self.event_log.receive(one, one.at, state.time_s if state else None)
+            self.fault_history.receive(one, one.at)

@@ -17,7 +17,7 @@ from gcs.tui.cached_static import Line
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
-from gcs.tui.requests import Outcome, Refresh, Wish
+from gcs.tui.requests import Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.profile import Segment
@@ -182,7 +182,9 @@ class ProfilesPanel(Horizontal):
             f"{ids(flying)} in flight: it is in force at once." if flying else ""
         )
         self.post_message(
-            Wish("upload", targets, act, question=question if flying else "", on_done=self._done)
+            VehicleAction(
+                "upload", targets, act, question=question if flying else "", on_done=self._done
+            )
         )
 
     def action_download(self) -> None:
@@ -197,7 +199,7 @@ class ProfilesPanel(Horizontal):
             same = f"{different} values differ from" if different else "the same as"
             return f"{words}, {same} {self._title_of_file}"
 
-        self.post_message(Wish("download", self._targets(), act, on_done=self._done))
+        self.post_message(VehicleAction("download", self._targets(), act, on_done=self._done))
 
     def _progress(self, system: int) -> Progress:
         holdings = self.query_one(Holdings)

@@ -7,7 +7,7 @@ from textual.message import Message
 
 from gcs.station.vehicle import Vehicle
 
-__all__ = ["Choice", "Outcome", "Refresh", "Wish"]
+__all__ = ["Choice", "Outcome", "Refresh", "VehicleAction"]
 
 
 class Refresh(Message):
@@ -20,7 +20,7 @@ class Choice:
 
     Attributes:
         label: What the button says.
-        value: What `Wish.act` gets.
+        value: What `VehicleAction.act` gets.
         variant: Of the button: "primary", "warning", "error" or "default".
     """
 
@@ -31,14 +31,14 @@ class Choice:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a wish with one vehicle."""
+    """What came of a action with one vehicle."""
 
     system: int
     accepted: bool
     words: str
 
 
-class Wish(Message):
+class VehicleAction(Message):
     """Something is to be done with vehicles, all at the same time.
 
     Attributes:

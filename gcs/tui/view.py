@@ -1,6 +1,6 @@
-"""The one thing that widgets read: vehicles, journal and faults, as of the last refresh.
+"""The one thing that widgets read: vehicles, event_log and faults, as of the last refresh.
 
-`Source` is where it all comes from: a running fleet (`Live`), or a telemetry log
+`Source` is where it all comes from: a running fleet (`LiveSource`), or a telemetry log
 (`gcs.tui.playback`). `FleetView` adds what the operator has chosen.
 """
 
@@ -8,16 +8,16 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from gcs.station.fleet_state import FleetState
-from gcs.station.notifications import News
+from gcs.station.notifications import Notification
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
-from gcs.tui.event_log import Journal
-from gcs.tui.fault_history import Ledger
+from gcs.tui.event_log import EventLog
+from gcs.tui.fault_history import FaultHistory
 
-__all__ = ["SILENT_S", "FleetView", "Live", "Source", "Station"]
+__all__ = ["SILENT_S", "FleetView", "LiveSource", "Source", "Station"]
 
 SILENT_S = 1.5
-"""Silence after which a vehicle is shown as silent; news of it come when the client is sure."""
+"""Silence after which a vehicle is shown as silent; its notification comes later [s]."""
 
 _AGEING_S = 0.5
 
@@ -44,8 +44,8 @@ class Source(Protocol):
 
     title: str
     can_act: bool
-    journal: Journal
-    ledger: Ledger
+    event_log: EventLog
+    fault_history: FaultHistory
 
     @property
     def fleet(self) -> FleetState:
@@ -65,8 +65,8 @@ class Source(Protocol):
         ...
 
 
-class Live:
-    """A running fleet. Give `hear` to the client as its `on_news`, then `attach` the client."""
+class LiveSource:
+    """A running fleet. Give `receive` to the client as `on_notification`, then `attach` it."""
 
     can_act = True
 
@@ -79,7 +79,7 @@ class Live:
             identity: System and component id of the station.
         """
         self.title = title
-        self.journal, self.ledger = Journal(), Ledger(identity)
+        self.event_log, self.fault_history = EventLog(), FaultHistory(identity)
         self._epoch = epoch
         self._station: Any = None
 
@@ -87,12 +87,12 @@ class Live:
         """Tell it the client."""
         self._station = station
 
-    def hear(self, news: News) -> None:
-        """Take in news of the client."""
-        state = self.fleet.vehicles.get(news.system) if self._station else None
-        at = self.since_1970(news.at)
-        self.journal.hear(news, at, state.time_s if state else None)
-        self.ledger.hear(news, at)
+    def receive(self, notifications: Notification) -> None:
+        """Take in notifications of the client."""
+        state = self.fleet.vehicles.get(notifications.system) if self._station else None
+        at = self.since_1970(notifications.at)
+        self.event_log.receive(notifications, at, state.time_s if state else None)
+        self.fault_history.receive(notifications, at)
 
     @property
     def fleet(self) -> FleetState:
@@ -139,12 +139,12 @@ class FleetView:
         vehicles = source.fleet.vehicles
         self.states = tuple(vehicles[system] for system in sorted(vehicles))
         for state in self.states:
-            source.ledger.observe(state, source.since_1970(self.now))
+            source.fault_history.observe(state, source.since_1970(self.now))
         self.marked &= vehicles.keys()
         heard = tuple((state.system, state.heard_at) for state in self.states)
         ages = any(state.age_s(self.now) > _AGEING_S for state in self.states)
         ageing = round(self.now, 1) if ages else None
-        token = (heard, ageing, source.journal.count, self.selected, frozenset(self.marked))
+        token = (heard, ageing, source.event_log.count, self.selected, frozenset(self.marked))
         changed, self._token = token != self._token, token
         return changed
 

@@ -20,8 +20,8 @@ def lua_dissector(ports: tuple[int, ...] = ()) -> str:
     Args:
         ports: UDP ports that carry our messages, besides the defaults of a scenario's links.
     """
-    import pymavlink  # noqa: PLC0415 - the generator takes a while to import
-    from pymavlink.generator import mavgen  # noqa: PLC0415
+    import pymavlink
+    from pymavlink.generator import mavgen
 
     shipped = Path(pymavlink.__file__).parent / "dialects" / "v20"
     with tempfile.TemporaryDirectory() as folder:

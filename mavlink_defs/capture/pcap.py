@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from mavlink_defs.endpoint import Address
+from mavlink_defs.endpoint import UdpAddress
 
 __all__ = ["Packet", "PcapCutOff", "PcapError", "is_pcap", "read_pcap"]
 
@@ -41,8 +41,8 @@ class Packet(NamedTuple):
     """One UDP datagram; its payload is shorter than it was if the capture has a snapshot length."""
 
     time_s: float  # since 1970
-    source: Address
-    destination: Address
+    source: UdpAddress
+    destination: UdpAddress
     payload: bytes
 
 
@@ -183,8 +183,8 @@ def _datagram(link_type: int, time_s: float, data: bytes) -> Packet | None:
         return None
     return Packet(
         time_s,
-        Address(".".join(map(str, ip[12:16])), source),
-        Address(".".join(map(str, ip[16:20])), destination),
+        UdpAddress(".".join(map(str, ip[12:16])), source),
+        UdpAddress(".".join(map(str, ip[16:20])), destination),
         ip[head + 8 : head + size],
     )
 

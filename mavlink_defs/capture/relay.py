@@ -23,7 +23,7 @@ from typing import Any, Self
 
 from mavlink_defs.capture.impairment import Impairer, Impairment
 from mavlink_defs.capture.tap import Tap
-from mavlink_defs.endpoint import Address, bind_udp, connect_udp, resolve
+from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, resolve
 
 __all__ = ["Relay", "Route"]
 
@@ -44,8 +44,8 @@ class Route:
     """
 
     link: str
-    listen: Address
-    target: Address
+    listen: UdpAddress
+    target: UdpAddress
     impairment: Impairment | None = None
 
 
@@ -143,7 +143,7 @@ class Relay:
     @property
     def via(self) -> dict[str, str]:
         """Where to send, as host:port, instead of to each target."""
-        listening = (Address(*front.sock.getsockname()) for front in self._fronts)
+        listening = (UdpAddress(*front.sock.getsockname()) for front in self._fronts)
         return {str(f.route.target): str(at) for f, at in zip(self._fronts, listening, strict=True)}
 
     def report(self) -> dict[str, Any]:
@@ -212,7 +212,7 @@ class Relay:
             forgotten = front.peers.pop(next(iter(front.peers)))
             self._selector.unregister(forgotten)
             forgotten.close()
-        upstream = connect_udp(Address(*front.target))
+        upstream = connect_udp(UdpAddress(*front.target))
         upstream.setblocking(False)
         self._selector.register(upstream, selectors.EVENT_READ, (front, peer))
         return upstream

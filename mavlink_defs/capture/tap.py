@@ -5,8 +5,8 @@ sniffer can count. One datagram may hold several frames. A frame is counted per 
 system, component and message; a datagram that is not MAVLink 2 of this dialect is counted by
 the reason. Directions are seen from the fixed end of a link: "to" the plant, "from" the plant.
 
-Control transmissions (`mavlink_defs.capture.transmissions`) are compared with periodic sending: one per
-channel and control period, and FTC_SIM_STATE tells how many periods there were.
+Control transmissions (`mavlink_defs.capture.transmissions`) are compared with periodic sending:
+one per channel and control period, and FTC_SIM_STATE tells how many periods there were.
 """
 
 from collections import Counter, deque
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from mavlink_defs import dialect
 from mavlink_defs.capture.transmissions import Transmissions, reported, saving
-from mavlink_defs.endpoint import Address
+from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.faults import ACTUATORS
 from mavlink_defs.framing.frames import frame_size, parse
 
@@ -192,8 +192,8 @@ class Tap:
             if system not in counted
         ]
         return [
-            {"link": link, "system": system, "reported": hearsay, **figures}
-            for link, system, hearsay, figures in sorted(found, key=lambda row: row[:2])
+            {"link": link, "system": system, "reported": reported, **figures}
+            for link, system, reported, figures in sorted(found, key=lambda row: row[:2])
             if figures["messages"]
         ]
 
@@ -231,7 +231,7 @@ class LinkNames:
     def __init__(self, ports: Mapping[int, str] = DEFAULT_PORTS) -> None:
         self._ports = ports
 
-    def of(self, source: Address, destination: Address) -> tuple[str, str]:
+    def of(self, source: UdpAddress, destination: UdpAddress) -> tuple[str, str]:
         """Link and direction of a datagram; a link with no known port has its addresses' name."""
         if destination.port in self._ports:
             return self._ports[destination.port], "to"

@@ -7,7 +7,7 @@ from fastcrc.crc16 import mcrf4xx
 from mavlink_defs import dialect
 from mavlink_defs.framing import codec
 
-__all__ = ["Speaker", "code_of", "drop_reason", "frame_size", "parse", "text_chunks"]
+__all__ = ["FramePacker", "code_of", "drop_reason", "frame_size", "parse", "text_chunks"]
 
 _TEXT_SIZE = 50  # of one STATUSTEXT
 _CRC = 2  # bytes
@@ -16,7 +16,7 @@ _CODES = {words: code for code, words in codec.DROP_REASONS.items()}
 _CODES |= {"empty": codec.TRUNCATED, "MAVLink 1": codec.BAD_MAGIC}
 
 
-class Speaker:
+class FramePacker:
     """Packs messages of one system and component.
 
     Sequence numbers must be contiguous per component and link. A component whose hot messages

@@ -1,6 +1,6 @@
 """Signatures of the hot path: `mavlink_defs.framing.signing` in compiled code.
 
-A `Seal` without a key costs nothing: frames go out unsigned and are checked as by the codec.
+A `LinkSigner` without a key costs nothing: frames go out unsigned and are checked as by the codec.
 """
 
 from typing import NamedTuple
@@ -32,14 +32,21 @@ from mavlink_defs.framing.signing import (
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import unix_s
 
-__all__ = ["Seal", "load_seal", "new_seal", "open_frame", "seal_bytes", "seal_frame"]
+__all__ = [
+    "LinkSigner",
+    "load_link_signer",
+    "new_link_signer",
+    "sign_bytes",
+    "sign_frame",
+    "verify_frame",
+]
 
 _RADIO_STATUS = dialect.MAVLINK_MSG_ID_RADIO_STATUS
 _HASH = 6  # bytes, after link id (1) and timestamp (6)
 _STAMP = 6
 
 
-class Seal(NamedTuple):
+class LinkSigner(NamedTuple):
     """What signs and checks the frames of one link."""
 
     key: np.ndarray  # (32,) uint8; (0,): no key
@@ -49,15 +56,15 @@ class Seal(NamedTuple):
     newest: np.ndarray  # (65536,) last timestamp by 256 * system + component, 0: none yet
 
 
-def new_seal(key: bytes, link: int, shared: np.ndarray | None = None) -> Seal:
-    """A seal of one link.
+def new_link_signer(key: bytes, link: int, shared: np.ndarray | None = None) -> LinkSigner:
+    """A link_signer of one link.
 
     Args:
         key: 32 bytes, or none to have frames unsigned.
         link: Link id.
         shared: The timestamp used last, of `signing.open_time`.
     """
-    return Seal(
+    return LinkSigner(
         np.frombuffer(key, np.uint8).copy(),
         link,
         new_time(),
@@ -66,104 +73,104 @@ def new_seal(key: bytes, link: int, shared: np.ndarray | None = None) -> Seal:
     )
 
 
-def load_seal(key_file: str | None, link: int) -> Seal:
-    """The seal of a key file; without one, a seal that lets everything pass.
+def load_link_signer(key_file: str | None, link: int) -> LinkSigner:
+    """The link_signer of a key file; without one, a link_signer that lets everything pass.
 
     Raises:
         SigningError: The key cannot be used.
     """
     if key_file is None:
-        return new_seal(b"", link)
-    return new_seal(read_key(key_file), link, open_time(key_file))
+        return new_link_signer(b"", link)
+    return new_link_signer(read_key(key_file), link, open_time(key_file))
 
 
 @compiled
-def seal_frame(seal: Seal, datagram: np.ndarray, length: int) -> int:
+def sign_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     """Sign an unsigned hot frame in place, if there is a key.
 
     Args:
-        seal: The seal.
+        link_signer: The link_signer.
         datagram: Buffer of `codec.new_buffer` with the frame.
         length: Its length [bytes].
 
     Returns:
         The new length [bytes].
     """
-    if seal.key.size == 0:
+    if link_signer.key.size == 0:
         return length
     datagram[2] |= 1
     add_checksum(datagram)
-    return _append(seal, datagram, length)
+    return _append(link_signer, datagram, length)
 
 
-def seal_bytes(seal: Seal, frame: bytes) -> bytes:
+def sign_bytes(link_signer: LinkSigner, frame: bytes) -> bytes:
     """Sign any unsigned frame that the dialect knows, if there is a key."""
-    if seal.key.size == 0:
+    if link_signer.key.size == 0:
         return frame
     datagram = new_buffer()
     datagram[: len(frame)] = np.frombuffer(flagged(frame), np.uint8)
-    return bytes(datagram[: _append(seal, datagram, len(frame))])
+    return bytes(datagram[: _append(link_signer, datagram, len(frame))])
 
 
 @compiled
-def open_frame(seal: Seal, datagram: np.ndarray, length: int) -> int:
+def verify_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     """Tell what a received datagram holds, as `codec.check` does, signatures checked.
 
     With a key, FOREIGN means that the frame may be believed; SIGNED is never the answer.
     """
     code = check(datagram, length)
-    if seal.key.size == 0:
+    if link_signer.key.size == 0:
         return code
     if code == SIGNED:
-        return _verify(seal, datagram, length)
+        return _verify(link_signer, datagram, length)
     if code == FOREIGN and datagram[7] == _RADIO_STATUS and datagram[8] == datagram[9] == 0:
         return FOREIGN
     return UNSIGNED if code >= FOREIGN else code
 
 
 @compiled
-def _verify(seal: Seal, datagram: np.ndarray, length: int) -> int:
+def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     code = identify(datagram)
     if code < FOREIGN:
         return code
     given = 0
     for k in range(_HASH):
         given = (given << 8) | int(np.int64(datagram[length - _HASH + k]))
-    if given != signature(seal.key, datagram, length - _HASH):
+    if given != signature(link_signer.key, datagram, length - _HASH):
         return WRONG_SIGNATURE
     stamp = 0
     for k in range(_STAMP):
         stamp |= int(np.int64(datagram[length - _HASH - _STAMP + k])) << (8 * k)
     stream = 256 * np.int64(datagram[5]) + np.int64(datagram[6])
-    newest, now = seal.newest[stream], _now(seal, 0)
+    newest, now = link_signer.newest[stream], _now(link_signer, 0)
     if newest == 0:
         newest = now - WINDOW - 1
-    if datagram[length - _HASH - _STAMP - 1] != seal.link or stamp <= newest:
+    if datagram[length - _HASH - _STAMP - 1] != link_signer.link or stamp <= newest:
         return REPLAYED
     if stamp > now + WINDOW:
         return OUT_OF_RANGE
-    seal.newest[stream] = stamp
-    seal.time[0] = max(seal.time[0], stamp)
+    link_signer.newest[stream] = stamp
+    link_signer.time[0] = max(link_signer.time[0], stamp)
     return code
 
 
 @compiled
-def _append(seal: Seal, datagram: np.ndarray, length: int) -> int:
-    stamp = _now(seal, 1)
-    seal.time[0] = stamp
-    seal.shared[0] = max(seal.shared[0], stamp)
-    datagram[length] = seal.link
+def _append(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
+    stamp = _now(link_signer, 1)
+    link_signer.time[0] = stamp
+    link_signer.shared[0] = max(link_signer.shared[0], stamp)
+    datagram[length] = link_signer.link
     for k in range(_STAMP):
         datagram[length + 1 + k] = (stamp >> (8 * k)) & 0xFF
     end = length + 1 + _STAMP
-    given = signature(seal.key, datagram, end)
+    given = signature(link_signer.key, datagram, end)
     for k in range(_HASH):
         datagram[end + k] = (given >> (8 * (_HASH - 1 - k))) & 0xFF
     return end + _HASH
 
 
 @compiled
-def _now(seal: Seal, more: int) -> int:
+def _now(link_signer: LinkSigner, more: int) -> int:
     """The timestamp to use now, after `more` than the last."""
     clock = int((unix_s() - EPOCH_S) * 1e5)
-    return int(max(clock, max(seal.time[0], seal.shared[0]) + more))
+    return int(max(clock, max(link_signer.time[0], link_signer.shared[0]) + more))

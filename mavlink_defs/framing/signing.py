@@ -2,7 +2,8 @@
 
 https://mavlink.io/en/guide/message_signing.html. A signature covers the key, the frame and a
 timestamp, in units of 10 µs since 2015, which no stream (system, component, link id) may use
-twice. `Signer` is for all that is not hot; `mavlink_defs.framing.hot_signing` does the same in compiled code.
+twice. `Signer` is for all that is not hot; `mavlink_defs.framing.hot_signing` does the same in
+compiled code.
 """
 
 import hashlib

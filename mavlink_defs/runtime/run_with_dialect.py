@@ -21,9 +21,9 @@ _BORROWED = {"MAVLINK_MSG_ID_RADIO": 166}  # ArduPilot's; MAVProxy's signing wan
 
 def offer_dialect() -> None:
     """Let pymavlink's tools find our dialect in this process; call it before they are imported."""
-    from pymavlink.dialects import v20  # noqa: PLC0415 - only those who want it pay for it
+    from pymavlink.dialects import v20
 
-    from mavlink_defs import dialect  # noqa: PLC0415
+    from mavlink_defs import dialect
 
     sys.modules[f"{v20.__name__}.{NAME}"] = dialect
     setattr(v20, NAME, dialect)
@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _mend_matplotlib() -> None:
     """Give matplotlib 3.11 back what mavgraph.py of pymavlink 2.4.50 calls."""
-    from matplotlib.axes import Axes  # noqa: PLC0415 - a large import that only one tool needs
+    from matplotlib.axes import Axes
 
     def plot_date(axes: Axes, x: Any, y: Any, tz: Any = None, **how: Any) -> Any:
         axes.xaxis_date(tz)

@@ -17,7 +17,7 @@ from mavlink_defs.dialect import (
     MAVLink_command_long_message,
     MAVLink_message,
 )
-from mavlink_defs.services.machine import Address, Machine, is_for, sender_of
+from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
 __all__ = [
     "ACK_TIMEOUT_S",
@@ -118,7 +118,7 @@ class CommandReceived:
 
     token: int
     message: CommandMessage
-    sender: Address
+    sender: SystemId
 
 
 def command_params(message: CommandMessage) -> tuple[float, ...]:
@@ -152,7 +152,7 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
     repeated, as then more may be on their way; the next command is then sent once more.
     """
 
-    def __init__(self, own: Address) -> None:
+    def __init__(self, own: SystemId) -> None:
         super().__init__()
         self._own = own
         self._command: CommandMessage | None = None
@@ -250,7 +250,7 @@ class _Record:
     """A command that was received, and its answer when there is one."""
 
     token: int
-    sender: Address
+    sender: SystemId
     message: CommandMessage
     content: bytes
     received: float
@@ -293,7 +293,7 @@ class CommandServer(Machine[CommandReceived]):
     Besides commands, it must be given all messages that change what commands act on.
     """
 
-    def __init__(self, own: Address) -> None:
+    def __init__(self, own: SystemId) -> None:
         super().__init__()
         self._own = own
         self._records: list[_Record] = []  # oldest first
@@ -377,7 +377,9 @@ class CommandServer(Machine[CommandReceived]):
         else:
             self._accept(message, sender, content, now)
 
-    def _accept(self, message: CommandMessage, sender: Address, content: bytes, now: float) -> None:
+    def _accept(
+        self, message: CommandMessage, sender: SystemId, content: bytes, now: float
+    ) -> None:
         record = _Record(self._next_token, sender, message, content, received=now)
         if sum(r.ack is None for r in self._records) >= MAX_PENDING:
             result = dialect.MAV_RESULT_TEMPORARILY_REJECTED

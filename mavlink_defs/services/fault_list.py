@@ -10,7 +10,7 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_ftc_fault_message, MAVLink_message
 from mavlink_defs.faults import ACTUATORS, Fault
 from mavlink_defs.services.command import CommandClient, CommandFinished
-from mavlink_defs.services.machine import Address, Machine
+from mavlink_defs.services.machine import Machine, SystemId
 
 __all__ = ["MAX_REQUESTS", "FaultList", "FaultLister", "FaultsListed"]
 
@@ -60,7 +60,7 @@ class FaultList:
 class FaultLister(Machine[FaultsListed]):
     """Fetches the list of faults once."""
 
-    def __init__(self, own: Address, vehicle: Address) -> None:
+    def __init__(self, own: SystemId, vehicle: SystemId) -> None:
         super().__init__()
         self._vehicle = vehicle
         self._command = CommandClient(own)

@@ -11,24 +11,24 @@ from typing import Generic, NamedTuple, TypeVar
 
 from mavlink_defs.dialect import MAVLink_message
 
-__all__ = ["Address", "Machine", "is_for", "sender_of"]
+__all__ = ["Machine", "SystemId", "is_for", "sender_of"]
 
 E = TypeVar("E")
 
 
-class Address(NamedTuple):
+class SystemId(NamedTuple):
     """System and component of one end of a conversation."""
 
     system: int
     component: int
 
 
-def sender_of(message: MAVLink_message) -> Address:
+def sender_of(message: MAVLink_message) -> SystemId:
     """Give the address that `message` came from."""
-    return Address(message.get_srcSystem(), message.get_srcComponent())
+    return SystemId(message.get_srcSystem(), message.get_srcComponent())
 
 
-def is_for(message: MAVLink_message, own: Address) -> bool:
+def is_for(message: MAVLink_message, own: SystemId) -> bool:
     """Tell whether a message is addressed to `own`, by name or as a broadcast (0)."""
     return getattr(message, "target_system", 0) in {0, own.system} and getattr(
         message, "target_component", 0

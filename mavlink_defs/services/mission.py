@@ -1,9 +1,9 @@
 """The mission microservice (https://mavlink.io/en/services/mission.html), client side.
 
 `MissionUploader`, `MissionDownloader` and `MissionClearer` each do their operation once, with
-one vehicle and one mission type; the vehicle's side is `mavlink_defs.services.mission_server`. Times
-and retries are those that the protocol recommends, but for `ITEM_TIMEOUT_S`, which leaves a
-busy machine more than 250 ms.
+one vehicle and one mission type; the vehicle's side is `mavlink_defs.services.mission_server`.
+Times and retries are those that the protocol recommends, but for `ITEM_TIMEOUT_S`, which leaves
+a busy machine more than 250 ms.
 """
 
 import copy
@@ -26,7 +26,7 @@ from mavlink_defs.dialect import (
     MAVLink_mission_request_message,
 )
 from mavlink_defs.float32 import decimal_of_float32
-from mavlink_defs.services.machine import Address, Machine, is_for, sender_of
+from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
 __all__ = [
     "ITEM_TIMEOUT_S",
@@ -92,7 +92,7 @@ def _deg_e7(degrees: float) -> int:
 class _MissionClient(Machine[MissionProgress | MissionFinished]):
     """One operation with one vehicle: a request is repeated until it is answered."""
 
-    def __init__(self, own: Address, vehicle: Address, mission_type: int) -> None:
+    def __init__(self, own: SystemId, vehicle: SystemId, mission_type: int) -> None:
         super().__init__()
         self._own, self._vehicle, self._mission_type = own, vehicle, mission_type
         self._request: MAVLink_message | None = None
@@ -175,8 +175,8 @@ class MissionUploader(_MissionClient):
 
     def __init__(
         self,
-        own: Address,
-        vehicle: Address,
+        own: SystemId,
+        vehicle: SystemId,
         items: Sequence[MissionItem],
         mission_type: int = dialect.MAV_MISSION_TYPE_MISSION,
     ) -> None:
@@ -218,8 +218,8 @@ class MissionDownloader(_MissionClient):
 
     def __init__(
         self,
-        own: Address,
-        vehicle: Address,
+        own: SystemId,
+        vehicle: SystemId,
         mission_type: int = dialect.MAV_MISSION_TYPE_MISSION,
     ) -> None:
         super().__init__(own, vehicle, mission_type)
@@ -260,8 +260,8 @@ class MissionClearer(_MissionClient):
 
     def __init__(
         self,
-        own: Address,
-        vehicle: Address,
+        own: SystemId,
+        vehicle: SystemId,
         mission_type: int = dialect.MAV_MISSION_TYPE_MISSION,
     ) -> None:
         super().__init__(own, vehicle, mission_type)

@@ -23,7 +23,7 @@ from mavlink_defs.dialect import (
     MAVLink_mission_write_partial_list_message,
 )
 from mavlink_defs.profile import MAX_ITEMS, ProfileError
-from mavlink_defs.services.machine import Address, Machine, is_for, sender_of
+from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 from mavlink_defs.services.mission import (
     ITEM_TIMEOUT_S,
     MAX_RETRIES,
@@ -78,7 +78,7 @@ MissionEvent: TypeAlias = MissionAccepted | MissionRefused | CurrentChanged
 class _Client(NamedTuple):
     """Who is talking: an address, and the station that it is heard from."""
 
-    address: Address
+    address: SystemId
     station: int
 
 
@@ -119,7 +119,7 @@ class MissionServer(Machine[MissionEvent]):
 
     def __init__(
         self,
-        own: Address,
+        own: SystemId,
         validate: Callable[[Sequence[MissionItem]], None],
         max_items: int = MAX_ITEMS,
         home: MissionItem | None = None,
@@ -127,7 +127,7 @@ class MissionServer(Machine[MissionEvent]):
         """Start without a mission.
 
         Args:
-            own: Address of the vehicle.
+            own: SystemId of the vehicle.
             validate: Raises ProfileError for a mission that the vehicle cannot fly.
             max_items: Most items that a mission may have, home included.
             home: What item 0 of every mission is, whatever was uploaded; None leaves it.

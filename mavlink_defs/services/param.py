@@ -20,7 +20,7 @@ from mavlink_defs.dialect import (
     MAVLink_param_value_message,
 )
 from mavlink_defs.float32 import decimal_of_float32
-from mavlink_defs.services.machine import Address, Machine, is_for, sender_of
+from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
 __all__ = [
     "GAP_TIMEOUT_S",
@@ -93,7 +93,7 @@ class ParamFinished:
 class _ParamClient(Machine[ParamProgress | ParamFinished]):
     """One operation with one vehicle: requests are repeated until they are answered."""
 
-    def __init__(self, own: Address, vehicle: Address) -> None:
+    def __init__(self, own: SystemId, vehicle: SystemId) -> None:
         super().__init__()
         self._own, self._vehicle = own, vehicle
         self._retries = 0
@@ -161,7 +161,7 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
 class ParamLister(_ParamClient):
     """Fetches all parameters; those that were lost on the way are asked for by index."""
 
-    def __init__(self, own: Address, vehicle: Address) -> None:
+    def __init__(self, own: SystemId, vehicle: SystemId) -> None:
         super().__init__(own, vehicle)
         self._count: int | None = None
         self._params: dict[int, Param] = {}
@@ -203,7 +203,7 @@ class ParamLister(_ParamClient):
 class ParamReader(_ParamClient):
     """Fetches one parameter by its name."""
 
-    def __init__(self, own: Address, vehicle: Address, name: str) -> None:
+    def __init__(self, own: SystemId, vehicle: SystemId, name: str) -> None:
         """Prepare.
 
         Raises:
@@ -233,12 +233,12 @@ class ParamSetter(_ParamClient):
     again.
     """
 
-    def __init__(self, own: Address, vehicle: Address, param: Param) -> None:
+    def __init__(self, own: SystemId, vehicle: SystemId, param: Param) -> None:
         """Prepare.
 
         Args:
-            own: Address of this end.
-            vehicle: Address of the vehicle.
+            own: SystemId of this end.
+            vehicle: SystemId of the vehicle.
             param: What to set: name, value and the type that the vehicle has given it.
 
         Raises:

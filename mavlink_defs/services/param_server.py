@@ -21,7 +21,7 @@ from mavlink_defs.dialect import (
     MAVLink_param_value_message,
 )
 from mavlink_defs.float32 import decimal_of_float32, float32s
-from mavlink_defs.services.machine import Address, Machine, is_for, sender_of
+from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
 __all__ = [
     "BURST",
@@ -106,12 +106,12 @@ class ParamServer(Machine[ParamEvent]):
     """
 
     def __init__(
-        self, own: Address, parameters: Sequence[Parameter], *, bytewise: bool = False
+        self, own: SystemId, parameters: Sequence[Parameter], *, bytewise: bool = False
     ) -> None:
         """Offer parameters.
 
         Args:
-            own: Address of the vehicle.
+            own: SystemId of the vehicle.
             parameters: What there is, in the order of their indices.
             bytewise: Encode integers bytewise instead of C-cast.
 
@@ -204,7 +204,7 @@ class ParamServer(Machine[ParamEvent]):
             raise ParamValueError(f"is {value:g}, must be a whole number")
         return value
 
-    def _refuse(self, sender: Address, name: str, index: int, error: int, text: str) -> None:
+    def _refuse(self, sender: SystemId, name: str, index: int, error: int, text: str) -> None:
         self._happened.append(ParamRefused(name, f"{name} {text}"))
         self._send_error(sender, name, index, error)
 
@@ -218,6 +218,6 @@ class ParamServer(Machine[ParamEvent]):
         message = MAVLink_param_value_message(raw, value, parameter.type, count, index)
         self._outbox.append(message)
 
-    def _send_error(self, sender: Address, name: str, index: int, error: int) -> None:
+    def _send_error(self, sender: SystemId, name: str, index: int, error: int) -> None:
         raw = name.encode("ascii", "replace")[:MAX_NAME]
         self._outbox.append(MAVLink_param_error_message(*sender, raw, index, error))

@@ -12,9 +12,9 @@ from mavlink_defs.dialect import (
     MAVLink_ping_message,
     MAVLink_timesync_message,
 )
-from mavlink_defs.services.machine import Address, Machine, is_for, sender_of
+from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
-__all__ = ["Courtesy"]
+__all__ = ["Responder"]
 
 _FTP_SIZE = 251
 _FTP_REQUESTS = range(1, 128)  # op codes; the others are answers
@@ -23,10 +23,10 @@ _FTP_UNKNOWN_COMMAND = 7
 _MAX_NS = 2**63 - 1
 
 
-class Courtesy(Machine[None]):
+class Responder(Machine[None]):
     """Answers, and remembers nothing."""
 
-    def __init__(self, own: Address) -> None:
+    def __init__(self, own: SystemId) -> None:
         super().__init__()
         self._own = own
 
@@ -60,7 +60,7 @@ class Courtesy(Machine[None]):
         return None
 
     def _refuse_file(
-        self, message: MAVLink_file_transfer_protocol_message, sender: Address
+        self, message: MAVLink_file_transfer_protocol_message, sender: SystemId
     ) -> None:
         sequence, session, opcode = (
             message.payload[0] | message.payload[1] << 8, message.payload[2], message.payload[3],

@@ -11,15 +11,15 @@ from random import Random
 from typing import Any
 
 from mavlink_defs.dialect import MAVLink, MAVLink_message
-from mavlink_defs.services.machine import Address, Machine
+from mavlink_defs.services.machine import Machine, SystemId
 
-GCS = Address(255, 190)
-OTHER_GCS = Address(254, 190)
-VEHICLE = Address(1, 1)
-OTHER_VEHICLE = Address(2, 1)
+GCS = SystemId(255, 190)
+OTHER_GCS = SystemId(254, 190)
+VEHICLE = SystemId(1, 1)
+OTHER_VEHICLE = SystemId(2, 1)
 
 
-def over_the_wire(message: MAVLink_message, source: Address, seq: int = 0) -> MAVLink_message:
+def over_the_wire(message: MAVLink_message, source: SystemId, seq: int = 0) -> MAVLink_message:
     """Give `message` as a receiver gets it from `source`, without a network."""
     mav = MAVLink(None, *source)
     mav.seq = seq
@@ -31,7 +31,7 @@ def over_the_wire(message: MAVLink_message, source: Address, seq: int = 0) -> MA
 class Node:
     """A machine on the network; `on_event(event, now)` is its executor."""
 
-    def __init__(self, network: "LossyNetwork", machine: Machine[Any], address: Address) -> None:
+    def __init__(self, network: "LossyNetwork", machine: Machine[Any], address: SystemId) -> None:
         self.machine, self.address = machine, address
         self.events: list[Any] = []
         self.sent: list[MAVLink_message] = []
@@ -69,7 +69,7 @@ class LossyNetwork:
         self._agenda: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
 
-    def join(self, machine: Machine[Any], address: Address) -> Node:
+    def join(self, machine: Machine[Any], address: SystemId) -> Node:
         node = Node(self, machine, address)
         self._nodes.append(node)
         return node

@@ -17,7 +17,7 @@ from mavlink_defs.profile import (
     check_mission,
     segments_to_items,
 )
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import MissionItem
 from mavlink_defs.services.mission_server import MissionServer
 
@@ -70,13 +70,13 @@ class Vehicle:
             self.server.events()
 
     def answers(
-        self, message: MAVLink_message, source: Address = GCS, now: float = 0.0
+        self, message: MAVLink_message, source: SystemId = GCS, now: float = 0.0
     ) -> list[tuple[str, int]]:
         """Type of each answer, and what it says."""
         self.server.receive(over_the_wire(message, source), now)
         return self.sent(source)
 
-    def sent(self, to: Address = GCS) -> list[tuple[str, int]]:
+    def sent(self, to: SystemId = GCS) -> list[tuple[str, int]]:
         found = []
         for message in self.server.messages_to_send():
             if hasattr(message, "target_system"):
@@ -85,7 +85,7 @@ class Vehicle:
             found.append((message.get_type(), getattr(message, said)))
         return found
 
-    def upload(self, items: Sequence[MissionItem], source: Address = GCS) -> int:
+    def upload(self, items: Sequence[MissionItem], source: SystemId = GCS) -> int:
         (answer,) = self.answers(count(len(items)), source)
         for i in range(len(items)):
             assert answer == ("MISSION_REQUEST_INT", i)

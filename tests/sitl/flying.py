@@ -16,7 +16,7 @@ import yaml
 
 from gcs.fleet.processes import Fleet, on_free_ports
 from gcs.scenario.model import Scenario
-from mavlink_defs.endpoint import Address, free_ports
+from mavlink_defs.endpoint import UdpAddress, free_ports
 
 BIN = Path(sys.executable).parent
 SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml"
@@ -128,7 +128,7 @@ def assert_one_message(text: str) -> None:
 def standing(scenario: Scenario, folder: Path, **options: Any) -> Iterator[Scenario]:
     """The processes of a scenario on free ports, in real time, waiting; none of them is left."""
 
-    def start(scenario: Scenario, _: Address) -> tuple[Scenario, contextlib.ExitStack]:
+    def start(scenario: Scenario, _: UdpAddress) -> tuple[Scenario, contextlib.ExitStack]:
         links = scenario.links
         ports = {links.plant_port, *(links.formation_base_port + uav.id for uav in scenario.uavs)}
         with contextlib.ExitStack() as stack:

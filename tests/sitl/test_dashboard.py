@@ -29,11 +29,11 @@ from gcs.tui.profiles import Holdings, ProfilesPanel
 from gcs.tui.view import Live
 from gcs.tui.wire_panel import WirePanel
 from mavlink_defs.endpoint import parse_connection
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 
 pytestmark = pytest.mark.sitl
 
-OWN = Address(255, 77)
+OWN = SystemId(255, 77)
 TIMEOUT_S = 30.0
 
 
@@ -95,7 +95,9 @@ async def operator(
     """A dashboard that has heard every vehicle, and knows its faults and its profile."""
     live = Live(fleet.hub, time.time() - time.monotonic(), OWN)
     connection = parse_connection(fleet.hub)
-    async with Client(connection, on_news=live.hear, inquire=True, private=True, own=OWN) as client:
+    async with Client(
+        connection, on_notification=live.receive, inquire=True, private=True, own=OWN
+    ) as client:
         live.attach(client)
         app = Dashboard(live)
         async with app.run_test(size=size) as pilot:

@@ -11,7 +11,7 @@ from flying import process_of, processes_of, scenario_tree, wait_until
 from station import Up, up
 
 from mavlink_defs import dialect
-from mavlink_defs.framing.frames import Speaker
+from mavlink_defs.framing.frames import FramePacker
 from mavlink_defs.framing.signing import timestamp
 
 pytestmark = pytest.mark.sitl
@@ -46,7 +46,7 @@ def test_all_sockets_are_bound_to_this_machine(fleet: Up) -> None:
 
 
 def test_only_the_ground_stations_of_the_configuration_are_heard(fleet: Up) -> None:
-    own = Speaker(255, 190)
+    own = FramePacker(255, 190)
     seven = (GUIDED, 0, 0, 0, 0, 0)
     frames = [
         own.pack(dialect.MAVLink_command_long_message(1, 1, 176, 0, 1, *seven)),

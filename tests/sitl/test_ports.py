@@ -10,7 +10,7 @@ from flying import fly_well, free_links, scenario_tree, wait_until, write_scenar
 from gcs.errors import PortInUse
 from gcs.fleet.processes import Fleet, on_free_ports
 from gcs.scenario.model import Scenario, scenario_of
-from mavlink_defs.endpoint import Address, bind_udp
+from mavlink_defs.endpoint import UdpAddress, bind_udp
 
 pytestmark = pytest.mark.sitl
 
@@ -18,7 +18,7 @@ FIRST_PORT_OF_THE_SYSTEM = 32_768
 
 
 def test_all_ports_are_apart_and_below_those_that_the_system_gives(scenario1: Scenario) -> None:
-    def ports(scenario: Scenario, hub: Address) -> list[int]:
+    def ports(scenario: Scenario, hub: UdpAddress) -> list[int]:
         links = scenario.links
         formation = [links.formation_base_port + uav.id for uav in scenario.uavs]
         return [hub.port, links.gcs_port, links.plant_port, *formation]
@@ -32,7 +32,7 @@ def test_all_ports_are_apart_and_below_those_that_the_system_gives(scenario1: Sc
 def test_other_ports_are_tried_if_somebody_was_faster(scenario1: Scenario) -> None:
     seen: list[int] = []
 
-    def work(scenario: Scenario, _: Address) -> str:
+    def work(scenario: Scenario, _: UdpAddress) -> str:
         seen.append(scenario.links.gcs_port)
         if len(seen) < 3:
             raise PortInUse("taken")
@@ -50,7 +50,7 @@ def test_a_process_that_finds_its_port_taken_says_so(tmp_path: Path, key: str) -
     scenario = scenario_of(tmp_path / "scenario.yaml", scenario_tree(links=links))
     taken = links[key] + (2 if key == "formation_base_port" else 0)
     with (
-        bind_udp(Address("127.0.0.1", taken), "somebody"),
+        bind_udp(UdpAddress("127.0.0.1", taken), "somebody"),
         Fleet(scenario, None, tmp_path / "run") as fleet,
     ):
         name = "uav2" if key == "formation_base_port" else "plant"

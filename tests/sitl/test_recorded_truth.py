@@ -19,7 +19,7 @@ from flying import (
 
 from gcs.scenario.model import Scenario
 from gcs.testing.fixtures import launch
-from gcs.testing.flying import FlyingFleet
+from gcs.testing.flying import TestFleet
 from gcs.testing.results import Flight
 from mavlink_defs.capture.tlog import read_tlog
 
@@ -99,7 +99,7 @@ def test_a_flight_whose_end_the_autopilots_do_not_see_is_not_completed(tmp_path:
 def rearmed(scenario1: Scenario, tmp_path_factory: pytest.TempPathFactory) -> tuple[Flight, Any]:
     """A flight of which UAV 2 is disarmed from 1 s to 2 s, and the last FTC_EVENTS of UAV 2."""
     scenario = scenario1.model_copy(update={"duration_s": 6.0, "faults": ()})
-    fleet: FlyingFleet = launch(scenario, tmp_path_factory.mktemp("rearmed"), None)
+    fleet: TestFleet = launch(scenario, tmp_path_factory.mktemp("rearmed"), None)
     try:
         fleet.begin()
         fleet.run_until(1.0)

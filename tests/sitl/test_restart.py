@@ -18,7 +18,7 @@ from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from mavlink_defs import dialect
 from mavlink_defs.config.models import dump
-from mavlink_defs.endpoint import Address, Connection
+from mavlink_defs.endpoint import Connection, UdpAddress
 
 pytestmark = pytest.mark.sitl
 PATIENCE_S = 60.0
@@ -83,7 +83,7 @@ def processes_of(scenario: Scenario, folder: Path) -> Iterator[Processes]:
 
 
 def station(scenario: Scenario) -> Client:
-    address = Address(scenario.links.host, scenario.links.gcs_port)
+    address = UdpAddress(scenario.links.host, scenario.links.gcs_port)
     return Client(Connection("in", address), private=True)
 
 

@@ -77,7 +77,8 @@ def proposed_law(
         aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
         gains: Parameters, record made of `Proposed`.
         state: Record of dtype `Proposed.STATE`, updated in place.
-        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; inner quantities are written.
+        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; inner quantities
+            are written.
     """
     motion, reference, errors = now.motion, now.reference, now.errors
     if now.first:

@@ -11,7 +11,7 @@ from mavproxy import TIMEOUT_S, PlainMavProxy
 from gcs.fleet.processes import Fleet
 from gcs.scenario.model import scenario_of
 from gcs.station.client import Client
-from mavlink_defs.endpoint import Address, Connection
+from mavlink_defs.endpoint import Connection, UdpAddress
 
 pytestmark = pytest.mark.sitl
 
@@ -34,7 +34,7 @@ def test_link_says_that_nothing_is_lost(tmp_path: Path) -> None:
     links = free_links(uavs=4)  # one port more, for the other ground station
     tree = scenario_tree(duration_s=300.0, faults=[], links=links)
     scenario = scenario_of(tmp_path / "scenario.yaml", tree)
-    other = Address("127.0.0.1", links["formation_base_port"] + 4)
+    other = UdpAddress("127.0.0.1", links["formation_base_port"] + 4)
     ids = [uav.id for uav in scenario.uavs]
 
     async def work() -> str:

@@ -15,7 +15,7 @@ import pytest
 from standing import Standing
 
 from mavlink_defs import dialect
-from mavlink_defs.framing.frames import Speaker, parse
+from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.profile import segments_to_items
 
 pytestmark = pytest.mark.sitl
@@ -37,7 +37,7 @@ class QGroundControl:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", port))
         self._socket.settimeout(0.5)
-        self._speaker = Speaker(255, 190)
+        self._speaker = FramePacker(255, 190)
         self._peer: Any = None
         while self._peer is None:
             self.hear()

@@ -11,7 +11,7 @@ import pytest
 
 from ftc_autopilot import link
 from ftc_autopilot.control.controller import restart_law
-from ftc_autopilot.control.controllers import new_crew, reset_crew
+from ftc_autopilot.control.controllers import new_controllers, reset_crew
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.link import (
     FORMATION,
@@ -55,10 +55,10 @@ class Rig:
         address = "{}:{}".format(*self.neighbour.getsockname())
         config = scenario.autopilot_config(UAV)
         others = tuple(n.model_copy(update={"address": address}) for n in config.neighbours)
-        self.crew = new_crew([config])
-        self.crew.profiles[0] = profile_record(scenario.segments())
+        self.controllers = new_controllers([config])
+        self.controllers.profiles[0] = profile_record(scenario.segments())
         for key, value in (("active", 1), ("auto", 1), ("start_step", 0)):
-            self.crew.guidance[0][key] = value
+            self.controllers.guidance[0][key] = value
         self.link = new_link(UAV, others, 1000, TIMEOUT_STEPS / 1000, 0)
 
     def close(self) -> None:
@@ -69,8 +69,8 @@ class Rig:
         self, step: int, flags: int = LOCKSTEP, applied_usec: int | None = None, run: int = 7
     ) -> int:
         """Send a state; by default the plant has applied all that it was sent."""
-        flown = self.crew.controllers[0]["steps"] > 0
-        sent = int(self.crew.actuators[0]["time_usec"]) if flown else -1
+        flown = self.controllers.states[0]["steps"] > 0
+        sent = int(self.controllers.actuators[0]["time_usec"]) if flown else -1
         state = np.zeros(1, codec.SIM_STATE)
         state["step"], state["time_usec"], state["flags"] = step, step * 1000, flags
         state["run"] = run
@@ -84,10 +84,10 @@ class Rig:
 
     def run(self) -> int:
         fds = self.own.fileno(), self.formation.fileno()
-        return run(*fds, self.link, self.crew, time.monotonic(), 2**62)
+        return run(*fds, self.link, self.controllers, time.monotonic(), 2**62)
 
     def no_more_events(self) -> None:
-        thresholds = self.crew.parameters["trigger"]
+        thresholds = self.controllers.parameters["trigger"]
         thresholds["a2_n"] = thresholds["b2_deg"] = 1e9
 
     def word(
@@ -155,16 +155,16 @@ def test_the_same_state_again_is_answered_but_not_worked_on_again(rig: Rig) -> N
     rig.heard(rig.plant)
     rig.state(0)
     assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
-    assert rig.crew.controllers[0]["steps"] == 1
+    assert rig.controllers.states[0]["steps"] == 1
 
 
 def test_disarmed_it_measures_holds_and_computes_nothing(rig: Rig) -> None:
     for step in range(20):
         rig.word(step)
         rig.state(step)
-    controller, signals = rig.crew.controllers[0], rig.crew.signals[0]
+    controller, signals = rig.controllers.states[0], rig.controllers.signals[0]
     before, held = controller.copy(), signals["held"].copy()
-    rig.crew.guidance[0]["active"] = 0
+    rig.controllers.guidance[0]["active"] = 0
     for step in range(20, 40):
         rig.word(step)
         rig.state(step)
@@ -181,12 +181,15 @@ def test_disarmed_it_measures_holds_and_computes_nothing(rig: Rig) -> None:
 def test_armed_again_the_law_starts_from_where_the_aircraft_is(rig: Rig) -> None:
     rig.word(0)
     rig.state(0)
-    assert rig.crew.signals[0]["reference"].tolist() == rig.crew.signals[0]["command"].tolist()
-    controller = rig.crew.controllers[0]
+    assert (
+        rig.controllers.signals[0]["reference"].tolist()
+        == rig.controllers.signals[0]["command"].tolist()
+    )
+    controller = rig.controllers.states[0]
     controller["proposed"]["beta_v"] = 7.0
     restart_law(controller)
     rig.state(50)
-    signals = rig.crew.signals[0]
+    signals = rig.controllers.signals[0]
     assert signals["reference"].tolist() == [signals["V"], *signals["attitude"]]
     assert signals["beta_v"] == 1.0
     assert signals["events"] == 0b1111
@@ -196,14 +199,14 @@ def test_armed_again_the_law_starts_from_where_the_aircraft_is(rig: Rig) -> None
 def test_a_lost_actuator_message_is_sent_again_and_counted_apart(rig: Rig) -> None:
     rig.word(0)
     rig.state(0)
-    events = rig.crew.controllers[0]["events"].copy()
+    events = rig.controllers.states[0]["events"].copy()
     rig.no_more_events()
     rig.heard(rig.plant)
     rig.word(1)
     rig.state(1, applied_usec=-1)
     assert rig.heard(rig.plant) == [codec.ID_ACTUATORS, codec.ID_STEP_DONE]
     assert list(rig.link.clock[0]["repeated"]) == [1, 1, 1, 1]
-    assert np.array_equal(rig.crew.controllers[0]["events"], events)
+    assert np.array_equal(rig.controllers.states[0]["events"], events)
     rig.word(2)
     rig.state(2)
     assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
@@ -245,7 +248,7 @@ def test_in_real_time_an_acknowledgement_is_waited_for_in_wall_time(rig: Rig) ->
     rig.link.clock[0]["repeated"] = 0
     for waited_s, sent in ((0.0199, []), (0.0201, [codec.ID_ACTUATORS])):
         rig.link.clock[0]["heard_s"] = rig.link.clock[0]["pending_s"][0] + waited_s
-        link._send_actuators(rig.own.fileno(), rig.link, rig.crew, 0, False)
+        link._send_actuators(rig.own.fileno(), rig.link, rig.controllers, 0, False)
         assert rig.heard(rig.plant) == sent
     assert list(rig.link.clock[0]["repeated"]) == [1, 1, 1, 1]
     assert pending(rig) == [0, 0, 0, 0]  # the first message would acknowledge them still
@@ -270,7 +273,7 @@ def test_a_state_of_another_run_is_not_worked_on(rig: Rig, flags: int) -> None:
     for step in (0, 3):
         assert rig.state(step, flags, run=8 + step) == RESTARTED
     assert rig.heard(rig.plant) == rig.heard(rig.neighbour) == []
-    assert rig.crew.controllers[0]["steps"] == 3
+    assert rig.controllers.states[0]["steps"] == 3
 
 
 def test_after_a_reset_nothing_is_left_of_the_flight(scenario1: Scenario, rig: Rig) -> None:
@@ -279,10 +282,10 @@ def test_after_a_reset_nothing_is_left_of_the_flight(scenario1: Scenario, rig: R
         rig.state(step, applied_usec=-1)
     fresh = Rig(scenario1)
     reset_link(rig.link)
-    reset_crew(rig.crew)
-    reset_crew(fresh.crew)  # its guidance, too, is set again by the modes
-    for name, array in rig.crew._asdict().items():
-        assert array.tobytes() == getattr(fresh.crew, name).tobytes(), name
+    reset_crew(rig.controllers)
+    reset_crew(fresh.controllers)  # its guidance, too, is set again by the modes
+    for name, array in rig.controllers._asdict().items():
+        assert array.tobytes() == getattr(fresh.controllers, name).tobytes(), name
     for name in ("heard_step", "early_step", "late", "signals"):
         assert getattr(rig.link, name).tobytes() == getattr(fresh.link, name).tobytes(), name
     for name in ("step", "pending_usec", "pending_s", "repeated", "edge_changes"):
@@ -294,25 +297,25 @@ def test_a_step_uses_the_words_of_the_step_before_however_early_newer_ones_come(
     for step in range(3):
         rig.word(step, airspeed=40.0 + step)
     rig.state(0)
-    assert rig.crew.inboxes[0, 0]["step"] == 0
+    assert rig.controllers.inboxes[0, 0]["step"] == 0
     rig.state(1)
-    assert rig.crew.inboxes[0, 0]["step"] == 0
+    assert rig.controllers.inboxes[0, 0]["step"] == 0
     rig.state(2)
-    assert rig.crew.inboxes[0, 0]["step"] == 1
-    assert rig.crew.inboxes[0, 0]["airspeed"] == 41.0
+    assert rig.controllers.inboxes[0, 0]["step"] == 1
+    assert rig.controllers.inboxes[0, 0]["airspeed"] == 41.0
 
 
 def test_a_silent_neighbour_is_dropped_and_taken_up_again(rig: Rig) -> None:
     rig.word(0)
     for step in range(TIMEOUT_STEPS + 1):
         rig.state(step, FTC_SIM_FLAGS_RUNNING)
-    assert rig.crew.weights[0, 0] == 1.0
+    assert rig.controllers.weights[0, 0] == 1.0
     rig.state(TIMEOUT_STEPS + 1, FTC_SIM_FLAGS_RUNNING)
-    assert rig.crew.weights[0, 0] == 0.0
+    assert rig.controllers.weights[0, 0] == 0.0
     assert rig.link.clock[0]["edge_changes"] == 1
     rig.word(TIMEOUT_STEPS + 1)
     rig.state(TIMEOUT_STEPS + 2, FTC_SIM_FLAGS_RUNNING)
-    assert rig.crew.weights[0, 0] == 1.0
+    assert rig.controllers.weights[0, 0] == 1.0
     assert rig.link.clock[0]["edge_changes"] == 2
 
 
@@ -320,10 +323,10 @@ def test_a_neighbour_s_word_from_another_address_is_dropped_and_counted(rig: Rig
     rig.word(0, sock=rig.plant)
     rig.state(0, FTC_SIM_FLAGS_RUNNING)
     assert rig.link.drops[FORMATION, -codec.STRANGER] == 1
-    assert rig.crew.weights[0, 0] == 0.0
+    assert rig.controllers.weights[0, 0] == 0.0
     rig.word(0)
     rig.state(1, FTC_SIM_FLAGS_RUNNING)
-    assert rig.crew.weights[0, 0] == 1.0
+    assert rig.controllers.weights[0, 0] == 1.0
 
 
 def test_a_word_of_a_step_that_is_far_away_is_no_early_word(rig: Rig) -> None:
@@ -339,7 +342,7 @@ def test_words_of_strangers_and_words_that_are_no_numbers_are_ignored(rig: Rig) 
     rig.word(0, system=77)
     rig.word(0, airspeed=math.nan)
     rig.state(0, FTC_SIM_FLAGS_RUNNING)
-    assert rig.crew.weights[0, 0] == 0.0
+    assert rig.controllers.weights[0, 0] == 0.0
 
 
 def test_noise_changes_nothing_and_is_counted(rig: Rig) -> None:
@@ -358,13 +361,13 @@ def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:
 def test_disarmed_in_flight_thrust_goes_to_zero_once(rig: Rig) -> None:
     rig.word(0)
     rig.state(0)
-    assert rig.crew.actuators[0]["controls"][3] > 0.0
-    rig.crew.guidance[0]["active"] = 0
+    assert rig.controllers.actuators[0]["controls"][3] > 0.0
+    rig.controllers.guidance[0]["active"] = 0
     rig.heard(rig.plant)
     rig.word(1)
     rig.state(1)
     assert rig.heard(rig.plant) == [codec.ID_ACTUATORS, codec.ID_STEP_DONE]
-    assert rig.crew.actuators[0]["controls"][3] == 0.0
+    assert rig.controllers.actuators[0]["controls"][3] == 0.0
     rig.word(2)
     rig.state(2)
     assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
@@ -378,7 +381,7 @@ def test_lockstep_takes_up_its_only_neighbour_again_after_lost_words(rig: Rig) -
     assert rig.link.late[0] == 1  # waited for in vain
     rig.word(2)
     rig.state(3)
-    assert rig.crew.inboxes[0, 0]["step"] == 2
+    assert rig.controllers.inboxes[0, 0]["step"] == 2
 
 
 def test_a_word_that_is_there_is_taken_however_late_the_process_is(
@@ -392,8 +395,8 @@ def test_a_word_that_is_there_is_taken_however_late_the_process_is(
     seconds = itertools.count()
     monkeypatch.setattr(link, "monotonic_s", lambda: next(seconds))
     collect = getattr(link._collect_reports, "py_func", link._collect_reports)
-    collect(rig.formation.fileno(), rig.link, rig.crew, 2, True)
-    assert rig.crew.inboxes[0, 0]["step"] == 1
+    collect(rig.formation.fileno(), rig.link, rig.controllers, 2, True)
+    assert rig.controllers.inboxes[0, 0]["step"] == 1
     assert rig.link.late[0] == 0
 
 
@@ -402,7 +405,7 @@ def test_lockstep_does_not_wait_for_ever_but_hears_a_neighbour_that_is_back(rig:
     for step in range(TIMEOUT_STEPS + 2):
         rig.state(step)
     assert rig.link.late[0] == 5  # steps that waited, of more than 250
-    assert rig.crew.weights[0, 0] == 0.0
+    assert rig.controllers.weights[0, 0] == 0.0
     rig.word(TIMEOUT_STEPS + 1)
     rig.state(TIMEOUT_STEPS + 2)
-    assert rig.crew.weights[0, 0] == 1.0
+    assert rig.controllers.weights[0, 0] == 1.0

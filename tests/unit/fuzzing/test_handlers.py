@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fuzzing.frames import MESSAGES, damaged, message_frame, noise, seal
+from fuzzing.frames import MESSAGES, damaged, link_signer, message_frame, noise
 from fuzzing.targets import (
     AutopilotTarget,
     PlantTarget,
@@ -24,10 +24,10 @@ from gcs.station.vehicle_state import describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
 from mavlink_defs.framing import codec
-from mavlink_defs.framing.frames import Speaker, drop_reason, parse
+from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.profile import AirspeedLimits, ProfileError, items_to_segments
 from mavlink_defs.services.fault_list import FaultLister
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 
 SEEDS = st.integers(0, 2**32 - 1)
 IDS = sorted(MESSAGES)
@@ -105,7 +105,7 @@ def test_parse_takes_mavlink_2_frames_of_the_dialect_only() -> None:
     beat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
     mavlink = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
     old = bytes(beat.pack(mavlink, force_mavlink1=True))
-    unknown = seal(0xABCDEF, b"something", 1, 1, 0)
+    unknown = link_signer(0xABCDEF, b"something", 1, 1, 0)
     frame = bytes(beat.pack(mavlink))
     flagged = bytearray(frame)
     flagged[2] = 2
@@ -164,9 +164,9 @@ def test_what_the_profile_decoder_accepts_is_finite(seed: int) -> None:
 
 
 def test_a_fault_of_no_actuator_is_ignored() -> None:
-    lister = FaultLister(Address(255, 190), Address(1, 1))
+    lister = FaultLister(SystemId(255, 190), SystemId(1, 1))
     lister.start(0.0)
-    speaker = Speaker(1, 1)
+    speaker = FramePacker(1, 1)
     for actuator in (4, 255, 2):
         fault = dialect.MAVLink_ftc_fault_message(0.5, 0, 0, 0, 9, 0, 1, actuator, 1)
         lister.receive(parse(speaker.pack(fault)), 0.0)  # type: ignore[arg-type]
@@ -219,5 +219,5 @@ def test_only_a_vehicle_itself_says_where_it_is() -> None:
     beat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
     system = target.sender[0]
     known = dict(target.client._peers)
-    target.client.datagram_received(Speaker(system, 77).pack(beat), ("127.0.0.1", 9))
+    target.client.datagram_received(FramePacker(system, 77).pack(beat), ("127.0.0.1", 9))
     assert target.client._peers == known

@@ -6,8 +6,8 @@ import time
 import pytest
 
 from mavlink_defs.endpoint import (
-    Address,
     EndpointError,
+    UdpAddress,
     address_of,
     bind_udp,
     connect_udp,
@@ -20,12 +20,12 @@ from mavlink_defs.endpoint import (
     sockaddr,
 )
 
-ANY_PORT = Address("127.0.0.1", 0)
+ANY_PORT = UdpAddress("127.0.0.1", 0)
 
 
 @pytest.mark.parametrize("prefix", ["", "udp:", "udpin:", "udpout:", "udpin://"])
 def test_addresses_are_read_as_other_tools_write_them(prefix: str) -> None:
-    assert parse_address(f"{prefix}127.0.0.1:14550") == Address("127.0.0.1", 14550)
+    assert parse_address(f"{prefix}127.0.0.1:14550") == UdpAddress("127.0.0.1", 14550)
     assert str(parse_address(f" {prefix}uav-1.local:1 ")) == "uav-1.local:1"
 
 
@@ -41,29 +41,29 @@ def test_other_text_is_refused_and_shown(text: str) -> None:
 
 
 def test_sockaddr_and_back() -> None:
-    raw = sockaddr(Address("127.0.0.1", 14550))
+    raw = sockaddr(UdpAddress("127.0.0.1", 14550))
     assert raw.shape == (16,)
     assert raw[2:8].tolist() == [14550 >> 8, 14550 & 0xFF, 127, 0, 0, 1]
-    assert address_of(raw) == Address("127.0.0.1", 14550)
+    assert address_of(raw) == UdpAddress("127.0.0.1", 14550)
 
 
 def test_names_and_every_interface_are_resolved_to_where_datagrams_go() -> None:
-    assert resolve(Address("localhost", 1)) == Address("127.0.0.1", 1)
-    assert resolve(Address("0.0.0.0", 1)) == Address("127.0.0.1", 1)
-    assert address_of(sockaddr(Address("0.0.0.0", 1))) == Address("127.0.0.1", 1)
-    assert resolve(Address("192.0.2.1", 1)) == Address("192.0.2.1", 1)
+    assert resolve(UdpAddress("localhost", 1)) == UdpAddress("127.0.0.1", 1)
+    assert resolve(UdpAddress("0.0.0.0", 1)) == UdpAddress("127.0.0.1", 1)
+    assert address_of(sockaddr(UdpAddress("0.0.0.0", 1))) == UdpAddress("127.0.0.1", 1)
+    assert resolve(UdpAddress("192.0.2.1", 1)) == UdpAddress("192.0.2.1", 1)
 
 
 def test_loopback() -> None:
-    assert is_loopback(Address("127.0.0.2", 1))
-    assert is_loopback(Address("localhost", 1))
-    assert not is_loopback(Address("0.0.0.0", 1))
-    assert not is_loopback(Address("192.0.2.1", 1))
+    assert is_loopback(UdpAddress("127.0.0.2", 1))
+    assert is_loopback(UdpAddress("localhost", 1))
+    assert not is_loopback(UdpAddress("0.0.0.0", 1))
+    assert not is_loopback(UdpAddress("192.0.2.1", 1))
 
 
 def test_unknown_host_is_named() -> None:
     with pytest.raises(EndpointError, match=r"unknown host 'nobody\.invalid'"):
-        connect_udp(Address("nobody.invalid", 1))
+        connect_udp(UdpAddress("nobody.invalid", 1))
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
@@ -71,7 +71,7 @@ def test_a_taken_port_is_refused_with_advice(host: str) -> None:
     with bind_udp(ANY_PORT, "plant") as first:
         port = first.getsockname()[1]
         with pytest.raises(EndpointError) as caught:
-            bind_udp(Address(host, port), "ground station", "choose another port with --port")
+            bind_udp(UdpAddress(host, port), "ground station", "choose another port with --port")
     assert str(caught.value) == (
         f"UDP port {port} on {host} is in use (ground station); "
         "stop the other program, or choose another port with --port"
@@ -80,20 +80,20 @@ def test_a_taken_port_is_refused_with_advice(host: str) -> None:
 
 def test_a_foreign_address_is_refused() -> None:
     with pytest.raises(EndpointError, match=r"192\.0\.2\.1 is not an address of this machine"):
-        bind_udp(Address("192.0.2.1", 0), "plant")
+        bind_udp(UdpAddress("192.0.2.1", 0), "plant")
 
 
 def test_free_ports_are_distinct_and_can_be_bound() -> None:
     ports = free_ports(20)
     assert len(set(ports)) == 20
-    bind_udp(Address("127.0.0.1", ports[-1]), "test").close()
+    bind_udp(UdpAddress("127.0.0.1", ports[-1]), "test").close()
 
 
 def test_connected_sockets_hear_their_peer_only() -> None:
     with (
         bind_udp(ANY_PORT, "peer") as peer,
         bind_udp(ANY_PORT, "other") as other,
-        connect_udp(Address(*peer.getsockname())) as sock,
+        connect_udp(UdpAddress(*peer.getsockname())) as sock,
     ):
         set_receive_timeout(sock, 5.0)
         other.sendto(b"other", sock.getsockname())
@@ -103,10 +103,10 @@ def test_connected_sockets_hear_their_peer_only() -> None:
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "0.0.0.0"])
 def test_a_socket_for_peers_of_this_machine_is_reached_from_this_machine_only(host: str) -> None:
-    with bind_udp(Address("0.0.0.0", 0), "peer") as peer:
-        address = Address(host, peer.getsockname()[1])
+    with bind_udp(UdpAddress("0.0.0.0", 0), "peer") as peer:
+        address = UdpAddress(host, peer.getsockname()[1])
         destination = (resolve(address).host, address.port)
-        with open_udp([address, Address("127.0.0.1", 9)]) as sock:
+        with open_udp([address, UdpAddress("127.0.0.1", 9)]) as sock:
             peer.settimeout(5.0)
             sock.settimeout(5.0)
             assert sock.getsockname()[0] == "127.0.0.1"
@@ -119,7 +119,7 @@ def test_a_socket_for_peers_of_this_machine_is_reached_from_this_machine_only(ho
 
 def test_a_socket_for_peers_that_cannot_be_found_is_refused() -> None:
     with pytest.raises(EndpointError, match=r"unknown host 'no\.\.such'"):
-        open_udp([Address("no..such", 14550)])
+        open_udp([UdpAddress("no..such", 14550)])
 
 
 def test_receive_timeout_undoes_pythons_own() -> None:

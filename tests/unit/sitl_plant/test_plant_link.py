@@ -8,21 +8,21 @@ import pytest
 
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
-from mavlink_defs.endpoint import Address, bind_udp
-from sitl_plant.fleet import Fleet, new_fleet
+from mavlink_defs.endpoint import UdpAddress, bind_udp
+from sitl_plant.fleet import PlantState, new_plant_state
 from sitl_plant.link import OVER, PlantLink, _due_s, new_link, run
 
 STEPS = 5
 
 
 @pytest.fixture
-def fleet(scenario1: Scenario) -> Fleet:
-    return new_fleet(scenario1.plant_config())
+def fleet(scenario1: Scenario) -> PlantState:
+    return new_plant_state(scenario1.plant_config())
 
 
 @pytest.fixture
 def sock() -> Iterator[socket.socket]:
-    with bind_udp(Address("127.0.0.1", 0), "test") as sock:
+    with bind_udp(UdpAddress("127.0.0.1", 0), "test") as sock:
         yield sock
 
 
@@ -34,7 +34,7 @@ def running(speed: float, origin_s: float) -> PlantLink:
 
 
 def test_a_plant_that_fell_behind_shifts_its_schedule_once(
-    fleet: Fleet, sock: socket.socket
+    fleet: PlantState, sock: socket.socket
 ) -> None:
     origin_s = time.monotonic() - 1e4
     link = running(speed=1.0, origin_s=origin_s)

@@ -7,12 +7,12 @@ import pytest
 
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
-from mavlink_defs.endpoint import Address, address_of, bind_udp, sockaddr
-from mavlink_defs.framing.hot_signing import new_seal
+from mavlink_defs.endpoint import UdpAddress, address_of, bind_udp, sockaddr
+from mavlink_defs.framing.hot_signing import new_link_signer
 from mavlink_defs.framing.signing import PLANT_LINK
 from sitl_plant.process import Plant
 
-ANY_PORT = Address("127.0.0.1", 0)
+ANY_PORT = UdpAddress("127.0.0.1", 0)
 
 
 class Rig:
@@ -20,12 +20,14 @@ class Rig:
 
     def __init__(self, scenario: Scenario) -> None:
         self.sock, self.first, self.second = (bind_udp(ANY_PORT, "test") for _ in range(3))
-        self.plant = Plant(scenario.plant_config(), self.sock, False, new_seal(b"", PLANT_LINK))
+        self.plant = Plant(
+            scenario.plant_config(), self.sock, False, new_link_signer(b"", PLANT_LINK)
+        )
         self.link = self.plant._link
 
     def register(self, sock: socket.socket, now: float) -> bool:
         """Whether a frame for UAV 1 that comes from a socket is taken."""
-        self.link.sender[:] = sockaddr(Address(*sock.getsockname()))
+        self.link.sender[:] = sockaddr(UdpAddress(*sock.getsockname()))
         return self.plant._register(0, now)
 
 
@@ -49,12 +51,14 @@ def test_another_autopilot_takes_over_only_after_silence(
     assert rig.register(rig.second, 101.0 + patience_s)
     assert not rig.register(rig.first, 101.0 + patience_s)
     assert rig.link.known.tolist() == [1, 0, 0]
-    assert address_of(rig.link.addresses[0]) == Address(*rig.second.getsockname())
+    assert address_of(rig.link.addresses[0]) == UdpAddress(*rig.second.getsockname())
 
 
 def test_a_datagram_that_cannot_be_sent_is_lost_and_nothing_more(rig: Rig) -> None:
     rig.register(rig.first, 100.0)
-    rig.link.addresses[0] = sockaddr(Address("255.255.255.255", 9))  # broadcasting is not allowed
+    rig.link.addresses[0] = sockaddr(
+        UdpAddress("255.255.255.255", 9)
+    )  # broadcasting is not allowed
     rig.plant._report_drops()
 
 
@@ -62,6 +66,6 @@ def test_every_plant_process_is_another_run(scenario1: Scenario) -> None:
     runs = set()
     for _ in range(3):
         with bind_udp(ANY_PORT, "test") as sock:
-            plant = Plant(scenario1.plant_config(), sock, False, new_seal(b"", PLANT_LINK))
+            plant = Plant(scenario1.plant_config(), sock, False, new_link_signer(b"", PLANT_LINK))
             runs |= {*plant._fleet.messages["run"].tolist()}
     assert len(runs) == 3

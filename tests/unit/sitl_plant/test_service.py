@@ -8,7 +8,7 @@ import pytest
 
 from mavlink_defs import dialect
 from mavlink_defs.faults import MAX_FAULTS, FaultLimits
-from mavlink_defs.framing.frames import Speaker, parse
+from mavlink_defs.framing.frames import FramePacker, parse
 from sitl_plant.actuators import no_faults
 from sitl_plant.service import AircraftService
 
@@ -29,7 +29,7 @@ class Bench:
         self.applied[3] = 700.0
         limits = FaultLimits(surface_deg=35.0, thrust_n=2000.0)
         self.service = AircraftService(UAV, COMPONENT, self.faults, self.applied, limits)
-        self.speaker = Speaker(UAV, 1)
+        self.speaker = FramePacker(UAV, 1)
         self.now = 0.0
 
     def send(self, message: Any) -> list[Any]:

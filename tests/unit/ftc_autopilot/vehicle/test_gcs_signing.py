@@ -4,9 +4,9 @@ import time
 
 import pytest
 
-from ftc_autopilot.vehicle.gcs_signing import Door
+from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from mavlink_defs import dialect
-from mavlink_defs.framing.frames import Speaker
+from mavlink_defs.framing.frames import FramePacker
 from mavlink_defs.framing.signing import Signer, timestamp
 
 KEY = bytes(range(1, 33))
@@ -18,18 +18,18 @@ def setup(initial: int) -> dialect.MAVLink_setup_signing_message:
 
 @pytest.mark.parametrize("initial", [2**48, 2**64 - 1, 2**48 - 1, 2**47])
 def test_a_key_with_a_time_of_the_far_future_is_refused(initial: int) -> None:
-    door = Door(3, None)
-    words = door.set_key(setup(initial), "127.0.0.1", armed=False)
+    gcs_signing = GcsSigning(3, None)
+    words = gcs_signing.set_key(setup(initial), "127.0.0.1", armed=False)
     assert words is not None
     assert f"initial_timestamp {initial} " in words
-    frame = Speaker(3, 1).pack(dialect.MAVLink_ping_message(0, 0, 0, 0))
-    assert door.sign(frame) == frame  # no key is in force
+    frame = FramePacker(3, 1).pack(dialect.MAVLink_ping_message(0, 0, 0, 0))
+    assert gcs_signing.sign(frame) == frame  # no key is in force
 
 
 def test_a_key_with_a_time_of_today_is_taken_and_others_are_heard() -> None:
-    door = Door(3, None)
+    gcs_signing = GcsSigning(3, None)
     now = timestamp(time.time())
-    assert door.set_key(setup(now + 1_000_000), "127.0.0.1", armed=False) is not None
-    frame = Speaker(255, 190).pack(dialect.MAVLink_ping_message(0, 0, 0, 0))
-    assert door.admit(frame) is None
-    assert door.admit(Signer(KEY).sign(frame)) is not None
+    assert gcs_signing.set_key(setup(now + 1_000_000), "127.0.0.1", armed=False) is not None
+    frame = FramePacker(255, 190).pack(dialect.MAVLink_ping_message(0, 0, 0, 0))
+    assert gcs_signing.accept(frame) is None
+    assert gcs_signing.accept(Signer(KEY).sign(frame)) is not None

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ftc_autopilot.control.controllers import NOT_STARTED, Crew, new_crew
+from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, new_controllers
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.schedule import scheduled
 from ftc_autopilot.link import new_link
@@ -27,9 +27,9 @@ FLYING = {"proposed": "scenario1", "backstepping": "scenario2_backstepping", "pi
 class Bench:
     def __init__(self, scenario: Scenario) -> None:
         config = scenario.autopilot_config(2)
-        self.crew: Crew = new_crew([config])
+        self.controllers: Controllers = new_controllers([config])
         self.link = new_link(2, config.neighbours, config.step_us, 0.25, 0)
-        found = parameters_of(config, self.link, self.crew)
+        found = parameters_of(config, self.link, self.controllers)
         self.parameters = {parameter.name: parameter for parameter in found}
 
     def __getitem__(self, name: str) -> Parameter:
@@ -79,33 +79,33 @@ def test_the_papers_parameters_are_there(bench: Bench) -> None:
     ],
 )
 def test_a_value_out_of_range_is_refused(bench: Bench, name: str, value: float, text: str) -> None:
-    before = bench.crew.parameters.copy()
+    before = bench.controllers.parameters.copy()
     with pytest.raises(ParamValueError) as refusal:
         bench.set(name, value)
     assert refusal.value.text == text
-    assert bench.crew.parameters == before
+    assert bench.controllers.parameters == before
 
 
 def test_what_is_set_is_flown(bench: Bench) -> None:
-    record = bench.crew.parameters[0]
+    record = bench.controllers.parameters[0]
     bench.set("LAMBDA3", 4.0)
     bench.set("TRIG_MODE", 1)
     assert (record["common"]["lambda3"], record["trigger"]["mode"]) == (4.0, 1)
 
 
 def test_a_schedule_is_read_as_it_is_now_and_set_for_good(bench: Bench) -> None:
-    table = bench.crew.parameters[0]["trigger"]["a2_n"]
-    bench.crew.guidance[0]["start_step"] = 1000
+    table = bench.controllers.parameters[0]["trigger"]["a2_n"]
+    bench.controllers.guidance[0]["start_step"] = 1000
     bench.link.clock[0]["step"] = 16_000
     assert bench["TRIG_A2_N"].get() == 1.0  # from 14 s on
-    bench.crew.guidance[0]["start_step"] = NOT_STARTED
+    bench.controllers.guidance[0]["start_step"] = NOT_STARTED
     assert bench["TRIG_A2_N"].get() == 0.5
     bench.set("TRIG_A2_N", 2.0)
     assert [scheduled(table, t)[0] for t in (0.0, 14.0, 99.0)] == [2.0] * 3
 
 
 def test_one_axis_is_set_and_the_others_keep_their_schedule(bench: Bench) -> None:
-    table = bench.crew.parameters[0]["proposed"]["K1"]
+    table = bench.controllers.parameters[0]["proposed"]["K1"]
     bench.set("K1_PITCH", 30.0)
     assert scheduled(table, 0.0) == (50.0, 30.0, 51.0)
     assert scheduled(table, 99.0) == (40.0, 30.0, 40.0)
@@ -113,8 +113,8 @@ def test_one_axis_is_set_and_the_others_keep_their_schedule(bench: Bench) -> Non
 
 def test_initial_values_can_be_set_until_the_law_has_read_them(bench: Bench) -> None:
     bench.set("BETA_V0", 2.0)
-    assert bench.crew.parameters[0]["proposed"]["beta_v0"] == 2.0
-    bench.crew.controllers[0]["steps"] = 1
+    assert bench.controllers.parameters[0]["proposed"]["beta_v0"] == 2.0
+    bench.controllers.states[0]["steps"] = 1
     with pytest.raises(ParamValueError) as refusal:
         bench.set("BETA_V0", 3.0)
     assert refusal.value.error == dialect.MAV_PARAM_ERROR_READ_ONLY

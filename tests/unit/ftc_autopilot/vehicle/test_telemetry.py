@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common
 
-from ftc_autopilot.control.controllers import new_crew
+from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.geography import Origin, place_of
 from ftc_autopilot.link import new_link
 from ftc_autopilot.vehicle.status_messages import VERSION
@@ -17,7 +17,7 @@ from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
-from mavlink_defs.framing.frames import Speaker, parse
+from mavlink_defs.framing.frames import FramePacker, parse
 
 ACCEPTED, DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 ATTITUDE = dialect.MAVLINK_MSG_ID_ATTITUDE
@@ -28,17 +28,17 @@ class Bench:
 
     def __init__(self, scenario: Scenario) -> None:
         config = scenario.autopilot_config(3)
-        self.crew = new_crew([config])
+        self.controllers = new_controllers([config])
         self.link = new_link(3, config.neighbours, config.step_us, 0.25, 0)
         state = self.link.measured[0]
         state["position"] = (1000.0, 0.0, -120.0)
         state["velocity"] = (40.0, 0.0, 0.0)
         state["attitude"] = (0.0, math.radians(10.0), math.radians(45.0))
         state["time_usec"] = 5_000_000
-        self.crew.actuators[0]["controls"][:4] = (0.5, -1.0, 1.0, 0.25)
-        self.vehicle = Vehicle(config, self.link, self.crew)
+        self.controllers.actuators[0]["controls"][:4] = (0.5, -1.0, 1.0, 0.25)
+        self.vehicle = Vehicle(config, self.link, self.controllers)
         (self.telemetry,) = self.vehicle.telemetry
-        self.speaker = Speaker(3, 1)
+        self.speaker = FramePacker(3, 1)
 
     def heard(self, name: str) -> Any:
         """A message as a ground station gets it."""
@@ -109,7 +109,12 @@ def test_version(bench: Bench) -> None:
 
 @pytest.mark.parametrize("value", [0.0, math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9])
 def test_no_state_is_too_strange_to_be_told(value: float, bench: Bench) -> None:
-    arrays = (bench.link.measured, bench.crew.signals, bench.crew.controllers, bench.crew.actuators)
+    arrays = (
+        bench.link.measured,
+        bench.controllers.signals,
+        bench.controllers.states,
+        bench.controllers.actuators,
+    )
     with np.errstate(all="ignore"):
         for array in arrays:
             _fill(array[0], value)

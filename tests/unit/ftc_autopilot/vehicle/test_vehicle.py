@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ftc_autopilot.control.controllers import Crew, new_crew
+from ftc_autopilot.control.controllers import Controllers, new_controllers
 from ftc_autopilot.link import AutopilotLink, new_link
 from ftc_autopilot.vehicle.vehicle import AUTO, GUIDED, LOITER, Vehicle
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
-from mavlink_defs.framing.frames import Speaker, parse
+from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.profile import segments_to_items
 
-GCS = Speaker(255, 190)
+GCS = FramePacker(255, 190)
 UAV = 1
 
 
@@ -26,11 +26,11 @@ class Bench:
     def __init__(self, scenario: Scenario, heard: bool = True, stations: int = 1) -> None:
         config = scenario.autopilot_config(UAV)
         config = config.model_copy(update={"gcs": config.gcs * stations})
-        self.crew: Crew = new_crew([config])
+        self.controllers: Controllers = new_controllers([config])
         self.link: AutopilotLink = new_link(UAV, config.neighbours, config.step_us, 0.25, 0)
         self.link.measured[0]["velocity"] = (40.0, 0.0, 0.0)
         self.link.clock["heard_s"] = float(heard)
-        self.vehicle = Vehicle(config, self.link, self.crew)
+        self.vehicle = Vehicle(config, self.link, self.controllers)
         self.now = 0.0
 
     def run(self, flags: int = dialect.FTC_SIM_FLAGS_RUNNING) -> None:
@@ -80,8 +80,8 @@ def test_after_arming_it_loiters_level_at_the_present_speed(scenario1: Scenario)
     bench = Bench(scenario1)
     assert bench.command(ARM, 1.0) == ACCEPTED
     assert bench.vehicle.modes.mode == LOITER
-    assert list(bench.crew.guidance[0]["command"]) == [40.0, 0.0, 0.0, 0.0]
-    assert bench.crew.guidance[0]["active"] == 1
+    assert list(bench.controllers.guidance[0]["command"]) == [40.0, 0.0, 0.0, 0.0]
+    assert bench.controllers.guidance[0]["active"] == 1
 
 
 def test_a_mission_cannot_start_without_a_profile(scenario1: Scenario) -> None:
@@ -92,10 +92,10 @@ def test_a_started_mission_flies_the_uploaded_profile(scenario1: Scenario) -> No
     bench = Bench(scenario1)
     assert bench.upload(scenario1) == dialect.MAV_MISSION_ACCEPTED
     assert bench.command(START) == ACCEPTED
-    guidance = bench.crew.guidance[0]
+    guidance = bench.controllers.guidance[0]
     assert bench.vehicle.modes.mode == AUTO
     assert (guidance["auto"], guidance["start_step"]) == (1, 0)
-    assert bench.crew.profiles[0]["count"] == 3
+    assert bench.controllers.profiles[0]["count"] == 3
 
 
 def test_a_mission_started_in_flight_begins_with_the_next_step(scenario1: Scenario) -> None:
@@ -105,7 +105,7 @@ def test_a_mission_started_in_flight_begins_with_the_next_step(scenario1: Scenar
     bench.run()
     bench.link.clock["step"] = 500
     bench.command(START)
-    assert bench.crew.guidance[0]["start_step"] == 501
+    assert bench.controllers.guidance[0]["start_step"] == 501
 
 
 def test_a_mission_is_started_again_after_another_upload(scenario1: Scenario) -> None:
@@ -128,7 +128,7 @@ def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
     said = bench.vehicle.gcs_messages()
     assert [m.seq for m in of_type(said, "MISSION_ITEM_REACHED")] == [1]
     assert {m.seq for m in of_type(said, "MISSION_CURRENT")} == {2}
-    assert bench.crew.guidance[0]["start_step"] == 0
+    assert bench.controllers.guidance[0]["start_step"] == 0
 
 
 def test_setting_the_current_item_jumps_in_the_profile(scenario1: Scenario) -> None:
@@ -138,10 +138,10 @@ def test_setting_the_current_item_jumps_in_the_profile(scenario1: Scenario) -> N
     bench.run()
     bench.link.clock["step"] = 1000
     bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 3))
-    assert bench.crew.guidance[0]["start_step"] == 1000 - 15000
+    assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
     bench.link.clock["step"] = 1001
     bench.vehicle.tick(bench.now)
-    assert bench.crew.guidance[0]["start_step"] == 1000 - 15000
+    assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
     assert not of_type(bench.vehicle.gcs_messages(), "MISSION_ITEM_REACHED")
 
 
@@ -151,14 +151,14 @@ def test_disarming_in_flight_must_be_forced(scenario1: Scenario) -> None:
     bench.run()
     assert bench.command(ARM, 0.0) == DENIED
     assert bench.command(ARM, 0.0, 21196.0) == ACCEPTED
-    assert bench.crew.guidance[0]["active"] == 0
+    assert bench.controllers.guidance[0]["active"] == 0
 
 
 def test_arming_again_restarts_the_law(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     bench.command(ARM, 1.0)
     bench.run()
-    controller = bench.crew.controllers[0]
+    controller = bench.controllers.states[0]
     controller["started"], controller["proposed"]["beta_v"] = 1, 5.0
     controller["steps"] = controller["events"][:] = 7
     bench.command(ARM, 1.0)  # is armed already
@@ -179,7 +179,7 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     bench.run()
     bench.link.clock["step"] = 20_000
     bench.link.clock["edge_changes"] = 2
-    bench.crew.weights[0] = 1.0
+    bench.controllers.weights[0] = 1.0
     bench.vehicle.tick(bench.now)
     bench.vehicle.gcs_messages()
     bench.run(flags=0)
@@ -193,9 +193,9 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
         LOITER, dialect.MAV_STATE_STANDBY,
     )  # fmt: skip
     assert not heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
-    assert bench.crew.guidance[0]["active"] == 0
+    assert bench.controllers.guidance[0]["active"] == 0
     assert bench.command(START) == ACCEPTED  # the profile is still there, and begins anew
-    assert bench.crew.guidance[0]["start_step"] == 0
+    assert bench.controllers.guidance[0]["start_step"] == 0
 
 
 @pytest.mark.parametrize("mode", [0.0, 5.0, 11.0, math.nan])
@@ -211,9 +211,9 @@ def test_guided_follows_set_points(scenario1: Scenario) -> None:
     half = math.radians(10.0) / 2.0
     q = [math.cos(half), math.sin(half), 0.0, 0.0]
     bench.say(dialect.MAVLink_set_attitude_target_message(0, UAV, 1, 0b111, q, 0, 0, 0, 0.0))
-    assert bench.crew.guidance[0]["command"][1] == pytest.approx(math.radians(10.0))
+    assert bench.controllers.guidance[0]["command"][1] == pytest.approx(math.radians(10.0))
     assert bench.command(dialect.MAV_CMD_DO_CHANGE_SPEED, 0.0, 45.0) == ACCEPTED
-    assert bench.crew.guidance[0]["command"][0] == 45.0
+    assert bench.controllers.guidance[0]["command"][0] == 45.0
     assert bench.command(dialect.MAV_CMD_DO_CHANGE_SPEED, 0.0, 450.0) == DENIED
 
 
@@ -229,7 +229,7 @@ def test_fault_commands_go_to_the_simulator_unread_and_its_answer_comes_back(
     assert forwarded.target_component == SIMULATOR_COMPONENT
     assert (forwarded.command, forwarded.param2) == (number, pytest.approx(0.9))
     ack = dialect.MAVLink_command_ack_message(number, DENIED, 0, 0, UAV, 1)
-    answer = parse(Speaker(UAV, SIMULATOR_COMPONENT).pack(ack))
+    answer = parse(FramePacker(UAV, SIMULATOR_COMPONENT).pack(ack))
     assert answer is not None
     bench.vehicle.receive_from_simulator(answer, bench.now)
     (result,) = of_type(bench.vehicle.gcs_messages(), "COMMAND_ACK")
@@ -271,9 +271,9 @@ def test_telemetry_keeps_its_interval_in_simulated_time(scenario1: Scenario) -> 
 
 def test_a_dropped_neighbour_is_announced(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
-    bench.crew.weights[0] = np.array([1.0, 1.0])
-    bench.vehicle._edges = bench.crew.weights[0] > 0.0
-    bench.crew.weights[0, 1] = 0.0
+    bench.controllers.weights[0] = np.array([1.0, 1.0])
+    bench.vehicle._edges = bench.controllers.weights[0] > 0.0
+    bench.controllers.weights[0, 1] = 0.0
     bench.link.clock["edge_changes"] = 1
     bench.vehicle.tick(0.0)
     texts = [m.text for m in of_type(bench.vehicle.gcs_messages(), "STATUSTEXT")]
@@ -298,9 +298,9 @@ def test_a_mission_begins_with_the_current_item_and_then_anew(scenario1: Scenari
     bench.upload(scenario1)
     assert bench.command(SET_CURRENT, 3.0) == ACCEPTED
     assert bench.command(START) == ACCEPTED
-    assert bench.crew.guidance[0]["start_step"] == -15_000
+    assert bench.controllers.guidance[0]["start_step"] == -15_000
     assert bench.command(START) == ACCEPTED
-    assert bench.crew.guidance[0]["start_step"] == 0
+    assert bench.controllers.guidance[0]["start_step"] == 0
 
 
 @pytest.mark.parametrize("params", [(2.0, 0.0), (0.0, 3.0)])
@@ -359,7 +359,7 @@ def test_mission_current_tells_the_state_of_the_mission(scenario1: Scenario) -> 
 def test_a_parameter_acts_between_two_steps_and_is_announced(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     said = bench.say(dialect.MAVLink_param_set_message(UAV, 1, b"LAMBDA3", 4.5, 9))
-    assert bench.crew.parameters[0]["common"]["lambda3"] == 4.5
+    assert bench.controllers.parameters[0]["common"]["lambda3"] == 4.5
     (value,) = of_type(said, "PARAM_VALUE")
     assert (value.param_id, value.param_value) == ("LAMBDA3", 4.5)
     assert [m.text for m in of_type(said, "STATUSTEXT")] == ["LAMBDA3 is 4.5 now"]

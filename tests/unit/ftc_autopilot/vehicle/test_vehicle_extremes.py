@@ -8,10 +8,10 @@ from test_vehicle import Bench
 
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
-from mavlink_defs.framing.frames import Speaker, parse
+from mavlink_defs.framing.frames import FramePacker, parse
 
 UAV = 1
-GCS = Speaker(255, 190)
+GCS = FramePacker(255, 190)
 LIMITS = {"uint8_t": 2**8, "uint16_t": 2**16, "uint32_t": 2**32, "uint64_t": 2**64,
           "int8_t": 2**7, "int16_t": 2**15, "int32_t": 2**31, "int64_t": 2**63}  # fmt: skip
 FLOATS = (0.0, -0.0, math.nan, math.inf, -math.inf, 3.4e38, -3.4e38, 1e-45)
@@ -43,7 +43,7 @@ def message_with(cls: Any, case: int) -> Any:
 
 def listen(bench: Bench) -> None:
     """Everything that the vehicle says can be packed."""
-    own = Speaker(UAV, 1)
+    own = FramePacker(UAV, 1)
     for message in (*bench.vehicle.gcs_messages(), *bench.vehicle.simulator_messages()):
         assert parse(own.pack(message)) is not None
 
@@ -96,5 +96,5 @@ def test_the_vehicle_still_flies_after_all_that(scenario1: Scenario) -> None:
             received = parse(GCS.pack(message_with(cls, case)))
             assert received is not None
             bench.vehicle.receive(received, bench.now)
-    assert all(math.isfinite(float(x)) for x in bench.crew.guidance[0]["command"])
-    assert math.isfinite(float(bench.crew.parameters[0]["proposed"]["K1"][0, 1]))
+    assert all(math.isfinite(float(x)) for x in bench.controllers.guidance[0]["command"])
+    assert math.isfinite(float(bench.controllers.parameters[0]["proposed"]["K1"][0, 1]))

@@ -4,7 +4,7 @@ from test_vehicle import ACCEPTED, UAV, Bench, of_type
 
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
-from mavlink_defs.framing.frames import Speaker, parse
+from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.profile import segments_to_items
 from sitl_plant.link import SIMULATOR_COMPONENT
 
@@ -40,7 +40,7 @@ def test_faults_are_listed_to_the_station_that_asks(scenario1: Scenario) -> None
     fault = dialect.MAVLINK_MSG_ID_FTC_FAULT
     request = (UAV, 1, REQUEST, 0, fault, 0, 0, 0, 0, 0, 0)
     bench.say(dialect.MAVLink_command_long_message(*request), 1)
-    simulator = Speaker(UAV, SIMULATOR_COMPONENT)
+    simulator = FramePacker(UAV, SIMULATOR_COMPONENT)
     for message in (
         dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0),
         dialect.MAVLink_command_ack_message(REQUEST, ACCEPTED, 0, 0, UAV, 1),

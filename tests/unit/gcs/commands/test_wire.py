@@ -14,7 +14,7 @@ from gcs.cli import main
 from gcs.wire.dissector import lua_dissector
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap import DEFAULT_PORTS
-from mavlink_defs.framing.frames import Speaker
+from mavlink_defs.framing.frames import FramePacker
 
 AUTOPILOT, PLANT = ("127.0.0.1", 40123), ("127.0.0.1", 14560)
 RELAY = ["--relay", "127.0.0.1:9=127.0.0.1:8"]
@@ -39,7 +39,7 @@ def gcs(monkeypatch, capsys):
 def actuators(step: int, aileron: float) -> bytes:
     controls = [aileron, 0.5, 0.5, 0.5, *[0.0] * 12]
     message = dialect.MAVLink_hil_actuator_controls_message(1000 * step, controls, 0, 0)
-    return udp_packet(AUTOPILOT, PLANT, Speaker(7, 1).pack(message))
+    return udp_packet(AUTOPILOT, PLANT, FramePacker(7, 1).pack(message))
 
 
 def some_flight(path: Path, write: Any = pcap, keep: int | None = None) -> Path:

@@ -21,7 +21,7 @@ from gcs.figures.overview import draw_flight
 from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import STYLES, decimated, draw_curve, frame, new_figure, save
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.summary import CHANNELS, QUANTITIES
+from gcs.results.summary import PAPER_ORDER, QUANTITIES
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 
@@ -30,7 +30,7 @@ Draw: TypeAlias = Callable[[Flight], Figure]
 DURATION_S = 2.5
 FAULT = "fault: rudder of follower 2 at 90 %, 1.2 s to 1.4 s"
 UAVS = ["leader", "follower 1", "follower 2"]
-PRINTED = {1: {"throttle": 7, "rudder": 11}, 3: dict.fromkeys(CHANNELS, 5)}
+PRINTED = {1: {"throttle": 7, "rudder": 11}, 3: dict.fromkeys(PAPER_ORDER, 5)}
 DRAW: dict[str, Draw] = {
     "fig5": fig5,
     "fig6": fig6,

@@ -4,11 +4,11 @@ from typing import Any
 
 from gcs.fleet.hub import MAX_STATIONS, PATIENCE_S, Hub
 from mavlink_defs import dialect
-from mavlink_defs.framing.frames import Speaker
+from mavlink_defs.framing.frames import FramePacker
 
 ONE, TWO = ("127.0.0.1", 1001), ("127.0.0.1", 1002)
 GCS, OTHER = ("127.0.0.1", 2001), ("127.0.0.1", 2002)
-SPEAKERS = {1: Speaker(1, 1), 2: Speaker(2, 1), 255: Speaker(255, 190)}
+SPEAKERS = {1: FramePacker(1, 1), 2: FramePacker(2, 1), 255: FramePacker(255, 190)}
 
 
 def frame(message: Any, system: int) -> bytes:

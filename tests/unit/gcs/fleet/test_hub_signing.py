@@ -2,7 +2,7 @@
 
 from gcs.fleet.hub import Hub
 from mavlink_defs import dialect
-from mavlink_defs.framing.frames import Speaker
+from mavlink_defs.framing.frames import FramePacker
 from mavlink_defs.framing.signing import Signer
 
 KEY = bytes(range(1, 33))
@@ -10,11 +10,13 @@ VEHICLE, STATION, FAR = ("127.0.0.1", 1), ("127.0.0.1", 2), ("192.0.2.1", 3)
 
 
 def beat(system: int, component: int) -> bytes:
-    return Speaker(system, component).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    return FramePacker(system, component).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
 
 
 def setup(target: int) -> bytes:
-    return Speaker(255, 190).pack(dialect.MAVLink_setup_signing_message(target, 1, list(KEY), 0))
+    return FramePacker(255, 190).pack(
+        dialect.MAVLink_setup_signing_message(target, 1, list(KEY), 0)
+    )
 
 
 def test_a_hub_with_a_key_serves_those_who_sign() -> None:

@@ -7,11 +7,11 @@ import pytest
 
 from gcs.reports.paper import CONTROLLERS, MODES, Results, paper_report
 from gcs.reports.published_values import FIG_9, TABLE_IV, TABLE_V
-from gcs.results.summary import CHANNELS, QUANTITIES
+from gcs.results.summary import PAPER_ORDER, QUANTITIES
 
 
 def summary(iae: dict[str, float], events: dict[str, int], loss: str | None = None) -> Any:
-    channels = {name: {"events": events[name]} for name in CHANNELS}
+    channels = {name: {"events": events[name]} for name in PAPER_ORDER}
     saving = 1.0 - sum(events.values()) / 96000
     uavs = [{"id": i, "iae": iae, "channels": channels, "saving": saving} for i in (1, 2, 3)]
     return {"scenario": "a flight", "loss": loss, "mode": "in_process", "uavs": uavs}

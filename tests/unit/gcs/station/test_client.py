@@ -10,16 +10,16 @@ import pytest
 
 from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.client import Client
-from gcs.station.notifications import News
+from gcs.station.notifications import Notification
 from gcs.station.vehicle import PRIVATE_INTERVALS_S, Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.endpoint import Address, Connection, free_ports
-from mavlink_defs.framing.frames import Speaker, parse, text_chunks
+from mavlink_defs.endpoint import Connection, UdpAddress, free_ports
+from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
 from mavlink_defs.framing.signing import make_key
 from mavlink_defs.profile import Segment
 from mavlink_defs.services.command import CommandServer
-from mavlink_defs.services.machine import Address as Identity
+from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission_server import MissionServer
 
 REAL, INT = dialect.MAV_PARAM_TYPE_REAL32, dialect.MAV_PARAM_TYPE_INT32
@@ -30,8 +30,8 @@ class FakeVehicle(asyncio.DatagramProtocol):
     """Answers whoever speaks to it; arms, refuses to start, never answers a change of mode."""
 
     def __init__(self, system: int) -> None:
-        own = Identity(system, 1)
-        self.speaker = Speaker(*own)
+        own = SystemId(system, 1)
+        self.speaker = FramePacker(*own)
         self.commands = CommandServer(own)
         self.mission = MissionServer(own, lambda items: None)
         self.params = {"B1": (0.25, REAL), "COUNT": (7.0, INT)}
@@ -111,7 +111,7 @@ async def connected(
     transport, _ = await loop.create_datagram_endpoint(lambda: fake, ("127.0.0.1", 0))
     port = transport.get_extra_info("sockname")[1]
     try:
-        async with Client(Connection("out", Address("127.0.0.1", port)), **options) as client:
+        async with Client(Connection("out", UdpAddress("127.0.0.1", port)), **options) as client:
             (vehicle,) = await client.discover(PATIENCE_S, [7])
             yield client, vehicle, fake
     finally:
@@ -175,8 +175,12 @@ def test_profiles_and_inquiries() -> None:
     """A vehicle that has no faults to tell is not asked twice; a new profile is noticed."""
 
     async def test() -> None:
-        news: list[News] = []
-        async with connected(inquire=True, on_news=news.append) as (client, vehicle, fake):
+        notifications: list[Notification] = []
+        async with connected(inquire=True, on_notification=notifications.append) as (
+            client,
+            vehicle,
+            fake,
+        ):
             state = vehicle.state
             assert await client.until(lambda: state.profile == (), PATIENCE_S)
             assert (state.faults, state.offers_faults) == (None, False)
@@ -187,10 +191,10 @@ def test_profiles_and_inquiries() -> None:
             assert len(fake.mission.items) == 2
             assert await client.until(lambda: state.profile == (segment,), PATIENCE_S)
             assert await vehicle.download() == (segment,)
-            texts = [one.text for one in news]
+            texts = [one.text for one in notifications]
             assert texts[0] == "vehicle found"
             assert "holds profile of 1 segments" in texts
-            assert list(client.log) == news
+            assert list(client.log) == notifications
 
     run(test)
 
@@ -240,14 +244,14 @@ def test_silence_and_nobody_there() -> None:
             assert vehicle.state.lost
             assert [one.kind for one in client.log if one.severity == 3] == ["link", "link", "ack"]
         (port,) = free_ports(1)
-        async with Client(Connection("out", Address("127.0.0.1", port))) as client:
+        async with Client(Connection("out", UdpAddress("127.0.0.1", port))) as client:
             with pytest.raises(NoAnswer, match=f"nobody listens at 127.0.0.1:{port}"):
                 await client.discover(PATIENCE_S)
-        async with Client(Connection("in", Address("127.0.0.1", port))) as client:
+        async with Client(Connection("in", UdpAddress("127.0.0.1", port))) as client:
             with pytest.raises(NoAnswer, match="no vehicle heard within"):
                 await client.discover(0.1)
             with pytest.raises(BadInput, match=f"UDP port {port} .* is in use"):
-                async with Client(Connection("in", Address("127.0.0.1", port))):
+                async with Client(Connection("in", UdpAddress("127.0.0.1", port))):
                     pass
 
     run(test)
@@ -258,9 +262,9 @@ def test_unsigned_frames_change_nothing_and_are_counted(tmp_path: Path) -> None:
     make_key(key)
 
     async def test() -> None:
-        async with Client(Connection("in", Address("127.0.0.1", 0)), signing_key=key) as client:
+        async with Client(Connection("in", UdpAddress("127.0.0.1", 0)), signing_key=key) as client:
             heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 3, 3)
-            client.datagram_received(Speaker(7, 1).pack(heartbeat), ("127.0.0.1", 9))
+            client.datagram_received(FramePacker(7, 1).pack(heartbeat), ("127.0.0.1", 9))
             assert client.drops == {"unsigned": 1}
             assert not client.fleet.vehicles
 

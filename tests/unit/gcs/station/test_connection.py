@@ -6,7 +6,7 @@ import pytest
 from gcs.errors import BadInput
 from gcs.station import connection
 from gcs.station.connection import choose_connection, own_identity
-from mavlink_defs.endpoint import Address, EndpointError, parse_connection, someone_listens
+from mavlink_defs.endpoint import EndpointError, UdpAddress, parse_connection, someone_listens
 
 
 @pytest.mark.parametrize(
@@ -37,9 +37,9 @@ def test_the_hub_comes_first_if_there_is_one(monkeypatch: pytest.MonkeyPatch) ->
         sock.bind(("127.0.0.1", 0))
         port = sock.getsockname()[1]
         monkeypatch.setattr(connection, "HUB_PORT", port)
-        assert someone_listens(Address("127.0.0.1", port))
+        assert someone_listens(UdpAddress("127.0.0.1", port))
         assert str(choose_connection(None)) == f"udpout:127.0.0.1:{port}"
-    assert not someone_listens(Address("127.0.0.1", port))
+    assert not someone_listens(UdpAddress("127.0.0.1", port))
     assert str(choose_connection(None)) == "udpin:127.0.0.1:14550"
 
 

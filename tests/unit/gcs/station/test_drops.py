@@ -7,15 +7,15 @@ from gcs.station.status import drop_lines, status_dict
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.framing import codec
-from mavlink_defs.framing.frames import Speaker
-from mavlink_defs.services.machine import Address
+from mavlink_defs.framing.frames import FramePacker
+from mavlink_defs.services.machine import SystemId
 
 BEAT = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
 NONE = [0] * len(codec.DROP_REASONS)
 
 
 def state(system: int, gcs: list[int], plant: list[int]) -> VehicleState:
-    state = VehicleState(Address(system, 1), 0.0)
+    state = VehicleState(SystemId(system, 1), 0.0)
     state.receive(BEAT, 0.0)
     state.receive(dialect.MAVLink_ftc_drops_message(0, gcs, NONE, NONE, plant), 0.0)
     return state
@@ -23,7 +23,7 @@ def state(system: int, gcs: list[int], plant: list[int]) -> VehicleState:
 
 def test_drops_have_one_line_for_each_who_dropped() -> None:
     some = [3, 0, 0, 0, 1, *NONE[5:]]
-    states = [state(1, NONE, some), state(2, some, some), VehicleState(Address(3, 1), 0.0)]
+    states = [state(1, NONE, some), state(2, some, some), VehicleState(SystemId(3, 1), 0.0)]
     assert drop_lines(Counter({"not MAVLink 2": 7}), states) == [
         "dropped here: 7 not MAVLink 2",
         "dropped by the plant: 3 truncated, 1 wrong checksum",
@@ -45,8 +45,8 @@ def test_there_are_as_many_reasons_as_the_message_has_room_for() -> None:
 
 def test_a_damaged_frame_does_not_move_a_vehicle_of_the_hub() -> None:
     hub, vehicle, station, liar = Hub([1]), ("127.0.0.1", 1), ("127.0.0.1", 2), ("127.0.0.1", 3)
-    frame = Speaker(1, 1).pack(BEAT)
+    frame = FramePacker(1, 1).pack(BEAT)
     order = dialect.MAVLink_param_request_list_message(1, 1)
     hub.route(frame, vehicle, 0.0)
     assert hub.route(frame[:-1] + bytes([frame[-1] ^ 1]), liar, 0.0) == []
-    assert hub.route(Speaker(255, 190).pack(order), station, 0.0) == [vehicle]
+    assert hub.route(FramePacker(255, 190).pack(order), station, 0.0) == [vehicle]

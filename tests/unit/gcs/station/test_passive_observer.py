@@ -9,19 +9,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.station.fleet_state import FleetState
-from gcs.station.passive_observer import Overheard
+from gcs.station.passive_observer import PassiveObserver
 from gcs.station.vehicle_state import VehicleState
-from gcs.tui.fault_history import Ledger
+from gcs.tui.fault_history import FaultHistory
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import MAX_FAULTS, Fault, fault_to_params
-from mavlink_defs.framing.frames import Speaker, parse
+from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.services.command import CommandServer
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 from sitl_plant.actuators import add_fault, clear_faults, no_faults
 
-STATION, VEHICLE = Address(255, 77), Address(3, 1)
+STATION, VEHICLE = SystemId(255, 77), SystemId(3, 1)
 NAN, INF = math.nan, math.inf
 NOW_S = 5.5  # what the vehicle last told of its simulated time [s]
 
@@ -32,17 +32,17 @@ anything = st.builds(
 )  # fmt: skip
 
 
-def received(message: MAVLink_message, source: Address) -> Any:
-    return parse(Speaker(*source).pack(message))
+def received(message: MAVLink_message, source: SystemId) -> Any:
+    return parse(FramePacker(*source).pack(message))
 
 
 class Log:
-    """A station's log of one vehicle, played into a fleet state and a ledger."""
+    """A station's log of one vehicle, played into a fleet state and a fault_history."""
 
     def __init__(self) -> None:
         self._fleet = FleetState()
-        self._overheard = Overheard(self._fleet)
-        self.ledger = Ledger((0, 0))
+        self._overheard = PassiveObserver(self._fleet)
+        self.fault_history = FaultHistory((0, 0))
         self.play(dialect.MAVLink_heartbeat_message(1, 3, 1, 12, 4, 3), VEHICLE)
         self.tell_time(NOW_S)
 
@@ -50,11 +50,14 @@ class Log:
     def state(self) -> VehicleState:
         return self._fleet.vehicles[VEHICLE.system]
 
-    def play(self, message: MAVLink_message, source: Address) -> None:
+    def play(self, message: MAVLink_message, source: SystemId) -> None:
         message = received(message, source)
-        for news in (*self._fleet.receive(message, 0.0), *self._overheard.receive(message, 0.0)):
-            self.ledger.hear(news, 0.0)
-        self.ledger.observe(self.state, 0.0)
+        for notifications in (
+            *self._fleet.receive(message, 0.0),
+            *self._overheard.receive(message, 0.0),
+        ):
+            self.fault_history.receive(notifications, 0.0)
+        self.fault_history.observe(self.state, 0.0)
 
     def tell_time(self, time_s: float) -> None:
         zeros = [0.0] * 4
@@ -128,7 +131,7 @@ def test_a_listed_fault_does_not_replace_itself(value: float) -> None:
     log, fault = Log(), Fault(2, 0.9, value, value, value + 19.0, value + 30.0)
     log.set(fault)
     log.list([fault])
-    (record,) = log.ledger.records
+    (record,) = log.fault_history.records
     assert (record.fault, record.gone, record.acknowledged is None) == (fault, "", False)
 
 
@@ -137,11 +140,11 @@ def test_a_start_that_was_estimated_is_set_right_by_the_list() -> None:
     log.set(Fault(2, 0.9, 0.0, 0.0, NAN, NAN))
     exact = Fault(2, 0.9, 0.0, 0.0, NOW_S + 0.043, INF)
     log.list([exact])
-    (record,) = log.ledger.records
+    (record,) = log.fault_history.records
     assert (record.fault, record.gone, record.acknowledged is None) == (exact, "", False)
     log.set(Fault(2, 0.9, 0.0, 0.0, NAN, NAN))  # the same once more is another fault
     log.list([Fault(2, 0.9, 0.0, 0.0, NOW_S + 0.5, INF)])
-    first, second = log.ledger.records
+    first, second = log.fault_history.records
     assert (first.gone, second.gone) == ("replaced", "")
 
 

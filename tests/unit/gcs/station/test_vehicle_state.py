@@ -9,13 +9,13 @@ import pytest
 from gcs.station.event_counts import EventCounts
 from gcs.station.fleet_state import FleetState
 from gcs.station.history import History
-from gcs.station.notifications import ERROR, WARNING, News
+from gcs.station.notifications import ERROR, WARNING, Notification
 from gcs.station.status import status_dict
 from gcs.station.vehicle_state import LOST_S, VehicleState, describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import Fault
-from mavlink_defs.framing.frames import Speaker, parse, text_chunks
+from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
 from mavlink_defs.profile import Segment
 
 STANDBY, ACTIVE, BOOT = (dialect.MAV_STATE_STANDBY, dialect.MAV_STATE_ACTIVE,
@@ -52,8 +52,8 @@ class Bench:
 
     def say(
         self, message: MAVLink_message, now: float, system: int = 1, component: int = 1
-    ) -> list[News]:
-        received = parse(Speaker(system, component).pack(message))
+    ) -> list[Notification]:
+        received = parse(FramePacker(system, component).pack(message))
         assert received is not None
         return self.fleet.receive(received, now)
 
@@ -61,17 +61,17 @@ class Bench:
         return self.fleet.vehicles[system]
 
 
-def words(news: list[News]) -> list[tuple[str, str]]:
-    return [(one.kind, one.text) for one in news]
+def words(notifications: list[Notification]) -> list[tuple[str, str]]:
+    return [(one.kind, one.text) for one in notifications]
 
 
 def test_vehicles_appear_by_their_heartbeats() -> None:
     bench = Bench()
     assert bench.say(tracking(1.0), 0.0, system=7) == []
     assert bench.fleet.vehicles == {}
-    assert bench.fleet.rumoured == {7}
+    assert bench.fleet.unconfirmed == {7}
     assert words(bench.say(heartbeat(), 0.1, system=7)) == [("link", "vehicle found")]
-    assert bench.fleet.rumoured == set()
+    assert bench.fleet.unconfirmed == set()
     gcs = dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
     bench.say(gcs, 0.1, system=254)
     bench.say(heartbeat(), 0.1, system=9, component=25)
@@ -97,8 +97,8 @@ def test_heartbeat_tells_arming_and_mode() -> None:
     bench = Bench(1)
     state = bench.state()
     assert (state.armed, state.mode, state.is_ready) == (False, "LOITER", True)
-    news = bench.say(heartbeat(ACTIVE, armed=True, mode=10), 0.5)
-    assert words(news) == [("mode", "armed"), ("mode", "mode LOITER → AUTO")]
+    notifications = bench.say(heartbeat(ACTIVE, armed=True, mode=10), 0.5)
+    assert words(notifications) == [("mode", "armed"), ("mode", "mode LOITER → AUTO")]
     assert (state.armed, state.mode) == (True, "AUTO")
     assert bench.say(heartbeat(ACTIVE, armed=True, mode=10), 1.5) == []
     bench.say(heartbeat(BOOT, mode=3), 2.0)
@@ -159,10 +159,10 @@ def test_a_restart_is_noticed(late: bool) -> None:
     bench.state().learn_profile((), 0.1)
     if late:  # its first words were lost: time went back and stays there
         assert bench.say(events(0.0, 0), 1.0) == []
-        news = bench.say(events(0.0, 0), 2.1)
+        notifications = bench.say(events(0.0, 0), 2.1)
     else:
-        news = bench.say(heartbeat(BOOT), 0.5)
-    assert words(news) == [("link", "vehicle was restarted")]
+        notifications = bench.say(heartbeat(BOOT), 0.5)
+    assert words(notifications) == [("link", "vehicle was restarted")]
     state = bench.state()
     assert state.restarts == 1
     assert (state.faults, state.profile, state.counts.total) == (None, None, 0)
@@ -191,8 +191,12 @@ def test_texts_are_assembled_and_logged() -> None:
     long = "neighbour 2 silent, edge dropped, and so on and so forth for long"
     first, second = text_chunks(WARNING, long, 3)
     assert bench.say(first, 0.0) == []
-    (news,) = bench.say(second, 0.1)
-    assert (news.kind, news.severity, news.text) == ("text", WARNING, long)
+    (notifications,) = bench.say(second, 0.1)
+    assert (notifications.kind, notifications.severity, notifications.text) == (
+        "text",
+        WARNING,
+        long,
+    )
     heard = bench.state().texts_heard
     bench.say(text_chunks(WARNING, "short", 4)[0], 0.2)
     assert [text.text for text in bench.state().texts_since(heard)] == ["short"]
@@ -205,9 +209,13 @@ def ack(command: int, result: int = 0) -> MAVLink_message:
 
 def test_acks_are_logged_whoever_they_are_for() -> None:
     bench = Bench(1)
-    (news,) = bench.say(ack(dialect.MAV_CMD_MISSION_START, dialect.MAV_RESULT_DENIED), 0.1)
-    assert (news.kind, news.severity, news.text) == ("ack", WARNING, "MISSION_START: DENIED")
-    assert news.about.target_system == 254
+    (notifications,) = bench.say(ack(dialect.MAV_CMD_MISSION_START, dialect.MAV_RESULT_DENIED), 0.1)
+    assert (notifications.kind, notifications.severity, notifications.text) == (
+        "ack",
+        WARNING,
+        "MISSION_START: DENIED",
+    )
+    assert notifications.about.target_system == 254
     assert bench.say(ack(dialect.MAV_CMD_REQUEST_MESSAGE), 0.1) == []
     refused = dialect.MAVLink_mission_ack_message(255, 190, dialect.MAV_MISSION_DENIED, 0)
     assert words(bench.say(refused, 0.1)) == [("ack", "mission: DENIED")]
@@ -222,8 +230,8 @@ def test_faults_are_asked_for_at_first_and_whenever_they_may_have_changed() -> N
     assert not state.is_asking_due(1.0)
     bench.say(ack(dialect.MAV_CMD_FTC_SET_FAULT), 1.0)
     assert state.is_asking_due(1.0)
-    (news,) = state.learn_faults((FAULT,), 1.1)
-    assert words([news]) == [("faults", "faults: rudder at 90 % in (19, 22] s")]
+    (notifications,) = state.learn_faults((FAULT,), 1.1)
+    assert words([notifications]) == [("faults", "faults: rudder at 90 % in (19, 22] s")]
     assert state.learn_faults((FAULT,), 1.2) == []
     assert words(state.learn_faults((), 1.3)) == [("faults", "faults: none")]
     assert not state.is_asking_due(1.5)

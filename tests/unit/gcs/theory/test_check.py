@@ -418,7 +418,7 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the loop and what calls the laws run as plain Python, and all else as compiled."""
     chain = (
         (in_process, "_run"),
-        (in_process, "onboard_step"),
+        (in_process, "controller_step"),
         (controllers, "_control"),
         (controllers, "control_step"),
         (controller, "evaluate"),
@@ -604,13 +604,15 @@ def test_steps_that_an_autopilot_did_not_make_are_left_out_and_counted(
 ) -> None:
     """UAV 3 misses steps 100 to 109; its neighbours keep what it had reported before."""
     python_loop(monkeypatch)
-    made = in_process.onboard_step
+    made = in_process.controller_step
     missed = range(100, 110)
 
-    def step(crew: Any, i: int, measured: Any, step_us: int) -> int:
-        return 0 if i == 2 and measured["step"] in missed else made(crew, i, measured, step_us)
+    def step(controllers: Any, i: int, measured: Any, step_us: int) -> int:
+        return (
+            0 if i == 2 and measured["step"] in missed else made(controllers, i, measured, step_us)
+        )
 
-    monkeypatch.setattr(in_process, "onboard_step", step)
+    monkeypatch.setattr(in_process, "controller_step", step)
     flown, scenario = fly_in_process(scenario_with(**SHORT)), scenario_with(**SHORT)
     for name in SIGNALS.names or ():
         if SIGNALS[name].base.kind == "f":

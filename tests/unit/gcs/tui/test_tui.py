@@ -16,21 +16,21 @@ from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.scenario.model import Scenario
 from gcs.scenario.profile_file import load_profile
 from gcs.station.fleet_state import FleetState
-from gcs.station.notifications import INFO, News
+from gcs.station.notifications import INFO, Notification
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.app import Dashboard
-from gcs.tui.event_log import Journal
+from gcs.tui.event_log import EventLog
 from gcs.tui.fault_form import read_fault
-from gcs.tui.fault_history import Ledger
+from gcs.tui.fault_history import FaultHistory
 from gcs.tui.formatting import count, number, percent, seconds, sparkline
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.playback import Playback
 from gcs.tui.profile_views import differences, polyline
-from gcs.tui.view import SILENT_S, FleetView, Live
+from gcs.tui.view import SILENT_S, FleetView, LiveSource
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import read_frames
 from mavlink_defs.faults import Fault
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.param import Param
 
 DATA = Path(__file__).parents[3] / "data" / "dashboard"
@@ -58,7 +58,7 @@ class Station:
         self.fleet, self.time_s = FleetState(), 100.0
         self.vehicles: dict[int, Any] = {}
         for system in systems:
-            self.hear(system)
+            self.receive(system)
 
     def hear(self, system: int) -> None:
         self.fleet.receive(heartbeat(system), self.time_s)
@@ -70,8 +70,8 @@ class Station:
         return self.vehicles[system]
 
 
-def live(station: Station) -> Live:
-    source = Live("test", 1.0e9, OWN)
+def live(station: Station) -> LiveSource:
+    source = LiveSource("test", 1.0e9, OWN)
     source.attach(station)
     return source
 
@@ -133,59 +133,59 @@ def test_a_form_that_cannot_be_sent_says_why(
     assert problem in "\n".join(read.problems)
 
 
-# journal and ledger
+# event_log and fault_history
 
 
 def test_a_journal_keeps_the_latest() -> None:
-    journal = Journal()
+    event_log = EventLog()
     for i in range(5010):
-        journal.hear(News(0.0, 1, "text", INFO, str(i)), 0.0, None)
-    assert len(journal.entries) == 5000
-    assert [entry.text for entry in journal.since(5007)] == ["5007", "5008", "5009"]
-    assert len(journal.since(0)) == 5000
+        event_log.receive(Notification(0.0, 1, "text", INFO, str(i)), 0.0, None)
+    assert len(event_log.entries) == 5000
+    assert [entry.text for entry in event_log.since(5007)] == ["5007", "5008", "5009"]
+    assert len(event_log.since(0)) == 5000
 
 
-def ack(command: int, asker: tuple[int, int] = OWN) -> News:
+def ack(command: int, asker: tuple[int, int] = OWN) -> Notification:
     message = dialect.MAVLink_command_ack_message(command, 0, 0, 0, *asker)
-    return News(0.0, 3, "ack", INFO, "", message)
+    return Notification(0.0, 3, "ack", INFO, "", message)
 
 
 def test_a_ledger_knows_who_acknowledged_what_and_when() -> None:
-    ledger, state = Ledger(OWN), VehicleState(Address(3, 1), 0.0)
-    ledger.hear(ack(dialect.MAV_CMD_FTC_SET_FAULT), 50.0)
+    fault_history, state = FaultHistory(OWN), VehicleState(SystemId(3, 1), 0.0)
+    fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_FAULT), 50.0)
     state.faults = (RUDDER,)
-    ledger.observe(state, 51.0)
-    ledger.observe(state, 52.0)
-    (record,) = ledger.records
+    fault_history.observe(state, 51.0)
+    fault_history.observe(state, 52.0)
+    (record,) = fault_history.records
     assert record.acknowledged is not None
     assert (record.acknowledged.at, record.acknowledged.asked_by) == (50.0, "this station")
     assert [record.phase(t) for t in (None, 10.0, 10.1, 20.0, 20.1)] == [
         "waiting", "waiting", "active", "active", "over",
     ]  # fmt: skip
 
-    ledger.hear(ack(dialect.MAV_CMD_FTC_SET_FAULT, (255, 190)), 60.0)
+    fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_FAULT, (255, 190)), 60.0)
     state.faults = (replace(RUDDER, effectiveness=0.1),)
-    ledger.observe(state, 61.0)
+    fault_history.observe(state, 61.0)
     assert record.phase(15.0) == "replaced"
-    assert ledger.last is not None
-    assert ledger.last.acknowledged is not None
-    assert ledger.last.acknowledged.asked_by == "station 255/190"
+    assert fault_history.last is not None
+    assert fault_history.last.acknowledged is not None
+    assert fault_history.last.acknowledged.asked_by == "station 255/190"
 
-    ledger.hear(ack(dialect.MAV_CMD_FTC_CLEAR_FAULTS), 70.0)
+    fault_history.receive(ack(dialect.MAV_CMD_FTC_CLEAR_FAULTS), 70.0)
     state.faults = ()
-    ledger.observe(state, 71.0)
-    assert (ledger.last.gone, ledger.last.gone_at) == ("cleared", 71.0)
-    assert ledger.last.cleared is not None
+    fault_history.observe(state, 71.0)
+    assert (fault_history.last.gone, fault_history.last.gone_at) == ("cleared", 71.0)
+    assert fault_history.last.cleared is not None
 
 
 def test_a_restarted_vehicle_has_lost_its_faults() -> None:
-    ledger, state = Ledger(OWN), VehicleState(Address(3, 1), 0.0)
+    fault_history, state = FaultHistory(OWN), VehicleState(SystemId(3, 1), 0.0)
     state.faults = (RUDDER,)
-    ledger.observe(state, 1.0)
-    assert ledger.records[0].acknowledged is None
+    fault_history.observe(state, 1.0)
+    assert fault_history.records[0].acknowledged is None
     state.restarts, state.faults = 1, None
-    ledger.observe(state, 2.0)
-    assert ledger.records[0].phase(15.0) == "restarted"
+    fault_history.observe(state, 2.0)
+    assert fault_history.records[0].phase(15.0) == "restarted"
 
 
 # the view
@@ -203,7 +203,7 @@ def test_a_view_says_whether_anything_is_new() -> None:
     view.marked = {1, 2}
     assert view.targets == (1, 2)
     station.time_s += SILENT_S
-    station.hear(1)
+    station.receive(1)
     assert view.look()
     silent = {state.system for state in view.states if view.is_silent(state)}
     assert silent == {2}
@@ -252,10 +252,10 @@ def test_a_log_goes_back_and_tells_the_same_again() -> None:
     player = playback()
     player.playing = False
     go(player, 20.0)
-    before = (player.fleet.vehicles[1].time_s, player.journal.count, player.fleet.events)
+    before = (player.fleet.vehicles[1].time_s, player.event_log.count, player.fleet.events)
     go(player, 29.0)
     go(player, 20.0)
-    after = (player.fleet.vehicles[1].time_s, player.journal.count, player.fleet.events)
+    after = (player.fleet.vehicles[1].time_s, player.event_log.count, player.fleet.events)
     assert after == before
 
 
@@ -345,7 +345,7 @@ def test_parameters_are_searched_and_set_after_a_question() -> None:
     station.vehicles[1] = vehicle
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        entries = app.view.source.journal.entries
+        entries = app.view.source.event_log.entries
         await pilot.press("5")
         await pilot.pause(0.2)
         grid = app.query_one("#params", Grid)
@@ -375,7 +375,7 @@ def test_every_failure_is_told() -> None:
     station.vehicles[1] = Obstinate()
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        entries = app.view.source.journal.entries
+        entries = app.view.source.event_log.entries
         await pilot.press("asterisk", "a", "enter")
         await pilot.pause(0.1)
         texts = {entry.system: entry.text for entry in entries if entry.kind == "action"}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mavlink_defs import dialect
 from mavlink_defs.capture.impairment import Bursts, Impairer, Impairment, Outage
 from mavlink_defs.config.models import ConfigError, validate
-from mavlink_defs.framing.frames import Speaker
+from mavlink_defs.framing.frames import FramePacker
 
 N = 4000
 shares = st.floats(0.0, 1.0)
@@ -153,7 +153,7 @@ def test_the_fate_of_a_message_does_not_depend_on_its_number_or_what_came_before
     message = dialect.MAVLink_ftc_step_done_message
 
     def lost(heartbeats: int) -> list[bool]:
-        speaker = Speaker(1, 1)
+        speaker = FramePacker(1, 1)
         impairer = Impairer(Impairment(loss=0.3), "a")
         for _ in range(heartbeats):
             impairer.send(speaker.pack(dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)), 0.0)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mavlink_defs.capture.pcap import Packet, PcapCutOff, PcapError, is_pcap, read_pcap
-from mavlink_defs.endpoint import Address
+from mavlink_defs.endpoint import UdpAddress
 
 LINKS = ["null", "loop", "ethernet", "tagged", "raw", "sll", "sll2"]
 START_S = 1_750_000_000
@@ -27,7 +27,7 @@ def read(path: Path, content: bytes) -> list[Packet]:
 
 
 def expected(time_s: float, payload: bytes) -> Packet:
-    return Packet(pytest.approx(time_s, abs=1e-6), Address(*A), Address(*B), payload)  # type: ignore[arg-type]
+    return Packet(pytest.approx(time_s, abs=1e-6), UdpAddress(*A), UdpAddress(*B), payload)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("write", [pcap, pcapng])

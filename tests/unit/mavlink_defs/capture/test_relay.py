@@ -10,10 +10,10 @@ import pytest
 from mavlink_defs import dialect
 from mavlink_defs.capture.impairment import Impairment, Outage
 from mavlink_defs.capture.relay import Relay, Route
-from mavlink_defs.endpoint import Address, EndpointError, parse_address
-from mavlink_defs.framing.frames import Speaker
+from mavlink_defs.endpoint import EndpointError, UdpAddress, parse_address
+from mavlink_defs.framing.frames import FramePacker
 
-ANY = Address("127.0.0.1", 0)
+ANY = UdpAddress("127.0.0.1", 0)
 
 
 @contextlib.contextmanager
@@ -24,8 +24,8 @@ def udp() -> Iterator[socket.socket]:
         yield sock
 
 
-def address_of(sock: socket.socket) -> Address:
-    return Address(*sock.getsockname())
+def address_of(sock: socket.socket) -> UdpAddress:
+    return UdpAddress(*sock.getsockname())
 
 
 def front_of(relay: Relay, target: socket.socket) -> tuple[str, int]:
@@ -34,7 +34,7 @@ def front_of(relay: Relay, target: socket.socket) -> tuple[str, int]:
 
 
 def heartbeat(system: int) -> bytes:
-    return Speaker(system, 1).pack(dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
+    return FramePacker(system, 1).pack(dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
 
 
 def drain(sock: socket.socket, quiet_s: float = 0.3) -> list[bytes]:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
-from mavlink_defs.endpoint import Address
+from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.faults import ACTUATORS
-from mavlink_defs.framing.frames import Speaker, frame_size
+from mavlink_defs.framing.frames import FramePacker, frame_size
 
 RUNNING = dialect.FTC_SIM_FLAGS_RUNNING
 HEARTBEAT = dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
@@ -37,13 +37,13 @@ ways = st.tuples(st.sampled_from(["plant", "gcs"]), st.sampled_from(["to", "from
 def actuators(time_us: int, values: tuple[float, ...], system: int = 1) -> bytes:
     controls = [*values, *[0.0] * 12]
     message = dialect.MAVLink_hil_actuator_controls_message(time_us, controls, 0, 0)
-    return Speaker(system, 1).pack(message)
+    return FramePacker(system, 1).pack(message)
 
 
 def state(step: int, system: int = 1, flags: int = RUNNING, run: int = 7) -> bytes:
     zeros = [[0.0] * 3] * 5
     message = dialect.MAVLink_ftc_sim_state_message(step * 1000, 0, *zeros, step, flags, run)
-    return Speaker(system, 25).pack(message)
+    return FramePacker(system, 25).pack(message)
 
 
 def uav_of(tap: Tap, system: int = 1, link: str = "plant") -> dict:
@@ -55,7 +55,7 @@ def uav_of(tap: Tap, system: int = 1, link: str = "plant") -> dict:
 def test_frames_and_bytes_are_counted_by_link_direction_sender_and_message(sent) -> None:
     tap, frames, sizes = Tap(), Counter(), Counter()
     for t, ((link, direction), (system, component), message) in enumerate(sent):
-        datagram = Speaker(system, component).pack(message)
+        datagram = FramePacker(system, component).pack(message)
         tap.count(float(t), link, direction, datagram)
         key = (link, direction, system, component, message.get_type())
         frames[key] += 1
@@ -138,7 +138,7 @@ def test_what_autopilots_report_stands_in_for_what_is_not_seen() -> None:
         9, 100, [1, 2, 3, 4], [2**32 - 1, 500, 600, 700], 7, [0, 1, 0, 0], 0
     )
     tap = Tap()
-    tap.count(0.0, "gcs", "to", Speaker(1, 1).pack(report))
+    tap.count(0.0, "gcs", "to", FramePacker(1, 1).pack(report))
     uav = uav_of(tap, link="gcs")
     assert uav["reported"]
     assert uav["saving"] == pytest.approx(1 - 10 / 400)
@@ -149,7 +149,7 @@ def test_what_autopilots_report_stands_in_for_what_is_not_seen() -> None:
 
 def test_rates_are_over_a_sliding_window() -> None:
     tap = Tap(window_s=2.0)
-    frame = Speaker(1, 1).pack(HEARTBEAT)
+    frame = FramePacker(1, 1).pack(HEARTBEAT)
     for k in range(100):
         tap.count(k * 0.1, "gcs", "to", frame)
     (row,) = tap.report(9.9)["messages"]
@@ -176,7 +176,7 @@ def damaged(frame: bytes) -> dict[str, bytes]:
 
 
 def test_what_is_no_frame_is_counted_by_reason() -> None:
-    wrong = damaged(Speaker(1, 1).pack(HEARTBEAT))
+    wrong = damaged(FramePacker(1, 1).pack(HEARTBEAT))
     tap = Tap()
     for reason, datagram in wrong.items():
         tap.count(0.0, "gcs", "to", datagram)
@@ -187,7 +187,7 @@ def test_what_is_no_frame_is_counted_by_reason() -> None:
 
 
 def test_a_datagram_may_hold_several_frames() -> None:
-    frame = Speaker(1, 1).pack(HEARTBEAT)
+    frame = FramePacker(1, 1).pack(HEARTBEAT)
     tap = Tap()
     tap.count(0.0, "gcs", "to", frame * 3 + b"rest")
     assert tap.frames("HEARTBEAT") == 3
@@ -200,7 +200,7 @@ def test_signed_frames_are_counted() -> None:
     signing.signing.sign_outgoing = True
     tap = Tap()
     tap.count(0.0, "gcs", "to", bytes(HEARTBEAT.pack(signing)))
-    tap.count(0.0, "gcs", "to", Speaker(1, 1).pack(HEARTBEAT))
+    tap.count(0.0, "gcs", "to", FramePacker(1, 1).pack(HEARTBEAT))
     (row,) = tap.report()["messages"]
     assert (row["frames"], row["signed"]) == (2, 1)
 
@@ -215,13 +215,13 @@ def test_no_datagram_is_too_odd(noise: bytes, tail: bytes) -> None:
 
 @given(messages | st.just(HEARTBEAT), senders)
 def test_frame_size_agrees_with_pymavlink(message, sender) -> None:
-    frame = Speaker(*sender).pack(message)
+    frame = FramePacker(*sender).pack(message)
     assert frame_size(frame + b"more") == (len(frame), "")
 
 
 def test_memory_does_not_grow_with_the_number_of_frames() -> None:
     tap = Tap(window_s=0.1)
-    frame = Speaker(1, 1).pack(HEARTBEAT)
+    frame = FramePacker(1, 1).pack(HEARTBEAT)
     for k in range(5000):
         tap.count(k * 1e-2, "gcs", "to", frame)
     (count,) = tap._counts.values()
@@ -230,12 +230,12 @@ def test_memory_does_not_grow_with_the_number_of_frames() -> None:
 
 def test_links_are_named_by_the_port_of_their_fixed_end() -> None:
     names = LinkNames({**DEFAULT_PORTS, 9000: "mine"})
-    peer = Address("127.0.0.1", 40123)
+    peer = UdpAddress("127.0.0.1", 40123)
     for port, link in ((14550, "gcs"), (14560, "plant"), (14602, "formation"), (9000, "mine")):
-        end = Address("127.0.0.1", port)
+        end = UdpAddress("127.0.0.1", port)
         assert names.of(peer, end) == (link, "to")
         assert names.of(end, peer) == (link, "from")
-    other = Address("127.0.0.1", 50000)
+    other = UdpAddress("127.0.0.1", 50000)
     link, direction = names.of(peer, other)
     assert link == "127.0.0.1:40123 / 127.0.0.1:50000"
     assert {direction, names.of(other, peer)[1]} == {"to", "from"}

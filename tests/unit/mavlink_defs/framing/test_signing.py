@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from mavlink_defs import dialect
 from mavlink_defs.framing import codec
-from mavlink_defs.framing.frames import Speaker, parse
+from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.framing.hot_signing import (
-    Seal,
-    load_seal,
-    new_seal,
-    open_frame,
-    seal_bytes,
-    seal_frame,
+    LinkSigner,
+    load_link_signer,
+    new_link_signer,
+    sign_bytes,
+    sign_frame,
+    verify_frame,
 )
 from mavlink_defs.framing.sha256 import signature
 from mavlink_defs.framing.signing import (
@@ -43,14 +43,14 @@ ARM = dialect.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
 
 
 def frame_of(message: dialect.MAVLink_message = ARM, system: int = 255) -> bytes:
-    return Speaker(system, 190).pack(message)
+    return FramePacker(system, 190).pack(message)
 
 
-def opened(seal: Seal, frame: bytes) -> int:
+def opened(link_signer: LinkSigner, frame: bytes) -> int:
     datagram = codec.new_buffer()
     size = min(len(frame), codec.BUFFER_SIZE)
     datagram[:size] = np.frombuffer(frame[:size], np.uint8)
-    return open_frame(seal, datagram, size)
+    return verify_frame(link_signer, datagram, size)
 
 
 @given(st.binary(min_size=32, max_size=32), st.binary(max_size=300))
@@ -71,29 +71,29 @@ def test_pymavlink_and_signer_understand_each_other() -> None:
 
 
 def test_pymavlink_and_seal_understand_each_other() -> None:
-    seal = new_seal(KEY, 0)
+    link_signer = new_link_signer(KEY, 0)
     theirs = dialect.MAVLink(None, srcSystem=3, srcComponent=1)
     theirs.signing.secret_key, theirs.signing.sign_outgoing = KEY, True
     theirs.signing.timestamp = int((time.time() - EPOCH_S) * 1e5)
     done, payload = dialect.MAVLink_ftc_step_done_message(7), np.zeros(1, codec.STEP_DONE)
     payload["step"] = 7
     for _ in range(3):
-        assert opened(seal, bytes(done.pack(theirs))) == codec.ID_STEP_DONE
-        assert opened(seal, bytes(ARM.pack(theirs))) == codec.FOREIGN
+        assert opened(link_signer, bytes(done.pack(theirs))) == codec.ID_STEP_DONE
+        assert opened(link_signer, bytes(ARM.pack(theirs))) == codec.FOREIGN
         datagram = codec.new_buffer()
         length = codec.pack(datagram, payload, codec.ID_STEP_DONE, 3, 1, 0)
-        hot = bytes(datagram[: seal_frame(seal, datagram, length)])
+        hot = bytes(datagram[: sign_frame(link_signer, datagram, length)])
         assert theirs.decode(bytearray(hot)).step == 7
-        assert theirs.decode(bytearray(seal_bytes(seal, frame_of()))).command == 400
+        assert theirs.decode(bytearray(sign_bytes(link_signer, frame_of()))).command == 400
 
 
 @pytest.mark.parametrize("message", [ARM, dialect.MAVLink_ftc_step_done_message(1)])
 def test_unsigned_wrong_and_replayed_are_refused(message: dialect.MAVLink_message) -> None:
     good, bad = Signer(KEY).sign(frame_of(message)), Signer(OTHER).sign(frame_of(message))
-    signer, seal = Signer(KEY), new_seal(KEY, 0)
+    signer, link_signer = Signer(KEY), new_link_signer(KEY, 0)
     for frame, why in ((frame_of(message), UNSIGNED), (bad, WRONG), (good, ""), (good, REPLAYED)):
         assert signer.accepts(frame) == (not why)
-        code = opened(seal, frame)
+        code = opened(link_signer, frame)
         assert codec.DROP_REASONS.get(code, "") == why
     assert signer.refused == {UNSIGNED: 1, WRONG: 1, REPLAYED: 1}
 
@@ -102,29 +102,29 @@ def test_unsigned_wrong_and_replayed_are_refused(message: dialect.MAVLink_messag
 def test_any_mutation_is_refused_and_changes_nothing(data: st.DataObject) -> None:
     message = data.draw(st.sampled_from([ARM, dialect.MAVLink_ftc_step_done_message(1)]))
     good = Signer(KEY).sign(frame_of(message))
-    signer, seal = Signer(KEY), new_seal(KEY, 0)
+    signer, link_signer = Signer(KEY), new_link_signer(KEY, 0)
     if data.draw(st.booleans()):
         bad = good[: data.draw(st.integers(0, len(good) - 1))]
     else:
         i, flip = data.draw(st.integers(0, len(good) - 1)), data.draw(st.integers(1, 255))
         bad = good[:i] + bytes([good[i] ^ flip]) + good[i + 1 :]
     assert not signer.accepts(bad)
-    assert opened(seal, bad) < codec.SIGNED
-    assert not seal.newest.any()
+    assert opened(link_signer, bad) < codec.SIGNED
+    assert not link_signer.newest.any()
     assert signer.accepts(good)
-    assert opened(seal, good) >= codec.FOREIGN
+    assert opened(link_signer, good) >= codec.FOREIGN
 
 
 @given(st.binary(max_size=300))
 def test_noise_is_refused(noise: bytes) -> None:
     assert not Signer(KEY).accepts(noise)
-    assert opened(new_seal(KEY, 0), noise) < codec.SIGNED
+    assert opened(new_link_signer(KEY, 0), noise) < codec.SIGNED
 
 
 def test_radio_status_may_be_unsigned() -> None:
     frame = frame_of(dialect.MAVLink_radio_status_message(0, 0, 0, 0, 0, 0, 0))
     assert Signer(KEY).accepts(frame)
-    assert opened(new_seal(KEY, 0), frame) == codec.FOREIGN
+    assert opened(new_link_signer(KEY, 0), frame) == codec.FOREIGN
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_radio_status_may_be_unsigned() -> None:
 def test_a_new_stream_may_be_one_minute_behind_or_ahead(late_s: float, accepted: bool) -> None:
     frame = Signer(KEY, unix_s=lambda: time.time() - late_s).sign(frame_of())
     assert Signer(KEY).accepts(frame) == accepted
-    assert (opened(new_seal(KEY, 0), frame) == codec.FOREIGN) == accepted
+    assert (opened(new_link_signer(KEY, 0), frame) == codec.FOREIGN) == accepted
     assert WINDOW == 60 * 100_000
 
 
@@ -145,41 +145,41 @@ def test_streams_are_apart() -> None:
 
 
 def test_what_is_captured_on_one_link_is_refused_on_another() -> None:
-    plant = seal_bytes(new_seal(KEY, PLANT_LINK), frame_of())
+    plant = sign_bytes(new_link_signer(KEY, PLANT_LINK), frame_of())
     assert not Signer(KEY).accepts(plant)
-    assert opened(new_seal(KEY, 0), plant) == codec.REPLAYED
+    assert opened(new_link_signer(KEY, 0), plant) == codec.REPLAYED
 
 
 def test_own_time_follows_what_is_heard() -> None:
-    ahead, signer, seal = (
+    ahead, signer, link_signer = (
         Signer(KEY, unix_s=lambda: time.time() + 50.0),
         Signer(KEY),
-        new_seal(KEY, 0),
+        new_link_signer(KEY, 0),
     )
     frame = ahead.sign(frame_of())
     assert signer.accepts(frame)
-    assert opened(seal, frame) == codec.FOREIGN
-    for answer in (signer.sign(frame_of()), seal_bytes(seal, frame_of())):
+    assert opened(link_signer, frame) == codec.FOREIGN
+    for answer in (signer.sign(frame_of()), sign_bytes(link_signer, frame_of())):
         assert _stamp(answer) > _stamp(frame)
 
 
 @given(st.integers(0, 2**48 - 1) | st.integers(-2 * WINDOW, 2 * WINDOW).map(lambda d: _now() + d))
 def test_no_stamp_overflows_or_locks_out_others(stamp: int) -> None:
-    signer, seal = Signer(KEY), new_seal(KEY, 0)
+    signer, link_signer = Signer(KEY), new_link_signer(KEY, 0)
     signer.accepts(_stamped(stamp))
-    opened(seal, _stamped(stamp))
-    for answer in (signer.sign(frame_of()), seal_bytes(seal, frame_of())):
+    opened(link_signer, _stamped(stamp))
+    for answer in (signer.sign(frame_of()), sign_bytes(link_signer, frame_of())):
         assert _stamp(answer) <= _now() + WINDOW + 1
     honest = Signer(KEY).sign(frame_of(system=7))
     assert signer.accepts(honest)
-    assert opened(seal, honest) == codec.FOREIGN
+    assert opened(link_signer, honest) == codec.FOREIGN
 
 
 def test_a_stamp_of_the_far_future_is_out_of_range() -> None:
-    signer, seal = Signer(KEY), new_seal(KEY, 0)
+    signer, link_signer = Signer(KEY), new_link_signer(KEY, 0)
     for stamp in (2**47, 2**48 - 1):
         assert signer.problem(_stamped(stamp)) == "out of range"
-        assert opened(seal, _stamped(stamp)) == codec.OUT_OF_RANGE
+        assert opened(link_signer, _stamped(stamp)) == codec.OUT_OF_RANGE
 
 
 def test_a_restart_never_goes_back_even_if_the_clock_does(tmp_path: Path) -> None:
@@ -189,15 +189,15 @@ def test_a_restart_never_goes_back_even_if_the_clock_does(tmp_path: Path) -> Non
     del shared
     assert Path(time_file(tmp_path / "key")).stat().st_size == 8
     again = Signer(KEY, open_time(tmp_path / "key")).sign(frame_of())
-    compiled = seal_bytes(load_seal(str(tmp_path / "key"), 0), frame_of())
+    compiled = sign_bytes(load_link_signer(str(tmp_path / "key"), 0), frame_of())
     assert _stamp(late) < _stamp(again) < _stamp(compiled)
 
 
 def test_a_seal_without_a_key_lets_everything_pass() -> None:
-    seal = new_seal(b"", 0)
-    assert seal_bytes(seal, frame_of()) == frame_of()
-    assert opened(seal, frame_of()) == codec.FOREIGN
-    assert opened(seal, Signer(KEY).sign(frame_of())) == codec.SIGNED
+    link_signer = new_link_signer(b"", 0)
+    assert sign_bytes(link_signer, frame_of()) == frame_of()
+    assert opened(link_signer, frame_of()) == codec.FOREIGN
+    assert opened(link_signer, Signer(KEY).sign(frame_of())) == codec.SIGNED
 
 
 def test_signed_frames_are_parsed() -> None:

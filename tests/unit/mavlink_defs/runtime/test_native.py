@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from mavlink_defs.endpoint import (  # fmt: skip
-    Address,
+    UdpAddress,
     address_of,
     bind_udp,
     connect_udp,
@@ -26,11 +26,11 @@ from mavlink_defs.runtime import native
 PROBE = """
 import numpy as np
 from mavlink_defs import native
-from mavlink_defs.endpoint import Address, bind_udp, connect_udp, set_receive_timeout
-with bind_udp(Address("127.0.0.1", 0), "probe") as server:
+from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, set_receive_timeout
+with bind_udp(UdpAddress("127.0.0.1", 0), "probe") as server:
     port = server.getsockname()[1]
     set_receive_timeout(server, 5.0)
-    with connect_udp(Address("127.0.0.1", port)) as client:
+    with connect_udp(UdpAddress("127.0.0.1", port)) as client:
         data, room, sender = np.arange(9, dtype=np.uint8), np.zeros(9, np.uint8), np.zeros(16, "u1")
         assert native.receive_from_now(server.fileno(), room, sender) == -1
         assert native.send(client.fileno(), data, 7) == 7
@@ -51,14 +51,14 @@ LONG_S = 120.0
 
 @pytest.fixture
 def server() -> Iterator[socket.socket]:
-    with bind_udp(Address("127.0.0.1", 0), "test") as sock:
+    with bind_udp(UdpAddress("127.0.0.1", 0), "test") as sock:
         set_receive_timeout(sock, 5.0)
         yield sock
 
 
 @pytest.fixture
 def client(server: socket.socket) -> Iterator[socket.socket]:
-    with connect_udp(Address(*server.getsockname())) as sock:
+    with connect_udp(UdpAddress(*server.getsockname())) as sock:
         set_receive_timeout(sock, 5.0)
         yield sock
 
@@ -75,7 +75,7 @@ def test_datagrams_arrive_with_their_sender_and_can_be_answered(server, client, 
     assert native.receive_from(server.fileno(), buffer, sender) == 90
     assert buffer[:90].tolist() == list(range(90))
     assert not buffer[90:].any()
-    assert address_of(sender) == Address(*client.getsockname())
+    assert address_of(sender) == UdpAddress(*client.getsockname())
     assert native.send_to(server.fileno(), data, 5, sender) == 5
     assert native.receive(client.fileno(), buffer) == 5
 
@@ -128,7 +128,7 @@ def test_a_signal_ends_the_wait(server, buffer) -> None:
 
 
 def test_sending_where_nobody_listens_costs_no_later_datagram(buffer) -> None:
-    address = Address("127.0.0.1", free_ports(1)[0])
+    address = UdpAddress("127.0.0.1", free_ports(1)[0])
     with connect_udp(address) as client:
         assert native.send(client.fileno(), buffer, 10) == 10  # refused, as the next call hears
         with bind_udp(address, "late") as late:
@@ -138,11 +138,11 @@ def test_sending_where_nobody_listens_costs_no_later_datagram(buffer) -> None:
 
 
 def test_addresses_are_the_same_if_host_and_port_are() -> None:
-    ours = sockaddr(Address("127.0.0.1", 14601))
+    ours = sockaddr(UdpAddress("127.0.0.1", 14601))
     unused = ours.copy()
     unused[8:] = 7
     assert native.same_address(ours, unused)
-    for other in (Address("127.0.0.1", 14602), Address("127.0.0.2", 14601)):
+    for other in (UdpAddress("127.0.0.1", 14602), UdpAddress("127.0.0.2", 14601)):
         assert not native.same_address(ours, sockaddr(other))
 
 
@@ -150,7 +150,7 @@ def test_failures_are_minus_one(buffer) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unconnected:
         closed = unconnected.detach()
         os.close(closed)
-    target = sockaddr(Address("127.0.0.1", 9))
+    target = sockaddr(UdpAddress("127.0.0.1", 9))
     assert native.send(closed, buffer, 1) == -1
     assert native.send_to(closed, buffer, 1, target) == -1
     assert native.receive(closed, buffer) == -1

@@ -37,7 +37,7 @@ from mavlink_defs.services.command import (
     CommandServer,
     command_params,
 )
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 
 ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
 SET_FAULT = dialect.MAV_CMD_FTC_SET_FAULT
@@ -54,7 +54,7 @@ IN_PROGRESS = dialect.MAV_RESULT_IN_PROGRESS
 
 
 def long(
-    param1: float = 1.0, command: int = ARM, confirmation: int = 0, target: Address = VEHICLE
+    param1: float = 1.0, command: int = ARM, confirmation: int = 0, target: SystemId = VEHICLE
 ) -> MAVLink_command_long_message:
     return MAVLink_command_long_message(
         *target, command, confirmation, param1, 0.0, math.nan, 0.0, 0.0, 0.0, 0.0
@@ -71,8 +71,8 @@ def ack(
     command: int = ARM,
     result: int = ACCEPTED,
     progress: int = 0,
-    source: Address = VEHICLE,
-    target: Address = GCS,
+    source: SystemId = VEHICLE,
+    target: SystemId = GCS,
     seq: int = 0,
 ) -> MAVLink_command_ack_message:
     message = MAVLink_command_ack_message(command, result, progress, 7, *target)
@@ -109,9 +109,9 @@ class TestClient:
         [
             ack(command=SET_FAULT),
             ack(source=OTHER_VEHICLE),
-            ack(source=Address(1, 2)),
+            ack(source=SystemId(1, 2)),
             ack(target=OTHER_GCS),
-            ack(target=Address(255, 191)),
+            ack(target=SystemId(255, 191)),
             over_the_wire(long(), VEHICLE),
         ],
     )
@@ -125,8 +125,8 @@ class TestClient:
 
     def test_answer_without_target_is_for_everybody(self) -> None:
         client = CommandClient(GCS)
-        client.send(long(target=Address(0, 0)), now=0.0)
-        client.receive(ack(target=Address(0, 0)), now=0.1)
+        client.send(long(target=SystemId(0, 0)), now=0.0)
+        client.receive(ack(target=SystemId(0, 0)), now=0.1)
         assert client.events() == [CommandFinished(ARM, ACCEPTED, 0, 7)]
 
     def test_progress_is_reported_and_extends_patience(self) -> None:
@@ -192,14 +192,14 @@ class Vehicle:
         self.seq = 250
 
     def gets(
-        self, message: CommandMessage, now: float, source: Address = GCS, seq: int | None = None
+        self, message: CommandMessage, now: float, source: SystemId = GCS, seq: int | None = None
     ) -> list[CommandReceived]:
         self.seq = (self.seq + 1) % 256
         received = over_the_wire(message, source, self.seq if seq is None else seq)
         self.server.receive(received, now)
         return self.server.events()
 
-    def executes(self, message: CommandMessage, now: float, source: Address = GCS) -> bool:
+    def executes(self, message: CommandMessage, now: float, source: SystemId = GCS) -> bool:
         """Accept every command at once; tell whether `message` was executed."""
         events = self.gets(message, now, source)
         for event in events:
@@ -275,7 +275,7 @@ class TestServer:
     @pytest.mark.parametrize("source", [GCS, OTHER_GCS])
     @pytest.mark.parametrize("form", [lambda: long(confirmation=1), int_])
     def test_a_repetition_that_comes_late_undoes_nothing(
-        self, source: Address, form: Callable[[], CommandMessage]
+        self, source: SystemId, form: Callable[[], CommandMessage]
     ) -> None:
         vehicle = Vehicle()
         first = long() if isinstance(form(), MAVLink_command_long_message) else int_()
@@ -346,12 +346,12 @@ class TestServer:
         assert vehicle.gets(long(confirmation=9), now=PENDING_TIMEOUT_S + 0.2) == []
         assert [m.result for m in vehicle.server.messages_to_send()] == [FAILED]
 
-    @pytest.mark.parametrize("target", [Address(0, 0), Address(1, 0), Address(0, 1), VEHICLE])
-    def test_addressed_to_us(self, target: Address) -> None:
+    @pytest.mark.parametrize("target", [SystemId(0, 0), SystemId(1, 0), SystemId(0, 1), VEHICLE])
+    def test_addressed_to_us(self, target: SystemId) -> None:
         assert Vehicle().gets(long(target=target), now=0.0)
 
-    @pytest.mark.parametrize("target", [OTHER_VEHICLE, Address(1, 2), Address(2, 0)])
-    def test_addressed_to_others(self, target: Address) -> None:
+    @pytest.mark.parametrize("target", [OTHER_VEHICLE, SystemId(1, 2), SystemId(2, 0)])
+    def test_addressed_to_others(self, target: SystemId) -> None:
         vehicle = Vehicle()
         assert vehicle.gets(long(target=target), now=0.0) == []
         assert vehicle.server.messages_to_send() == []

@@ -19,7 +19,7 @@ from mavlink_defs.services.command import (
     CommandReceived,
     CommandServer,
 )
-from mavlink_defs.services.machine import Address, Machine
+from mavlink_defs.services.machine import Machine, SystemId
 
 
 class Registers(Machine[None]):
@@ -75,7 +75,7 @@ class Station:
     """Gives one order after the other."""
 
     network: LossyNetwork
-    address: Address
+    address: SystemId
     orders: list[Order]
     given: int = 0
     client: CommandClient = field(init=False)

@@ -22,7 +22,7 @@ from mavlink_defs.dialect import (
     MAVLink_mission_ack_message,
     MAVLink_mission_request_message,
 )
-from mavlink_defs.services.machine import Address, Machine
+from mavlink_defs.services.machine import Machine, SystemId
 from mavlink_defs.services.mission import (
     MAX_RETRIES,
     RESPONSE_TIMEOUT_S,
@@ -41,7 +41,7 @@ def run_out(machine: Machine[Any]) -> list[str]:
     return [message.get_type() for message in machine.messages_to_send()]
 
 
-def from_vehicle(message: MAVLink_message, source: Address = VEHICLE) -> MAVLink_message:
+def from_vehicle(message: MAVLink_message, source: SystemId = VEHICLE) -> MAVLink_message:
     message.target_system, message.target_component = GCS
     return over_the_wire(message, source)
 
@@ -202,10 +202,10 @@ def test_two_uploads_and_a_download_never_mix(network: LossyNetwork, second_at: 
     missions = [contents(mission(4, speed)) for speed in (20.0, 40.0)]
     first = MissionUploader(GCS, VEHICLE, mission(4, 20.0))
     second = MissionUploader(OTHER_GCS, VEHICLE, mission(4, 40.0))
-    reader = MissionDownloader(Address(253, 1), VEHICLE)
+    reader = MissionDownloader(SystemId(253, 1), VEHICLE)
     network.join(server, VEHICLE)
     nodes = [network.join(first, GCS), network.join(second, OTHER_GCS)]
-    reading = network.join(reader, Address(253, 1))
+    reading = network.join(reader, SystemId(253, 1))
     first.start(now=0.0)
     network.call_at(second_at, lambda: second.start(network.now))
     network.call_at(second_at, lambda: reader.start(network.now))

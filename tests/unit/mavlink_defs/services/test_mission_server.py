@@ -35,7 +35,7 @@ from mavlink_defs.dialect import (
     MAVLink_mission_set_current_message,
     MAVLink_mission_write_partial_list_message,
 )
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import (
     ITEM_TIMEOUT_S,
     MAX_RETRIES,
@@ -275,7 +275,7 @@ class TestServerDownload:
         vehicle = Vehicle(segments=2)
         ask = MAVLink_mission_request_list_message(*VEHICLE, 0)
         for component in range(1, 200):
-            vehicle.answers(ask, Address(9, component))
+            vehicle.answers(ask, SystemId(9, component))
         assert len(vehicle.server._readers) <= 16
 
 
@@ -309,7 +309,7 @@ class TestCurrent:
 
 def test_server_ignores_what_is_for_others() -> None:
     vehicle = Vehicle(segments=1)
-    for target in (OTHER_VEHICLE, Address(1, 2)):
+    for target in (OTHER_VEHICLE, SystemId(1, 2)):
         clear = MAVLink_mission_clear_all_message(*target, 0)
         assert vehicle.answers(clear) == []
     assert len(vehicle.server.items) == 2
@@ -331,7 +331,7 @@ messages = st.sampled_from(
 
 @given(st.lists(st.tuples(messages, st.sampled_from([GCS, OTHER_GCS]), st.booleans())))
 def test_server_holds_a_valid_mission_whatever_comes(
-    arrivals: list[tuple[MAVLink_message, Address, bool]],
+    arrivals: list[tuple[MAVLink_message, SystemId, bool]],
 ) -> None:
     server = MissionServer(VEHICLE, validate)
     now = 0.0

@@ -9,7 +9,7 @@ from lossy_network import GCS, OTHER_VEHICLE, VEHICLE, LossyNetwork, Node, over_
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.services.machine import Address, Machine, is_for, sender_of
+from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 from mavlink_defs.services.param import (
     MAX_RETRIES,
     MAX_TOGETHER,
@@ -30,7 +30,7 @@ PARAMS = (Param("B1", 0.02, REAL), Param("COUNT", 7, INT), Param("SIXTEEN_LETTER
 class Vehicle(Machine[None]):
     """Parameters in a list; values above 100 are out of range."""
 
-    def __init__(self, params: tuple[Param, ...], own: Address = VEHICLE) -> None:
+    def __init__(self, params: tuple[Param, ...], own: SystemId = VEHICLE) -> None:
         super().__init__()
         self.params = list(params)
         self.own = own

@@ -9,7 +9,7 @@ from lossy_network import GCS, OTHER_GCS, OTHER_VEHICLE, VEHICLE, LossyNetwork, 
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.services.machine import Address
+from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.param_server import (
     BURST,
     BURST_PERIOD_S,
@@ -47,7 +47,7 @@ class Vehicle:
         return Parameter(name, kind, lambda: self.values[name], put)
 
     def answers(
-        self, message: MAVLink_message, source: Address = GCS, now: float = 0.0
+        self, message: MAVLink_message, source: SystemId = GCS, now: float = 0.0
     ) -> list[Any]:
         self.server.receive(over_the_wire(message, source), now)
         return [over_the_wire(answer, VEHICLE) for answer in self.server.messages_to_send()]

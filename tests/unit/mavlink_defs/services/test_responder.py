@@ -4,11 +4,11 @@ import pytest
 from lossy_network import GCS, VEHICLE, over_the_wire
 
 from mavlink_defs import dialect
-from mavlink_defs.services.responder import Courtesy
+from mavlink_defs.services.responder import Responder
 
 
 def answers(message: Any) -> list[Any]:
-    machine = Courtesy(VEHICLE)
+    machine = Responder(VEHICLE)
     machine.receive(over_the_wire(message, GCS), now=12.5)
     machine.handle_timer(20.0)
     assert machine.deadline() is None
