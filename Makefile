@@ -21,7 +21,7 @@ fuzz: $(READY)  ## over a million datagrams through every parser and handler; me
 	$(BIN)/python -m fuzzing
 
 lock:  ## choose new dependency versions (wants uv on the PATH)
-	uv pip compile pyproject.toml --group build --group test --universal --python-version 3.11 \
+	uv pip compile pyproject.toml --group build --group docs --group test --universal --python-version 3.11 \
 	  --generate-hashes --no-emit-index-url --no-annotate --custom-compile-command "make lock" \
 	  --upgrade --quiet --output-file requirements.txt
 
