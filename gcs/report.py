@@ -74,9 +74,7 @@ def _transmissions(summary: dict[str, Any], names: dict[int, str]) -> Table:
 
 
 def _tracking(summary: dict[str, Any], names: dict[int, str]) -> Table:
-    table = Table(
-        title="Tracking: integral of absolute error (IAE), largest error after 1 s [m/s, deg]"
-    )
+    table = Table(title="Tracking: integral of absolute error (IAE), largest error after 1 s")
     table.add_column("UAV")
     table.add_column("")
     for quantity in QUANTITIES:
@@ -84,7 +82,7 @@ def _tracking(summary: dict[str, Any], names: dict[int, str]) -> Table:
     rows = (
         ("iae", "IAE vs commands", "{:.2f}"),
         ("iae_filtered", "IAE vs reference", "{:.2f}"),
-        ("max_error", "largest error", "{:.3f}"),
+        ("max_error", "max error [m/s, deg]", "{:.3f}"),
     )
     for uav in summary["uavs"]:
         for key, label, shape in rows:
