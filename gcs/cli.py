@@ -96,7 +96,7 @@ def main() -> None:
     except ConfigError as problem:
         _end(BadInput.exit_status, str(problem))
     except Interrupted as problem:
-        _end(problem.exit_status, str(problem))
+        _end(problem.exit_status, str(problem), problem.hint)
     except GcsError as problem:
         _end(problem.exit_status, f"error: {problem}", problem.hint)
     except SystemExit as end:

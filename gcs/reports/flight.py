@@ -78,11 +78,11 @@ def _tracking(summary: dict[str, Any], names: dict[int, str]) -> Table:
     table.add_column("UAV")
     table.add_column("")
     for quantity in QUANTITIES:
-        table.add_column(f"{quantity} [{_UNITS[quantity]}]", justify="right")
+        table.add_column(f"{quantity}\n[{_UNITS[quantity]}]", justify="right")
     rows = (
-        ("iae", "IAE against commands", "{:.2f}"),
-        ("iae_filtered", "IAE against reference", "{:.2f}"),
-        ("max_error", "largest error [m/s, deg]", "{:.3f}"),
+        ("iae", "IAE vs commands", "{:.2f}"),
+        ("iae_filtered", "IAE vs reference", "{:.2f}"),
+        ("max_error", "max error [m/s, deg]", "{:.3f}"),
     )
     for uav in summary["uavs"]:
         for key, label, shape in rows:

@@ -13,7 +13,7 @@ from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.laws.proposed import Proposed
 from gcs.theory.dwell import WIRE_ROUNDING, in_force
 from gcs.theory.equality import Equality, compare
-from gcs.theory.ground_truth import Known, solve
+from gcs.theory.ground_truth import Known, short_way, solve
 
 __all__ = ["attitude_definitions", "speed_definitions", "thresholds"]
 
@@ -68,8 +68,8 @@ def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[
     s, near, lam, lambda4 = known.signals, known.neighbours, known.lambda_omega, law.lambda4
     e, e_prime, e_omega = s["error"][:, 1:], s["sync_error"][:, 1:], s["e_omega"]
     phi, phi_r, phi_r_dot = known.attitude, s["reference"][:, 1:], s["reference_dot"][:, 1:]
-    e_near = _short_way(near.attitude - phi_r[:, None])
-    e_sum = np.einsum("kjc,j->kc", _short_way(e[:, None] - e_near), near.weights)
+    e_near = short_way(near.attitude - phi_r[:, None])
+    e_sum = np.einsum("kjc,j->kc", short_way(e[:, None] - e_near), near.weights)
     rates = np.einsum("kjc,j->kc", near.attitude_dot - phi_r_dot[:, None], near.weights)
     reports = lambda4 * (np.linalg.norm(near.attitude, axis=2) @ near.weights)
     K1, K2 = in_force(law.K1, known.time_s), in_force(law.K2, known.time_s)
@@ -86,7 +86,7 @@ def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[
     filtered = s["omega_d"] - law.tau_omega_d_s * s["omega_d_dot"]  # ω_d behind its filter
     return [
         _stepped("Assumption 4", "ϕ_r", known, phi_r, phi_r_dot, s["command"][0, 1:]),
-        same("(32)", "e", e, _short_way(phi - phi_r), cancelled=(phi, phi_r)),
+        same("(32)", "e", e, short_way(phi - phi_r), cancelled=(phi, phi_r)),
         heard("(32)", "e'", e_prime, law.lambda3 * e, lambda4 * e_sum,
               cancelled=(lam * phi, lam * phi_r, reports)),
         heard("(57)", "ω_d", s["omega_d"], *omega_d, cancelled=(rate_sizes,)),
@@ -178,13 +178,6 @@ def _basis(known: Known, law: Proposed) -> np.ndarray:
     squares = sum(np.square(inputs[:, [j]] - centres) for j in range(inputs.shape[1]))
     norm: np.ndarray = np.exp(-2.0 * squares / rbf.width**2).sum(axis=1)
     return norm
-
-
-def _short_way(angle: np.ndarray) -> np.ndarray:
-    """Attitude differences, (..., 3) [rad], their yaw in (-π, π]."""
-    turned = angle.copy()
-    turned[..., 2] -= 2.0 * np.pi * np.ceil((angle[..., 2] - np.pi) / (2.0 * np.pi))
-    return turned
 
 
 def _consecutive(present: np.ndarray) -> np.ndarray:
