@@ -10,13 +10,13 @@ from typing import TypeAlias
 
 import numpy as np
 
+from mavlink_defs.constants import THROTTLE
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.runtime.jit import compiled
 
 __all__ = ["FAULT", "Controls", "add_fault", "apply_faults", "clear_faults",
            "no_faults"]  # fmt: skip
 
-_THROTTLE = 3
 _EMPTY = -1
 
 FAULT = np.dtype(
@@ -53,7 +53,7 @@ def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
         OverflowError: All slots are taken by other faults.
     """
     fault = fault.resolved(now_s)
-    value = fault.value if fault.actuator == _THROTTLE else math.radians(fault.value)
+    value = fault.value if fault.actuator == THROTTLE else math.radians(fault.value)
     kept = [
         old.copy()
         for old in row[row["actuator"] != _EMPTY]

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import THROTTLE
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import (
     ACTUATORS,
@@ -127,7 +128,7 @@ class AircraftService:
                 _stick(faults, actuator, 0.0, time_s)
             elif kind == dialect.FAILURE_TYPE_STUCK:
                 applied = float(self._applied[actuator])
-                value = applied if actuator == 3 else math.degrees(applied)
+                value = applied if actuator == THROTTLE else math.degrees(applied)
                 _stick(faults, actuator, value, time_s)
             else:
                 return dialect.MAV_RESULT_UNSUPPORTED
@@ -144,7 +145,7 @@ class AircraftService:
             self._outbox.append(
                 dialect.MAVLink_ftc_fault_message(
                     effectiveness=float(row["rho"]),
-                    value=value if actuator == 3 else math.degrees(value),
+                    value=value if actuator == THROTTLE else math.degrees(value),
                     frequency=float(row["frequency"]),
                     start=float(row["start"]),
                     end=float(row["end"]),

@@ -14,10 +14,11 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from gcs.theory.dwell import WIRE_ROUNDING, in_force
 from gcs.theory.equality import Equality, compare
 from gcs.theory.ground_truth import Known, short_way, solve
+from mavlink_defs.constants import THROTTLE
 
 __all__ = ["attitude_definitions", "speed_definitions", "thresholds"]
 
-_SURFACES, _THROTTLE = np.arange(3), np.array([3])
+_SURFACES, _THRUST = np.arange(THROTTLE), np.array([THROTTLE])
 
 
 def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equality]:
@@ -46,7 +47,7 @@ def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equ
              lam * s["Phi_v"] * network, lam * V_tp / (2.0 * law.h_v2**2), cancelled=(drift,)),
         same("(33)", "B_v", s["B_v"], driven * np.tanh(V_tp * driven / law.eps_v),
              offset * np.tanh(V_tp * offset / law.eps_v)),
-        same("(33)", "T̂", s["demand"][:, 3],
+        same("(33)", "T̂", s["demand"][:, THROTTLE],
              -(1.0 + in_force(trigger.a1, known.time_s)) * s["B_v"] / zeta),
         same("(34)", "rate of Φ̂_v", s["Phi_v_dot"],
              lam * law.gamma_v1 * V_tp * network, -law.sigma_v1 * s["Phi_v"]),
@@ -57,7 +58,7 @@ def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equ
         _stepped("(34)", "Φ̂_v", known, s["Phi_v"], s["Phi_v_dot"], law.phi_v0),
         _stepped("(35)", "ĝ_v", known, s["g_v"], s["g_v_dot"], law.g_v0),
         _stepped("(36)", "β̂_v", known, s["beta_v"], s["beta_v_dot"], law.beta_v0),
-        *_sent(("(25)", "(26)", "(13)"), known, _THROTTLE, trigger),
+        *_sent(("(25)", "(26)", "(13)"), known, _THRUST, trigger),
     ]  # fmt: skip
 
 
@@ -97,7 +98,7 @@ def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[
         same("(37)", "ζ_ω", zeta, K2 * e_omega, known.drift_omega,
              (s["Phi_omega"] * network)[:, None] * e_omega, e_omega / (2.0 * law.h_omega2**2),
              lam * solve(np.swapaxes(known.R2, 1, 2), e_prime), -s["omega_d_dot"]),
-        same("(37)", "δ̂", s["demand"][:, :3],
+        same("(37)", "δ̂", s["demand"][:, :THROTTLE],
              -gain[:, None] * np.einsum("kji,kj->ki", known.G, e_omega)),
         same("(38)", "rate of Φ̂_ω", s["Phi_omega_dot"],
              law.gamma_omega1 * network * e_sq, -law.sigma_omega1 * s["Phi_omega"]),

@@ -174,7 +174,8 @@ def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
 def test_the_order_of_a_step_is_that_of_the_code() -> None:
     source = inspect.getsource(ftc_autopilot.link._work)
     step = (
-        source.partition("_collect_reports(")[2].partition("elif")[0] + source.rpartition("elif")[2]
+        source.partition("_collect_neighbour_states(")[2].partition("elif")[0]
+        + source.rpartition("elif")[2]
     )
     calls = ("_send_actuators(", "_tell_neighbours(", "ID_STEP_DONE")
     assert [step.index(call) for call in calls] == sorted(step.index(call) for call in calls)
@@ -186,7 +187,7 @@ def test_the_order_of_a_step_is_that_of_the_code() -> None:
 
 def test_functions_named_in_the_equation_table_exist() -> None:
     text = (DOCS / "method.md").read_text()
-    rows = re.findall(r"`(\w+/\w+\.py)`: ((?:`\w+`(?:, )?)+)", text)
+    rows = re.findall(r"`([\w/]+\.py)`: ((?:`\w+`(?:, )?)+)", text)
     assert len(rows) > 15
     for path, functions in rows:
         source = (ROOT / path).read_text()
