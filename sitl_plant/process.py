@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mavlink_defs.config.models import ConfigError, load
+from mavlink_defs.config.models import ConfigError, Problem, load
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
@@ -276,7 +276,9 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         config = load(options.config, PlantConfig)
         if options.record and config.duration_s is None:
-            raise ConfigError(options.config, ["duration_s: missing; --record needs an end"])
+            raise ConfigError(
+                options.config, [Problem(("duration_s",), "missing; --record needs an end")]
+            )
         link_signer = load_link_signer(config.signing_key, PLANT_LINK)
         address = parse_address(config.bind)
         sock = bind_udp(address, "plant", "change `bind`")
