@@ -33,8 +33,7 @@ from mavlink_defs.endpoint import (
     resolve,
     set_receive_timeout,
 )
-from mavlink_defs.framing import codec
-from mavlink_defs.framing.codec import STRANGER
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_signing import load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
@@ -124,7 +123,7 @@ class Autopilot:
     def refused(self) -> Counter[str]:
         """Datagrams dropped on all links, by reason."""
         drops = self._link.drops[:PLANT].sum(axis=0)
-        return +Counter({words: int(drops[-code]) for code, words in codec.DROP_REASONS.items()})
+        return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
 
     def _next_sequence(self) -> int:
         self._state["sequence"] += 1
@@ -170,7 +169,7 @@ class Autopilot:
         if message is None:
             self._link.drops[SIMULATOR, -drop_reason(datagram)] += 1
         elif (message.get_srcSystem(), message.get_srcComponent()) != self._simulator:
-            self._link.drops[SIMULATOR, -STRANGER] += 1
+            self._link.drops[SIMULATOR, -DropReason.STRANGER] += 1
         else:
             self._vehicle.receive_from_simulator(message, time.monotonic())
 
@@ -182,11 +181,11 @@ class Autopilot:
             except (BlockingIOError, ConnectionRefusedError):
                 return False
             if sender not in self._ground_stations:
-                self._link.drops[GCS, -STRANGER] += 1
+                self._link.drops[GCS, -DropReason.STRANGER] += 1
                 continue
             message = self._gcs_signing.accept(datagram)
-            if message is None:
-                self._link.drops[GCS, -self._gcs_signing.refusal] += 1
+            if isinstance(message, DropReason):
+                self._link.drops[GCS, -message] += 1
             elif isinstance(message, dialect.MAVLink_setup_signing_message):
                 words = self._gcs_signing.set_key(message, sender[0], self._vehicle.modes.armed)
                 if words is not None:

@@ -24,6 +24,7 @@ from mavlink_defs.capture.tlog import TlogError, read_tlog
 from mavlink_defs.endpoint import Connection, parse_address, sockaddr
 from mavlink_defs.endpoint import UdpAddress as Endpoint
 from mavlink_defs.framing import codec
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_signing import new_link_signer
 from mavlink_defs.framing.signing import PLANT_LINK
@@ -280,7 +281,7 @@ def parse_all_ways(datagram: bytes) -> bool:
     buffer[:length] = np.frombuffer(datagram[:length], np.uint8)
     code = codec.check(buffer, length)
     if message is None:
-        assert drop_reason(datagram) in codec.DROP_REASONS
+        assert drop_reason(datagram) in set(DropReason)
         assert code < 0 or len(datagram) > codec.BUFFER_SIZE, code
     else:
         assert code in {codec.FOREIGN, codec.SIGNED, message.get_msgId()}, code

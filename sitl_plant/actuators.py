@@ -10,7 +10,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mavlink_defs.constants import THROTTLE
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.runtime.jit import compiled
 
@@ -53,7 +52,6 @@ def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
         OverflowError: All slots are taken by other faults.
     """
     fault = fault.resolved(now_s)
-    value = fault.value if fault.actuator == THROTTLE else math.radians(fault.value)
     kept = [
         old.copy()
         for old in row[row["actuator"] != _EMPTY]
@@ -64,9 +62,7 @@ def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
     row["actuator"] = _EMPTY
     for i, old in enumerate(kept):
         row[i] = old
-    row[len(kept)] = (
-        fault.actuator, fault.effectiveness, value, fault.frequency_hz, fault.start_s, fault.end_s,
-    )  # fmt: skip
+    row[len(kept)] = fault.to_si()
 
 
 def clear_faults(row: np.ndarray, actuator: int) -> None:

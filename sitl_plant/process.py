@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mavlink_defs.config.models import ConfigError, load
+from mavlink_defs.config.models import ConfigError, Problem, load
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
@@ -38,7 +38,8 @@ from mavlink_defs.endpoint import (
     set_receive_timeout,
 )
 from mavlink_defs.faults import FaultLimits
-from mavlink_defs.framing.codec import DROP_REASONS, STRANGER, drop_counts
+from mavlink_defs.framing.codec import drop_counts
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_signing import LinkSigner, load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
@@ -167,12 +168,12 @@ class Plant:
             message.get_srcComponent() != MAV_COMP_ID_AUTOPILOT1
             or message.get_srcSystem() not in systems
         ):
-            self._link.drops[-STRANGER] += 1
+            self._link.drops[-DropReason.STRANGER] += 1
             return
         i = systems.index(message.get_srcSystem())
         now = time.monotonic()
         if not self._register(i, now):
-            self._link.drops[-STRANGER] += 1
+            self._link.drops[-DropReason.STRANGER] += 1
             return
         service = self._services[i]
         service.receive(message, self.time_s, now)
@@ -193,7 +194,7 @@ class Plant:
         if now < self._drops_due_s:
             return
         self._drops_due_s = now + _DROPS_PERIOD_S
-        counts, none = drop_counts(self._link.drops), [0] * len(DROP_REASONS)
+        counts, none = drop_counts(self._link.drops), [0] * len(DropReason)
         time_ms = round(self.time_s * 1e3) & 0xFFFFFFFF
         message = MAVLink_ftc_drops_message(time_ms, none, none, none, counts)
         for i in np.flatnonzero(self._link.known):
@@ -243,7 +244,7 @@ class Plant:
     def refused(self) -> Counter[str]:
         """Datagrams dropped, by reason."""
         drops = self._link.drops
-        return +Counter({words: int(drops[-code]) for code, words in DROP_REASONS.items()})
+        return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
 
     def _say_goodbye(self, lost: bool) -> None:
         """Tell every autopilot that the simulation is over, until each has answered."""
@@ -276,7 +277,9 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         config = load(options.config, PlantConfig)
         if options.record and config.duration_s is None:
-            raise ConfigError(options.config, ["duration_s: missing; --record needs an end"])
+            raise ConfigError(
+                options.config, [Problem(("duration_s",), "missing; --record needs an end")]
+            )
         link_signer = load_link_signer(config.signing_key, PLANT_LINK)
         address = parse_address(config.bind)
         sock = bind_udp(address, "plant", "change `bind`")

@@ -21,7 +21,7 @@ from ftc_autopilot.vehicle.status_messages import StatusMessages
 from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry, makers_of
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.framing import codec
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
@@ -80,7 +80,7 @@ class Vehicle:
             station: Number of the station in `AutopilotConfig.gcs`.
         """
         if not is_for(message, self._own):
-            self._link.drops[GCS, -codec.OTHER_TARGET] += 1
+            self._link.drops[GCS, -DropReason.OTHER_TARGET] += 1
             return
         match message:
             case dialect.MAVLink_set_attitude_target_message():
@@ -104,8 +104,8 @@ class Vehicle:
             case dialect.MAVLink_ftc_fault_message():
                 self._tell([message], self._commands.asking)
             case dialect.MAVLink_ftc_drops_message():
-                for code, count in zip(codec.DROP_REASONS, message.plant, strict=True):
-                    self._link.drops[PLANT, -code] = count
+                for reason, count in zip(DropReason, message.plant, strict=True):
+                    self._link.drops[PLANT, -reason] = count
         self._commands.receive_from_simulator(message, now)
         self._collect()
 

@@ -156,7 +156,7 @@ class Scenario(Model):
         try:
             true_aircraft(self.aircraft, self.uncertainty)
         except Problems as exc:
-            yield from ((("uncertainty", *loc), text) for loc, text in exc.problems)
+            yield from (p._replace(loc=("uncertainty", *p.loc)) for p in exc.problems)
 
     def _network_problems(self) -> Found:
         edges = [(*edge.between, edge.weight) for edge in self.network.edges]

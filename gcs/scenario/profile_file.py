@@ -10,11 +10,11 @@ from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
 from mavlink_defs.config.inherit import read_inherited
-from mavlink_defs.config.models import ConfigError, Model, validate
+from mavlink_defs.config.models import ConfigError, Model, Problem, validate
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
     MAX_SEGMENTS,
-    ProfileError,
+    ItemError,
     Segment,
     items_to_segments,
     segments_to_items,
@@ -46,9 +46,9 @@ def load_profile(path: Path | str) -> tuple[Segment, ...]:
     segments = tuple(segment.segment() for segment in file.profile)
     try:
         return items_to_segments(segments_to_items(segments, 0, 0), ANY_AIRSPEED)
-    except ProfileError as problem:
-        text = problem.text.replace(f"Item {problem.seq}:", f"profile[{problem.seq - 1}]:")
-        raise ConfigError(path, [text]) from problem
+    except ItemError as error:
+        problem = Problem(("profile", error.seq - 1), error.reason)
+        raise ConfigError(path, [problem]) from error
 
 
 def profile_yaml(segments: Iterable[Segment]) -> str:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mavlink_defs.config.models import ConfigError, read, shown
+from mavlink_defs.config.models import ConfigError, Problem, read, shown
 
 __all__ = ["PlaceError", "merged", "read_inherited", "with_values"]
 
@@ -38,20 +38,21 @@ def read_inherited(path: Path | str) -> dict[Any, Any]:
 def _read(path: Path, above: list[Path]) -> dict[Any, Any]:
     """Read a file that the ones `above` extend."""
     if path.resolve() in above:
-        raise ConfigError(path, ["extends itself"])
+        raise ConfigError(path, [Problem((), "extends itself")])
     tree = read(path)
     if "extends" not in tree:
         return tree
     name = tree.pop("extends")
     if not isinstance(name, str) or not name:
-        raise ConfigError(path, [f"extends: expected the path of one file, got {shown(name)}"])
+        text = f"expected the path of one file, got {shown(name)}"
+        raise ConfigError(path, [Problem(("extends",), text)])
     try:
         return dict(merged(_read(path.parent / name, [*above, path.resolve()]), tree))
     except ConfigError as exc:
-        problems = [f"extends: {problem}" for problem in str(exc).splitlines()]
+        problems = [Problem(("extends",), f"{exc.path}: {problem}") for problem in exc.problems]
         raise ConfigError(path, problems) from exc
     except RecursionError as exc:
-        raise ConfigError(path, ["nested too deeply"]) from exc
+        raise ConfigError(path, [Problem((), "nested too deeply")]) from exc
 
 
 def merged(base: Any, overlay: Any) -> Any:

@@ -136,6 +136,12 @@ def test_values_that_do_not_fit_stay_in_the_grid(short: Path) -> None:
     assert "-1" in result.reason
 
 
+def test_a_value_that_reads_like_an_unknown_key_is_one_more_bad_value(short: Path) -> None:
+    (run,) = plan([short], [Axis("trigger.mode", ("mode: unknown key",))])
+    assert run.scenario is None
+    assert [problem.loc for problem in run.problems] == [("trigger", "mode")]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

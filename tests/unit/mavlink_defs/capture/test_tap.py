@@ -180,7 +180,11 @@ def test_what_is_no_frame_is_counted_by_reason() -> None:
     tap = Tap()
     for reason, datagram in wrong.items():
         tap.count(0.0, "gcs", "to", datagram)
-        assert frame_size(datagram) == (0, reason)
+        size, why = frame_size(datagram)
+        assert size == 0
+        assert why is not None
+        words = {"empty": "truncated", "MAVLink 1": "not MAVLink 2"}.get(reason, reason)
+        assert why.words == words
     (link,) = tap.report()["links"]
     assert link["dropped"] == dict.fromkeys(wrong, 1)
     assert (link["datagrams"], tap.frames()) == (len(wrong), 0)
@@ -216,7 +220,7 @@ def test_no_datagram_is_too_odd(noise: bytes, tail: bytes) -> None:
 @given(messages | st.just(HEARTBEAT), senders)
 def test_frame_size_agrees_with_pymavlink(message, sender) -> None:
     frame = FramePacker(*sender).pack(message)
-    assert frame_size(frame + b"more") == (len(frame), "")
+    assert frame_size(frame + b"more") == (len(frame), None)
 
 
 def test_memory_does_not_grow_with_the_number_of_frames() -> None:
