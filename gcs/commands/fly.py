@@ -129,6 +129,6 @@ def _report(
     console.print(*flight_tables(summary, scenario), sep="\n")
     console.print(f"results in {folder}", soft_wrap=True)
     if as_json:
-        print(json.dumps(summary, indent=2))
-    if not summary["completed"]:
-        raise FlightLost(summary["loss"])
+        print(json.dumps(summary.to_json(), indent=2))
+    if summary.loss is not None:
+        raise FlightLost(summary.loss)

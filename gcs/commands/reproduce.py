@@ -83,8 +83,7 @@ def reproduce(
     console.print(
         f"{len(summaries)} flights in {seconds:.1f} s; open {folder}/report.html", soft_wrap=True
     )
-    lost = [f"{summary['scenario']}: {summary['loss']}" for summary in summaries.values()
-            if summary["loss"]]  # fmt: skip
+    lost = [f"{s.scenario}: {s.loss}" for s in summaries.values() if s.loss]
     if lost:
         raise FlightLost("; ".join(lost), f"the report is in {folder}")
 

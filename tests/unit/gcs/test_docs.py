@@ -111,8 +111,9 @@ def test_fault_capacity_is_documented() -> None:
 
 
 def test_every_result_is_documented(example: Scenario, flight: Recording, tmp_path: Path) -> None:
-    summary = summarise(flight, example)
-    save_flight(flight, summary, tmp_path)
+    report = summarise(flight, example)
+    save_flight(flight, report, tmp_path)
+    summary = report.to_json()
     uav = summary["uavs"][0]
     keys = {*summary, *uav, *uav["channels"], *uav["channels"]["rudder"], *uav["iae"]}
     arrays = {*(flight.signals.dtype.names or ()), *(p.name for p in tmp_path.iterdir())}
