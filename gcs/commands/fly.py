@@ -24,8 +24,8 @@ __all__ = ["EPILOG", "fly"]
 EPILOG = """
 Examples:
 
-- gcs fly scenarios/paper/scenario1.yaml
-- gcs fly scenarios/paper/scenario1.yaml --in-process --json | jq .saving
+- gcs fly paper/scenario1
+- gcs fly paper/scenario1 --in-process --json | jq .saving
 - gcs fly my.yaml --speed 1 --out runs/demo
 
 Exit status: 0 flown to its end, 1 lost, stopped early or not to be recorded, 2 bad input, 3 a
