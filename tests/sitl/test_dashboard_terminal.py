@@ -32,7 +32,7 @@ class Tmux:
         self._run("new-session", "-d", "-x", "80", "-y", "24", ended, env=env)
 
     def _run(self, *arguments: str, env: dict[str, str] | None = None) -> str:
-        command = ["tmux", "-f", os.devnull, "-S", self._socket, *arguments]
+        command = ["tmux", "-f", os.devnull, "-S", str(self._socket), *arguments]
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=env)
         return done.stdout
 

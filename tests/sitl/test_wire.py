@@ -29,6 +29,7 @@ from flying import (
 )
 from needs import needs
 
+from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import read_tlog
 
 pytestmark = pytest.mark.sitl
@@ -128,7 +129,7 @@ def test_a_bad_gcs_link_delays_nothing_in_the_air(tmp_path: Path) -> None:
     boot_s = [
         m.time_boot_ms / 1e3
         for _, m in read_tlog(folder / "flight.tlog")
-        if m.get_type() == "ATTITUDE" and m.time_boot_ms > 0
+        if isinstance(m, dialect.MAVLink_attitude_message) and m.time_boot_ms > 0
     ]
     assert boot_s
     assert not [t for t in boot_s if 0.5 < t < 0.8]
