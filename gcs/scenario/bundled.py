@@ -6,7 +6,7 @@ Where a command takes a scenario, a file that exists is meant first, then a bund
 import difflib
 from pathlib import Path
 
-from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.models import ConfigError, Problem
 
 __all__ = ["SCENARIOS", "base_of", "bundled_names", "find_scenario"]
 
@@ -55,4 +55,4 @@ def _find(path: Path, name: str) -> Path:
     alike = alike or difflib.get_close_matches(wanted, names, n=3)
     meant = f"; did you mean {' or '.join(alike)}?" if alike else ""
     text = f"no such file, and no bundled scenario of that name{meant}"
-    raise ConfigError(path, [f"{text} (`gcs scenarios` lists them)"])
+    raise ConfigError(path, [Problem((), f"{text} (`gcs scenarios` lists them)")])

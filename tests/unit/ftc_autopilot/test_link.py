@@ -106,10 +106,11 @@ class Rig:
 
     def heard(self, sock: socket.socket) -> list[int]:
         """Ids of the hot messages that have arrived."""
-        ids, datagram = [], codec.new_buffer()
+        ids: list[int] = []
+        datagram = codec.new_buffer()
         while True:
             try:
-                length = sock.recv_into(datagram)
+                length = sock.recv_into(datagram.data)
             except BlockingIOError:
                 return ids
             ids.append(codec.check(datagram, length))

@@ -17,8 +17,7 @@ from gcs.results.recording import Recording
 from gcs.results.run_folder import save_flight
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs.faults import fault_to_params
-from sitl_plant.actuators import MAX_FAULTS
+from mavlink_defs.faults import MAX_FAULTS, fault_to_params
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"

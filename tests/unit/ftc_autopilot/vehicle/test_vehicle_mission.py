@@ -2,12 +2,11 @@
 
 from typing import Any
 
-from test_vehicle import START, UAV, Bench, of_type
-
 from ftc_autopilot.vehicle.vehicle import AUTO, LOITER
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.profile import segments_to_items
+from tests.unit.ftc_autopilot.vehicle.test_vehicle import START, UAV, Bench, of_type
 
 
 def test_items_that_were_not_flown_are_not_reached(scenario1: Scenario) -> None:
