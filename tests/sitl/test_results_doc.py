@@ -114,7 +114,7 @@ def test_the_papers_tables_are_those_of_gcs_reproduce(tmp_path: Path) -> None:
         assert_cells_alike(row, wanted, rel=0.02)
     summary = summary_of(tmp_path / "out" / "data" / "scenario1")
     printed = io.StringIO()
-    console = Console(file=printed, width=80)
+    console = Console(file=printed, width=80, markup=False)
     for table in flight_tables(summary, load_scenario(SCENARIO_1)):
         console.print(table)
     flown, copied = printed_rows(printed.getvalue()), printed_rows(README)
