@@ -15,7 +15,7 @@ from typing import Any
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
-from ftc_autopilot.link import GCS, OVER, PLANT, RESTARTED, SERVICE, SIMULATOR, new_link, run
+from ftc_autopilot.link import GCS, PLANT, SIMULATOR, new_link, run
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -36,6 +36,7 @@ from mavlink_defs.endpoint import (
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import STRANGER
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.files import save_arrays
@@ -96,11 +97,11 @@ class Autopilot:
             outcome = run(
                 plant_fd, formation_fd, self._link, self._controllers, until_s, self._until_step()
             )
-            if outcome == SERVICE:
+            if outcome == Outcome.SERVICE:
                 self._hear_simulator()
-            elif outcome == RESTARTED:
+            elif outcome == Outcome.RESTARTED:
                 self._vehicle.restart()
-            elif outcome == OVER:
+            elif outcome == Outcome.OVER:
                 lost = self._state["flags"] & dialect.FTC_SIM_FLAGS_LOST
                 how = "lost" if lost else "over"
                 self._vehicle.farewell(f"simulation {how} at {self._vehicle.time_s:.3f} s")
@@ -165,7 +166,7 @@ class Autopilot:
         return None
 
     def _hear_simulator(self) -> None:
-        datagram = self._link.received[: int(self._state["received"])].tobytes()
+        datagram = self._link.simulator.received[: int(self._state["received"])].tobytes()
         message = parse(datagram)
         if message is None:
             self._link.drops[SIMULATOR, -drop_reason(datagram)] += 1
@@ -198,7 +199,9 @@ class Autopilot:
 
     def _speak(self, most: int | None = None) -> None:
         for message in self._vehicle.simulator_messages():
-            _send(self._plant, sign_bytes(self._link.plant_signer, self._to_plant.pack(message)))
+            _send(
+                self._plant, sign_bytes(self._link.simulator.signer, self._to_plant.pack(message))
+            )
         for station, address in enumerate(self._ground_stations):
             for message in self._vehicle.gcs_messages(station, most):
                 frame = self._gcs_signing.sign(self._to_gcs[station].pack(message))

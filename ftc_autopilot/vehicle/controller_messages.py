@@ -46,7 +46,7 @@ class ControllerMessages:
             min_interval_us=intervals,
             messages=int(controller["messages"]),
             repeats=list(map(int, clock["repeated"])),
-            edge_changes=int(clock["edge_changes"]),
+            edge_changes=int(self._link.formation.state[0]["edge_changes"]),
         )
 
     def adaptation(self) -> MAVLink_message:
@@ -64,7 +64,7 @@ class ControllerMessages:
 
     @property
     def _time_ms(self) -> int:
-        return int(self._link.measured[0]["time_usec"]) // 1000 % 2**32
+        return int(self._link.simulator.measured[0]["time_usec"]) // 1000 % 2**32
 
 
 def _degrees(values: np.ndarray) -> list[float]:

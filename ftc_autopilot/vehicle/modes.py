@@ -222,7 +222,7 @@ class Modes:
         """Change the mode; whatever does not fly the profile goes on level and straight."""
         self._guidance["auto"] = int(mode == AUTO and self.started)
         if not self._guidance["auto"]:
-            state = self._link.measured[0]
+            state = self._link.simulator.measured[0]
             speed = math.hypot(*map(float, state["velocity"]))
             airspeed = min(max(speed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)
             self._guidance["command"] = (airspeed, 0.0, 0.0, float(state["attitude"][2]))

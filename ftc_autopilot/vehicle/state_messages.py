@@ -173,7 +173,7 @@ class StateMessages:
 
     @property
     def _state(self) -> np.void:
-        state: np.void = self._link.measured[0]
+        state: np.void = self._link.simulator.measured[0]
         return state
 
     @property

@@ -126,7 +126,7 @@ class Vehicle:
             self._simulator_outbox.append(self.modes.heartbeat())
         self._report_edges()
         if self._link.state[0]["heard_s"] > 0.0:
-            time_us = int(self._link.measured[0]["time_usec"])
+            time_us = int(self._link.simulator.measured[0]["time_usec"])
             clock_us = time_us if self.running else round(now * 1e6)
             for station, telemetry in enumerate(self.telemetry):
                 self._gcs_outboxes[station][:0] = telemetry.due(clock_us, most)
@@ -190,7 +190,7 @@ class Vehicle:
     @property
     def time_s(self) -> float:
         """Simulation time of the last state [s]."""
-        return float(self._link.measured[0]["time_usec"]) * 1e-6
+        return float(self._link.simulator.measured[0]["time_usec"]) * 1e-6
 
     # inside
 
@@ -258,12 +258,12 @@ class Vehicle:
 
     def _report_edges(self) -> None:
         """Announce every neighbour that was dropped or taken up again."""
-        if self._link.state[0]["edge_changes"] == self._edge_changes:
+        if self._link.formation.state[0]["edge_changes"] == self._edge_changes:
             return
-        self._edge_changes = int(self._link.state[0]["edge_changes"])
+        self._edge_changes = int(self._link.formation.state[0]["edge_changes"])
         edges = self._controllers.weights[0] > 0.0
         for d in (edges != self._edges).nonzero()[0]:
             event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
-            text = f"neighbour {self._link.neighbours[d]} {event}"
+            text = f"neighbour {self._link.formation.neighbours[d]} {event}"
             self.say(dialect.MAV_SEVERITY_WARNING, text)
         self._edges = edges

@@ -30,7 +30,7 @@ class Bench:
         config = scenario.autopilot_config(3)
         self.controllers = new_controllers([config])
         self.link = new_link(3, config.neighbours, config.step_us, 0.25, 0)
-        state = self.link.measured[0]
+        state = self.link.simulator.measured[0]
         state["position"] = (1000.0, 0.0, -120.0)
         state["velocity"] = (40.0, 0.0, 0.0)
         state["attitude"] = (0.0, math.radians(10.0), math.radians(45.0))
@@ -110,7 +110,7 @@ def test_version(bench: Bench) -> None:
 @pytest.mark.parametrize("value", [0.0, math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9])
 def test_no_state_is_too_strange_to_be_told(value: float, bench: Bench) -> None:
     arrays = (
-        bench.link.measured,
+        bench.link.simulator.measured,
         bench.controllers.signals,
         bench.controllers.states,
         bench.controllers.actuators,
@@ -266,7 +266,7 @@ def test_answers_and_telemetry_wait_for_their_turn_and_none_is_forgotten(bench: 
     bench.vehicle.receive(dialect.MAVLink_param_request_list_message(3, 1), 0.0)
     said: list[Any] = []
     for ms in range(1000):
-        bench.link.measured[0]["time_usec"] = ms * STEP_US
+        bench.link.simulator.measured[0]["time_usec"] = ms * STEP_US
         bench.vehicle.tick(ms / 1e3, most=2)
         messages = bench.vehicle.gcs_messages(most=2)
         assert len(messages) <= 2

@@ -28,7 +28,7 @@ class Bench:
         config = config.model_copy(update={"gcs": config.gcs * stations})
         self.controllers: Controllers = new_controllers([config])
         self.link: AutopilotLink = new_link(UAV, config.neighbours, config.step_us, 0.25, 0)
-        self.link.measured[0]["velocity"] = (40.0, 0.0, 0.0)
+        self.link.simulator.measured[0]["velocity"] = (40.0, 0.0, 0.0)
         self.link.state["heard_s"] = float(heard)
         self.vehicle = Vehicle(config, self.link, self.controllers)
         self.now = 0.0
@@ -178,7 +178,7 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     bench.command(START)
     bench.run()
     bench.link.state["step"] = 20_000
-    bench.link.state["edge_changes"] = 2
+    bench.link.formation.state["edge_changes"] = 2
     bench.controllers.weights[0] = 1.0
     bench.vehicle.tick(bench.now)
     bench.vehicle.gcs_messages()
@@ -263,7 +263,7 @@ def test_telemetry_keeps_its_interval_in_simulated_time(scenario1: Scenario) -> 
     bench.run()
     counts = 0
     for step in range(0, 1001, 20):
-        bench.link.measured[0]["time_usec"] = step * 1000
+        bench.link.simulator.measured[0]["time_usec"] = step * 1000
         bench.vehicle.tick(0.0)
         counts += len(of_type(bench.vehicle.gcs_messages(), "ATTITUDE"))
     assert counts == 11
@@ -274,7 +274,7 @@ def test_a_dropped_neighbour_is_announced(scenario1: Scenario) -> None:
     bench.controllers.weights[0] = np.array([1.0, 1.0])
     bench.vehicle._edges = bench.controllers.weights[0] > 0.0
     bench.controllers.weights[0, 1] = 0.0
-    bench.link.state["edge_changes"] = 1
+    bench.link.formation.state["edge_changes"] = 1
     bench.vehicle.tick(0.0)
     texts = [m.text for m in of_type(bench.vehicle.gcs_messages(), "STATUSTEXT")]
     assert any("neighbour 3 silent, edge dropped" in str(text) for text in texts)
