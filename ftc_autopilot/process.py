@@ -15,6 +15,7 @@ from typing import Any
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.link import GCS, PLANT, SIMULATOR, new_link, run
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -77,8 +78,8 @@ class Autopilot:
             load_link_signer(config.signing_key, PLANT_LINK),
             load_link_signer(config.signing_key, FORMATION_LINK),
         )  # fmt: skip
-        self._state = self._link.state[0]
-        self._vehicle = Vehicle(config, self._link, self._controllers)
+        self._hot = HotState(self._link)
+        self._vehicle = Vehicle(config, self._hot, self._controllers)
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
         self._to_gcs = [FramePacker(config.id, component) for _ in config.gcs]
@@ -102,7 +103,7 @@ class Autopilot:
             elif outcome == Outcome.RESTARTED:
                 self._vehicle.restart()
             elif outcome == Outcome.OVER:
-                lost = self._state["flags"] & dialect.FTC_SIM_FLAGS_LOST
+                lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
                 how = "lost" if lost else "over"
                 self._vehicle.farewell(f"simulation {how} at {self._vehicle.time_s:.3f} s")
                 break
@@ -118,18 +119,18 @@ class Autopilot:
         """Everything recorded, by name."""
         return {
             "signals": self._link.signals,
-            "repeats": self._state["repeated"],
-            "heard_end": bool(self._state["flags"] & dialect.FTC_SIM_FLAGS_ENDED),
+            "repeats": self._hot.repeated,
+            "heard_end": bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED),
         }
 
     def refused(self) -> Counter[str]:
         """Datagrams dropped on all links, by reason."""
-        drops = self._link.drops[:PLANT].sum(axis=0)
+        drops = self._hot.drops[:PLANT].sum(axis=0)
         return +Counter({words: int(drops[-code]) for code, words in codec.DROP_REASONS.items()})
 
     def _next_sequence(self) -> int:
-        self._state["sequence"] += 1
-        return int(self._state["sequence"]) - 1
+        self._hot.sequence += 1
+        return self._hot.sequence - 1
 
     def _attend_to_messages(self) -> None:
         """Hear and answer ground stations; in real time a little between any two steps."""
@@ -146,7 +147,7 @@ class Autopilot:
         if not self._vehicle.running:
             return 2**62
         if self._more_to_do:
-            return int(self._state["step"]) + 1
+            return self._hot.step + 1
         due_us = self._vehicle.next_telemetry_us()
         if not self._in_real_time:  # nothing can be late: save turns
             due_us = -(-due_us // _TURN_US) * _TURN_US
@@ -156,22 +157,22 @@ class Autopilot:
     def _in_real_time(self) -> bool:
         """Whether simulated time runs by the clock, so that a control step can be late."""
         running, lockstep = dialect.FTC_SIM_FLAGS_RUNNING, dialect.FTC_SIM_FLAGS_LOCKSTEP
-        return bool(self._state["flags"] & (running | lockstep) == running)
+        return bool(self._hot.flags & (running | lockstep) == running)
 
     def _silence(self) -> str | None:
-        heard_s = float(self._state["heard_s"])
+        heard_s = self._hot.heard_s
         limit_s = self._config.silence_timeout_s
         if heard_s > 0.0 and time.monotonic() - heard_s > limit_s:
             return f"the plant has been silent for {limit_s:g} s at {self._vehicle.time_s:.3f} s"
         return None
 
     def _hear_simulator(self) -> None:
-        datagram = self._link.simulator.received[: int(self._state["received"])].tobytes()
+        datagram = self._hot.received()
         message = parse(datagram)
         if message is None:
-            self._link.drops[SIMULATOR, -drop_reason(datagram)] += 1
+            self._hot.drops[SIMULATOR, -drop_reason(datagram)] += 1
         elif (message.get_srcSystem(), message.get_srcComponent()) != self._simulator:
-            self._link.drops[SIMULATOR, -STRANGER] += 1
+            self._hot.drops[SIMULATOR, -STRANGER] += 1
         else:
             self._vehicle.receive_from_simulator(message, time.monotonic())
 
@@ -183,11 +184,11 @@ class Autopilot:
             except (BlockingIOError, ConnectionRefusedError):
                 return False
             if sender not in self._ground_stations:
-                self._link.drops[GCS, -STRANGER] += 1
+                self._hot.drops[GCS, -STRANGER] += 1
                 continue
             message = self._gcs_signing.accept(datagram)
             if message is None:
-                self._link.drops[GCS, -self._gcs_signing.refusal] += 1
+                self._hot.drops[GCS, -self._gcs_signing.refusal] += 1
             elif isinstance(message, dialect.MAVLink_setup_signing_message):
                 words = self._gcs_signing.set_key(message, sender[0], self._vehicle.modes.armed)
                 if words is not None:

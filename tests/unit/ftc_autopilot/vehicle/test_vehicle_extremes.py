@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from test_vehicle import Bench
+from vehicle_bench import Bench
 
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
