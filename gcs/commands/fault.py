@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated
 
 import typer
 from pydantic import ValidationError
@@ -22,14 +22,14 @@ from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.config.models import problems_of
+from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.faults import Fault
 
 __all__ = ["app"]
 
 app = typer.Typer(help="Set, clear and list actuator faults.", no_args_is_help=True)
 
-_Actuator: TypeAlias = Literal["aileron", "elevator", "rudder", "throttle"]
 _NAMES = "aileron, elevator, rudder or throttle"
 _OPTIONS = {key: f"--{key.replace('_', '-')}" for key in FaultSpec.model_fields}
 
@@ -59,7 +59,7 @@ Examples:
 @app.command(name="set", epilog=_SET_EPILOG)
 @keyed
 def set_(
-    actuator: Annotated[_Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
+    actuator: Annotated[Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
     effectiveness: Annotated[
         float | None, typer.Option(help="What is left of the command, 0 to 1.")
     ] = None,
@@ -119,7 +119,7 @@ def set_(
 @keyed
 def clear(
     actuator: Annotated[
-        _Actuator | None,
+        Actuator | None,
         typer.Option(metavar="ACTUATOR", help=f"Only this one's ({_NAMES}); all by default."),
     ] = None,
     uav: UavOption = None,

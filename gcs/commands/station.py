@@ -17,6 +17,7 @@ from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from gcs.station.signing_key import signing_key
 from gcs.station.vehicle import Vehicle
+from mavlink_defs.constants import GCS_PORT, HUB_PORT
 
 __all__ = [
     "EXIT_STATUS", "ConnectOption", "JsonOption", "Station", "TimeoutOption", "UavOption",
@@ -39,7 +40,7 @@ ConnectOption = Annotated[
         metavar="ADDRESS",
         envvar="FTC_SITL_CONNECT",
         help="udpin:HOST:PORT or udpout:HOST:PORT. Without it: the hub of `gcs up` "
-        "(udpout:127.0.0.1:14555) if there is one, else udpin:127.0.0.1:14550.",
+        f"(udpout:127.0.0.1:{HUB_PORT}) if there is one, else udpin:127.0.0.1:{GCS_PORT}.",
     ),
 ]
 TimeoutOption = Annotated[

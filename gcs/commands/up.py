@@ -13,9 +13,9 @@ from rich.console import Console
 from gcs.commands.common import console_of, warm_up
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario.model import Scenario, load_scenario
-from gcs.station.connection import HUB_PORT
 from gcs.station.signing_key import signed, warn_if_exposed
 from gcs.stopping import stop_signals
+from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
 
 __all__ = ["EPILOG", "up"]

@@ -9,7 +9,7 @@ from gcs.results.recording import Recording
 from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["Flight", "Window", "degrees", "fault_windows", "literal", "wrapped"]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["PAPER_ORDER", "QUANTITIES", "event_table", "summarise"]
 

@@ -4,6 +4,7 @@ import os
 
 from gcs.errors import BadInput
 from gcs.station.signing_key import signing_key, warn_if_exposed
+from mavlink_defs.constants import GCS_PORT, HUB_PORT
 from mavlink_defs.endpoint import (
     Connection,
     EndpointError,
@@ -13,10 +14,7 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["GCS_PORT", "HUB_PORT", "choose_connection", "own_identity"]
-
-GCS_PORT = 14550
-HUB_PORT = 14555
+__all__ = ["choose_connection", "own_identity"]
 
 _HOST = "127.0.0.1"
 _SYSTEM = 255

@@ -10,8 +10,9 @@ from typing import Any, Protocol
 
 from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
-from gcs.station.vehicle_state import MODES, VehicleState
+from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
+from mavlink_defs.constants import FORCE_DISARM, MODE_NAMES
 from mavlink_defs.faults import Fault, fault_to_params
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
@@ -50,8 +51,6 @@ PRIVATE_INTERVALS_S = {
     dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: when it comes, all do
 }
 """Private messages that vehicles stream on demand, and how often they are to come [s]."""
-
-_FORCE = 21196.0
 
 
 class Runner(Protocol):
@@ -117,7 +116,7 @@ class Vehicle:
 
     async def disarm(self, force: bool = False) -> None:
         """Disarm; in flight only by `force`, which cuts the thrust."""
-        params = (0.0, _FORCE if force else 0.0)
+        params = (0.0, FORCE_DISARM if force else 0.0)
         await self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, params)
 
     async def start_mission(self) -> None:
@@ -126,7 +125,7 @@ class Vehicle:
 
     async def set_mode(self, mode: str) -> None:
         """Change the mode: "AUTO", "LOITER" or "GUIDED"."""
-        number = {name: number for number, name in MODES.items()}[mode]
+        number = {name: number for number, name in MODE_NAMES.items()}[mode]
         custom = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         await self.command(dialect.MAV_CMD_DO_SET_MODE, (custom, number))
 

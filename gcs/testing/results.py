@@ -14,7 +14,7 @@ import numpy as np
 from gcs.results.recording import Recording
 from gcs.results.summary import QUANTITIES, summarise
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["Channel", "Errors", "Flight", "UavFlight"]
 

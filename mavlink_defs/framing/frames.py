@@ -5,6 +5,7 @@ from collections.abc import Callable
 from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import STATUSTEXT_SIZE
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.header import (
     CRC_SIZE,
@@ -15,8 +16,6 @@ from mavlink_defs.framing.header import (
 )
 
 __all__ = ["FramePacker", "drop_reason", "frame_size", "parse", "text_chunks"]
-
-_TEXT_SIZE = 50  # of one STATUSTEXT
 
 
 class FramePacker:
@@ -99,10 +98,10 @@ def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink
             to 1, since 0 means a text of one chunk.
     """
     raw = text.encode("ascii", "replace")
-    chunks = [raw[i : i + _TEXT_SIZE] for i in range(0, len(raw), _TEXT_SIZE)] or [b""]
+    chunks = [raw[i : i + STATUSTEXT_SIZE] for i in range(0, len(raw), STATUSTEXT_SIZE)] or [b""]
     if len(chunks) == 1:
         return [dialect.MAVLink_statustext_message(severity, chunks[0])]
-    if len(chunks[-1]) == _TEXT_SIZE:
+    if len(chunks[-1]) == STATUSTEXT_SIZE:
         chunks.append(b"")  # a chunk without a zero byte says that another one follows
     number = identity % 65535 + 1
     return [

@@ -9,10 +9,10 @@ import pytest
 
 from ftc_autopilot.control.controllers import Controllers, new_controllers
 from ftc_autopilot.link import AutopilotLink, new_link
-from ftc_autopilot.vehicle.vehicle import AUTO, GUIDED, LOITER, Vehicle
+from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
-from mavlink_defs.constants import SIMULATOR_COMPONENT
+from mavlink_defs.constants import AUTO, GUIDED, LOITER, SIMULATOR_COMPONENT
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.profile import segments_to_items
 
