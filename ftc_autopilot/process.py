@@ -36,6 +36,7 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.header import MAX_FRAME_SIZE
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
@@ -49,7 +50,6 @@ _MAX_GCS_DATAGRAMS = 8
 """Most datagrams of ground stations worked on at a time while no control step can be late."""
 _TURN_US = 20_000
 """Lockstep: messages are attended to at multiples of this simulated time."""
-_LONGEST_FRAME = 280
 
 
 class Autopilot:
@@ -179,7 +179,7 @@ class Autopilot:
         """Work on datagrams of ground stations, `most` at most; whether more may be there."""
         for _ in range(most):
             try:
-                datagram, sender = self._gcs.recvfrom(_LONGEST_FRAME + 1)
+                datagram, sender = self._gcs.recvfrom(MAX_FRAME_SIZE + 1)
             except (BlockingIOError, ConnectionRefusedError):
                 return False
             if sender not in self._ground_stations:

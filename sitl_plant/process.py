@@ -37,7 +37,6 @@ from mavlink_defs.endpoint import (
     parse_address,
     set_receive_timeout,
 )
-from mavlink_defs.faults import FaultLimits
 from mavlink_defs.framing.codec import drop_counts
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
@@ -87,7 +86,7 @@ class Plant:
                 SIMULATOR_COMPONENT,
                 self._fleet.faults[i],
                 self._fleet.applied[i],
-                FaultLimits(uav.aircraft.surface_limit_deg, uav.aircraft.thrust_limit_n),
+                uav.aircraft.fault_limits,
             )
             for i, uav in enumerate(config.uavs)
         ]

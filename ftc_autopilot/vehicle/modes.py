@@ -13,19 +13,15 @@ from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
-from mavlink_defs.profile import AirspeedLimits, items_to_segments
+from mavlink_defs.constants import AUTO, FORCE_DISARM, GUIDED, LOITER, MODE_NAMES
+from mavlink_defs.profile import items_to_segments
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["AUTO", "GUIDED", "LOITER", "MODE_NAMES", "Modes", "Say"]
-
-AUTO, LOITER, GUIDED = 10, 12, 15
-"""custom_mode numbers of ArduPlane."""
-MODE_NAMES = {AUTO: "AUTO", LOITER: "LOITER", GUIDED: "GUIDED"}
+__all__ = ["Modes", "Say"]
 
 Say = Callable[[int, str], None]
 """Announces a text, with its MAV_SEVERITY."""
 
-_FORCE_DISARM = 21196.0
 _ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 
 
@@ -43,9 +39,7 @@ class Modes:
     ) -> None:
         self.mode = LOITER
         self.armed = False
-        self.airspeeds = AirspeedLimits(
-            config.aircraft.airspeed_min_m_s, config.aircraft.airspeed_max_m_s
-        )
+        self.airspeeds = config.aircraft.airspeed_limits
         self._hot, self._controllers, self._say = hot, controllers, say
         self._guidance = controllers.guidance[0]
         self._autopilot = config.mav_autopilot
@@ -139,8 +133,10 @@ class Modes:
                 self._set_armed(True)
                 self._enter(self.mode)
         elif self.armed:
-            if self.running and params[1] != _FORCE_DISARM:
-                return self._refuse("Disarm: refused in flight; force it with param 2 = 21196")
+            if self.running and params[1] != FORCE_DISARM:
+                return self._refuse(
+                    f"Disarm: refused in flight; force it with param 2 = {FORCE_DISARM:g}"
+                )
             self._set_armed(False)
         return _ACCEPTED
 
@@ -162,7 +158,8 @@ class Modes:
     def set_mode(self, mode: float) -> int:
         """MAV_CMD_DO_SET_MODE; `mode` is the custom_mode."""
         if mode not in MODE_NAMES:
-            return self._refuse(f"Mode {mode:g}: must be AUTO (10), LOITER (12), GUIDED (15)")
+            names = ", ".join(f"{name} ({number})" for number, name in MODE_NAMES.items())
+            return self._refuse(f"Mode {mode:g}: must be {names}")
         if mode == AUTO and not self.has_profile:
             return self._refuse("Mode AUTO: no profile uploaded")
         self._enter(int(mode))

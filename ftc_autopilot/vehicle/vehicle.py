@@ -15,7 +15,7 @@ from ftc_autopilot.link import GCS, PLANT
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.mission import Mission
-from ftc_autopilot.vehicle.modes import AUTO, GUIDED, LOITER, MODE_NAMES, Modes
+from ftc_autopilot.vehicle.modes import Modes
 from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.state_messages import StateMessages, home_item
 from ftc_autopilot.vehicle.status_messages import StatusMessages
@@ -28,7 +28,7 @@ from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
 from mavlink_defs.services.responder import Responder
 
-__all__ = ["AUTO", "GUIDED", "LOITER", "MODE_NAMES", "Vehicle"]
+__all__ = ["Vehicle"]
 
 _HEARTBEAT_S = 1.0
 _REQUESTS = {  # commands that ask for one message

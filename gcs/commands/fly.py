@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from gcs.commands.common import console_of, flight_progress, warm_up
+from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.scenario.model import Scenario, load_scenario
 from gcs.station.signing_key import signed, warn_if_exposed
@@ -58,6 +59,7 @@ def fly(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
     ] = False,
+    signing_key: SigningKeyOption = None,
 ) -> None:
     """Fly a scenario to its end and write down everything.
 
@@ -73,7 +75,7 @@ def fly(
     from gcs.fleet.processes import check_ports
     from gcs.results.run_folder import make_run_folder
 
-    loaded = signed(load_scenario(scenario))
+    loaded = signed(load_scenario(scenario), signing_key)
     if in_process and loaded.links.impairments is not None:
         text = "links.impairments are about the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")

@@ -16,7 +16,7 @@ from gcs.results.recording import Recording
 from gcs.results.summary import UavSummary, summarise
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.transmissions import saving
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["Channel", "Errors", "Flight", "UavFlight"]
 

@@ -15,8 +15,9 @@ from textual.widgets import Button, Input, Select, Static
 
 from gcs.tui.cached_static import Line
 from mavlink_defs.config.models import problems_of
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
+from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault
 
 __all__ = ["ALL", "FaultForm", "read_fault"]
 

@@ -16,17 +16,17 @@ from typing import Any, NamedTuple
 
 from mavlink_defs import dialect
 from mavlink_defs.capture.transmissions import Transmissions, reported, saving
+from mavlink_defs.constants import ACTUATORS, FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import UdpAddress
-from mavlink_defs.faults import ACTUATORS
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import frame_size, parse
 
 __all__ = ["DEFAULT_PORTS", "LinkNames", "Stream", "Tap"]
 
 DEFAULT_PORTS: Mapping[int, str] = {
-    14550: "gcs",
-    14560: "plant",
-    **dict.fromkeys(range(14601, 14851), "formation"),
+    GCS_PORT: "gcs",
+    PLANT_PORT: "plant",
+    **{FORMATION_BASE_PORT + uav: "formation" for uav in range(1, LAST_SYSTEM + 1)},
 }
 """Ports of fixed ends where a scenario does not say otherwise, and their links."""
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, UAV, Bench, of_type
 
-from ftc_autopilot.vehicle.vehicle import AUTO, GUIDED, LOITER
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
-from mavlink_defs.constants import SIMULATOR_COMPONENT
+from mavlink_defs.constants import AUTO, GUIDED, LOITER, SIMULATOR_COMPONENT
 from mavlink_defs.framing.frames import FramePacker, parse
 
 

@@ -4,9 +4,9 @@ from typing import Any
 
 from vehicle_bench import START, UAV, Bench, of_type
 
-from ftc_autopilot.vehicle.vehicle import AUTO, LOITER
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
+from mavlink_defs.constants import AUTO, LOITER
 from mavlink_defs.profile import segments_to_items
 
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.endpoint import UdpAddress
-from mavlink_defs.faults import ACTUATORS
 from mavlink_defs.framing.frames import FramePacker, frame_size
 
 RUNNING = dialect.FTC_SIM_FLAGS_RUNNING
