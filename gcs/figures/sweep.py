@@ -11,7 +11,8 @@ from gcs.figures.flown import literal
 from gcs.figures.style import GREY, SMALL, STYLES, new_figure, save, tidy
 from gcs.reports.sweep import Axis, axes_of, position, uav_of
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
-from gcs.sweeps.grid import Result, Run
+from gcs.sweeps.folder import Result
+from gcs.sweeps.grid import Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

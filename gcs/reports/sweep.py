@@ -16,7 +16,9 @@ from gcs.errors import BadInput
 from gcs.reports.formatting import milliseconds, percent
 from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
 from gcs.results.summary import UavSummary
-from gcs.sweeps.grid import Result, Run, label
+from gcs.sweeps.axes import label
+from gcs.sweeps.folder import Result
+from gcs.sweeps.grid import Run
 from mavlink_defs.runtime.files import naming, write_text
 
 __all__ = ["Axis", "axes_of", "choose_uav", "position", "terminal_table", "uav_of",
