@@ -18,7 +18,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.capture.transmissions import saving
 from mavlink_defs.faults import ACTUATORS
 
-__all__ = ["Channel", "Errors", "Flight", "UavFlight"]
+__all__ = ["Channel", "Errors", "FlightResult", "UavFlight"]
 
 
 class Errors(NamedTuple):
@@ -194,7 +194,7 @@ class UavFlight:
         return self._time_s[here], in_degrees(np.abs(self._errors[here]))
 
 
-class Flight:
+class FlightResult:
     """One flight that is over.
 
     Attributes:

@@ -15,7 +15,7 @@ from textual.message import Message
 from textual.widgets import Button, Input, Select, Static
 
 from gcs.scenario.sections import ScenarioFault
-from gcs.tui.cached_static import Line
+from gcs.tui.cached_static import CachedStatic
 from mavlink_defs.config.models import problems_of
 from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
 
@@ -24,7 +24,6 @@ __all__ = ["ALL", "FaultForm", "read_fault"]
 ALL = 0
 """Stands for every vehicle."""
 
-_KINDS = ("bias", "stuck")
 _FIELDS = ("effectiveness", "value", "frequency_hz", "start_s", "end_s")
 _HINTS = {
     "effectiveness": "0 … 1",
@@ -115,9 +114,9 @@ class FaultForm(Vertical):
                 _FIELDS, ("effectiveness", "bias °", "frequency Hz", "start s", "end s"),
                 strict=True,
             ):  # fmt: skip
-                yield Line(label, id=f"label-{name}")
+                yield CachedStatic(label, id=f"label-{name}")
                 yield Input(placeholder=_HINTS[name], id=name, compact=True)
-        yield Line(grow=True, id="form-says")
+        yield CachedStatic(grow=True, id="form-says")
         with Horizontal(classes="buttons"):
             yield Button("Set fault", "primary", id="set", compact=True)
 
@@ -162,11 +161,13 @@ class FaultForm(Vertical):
     def _check(self, complain: bool = False) -> None:
         stuck = self._chosen("fault-kind") == "stuck"
         unit = "N" if self._chosen("actuator") == "throttle" else "°"
-        self.query_one("#label-value", Line).say(f"{'stuck at' if stuck else 'bias'} {unit}")
+        self.query_one("#label-value", CachedStatic).say(
+            f"{'stuck at' if stuck else 'bias'} {unit}"
+        )
         self.query_one("#effectiveness", Input).disabled = stuck
         read = self.read
         touched = any(self.query_one(f"#{name}", Input).value for name in _FIELDS)
-        says = self.query_one("#form-says", Line)
+        says = self.query_one("#form-says", CachedStatic)
         says.say("\n".join(read.problems) if touched or complain is True else "")
         self.query_one("#set", Button).disabled = read.fault is None
 
