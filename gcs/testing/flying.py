@@ -130,8 +130,8 @@ class TestFleet:
             return tap.events(system, channel)
 
     def wire(self) -> dict[str, Any]:
-        """Everything that the tap has counted so far: `mavlink_defs.capture.tap.Tap.report`."""
-        return self._relay.report()
+        """Return everything that the tap has counted so far, as in wire.json."""
+        return self._relay.report().to_json()
 
     # time
 
@@ -206,7 +206,7 @@ class TestFleet:
             self._fleet.wait(_END_TIMEOUT_S if over else 0.0)
             mode: Mode = "real_time" if self._speed else "lockstep"
             recording = collect(self.scenario, self._fleet, mode)
-            self._flight = FlightResult(self.scenario, recording, self.wire(), self.folder)
+            self._flight = FlightResult(self.scenario, recording, self._relay.report(), self.folder)
         return self._flight
 
     # inside
