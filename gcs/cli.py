@@ -11,6 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from gcs.commands import (
+    config,
     control,
     dashboard,
     fault,
@@ -94,6 +95,7 @@ app.command(epilog=sweep.EPILOG)(sweep.sweep)
 app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)
 app.command(epilog=new.EPILOG)(new.new)
 app.command(epilog=up.EPILOG)(keyed(up.up))
+app.command(epilog=config.EPILOG)(keyed(config.config))
 app.command(epilog=status.EPILOG)(keyed(status.status))
 app.command(epilog=control.START_EPILOG)(keyed(control.start))
 app.command(epilog=control.ARM_EPILOG)(keyed(control.arm))
