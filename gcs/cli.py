@@ -3,9 +3,7 @@
 import contextlib
 import errno
 import os
-import platform
 import sys
-from importlib.metadata import version
 from typing import Annotated, NoReturn
 
 import typer
@@ -55,6 +53,9 @@ app = typer.Typer(
 
 def _show_versions(wanted: bool) -> None:
     if wanted:
+        import platform
+        from importlib.metadata import version
+
         typer.echo(f"ftc-sitl {version('ftc-sitl')}")
         typer.echo(f"Python {platform.python_version()}")
         for package in ("pymavlink", "numba"):

@@ -35,7 +35,7 @@ Exit status: 0 the sweep is complete (lost flights and impossible values are res
 
 def sweep(
     scenarios: Annotated[
-        list[Path], typer.Argument(help="Scenario files (YAML).", metavar="SCENARIO")
+        list[Path], typer.Argument(help="Scenarios: files, or bundled ones.", metavar="SCENARIO")
     ],
     settings: Annotated[
         list[str] | None,
