@@ -37,7 +37,7 @@ same command goes on.
 
 def sweep(
     scenarios: Annotated[
-        list[Path], typer.Argument(help="Scenario files (YAML).", metavar="SCENARIO")
+        list[Path], typer.Argument(help="Scenarios: files, or bundled ones.", metavar="SCENARIO")
     ],
     settings: Annotated[
         list[str] | None,
