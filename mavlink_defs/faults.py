@@ -67,6 +67,23 @@ class Fault:
             end_s=decimal_of_float32(message.end),
         )
 
+    @classmethod
+    def from_si(
+        cls, actuator: int, effectiveness: float, value: float, frequency_hz: float,
+        start_s: float, end_s: float,
+    ) -> Self:  # fmt: skip
+        """Return the fault whose `value` is given in rad, or N for the throttle."""
+        value = value if actuator == FTC_ACTUATOR_THROTTLE else math.degrees(value)
+        return cls(actuator, effectiveness, value, frequency_hz, start_s, end_s)
+
+    def to_si(self) -> tuple[int, float, float, float, float, float]:
+        """Return the arguments of `from_si`, value [rad, or N for the throttle]."""
+        throttle = self.actuator == FTC_ACTUATOR_THROTTLE
+        value = self.value if throttle else math.radians(self.value)
+        return (
+            self.actuator, self.effectiveness, value, self.frequency_hz, self.start_s, self.end_s,
+        )  # fmt: skip
+
     def resolved(self, now_s: float) -> Self:
         """Return the fault as set at `now_s` [s]: NaN becomes now or, for the end, infinity."""
         return replace(

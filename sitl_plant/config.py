@@ -129,7 +129,7 @@ class Uncertainty(Model):
     def _names_known(self) -> "Uncertainty":
         sections = {"inertia": Inertia.model_fields, "coefficients": Coefficients.model_fields}
         Problems.check(
-            ((section, name), unknown_key(name, known))
+            unknown_key((section, name), known)
             for section, known in sections.items()
             if isinstance(factors := getattr(self, section), dict)
             for name in factors

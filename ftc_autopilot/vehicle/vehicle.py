@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from functools import partial
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import Controllers, reset_crew
+from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.link import GCS, PLANT, AutopilotLink, reset_link
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
@@ -21,7 +21,7 @@ from ftc_autopilot.vehicle.status_messages import StatusMessages
 from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry, makers_of
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.framing import codec
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
@@ -80,7 +80,7 @@ class Vehicle:
             station: Number of the station in `AutopilotConfig.gcs`.
         """
         if not is_for(message, self._own):
-            self._link.drops[GCS, -codec.OTHER_TARGET] += 1
+            self._link.drops[GCS, -DropReason.OTHER_TARGET] += 1
             return
         match message:
             case dialect.MAVLink_set_attitude_target_message():
@@ -104,8 +104,8 @@ class Vehicle:
             case dialect.MAVLink_ftc_fault_message():
                 self._tell([message], self._commands.asking)
             case dialect.MAVLink_ftc_drops_message():
-                for code, count in zip(codec.DROP_REASONS, message.plant, strict=True):
-                    self._link.drops[PLANT, -code] = count
+                for reason, count in zip(DropReason, message.plant, strict=True):
+                    self._link.drops[PLANT, -reason] = count
         self._commands.receive_from_simulator(message, now)
         self._collect()
 
@@ -125,7 +125,7 @@ class Vehicle:
             self._tell([self.modes.heartbeat()])
             self._simulator_outbox.append(self.modes.heartbeat())
         self._report_edges()
-        if self._link.clock[0]["heard_s"] > 0.0:
+        if self._link.state[0]["heard_s"] > 0.0:
             time_us = int(self._link.measured[0]["time_usec"])
             clock_us = time_us if self.running else round(now * 1e6)
             for station, telemetry in enumerate(self.telemetry):
@@ -135,7 +135,7 @@ class Vehicle:
     def restart(self) -> None:
         """Forget the flight when the plant was started again: disarm and wait to be armed."""
         reset_link(self._link)
-        reset_crew(self._controllers)
+        reset_controllers(self._controllers)
         self.modes.restart()
         self._mission.restart()
         self._edges, self._edge_changes = self._controllers.weights[0] > 0.0, 0
@@ -258,9 +258,9 @@ class Vehicle:
 
     def _report_edges(self) -> None:
         """Announce every neighbour that was dropped or taken up again."""
-        if self._link.clock[0]["edge_changes"] == self._edge_changes:
+        if self._link.state[0]["edge_changes"] == self._edge_changes:
             return
-        self._edge_changes = int(self._link.clock[0]["edge_changes"])
+        self._edge_changes = int(self._link.state[0]["edge_changes"])
         edges = self._controllers.weights[0] > 0.0
         for d in (edges != self._edges).nonzero()[0]:
             event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"

@@ -1,8 +1,6 @@
 """``gcs fault set|clear|list``: actuator faults while the fleet is up."""
 
 import math
-import re
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Annotated, Literal, TypeAlias
 
@@ -18,13 +16,13 @@ from gcs.commands.station import (
     UavOption,
 )
 from gcs.errors import BadInput, NoAnswer
-from gcs.scenario.sections import ScenarioFault
 from gcs.station.signing_key import keyed
 from gcs.station.status import fault_dict
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.config.models import problems_of
+from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import ACTUATORS, Fault
 
 __all__ = ["app"]
@@ -33,7 +31,7 @@ app = typer.Typer(help="Set, clear and list actuator faults.", no_args_is_help=T
 
 _Actuator: TypeAlias = Literal["aileron", "elevator", "rudder", "throttle"]
 _NAMES = "aileron, elevator, rudder or throttle"
-_KEY = re.compile(r"'?\b(effectiveness|(?:bias|stuck)_(?:deg|n)|frequency_hz|(?:start|end)_s)\b'?")
+_OPTIONS = {key: f"--{key.replace('_', '-')}" for key in FaultSpec.model_fields}
 
 _SET_EPILOG = f"""
 Examples:
@@ -99,15 +97,13 @@ def set_(
     keys = {
         "actuator": actuator, "effectiveness": effectiveness, "bias_deg": bias_deg,
         "bias_n": bias_n, "stuck_deg": stuck_deg, "stuck_n": stuck_n,
-        "frequency_hz": frequency_hz, "start_s": 0.0 if start_s is None else start_s,
-        "end_s": end_s,
+        "frequency_hz": frequency_hz, "start_s": start_s, "end_s": end_s,
     }  # fmt: skip
     try:
-        fault = ScenarioFault.model_validate({"uav": 1, **keys}).command()
-    except ValidationError as problem:
-        raise BadInput(_in_options(problems_of(ScenarioFault, problem))) from None
-    if start_s is None:
-        fault = replace(fault, start_s=math.nan)
+        fault = FaultSpec.model_validate(keys).command()
+    except ValidationError as error:
+        lines = [problem.line(_OPTIONS) for problem in problems_of(FaultSpec, error)]
+        raise BadInput("\n".join(lines)) from None
 
     async def action(vehicle: Vehicle) -> str:
         timed = fault
@@ -175,9 +171,3 @@ async def _time_s(vehicle: Vehicle) -> float:
 def _with_phase(fault: Fault, time_s: float) -> str:
     phase = "waiting" if time_s <= fault.start_s else "active" if time_s <= fault.end_s else "over"
     return f"{describe_fault(fault)}, {phase}"
-
-
-def _in_options(problems: Iterable[str]) -> str:
-    """Problems of a scenario's fault, said with the names of our options."""
-    lines = [_KEY.sub(lambda key: f"--{key[1].replace('_', '-')}", line) for line in problems]
-    return "\n".join(lines)

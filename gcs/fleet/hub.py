@@ -11,7 +11,7 @@ from ipaddress import ip_address
 from typing import TypeAlias
 
 from mavlink_defs import dialect
-from mavlink_defs.framing.codec import DROP_REASONS, OTHER_TARGET, STRANGER
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import drop_reason, parse
 from mavlink_defs.framing.signing import Signer
 
@@ -57,25 +57,25 @@ class Hub:
         """Give the addresses that a datagram is to be sent on to."""
         if not datagram:
             return []  # of a command that looks whether a hub is there
-        wrong = "" if self._signer is None else self._signer.problem(datagram)
-        if wrong:
-            return self._drop(wrong)
+        wrong = None if self._signer is None else self._signer.problem(datagram)
+        if wrong is not None:
+            return self._drop(wrong.words)
         alive = {peer: at for peer, at in self._stations.items() if now - at <= PATIENCE_S}
         self._stations = alive
         if self._is_of_vehicle(datagram):
             known = self._vehicles.get(datagram[5])
             if known != sender:
                 if parse(datagram) is None:
-                    return self._drop(DROP_REASONS[drop_reason(datagram)])
+                    return self._drop(drop_reason(datagram).words)
                 if not self._is_of_this_machine(sender):
-                    return self._drop(DROP_REASONS[STRANGER])
+                    return self._drop(DropReason.STRANGER.words)
                 self._vehicles[datagram[5]] = sender
                 if known is not None:
                     self.moved.append(datagram[5])
             return list(alive)
         message = parse(datagram)
         if message is None:
-            return self._drop(DROP_REASONS[drop_reason(datagram)])
+            return self._drop(drop_reason(datagram).words)
         if sender not in alive and len(alive) >= MAX_STATIONS:
             return self._drop(f"of more than {MAX_STATIONS} ground stations")
         alive[sender] = now
@@ -89,7 +89,7 @@ class Hub:
         if target == 0:
             return list(self._vehicles.values())
         if target not in self._vehicles:
-            return self._drop(DROP_REASONS[OTHER_TARGET])
+            return self._drop(DropReason.OTHER_TARGET.words)
         return [self._vehicles[target]]
 
     def _drop(self, reason: str) -> list[_Peer]:

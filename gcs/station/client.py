@@ -27,7 +27,6 @@ from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, EndpointError, bind_udp, connect_udp
-from mavlink_defs.framing.codec import DROP_REASONS
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.signing import SigningError, load_signer
 from mavlink_defs.services.machine import Machine, SystemId
@@ -290,10 +289,10 @@ class Client(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Take in a datagram; called by asyncio."""
-        wrong = "" if self.signer is None else self.signer.problem(data)
-        message = None if wrong else parse(data)
+        wrong = None if self.signer is None else self.signer.problem(data)
+        message = parse(data) if wrong is None else None
         if message is None:
-            self.drops[wrong or DROP_REASONS[drop_reason(data)]] += 1
+            self.drops[(wrong or drop_reason(data)).words] += 1
             return
         self._record(data)
         self.unreachable = False

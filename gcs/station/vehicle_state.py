@@ -14,7 +14,7 @@ from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notifi
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import ACTUATORS, Fault
-from mavlink_defs.framing.codec import DROP_REASONS
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.profile import Segment
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
@@ -276,7 +276,7 @@ class VehicleState:
         if message is None:
             return None
         links = ("gcs", "formation", "simulator", "plant")
-        words = DROP_REASONS.values()
+        words = [reason.words for reason in DropReason]
         told = {link: zip(words, getattr(message, link), strict=True) for link in links}
         return {link: {word: n for word, n in counts if n} for link, counts in told.items()}
 

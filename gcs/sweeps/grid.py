@@ -29,10 +29,10 @@ import yaml
 
 from gcs.errors import BadInput, GcsError
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.summary import summarise
+from gcs.results.summary import FlightSummary, summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import PlaceError, with_values
-from mavlink_defs.config.models import ConfigError, repeated
+from mavlink_defs.config.models import ConfigError, Problem, ProblemKind, repeated
 from mavlink_defs.config.yaml_text import parse_yaml
 
 __all__ = ["Axis", "Result", "Run", "default_folder", "fly_runs", "identity", "known_results",
@@ -74,8 +74,8 @@ class Run:
     name: str
     values: dict[str, Any]
     scenario: Scenario | None
-    problems: tuple[str, ...] = ()
-    misplaced: tuple[str, ...] = ()
+    problems: tuple[Problem, ...] = ()
+    misplaced: tuple[Problem, ...] = ()
     digest: str = ""
 
 
@@ -87,13 +87,13 @@ class Result:
         run: The run.
         outcome: Flown to its end; lost on the way; not a scenario; not flown for another reason.
         reason: Why it was not flown to its end; else empty.
-        summary: What `gcs.results.summary.summarise` gives, of the part that was flown; else None.
+        summary: Of the part that was flown; None if nothing was.
     """
 
     run: Run
     outcome: Literal["completed", "lost", "invalid", "failed"]
     reason: str = ""
-    summary: dict[str, Any] | None = None
+    summary: FlightSummary | None = None
 
 
 class _Stopped(Exception):  # noqa: N818 - nothing is wrong
@@ -158,12 +158,12 @@ def plan(files: Sequence[Path], axes: Sequence[Axis]) -> list[Run]:
         combinations = itertools.product(*(axis.values for axis in axes))
         points = [replace(bare, values=dict(zip(keys, v, strict=True))) for v in combinations]
         made = [_checked(point, tree) for point in points]
-        lasting = [line for line in _shared(run.problems for run in made) if line in own]
+        lasting = [problem for problem in _shared(run.problems for run in made) if problem in own]
         if lasting:
             raise ConfigError(file, lasting)
         runs += made
     if mistyped := _shared(run.misplaced for run in runs):
-        raise BadInput("\n".join(f"--set {line}" for line in mistyped))
+        raise BadInput("\n".join(f"--set {problem}" for problem in mistyped))
     return runs
 
 
@@ -171,18 +171,19 @@ def _checked(run: Run, tree: dict[Any, Any]) -> Run:
     """A run with its scenario or its problems, given the plain data of its file."""
     try:
         scenario = scenario_of(run.file, with_values(tree, run.values))
-    except PlaceError as problem:
-        return replace(run, problems=(str(problem),), misplaced=(str(problem),))
+    except PlaceError as error:
+        problem = Problem((), str(error), ProblemKind.UNKNOWN_KEY)
+        return replace(run, problems=(problem,), misplaced=(problem,))
     except ConfigError as exc:
-        unknown = tuple(line for line in exc.problems if ": unknown key" in line)
+        unknown = tuple(p for p in exc.problems if p.kind is ProblemKind.UNKNOWN_KEY)
         return replace(run, problems=tuple(exc.problems), misplaced=unknown)
     return replace(run, scenario=scenario, digest=identity(scenario))
 
 
-def _shared(groups: Iterable[tuple[str, ...]]) -> list[str]:
-    """The lines that stand in every group."""
+def _shared(groups: Iterable[tuple[Problem, ...]]) -> list[Problem]:
+    """Return the problems that every group has."""
     first, *others = groups
-    return [line for line in first if all(line in other for other in others)]
+    return [problem for problem in first if all(problem in other for other in others)]
 
 
 def identity(scenario: Scenario) -> str:
@@ -237,7 +238,8 @@ def known_results(runs: Iterable[Run], folder: Path) -> dict[str, Result]:
     known: dict[str, Result] = {}
     for run in runs:
         try:
-            known[run.digest] = _flown(run, json.loads(_path(run, folder).read_bytes())["summary"])
+            kept = json.loads(_path(run, folder).read_bytes())
+            known[run.digest] = _flown(run, FlightSummary.from_json(kept["summary"]))
         except (OSError, ValueError, KeyError, TypeError):  # not flown, or the file is damaged
             continue
     return known
@@ -246,7 +248,7 @@ def known_results(runs: Iterable[Run], folder: Path) -> dict[str, Result]:
 def result_of(run: Run, flown: dict[str, Result]) -> Result:
     """The result of one point of the grid, given those of all flights by digest."""
     if run.scenario is None:
-        return Result(run, "invalid", "; ".join(run.problems))
+        return Result(run, "invalid", "; ".join(map(str, run.problems)))
     return replace(flown[run.digest], run=run)  # two points may mean the same flight
 
 
@@ -294,7 +296,7 @@ def _fly(run: Run, folder: Path, stop: threading.Event) -> Result:
     kept = {
         "file": str(run.file),
         "set": run.values,
-        "summary": summary,
+        "summary": summary.to_json(),
         "scenario": run.scenario.model_dump(mode="json"),
     }
     try:
@@ -304,10 +306,10 @@ def _fly(run: Run, folder: Path, stop: threading.Event) -> Result:
     return _flown(run, summary)
 
 
-def _flown(run: Run, summary: dict[str, Any]) -> Result:
-    if summary["completed"]:
+def _flown(run: Run, summary: FlightSummary) -> Result:
+    if summary.loss is None:
         return Result(run, "completed", summary=summary)
-    return Result(run, "lost", summary["loss"], summary)
+    return Result(run, "lost", summary.loss, summary)
 
 
 def _path(run: Run, folder: Path) -> Path:

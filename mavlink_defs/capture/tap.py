@@ -18,6 +18,7 @@ from mavlink_defs import dialect
 from mavlink_defs.capture.transmissions import Transmissions, reported, saving
 from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import frame_size, parse
 
 __all__ = ["DEFAULT_PORTS", "LinkNames", "Stream", "Tap"]
@@ -129,8 +130,8 @@ class Tap:
         rest = datagram
         while True:
             size, wrong = frame_size(rest)
-            if wrong:
-                flow.dropped[wrong] += 1
+            if wrong is not None:
+                flow.dropped[_words(rest, wrong)] += 1
                 return
             self._count_frame(time_s, link, direction, rest[:size])
             if size == len(rest):
@@ -250,7 +251,7 @@ def _total_saving(uavs: list[dict[str, Any]]) -> float | None:
     known = [uav for uav in uavs if uav["periods"] is not None]
     counted = [uav for uav in known if not uav["reported"]] or known
     events = sum(channel["events"] for uav in counted for channel in uav["channels"].values())
-    return saving(events, sum(uav["periods"] for uav in counted), len(ACTUATORS))
+    return saving(events, sum(uav["periods"] for uav in counted))
 
 
 def _flow(key: tuple[str, str], flow: Flow, now_s: float) -> dict[str, Any]:
@@ -276,3 +277,10 @@ def _count(stream: Stream, count: Count, now_s: float, span_s: float) -> dict[st
         "rate_hz": count.rate.at(now_s)[0],
         "mean_hz": count.frames / span_s if span_s > 0.0 else None,
     }
+
+
+def _words(data: bytes, reason: DropReason) -> str:
+    """Return why bytes are no frame; other traffic on a port is told from damage."""
+    if not data:
+        return "empty"
+    return "MAVLink 1" if data[0] == dialect.PROTOCOL_MARKER_V1 else reason.words

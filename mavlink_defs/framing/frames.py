@@ -5,15 +5,13 @@ from collections.abc import Callable
 from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
-from mavlink_defs.framing import codec
+from mavlink_defs.framing.drop_reason import DropReason
 
-__all__ = ["FramePacker", "code_of", "drop_reason", "frame_size", "parse", "text_chunks"]
+__all__ = ["FramePacker", "drop_reason", "frame_size", "parse", "text_chunks"]
 
 _TEXT_SIZE = 50  # of one STATUSTEXT
 _CRC = 2  # bytes
 _SHORTEST = dialect.HEADER_LEN_V2 + _CRC
-_CODES = {words: code for code, words in codec.DROP_REASONS.items()}
-_CODES |= {"empty": codec.TRUNCATED, "MAVLink 1": codec.BAD_MAGIC}
 
 
 class FramePacker:
@@ -51,44 +49,39 @@ def parse(datagram: bytes) -> dialect.MAVLink_message | None:
         return None
 
 
-def drop_reason(datagram: bytes) -> int:
-    """Tell why `parse` refuses a datagram: one of `codec.DROP_REASONS`."""
-    size, words = frame_size(datagram)
-    if size == 0:
-        return code_of(words)
-    return codec.BAD_LENGTH if size != len(datagram) else codec.OUT_OF_RANGE
+def drop_reason(datagram: bytes) -> DropReason:
+    """Return why `parse` refuses a datagram."""
+    size, wrong = frame_size(datagram)
+    if wrong is not None:
+        return wrong
+    return DropReason.BAD_LENGTH if size != len(datagram) else DropReason.OUT_OF_RANGE
 
 
-def code_of(words: str) -> int:
-    """The one of `codec.DROP_REASONS` that words of `frame_size` or of a signer stand for."""
-    return _CODES[words]
-
-
-def frame_size(data: bytes) -> tuple[int, str]:
-    """Size of the MAVLink 2 frame of the dialect that `data` begins with.
+def frame_size(data: bytes) -> tuple[int, DropReason | None]:
+    """Return the size of the MAVLink 2 frame of the dialect that `data` begins with.
 
     Returns:
-        The size [bytes] and ""; or 0 and what is wrong, in words. Signatures are not verified.
+        The size [bytes] and None; or 0 and what is wrong. Signatures are not verified.
     """
     if not data:
-        return 0, "empty"
+        return 0, DropReason.TRUNCATED
     if data[0] != dialect.PROTOCOL_MARKER_V2:
-        return 0, "MAVLink 1" if data[0] == dialect.PROTOCOL_MARKER_V1 else "not MAVLink 2"
+        return 0, DropReason.BAD_MAGIC
     if len(data) < _SHORTEST:
-        return 0, "truncated"
+        return 0, DropReason.TRUNCATED
     end, flags = dialect.HEADER_LEN_V2 + data[1], data[2]
     if flags > dialect.MAVLINK_IFLAG_SIGNED:
-        return 0, "unknown incompatibility flags"
+        return 0, DropReason.BAD_FLAGS
     size = end + _CRC + (dialect.MAVLINK_SIGNATURE_BLOCK_LEN if flags else 0)
     if len(data) < size:
-        return 0, "truncated"
+        return 0, DropReason.TRUNCATED
     message = dialect.mavlink_map.get(int.from_bytes(data[7:10], "little"))
     if message is None:
-        return 0, "unknown message"
+        return 0, DropReason.UNEXPECTED
     crc = mcrf4xx(data[1:end] + bytes([message.crc_extra]))
     if crc != int.from_bytes(data[end : end + _CRC], "little"):
-        return 0, "wrong checksum"
-    return size, ""
+        return 0, DropReason.BAD_CRC
+    return size, None
 
 
 def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink_message]:

@@ -10,16 +10,13 @@ import numpy as np
 from mavlink_defs import dialect
 from mavlink_defs.framing.codec import (
     FOREIGN,
-    OUT_OF_RANGE,
-    REPLAYED,
     SIGNED,
-    UNSIGNED,
-    WRONG_SIGNATURE,
     add_checksum,
     check,
     identify,
     new_buffer,
 )
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.sha256 import signature
 from mavlink_defs.framing.signing import (
     EPOCH_S,
@@ -125,7 +122,7 @@ def verify_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> 
         return _verify(link_signer, datagram, length)
     if code == FOREIGN and datagram[7] == _RADIO_STATUS and datagram[8] == datagram[9] == 0:
         return FOREIGN
-    return UNSIGNED if code >= FOREIGN else code
+    return DropReason.UNSIGNED if code >= FOREIGN else code
 
 
 @compiled
@@ -137,7 +134,7 @@ def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     for k in range(_HASH):
         given = (given << 8) | int(np.int64(datagram[length - _HASH + k]))
     if given != signature(link_signer.key, datagram, length - _HASH):
-        return WRONG_SIGNATURE
+        return DropReason.WRONG_SIGNATURE
     stamp = 0
     for k in range(_STAMP):
         stamp |= int(np.int64(datagram[length - _HASH - _STAMP + k])) << (8 * k)
@@ -146,9 +143,9 @@ def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     if newest == 0:
         newest = now - WINDOW - 1
     if datagram[length - _HASH - _STAMP - 1] != link_signer.link or stamp <= newest:
-        return REPLAYED
+        return DropReason.REPLAYED
     if stamp > now + WINDOW:
-        return OUT_OF_RANGE
+        return DropReason.OUT_OF_RANGE
     link_signer.newest[stream] = stamp
     link_signer.time[0] = max(link_signer.time[0], stamp)
     return code
