@@ -35,3 +35,7 @@ $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	touch $@
+
+.PHONY: docs
+docs: $(READY)  ## the documentation as a site in site/; every warning is an error
+	$(BIN)/mkdocs build --quiet --strict

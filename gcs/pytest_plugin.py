@@ -1,4 +1,4 @@
-"""The pytest plugin `ftc_sitl`: fleets and flights as fixtures; docs/testing.md has an example.
+"""The pytest plugin `ftc_sitl`: fixtures for fleets and flights; see docs/reference/pytest.md.
 
 pytest imports this in every run of every project that has ftc-sitl installed. So it imports
 nothing of the project until a fixture is used.

@@ -163,9 +163,9 @@ def _differences(results: Results) -> Iterator[str]:
     yield from _on_comparators(results)
     yield from _on_counts(results)
     yield (
-        "Unprinted parameters, chosen by us (`docs/method.md` lists them): λ1 to λ4, γ_v, σ_v, "
-        "h_v, h_ω, the filters of ω_d and δ_0, the network's centres and width, all initial "
-        "estimates, the unit of b2, the limits, the reference filter."
+        "Unprinted parameters, chosen by us (`docs/explanation/method.md` lists them): λ1 to λ4, "
+        "γ_v, σ_v, h_v, h_ω, the filters of ω_d and δ_0, the network's centres and width, all "
+        "initial estimates, the unit of b2, the limits, the reference filter."
     )
     yield (
         "Misprints put right: R2 in (6) has ψ where φ and θ belong; R1(1,2) is -sψcφ; β is "
@@ -216,7 +216,7 @@ def _on_comparators(results: Results) -> Iterator[str]:
             " The paper prints neither its equations nor its gains. Ours inverts a nominal model "
             "that is exact in these scenarios, with the proposed law's own gains, and a tenth of "
             "the rudder for 3 s does not upset it. What a wrong model does to it stands in "
-            "`docs/results.md`."
+            "`docs/explanation/results.md`."
             if better
             else ""
         )
@@ -229,7 +229,7 @@ def _on_counts(results: Results) -> Iterator[str]:
         f"Transmissions, ours by the paper's: {listed}. Both save much "
         f"({results.saving('scenario2_proposed'):.1%} against {SAVING:.1%}), but not in the same "
         "channels. What sets the number of events is the bandwidth of each loop, not the threshold "
-        "and not the disturbances: `docs/results.md` has the sweeps that show it."
+        "and not the disturbances: `docs/explanation/results.md` has the sweeps that show it."
     )
     joint = results.events("scenario2_joint")
     yield (

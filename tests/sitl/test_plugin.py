@@ -1,4 +1,4 @@
-"""The pytest plugin as others use it: docs/testing.md in a project of its own."""
+"""The pytest plugin as others use it: docs/tutorial/test.md in a project of its own."""
 
 import re
 import signal
@@ -85,7 +85,7 @@ def block_of(document: str, language: str) -> str:
 
 
 def documented_message() -> str:
-    text = (ROOT / "docs" / "testing.md").read_text()
+    text = (ROOT / "docs" / "tutorial" / "test.md").read_text()
     found = re.search(r"^    AssertionError: .*?\n\n", text, re.MULTILINE | re.DOTALL)
     assert found is not None
     return " ".join(found[0].split())
@@ -94,7 +94,7 @@ def documented_message() -> str:
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     (tmp_path / "pytest.ini").write_text("[pytest]\nfilterwarnings = error\n")
-    (tmp_path / "my.yaml").write_text(block_of("scenario.md", "yaml"))
+    (tmp_path / "my.yaml").write_text(block_of("reference/scenario.md", "yaml"))
     return tmp_path
 
 
@@ -120,7 +120,7 @@ def run(project: Path, *options: str) -> tuple[int, str]:
 
 
 def test_the_documented_example_passes(project: Path) -> None:
-    (project / "test_my.py").write_text(block_of("testing.md", "python"))
+    (project / "test_my.py").write_text(block_of("tutorial/test.md", "python"))
     status, output = run(project)
     assert status == 0, output
     assert "4 passed" in output

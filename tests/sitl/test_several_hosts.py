@@ -66,11 +66,11 @@ def namespaces() -> Iterator[tuple[Host, Host]]:
                 ip("netns", "exec", name, "true")
         except subprocess.CalledProcessError as problem:
             pytest.skip(f"network namespaces are not permitted here: {problem.stderr.decode()}")
-        a, b = (
+        first, second = (
             Host(address, ("ip", "netns", "exec", name))
             for name, address in zip(names, addresses, strict=True)
         )
-        yield a, b
+        yield first, second
 
 
 @contextlib.contextmanager
@@ -110,20 +110,23 @@ def test_a_fleet_on_two_hosts_flies_as_on_one(hosts: tuple[Host, Host], tmp_path
     plant = yaml.safe_load((fleet / "plant.yaml").read_text())
     lockstep = {"speed": None, "duration_s": STEPS / 1000}
     (fleet / "plant.yaml").write_text(yaml.safe_dump(plant | lockstep))
-    record = {name: ["--record", fleet / f"{name}.npz"] for name in where}
+    record: dict[str, list[str | Path]] = {
+        name: ["--record", fleet / f"{name}.npz"] for name in where
+    }
 
     with contextlib.ExitStack() as stack:
         processes = [stack.enter_context(
             started(where["plant"], "sitl-plant", fleet / "plant.yaml", *record["plant"])
         )]  # fmt: skip
         for name in ("uav1", "uav2", "uav3"):
-            more = [*record[name], "--record-steps", str(STEPS)]
+            more: list[str | Path] = [*record[name], "--record-steps", str(STEPS)]
             popen = started(where[name], "ftc-autopilot", fleet / f"{name}.yaml", *more)
             processes.append(stack.enter_context(popen))
         connect = f"udpin:{where['gcs'].address}:{links['gcs_port']}"
-        for words in (["profile", "upload", path], ["start"], ["arm"]):
+        orders: list[list[str | Path]] = [["profile", "upload", path], ["start"], ["arm"]]
+        for order in orders:
             station = ["--uav", "1,2,3", "--connect", connect, "--timeout", str(TIMEOUT_S)]
-            with started(where["gcs"], "gcs", *words, *station) as command:
+            with started(where["gcs"], "gcs", *order, *station) as command:
                 _, problem = command.communicate(timeout=TIMEOUT_S)
                 assert command.returncode == 0, problem
         for process in processes:
