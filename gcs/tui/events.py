@@ -109,7 +109,7 @@ class EventsPanel(Vertical):
         if getattr(of, "known", None) != options:
             chosen = of.value if of.value in dict(options).values() else 0
             of.set_options(options)
-            of.value, of.known = chosen, options  # type: ignore[attr-defined]
+            of.value, of.known = chosen, options  # type: ignore[attr-defined]  # a note of ours
         self.query_one(EventLog).show_view(view)
 
     def action_search(self) -> None:
