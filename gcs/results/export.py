@@ -38,7 +38,7 @@ def export_flight(recording: Recording, folder: Path) -> None:
     """
     events = event_table(recording)
     with naming(folder / "events.npz"):
-        np.savez_compressed(folder / "events.npz", **events)  # type: ignore[arg-type]
+        np.savez_compressed(folder / "events.npz", **events)  # type: ignore[arg-type]  # no allow_pickle
     _write_events(folder / "events.csv", events)
     arrays = {name: recording.signals[name] for name in _SIGNALS}
     with naming(folder / "trajectory.npz"):
@@ -48,7 +48,7 @@ def export_flight(recording: Recording, folder: Path) -> None:
             time_s=recording.time_s,
             state=recording.states,
             applied=recording.applied,
-            **arrays,  # type: ignore[arg-type]
+            **arrays,  # type: ignore[arg-type]  # no allow_pickle
         )
     _write_trajectory(folder / "trajectory.csv", recording)
 
