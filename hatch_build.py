@@ -1,6 +1,7 @@
-"""Build hook: generate `mavlink_defs/dialect.py` from `mavlink_defs/ftc.xml`.
+"""Build hook: generate `mavlink_defs/dialect.py`, and bundle the scenarios.
 
-Runs for wheels and for editable installs alike, so the dialect is never committed.
+It runs for wheels and for editable installs alike, so the dialect is never committed.
+Wheels get a copy of `scenarios/`; an editable install reads that folder.
 """
 
 import py_compile
@@ -12,11 +13,13 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
 class DialectHook(BuildHookInterface):
-    """Writes the dialect module before hatchling collects the files."""
+    """Prepares the package before hatchling collects its files."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Generate the dialect; `version` is 'standard' or 'editable'."""
+        """Prepare a wheel; `version` is 'standard' or 'editable'."""
         generate(Path(self.root) / "mavlink_defs")
+        if version == "standard":
+            build_data["force_include"]["scenarios"] = "gcs/bundled_scenarios"
 
 
 def generate(package: Path) -> None:

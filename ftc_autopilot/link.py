@@ -1,10 +1,10 @@
 """The autopilot's hot path: the compiled loop from a received state to the datagrams it causes.
 
-For each running state: take the neighbours' words of the step before, make the control step,
-send an actuator message if a trigger fired (or if the plant has not acknowledged one), tell the
-neighbours, and in lockstep report the step done. `run` comes back to Python between steps: for a
-datagram that is not hot, when a time or step is reached, or when the simulation is over or is
-another one.
+For each running state: take the neighbour states of the step before, make the control step, send
+an actuator message if a trigger fired (or if the plant has not acknowledged one), send the own
+state to the neighbours, and in lockstep report the step done. `run` returns to Python between
+steps: for a datagram that is not hot, when a time or step is reached, or when the simulation has
+ended or was restarted.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ import numpy as np
 from ftc_autopilot.config import Neighbour
 from ftc_autopilot.control.controller import no_signals
 from ftc_autopilot.control.controllers import Controllers, announce, controller_step
+from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOCKSTEP,
@@ -59,7 +60,7 @@ __all__ = ["FORMATION", "GCS", "OVER", "PLANT", "RESTARTED", "SERVICE", "SIMULAT
            "AutopilotLink", "new_link", "reset_link", "run"]  # fmt: skip
 
 # what `run` comes back with
-SERVICE = 1  # link.received holds a datagram of clock["received"] bytes that is not hot
+SERVICE = 1  # link.received holds a datagram of state["received"] bytes that is not hot
 TICK = 2  # the time or the step until which it should run has come
 OVER = 3  # the plant has ended the simulation
 RESTARTED = 4  # link.measured is of another plant process; nothing of the last flight holds
@@ -68,25 +69,29 @@ RESTARTED = 4  # link.measured is of another plant process; nothing of the last 
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
 
 _NEIGHBOUR_WAIT_S = 0.05
-"""How long a lockstep step waits for a word that is under way: over a relay, say, that delays."""
+"""How long a lockstep step waits for a neighbour state on its way [s], over a slow relay, say."""
 _NEIGHBOUR_MISSES = 5
-"""Steps in a row that wait in vain for a neighbour before the next ones do not wait for it."""
+"""Steps in a row that miss a neighbour's state before later steps stop waiting for it."""
 _PATIENCE_S = 0.02
 """Real time: wait for the plant's acknowledgement [s, wall time]. In lockstep the next state has
 it."""
 _NEVER_HEARD = -1
 _NONE = -1
 
-CLOCK = np.dtype(
+LINK_STATE = np.dtype(
     [
         ("step", "i8"),  # last running step worked on, -1: none
         ("step_us", "i8"),
         ("flags", "i8"),  # FTC_SIM_FLAGS of the last state
         ("heard_s", "f8"),  # wall-clock time of the last state [s], 0: none
         ("run", "i8"),  # the plant's, -1: no state yet
-        ("pending_usec", "i8", (4,)),  # time_usec of each channel's unacknowledged event, -1: none
-        ("pending_s", "f8", (4,)),  # wall-clock time at which it was sent last [s]
-        ("repeated", "i8", (4,)),  # events sent again, per channel
+        (
+            "pending_usec",
+            "i8",
+            (N_CHANNELS,),
+        ),  # time_usec of each channel's unacknowledged event, -1: none
+        ("pending_s", "f8", (N_CHANNELS,)),  # wall-clock time at which it was sent last [s]
+        ("repeated", "i8", (N_CHANNELS,)),  # events sent again, per channel
         ("edge_changes", "i8"),
         ("timeout_steps", "i8"),  # silence after which a neighbour is dropped
         ("sequence", "i8"),  # frames sent to the plant
@@ -99,23 +104,23 @@ CLOCK = np.dtype(
 class AutopilotLink(NamedTuple):
     """Peers, counters and buffers of one autopilot."""
 
-    clock: np.ndarray  # (1,), dtype CLOCK
+    state: np.ndarray  # (1,), dtype LINK_STATE
     system: int
     neighbours: np.ndarray  # (degree,), system ids
     addresses: np.ndarray  # (degree, ADDRESS_SIZE), their sockaddr
-    sender: np.ndarray  # (ADDRESS_SIZE,), where `word` came from
+    sender: np.ndarray  # (ADDRESS_SIZE,), where `formation_received` came from
     weights: np.ndarray  # (degree,), a_ij as configured
-    heard_step: np.ndarray  # (degree,), step of each neighbour's word in use
-    early: np.ndarray  # (degree,), dtype NEIGHBOUR: its word of a step that is not over here
-    early_step: np.ndarray  # (degree,), the step of that word
-    late: np.ndarray  # (degree,), steps in a row that waited for it in vain
+    heard_step: np.ndarray  # (degree,), step of each neighbour's state in use
+    pending: np.ndarray  # (degree,), dtype NEIGHBOUR: its state of a step that is not over here
+    pending_step: np.ndarray  # (degree,), the step of that state
+    misses: np.ndarray  # (degree,), steps in a row that waited for its state in vain
     drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated code
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
-    state: np.ndarray  # view of `received`
+    sim_state: np.ndarray  # view of `received`
     measured: np.ndarray  # (1,), dtype SIM_STATE: the last state, kept
-    word: np.ndarray  # datagram buffer of the formation link
-    report: np.ndarray  # view of `word`
+    formation_received: np.ndarray  # datagram buffer of the formation link
+    neighbour_state: np.ndarray  # view of `formation_received`
     step_done: np.ndarray  # (1,), payload
     signals: np.ndarray  # (steps,), recorded, NaN where no state came; no steps: nothing is
     plant_signer: LinkSigner
@@ -143,16 +148,16 @@ def new_link(
         formation_signer: Signs the formation link.
     """
     degree = len(neighbours)
-    clock = np.zeros(1, CLOCK)
-    clock["run"] = _NONE
-    clock["step_us"] = step_us
-    clock["timeout_steps"] = round(neighbour_timeout_s * 1e6 / step_us)
+    state = np.zeros(1, LINK_STATE)
+    state["run"] = _NONE
+    state["step_us"] = step_us
+    state["timeout_steps"] = round(neighbour_timeout_s * 1e6 / step_us)
     addresses = np.zeros((degree, ADDRESS_SIZE), np.uint8)
     for d, neighbour in enumerate(neighbours):
         addresses[d] = sockaddr(parse_address(neighbour.address))
-    received, word = codec.new_buffer(), codec.new_buffer()
+    received, formation_received = codec.new_buffer(), codec.new_buffer()
     link = AutopilotLink(
-        clock,
+        state,
         system,
         np.array([neighbour.id for neighbour in neighbours], np.int64),
         addresses,
@@ -167,8 +172,8 @@ def new_link(
         received,
         codec.payload_view(received, codec.SIM_STATE),
         np.zeros(1, codec.SIM_STATE),
-        word,
-        codec.payload_view(word, codec.NEIGHBOUR),
+        formation_received,
+        codec.payload_view(formation_received, codec.NEIGHBOUR),
         np.zeros(1, codec.STEP_DONE),
         no_signals(record_steps),
         plant_signer or new_link_signer(b"", PLANT_LINK),
@@ -183,11 +188,11 @@ def reset_link(link: AutopilotLink) -> None:
 
     Frames and drops are counted on, and the last state stays.
     """
-    clock = link.clock
-    clock["step"] = clock["pending_usec"] = _NONE
-    clock["pending_s"] = clock["repeated"] = clock["edge_changes"] = 0
-    link.heard_step[:] = link.early_step[:] = _NEVER_HEARD
-    link.late[:] = 0
+    state = link.state
+    state["step"] = state["pending_usec"] = _NONE
+    state["pending_s"] = state["repeated"] = state["edge_changes"] = 0
+    link.heard_step[:] = link.pending_step[:] = _NEVER_HEARD
+    link.misses[:] = 0
     link.signals[:] = no_signals(len(link.signals))
 
 
@@ -214,16 +219,16 @@ def run(
     Returns:
         SERVICE, TICK, OVER or RESTARTED; after the last, `reset_link` before the next call.
     """
-    clock = link.clock[0]
+    state = link.state[0]
     while True:
-        if clock["flags"] == FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP:
+        if state["flags"] == FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP:
             length = receive_soon(plant_fd, link.received)
         else:
             length = receive(plant_fd, link.received)
         if length >= 0:
             code = verify_frame(link.plant_signer, link.received, length)
             if code in (FOREIGN, SIGNED):
-                clock["received"] = length
+                state["received"] = length
                 return SERVICE
             if code == ID_SIM_STATE:
                 expand(link.received, SIM_STATE_SIZE)
@@ -232,13 +237,13 @@ def run(
                     if _is_of_another_run(link):
                         return RESTARTED
                     _work(plant_fd, formation_fd, link, controllers)
-                    if clock["flags"] & FTC_SIM_FLAGS_ENDED:
+                    if state["flags"] & FTC_SIM_FLAGS_ENDED:
                         return OVER
             elif code > 0:
                 code = UNEXPECTED
             if code < 0:
                 link.drops[SIMULATOR, -code] += 1
-        if clock["step"] >= until_step or monotonic_s() >= until_s:
+        if state["step"] >= until_step or monotonic_s() >= until_s:
             return TICK
 
 
@@ -251,23 +256,27 @@ def _objection(link: AutopilotLink) -> int:
     """
     if system_of(link.received) != link.system:
         return STRANGER
-    state = link.state[0]
+    sim_state = link.sim_state[0]
     total = 0.0
     for i in range(3):
-        total += state["position"][i] ** 2 + state["velocity"][i] ** 2 + state["attitude"][i] ** 2
-        total += state["rates"][i] ** 2 + state["specific_force"][i] ** 2
+        total += (
+            sim_state["position"][i] ** 2
+            + sim_state["velocity"][i] ** 2
+            + sim_state["attitude"][i] ** 2
+        )
+        total += sim_state["rates"][i] ** 2 + sim_state["specific_force"][i] ** 2
     return 0 if np.isfinite(total) else OUT_OF_RANGE
 
 
 @compiled
 def _is_of_another_run(link: AutopilotLink) -> bool:
     """Keep the received state; tell whether another plant process than before has sent it."""
-    clock, state = link.clock[0], link.state[0]
-    before, run = clock["run"], int(state["run"])
-    clock["flags"] = int(state["flags"])
-    clock["heard_s"] = monotonic_s()
-    clock["run"] = run
-    link.measured[0] = state
+    state, sim_state = link.state[0], link.sim_state[0]
+    before, run = state["run"], int(sim_state["run"])
+    state["flags"] = int(sim_state["flags"])
+    state["heard_s"] = monotonic_s()
+    state["run"] = run
+    link.measured[0] = sim_state
     return bool(before >= 0 and before != run)
 
 
@@ -275,41 +284,41 @@ def _is_of_another_run(link: AutopilotLink) -> bool:
 def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers) -> None:
     """Answer one received state; in lockstep nothing is left to send after FTC_STEP_DONE.
 
-    So when the next state comes, the words of this step lie at every neighbour already. A step
+    So when the next state comes, every neighbour has been sent the state of this step. A step
     that was not flown is never reported done.
     """
-    clock, state = link.clock[0], link.state[0]
-    step, flags = int(state["step"]), int(state["flags"])
+    state, sim_state = link.state[0], link.sim_state[0]
+    step, flags = int(sim_state["step"]), int(sim_state["flags"])
     running, ended = flags & FTC_SIM_FLAGS_RUNNING, flags & FTC_SIM_FLAGS_ENDED
     lockstep = (flags & FTC_SIM_FLAGS_LOCKSTEP) != 0
-    if running and clock["step"] < 0:  # the first step needs words of the same state
-        announce(controllers, 0, state)
+    if running and state["step"] < 0:  # the first step needs neighbour states of step 0
+        announce(controllers, 0, sim_state)
         _tell_neighbours(formation_fd, link, controllers)
-    fresh = running and step > clock["step"]
+    fresh = running and step > state["step"]
     if fresh:
-        _collect_reports(formation_fd, link, controllers, step, lockstep)
-        mask = controller_step(controllers, 0, state, clock["step_us"])
+        _collect_neighbour_states(formation_fd, link, controllers, step, lockstep)
+        mask = controller_step(controllers, 0, sim_state, state["step_us"])
         _send_actuators(plant_fd, link, controllers, mask, lockstep)
         _tell_neighbours(formation_fd, link, controllers)
-        clock["step"] = step
+        state["step"] = step
         if step < len(link.signals):
             link.signals[step] = controllers.signals[0]
     elif not running and not ended:  # frozen: neighbours learn of each other
-        announce(controllers, 0, state)
+        announce(controllers, 0, sim_state)
         _tell_neighbours(formation_fd, link, controllers)
-        _take_reports(formation_fd, link, controllers, 0)
-    if ended or (running and lockstep and step == clock["step"]):
+        _take_neighbour_states(formation_fd, link, controllers, 0)
+    if ended or (running and lockstep and step == state["step"]):
         link.step_done[0]["step"] = step
         _send(plant_fd, link, link.step_done, ID_STEP_DONE)
 
 
 @compiled
 def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: int) -> None:
-    clock = link.clock[0]
+    state = link.state[0]
     length = pack(
-        link.sent, payload, message_id, link.system, MAV_COMP_ID_AUTOPILOT1, clock["sequence"]
+        link.sent, payload, message_id, link.system, MAV_COMP_ID_AUTOPILOT1, state["sequence"]
     )
-    clock["sequence"] += 1
+    state["sequence"] += 1
     send(plant_fd, link.sent, sign_frame(link.plant_signer, link.sent, length))
 
 
@@ -322,86 +331,86 @@ def _send_actuators(
     Each message carries all four channels, so that a channel's event is acknowledged by the
     message that carried it first and by every later one.
     """
-    clock, state = link.clock[0], link.state[0]
-    time_usec, now_s = int(state["time_usec"]), clock["heard_s"]
-    applied_usec = int(np.int64(state["actuator_time_usec"]))  # -1: none yet
+    state, sim_state = link.state[0], link.sim_state[0]
+    time_usec, now_s = int(sim_state["time_usec"]), state["heard_s"]
+    applied_usec = int(np.int64(sim_state["actuator_time_usec"]))  # -1: none yet
     patience_s = 0.0 if lockstep else _PATIENCE_S
     overdue = 0
-    for c in range(4):
-        if clock["pending_usec"][c] <= applied_usec:
-            clock["pending_usec"][c] = _NONE
-        if clock["pending_usec"][c] != _NONE and now_s - clock["pending_s"][c] >= patience_s:
+    for c in range(N_CHANNELS):
+        if state["pending_usec"][c] <= applied_usec:
+            state["pending_usec"][c] = _NONE
+        if state["pending_usec"][c] != _NONE and now_s - state["pending_s"][c] >= patience_s:
             overdue |= 1 << c
     if mask | overdue == 0:
         return
-    for c in range(4):
+    for c in range(N_CHANNELS):
         if (mask | overdue) & (1 << c):
-            clock["pending_s"][c] = now_s
+            state["pending_s"][c] = now_s
         if mask & (1 << c):
-            clock["pending_usec"][c] = time_usec
+            state["pending_usec"][c] = time_usec
         elif overdue & (1 << c):
-            clock["repeated"][c] += 1
+            state["repeated"][c] += 1
     controllers.actuators[0]["time_usec"] = time_usec
     _send(plant_fd, link, controllers.actuators, ID_ACTUATORS)
 
 
 @compiled
 def _tell_neighbours(formation_fd: int, link: AutopilotLink, controllers: Controllers) -> None:
-    clock = link.clock[0]
+    state = link.state[0]
     if len(link.neighbours) == 0:
         return
     length = pack(
-        link.sent, controllers.reports, ID_NEIGHBOUR, link.system, MAV_COMP_ID_AUTOPILOT1,
-        clock["formation_sequence"],
+        link.sent, controllers.own_states, ID_NEIGHBOUR, link.system, MAV_COMP_ID_AUTOPILOT1,
+        state["formation_sequence"],
     )  # fmt: skip
-    clock["formation_sequence"] += 1
+    state["formation_sequence"] += 1
     length = sign_frame(link.formation_signer, link.sent, length)
     for d in range(len(link.neighbours)):
         send_to(formation_fd, link.sent, length, link.addresses[d])
 
 
 @compiled
-def _collect_reports(
+def _collect_neighbour_states(
     formation_fd: int, link: AutopilotLink, controllers: Controllers, step: int, lockstep: bool
 ) -> None:
-    """Bring the neighbours' words up to date, and drop or take up edges, before a step.
+    """Update the neighbour states in use before a step, and drop or restore edges.
 
-    A step uses words of the step before, never newer ones, so that it does not matter who of
-    the neighbours is faster. Lockstep takes no more than it needs, and waits for that.
+    A step uses states of the step before, never newer ones, so that it does not matter which
+    neighbour is faster. Lockstep takes no more than it needs, and waits for that.
     """
-    clock = link.clock[0]
-    newest = max(step - 1, 0)  # the first step uses the words of the frozen state
+    state = link.state[0]
+    newest = max(step - 1, 0)  # the first step uses the states before the start
     for d in range(len(link.neighbours)):
-        if link.heard_step[d] < link.early_step[d] <= newest:
-            controllers.inboxes[0, d] = link.early[d]
-            link.heard_step[d] = link.early_step[d]
+        if link.heard_step[d] < link.pending_step[d] <= newest:
+            controllers.neighbour_states[0, d] = link.pending[d]
+            link.heard_step[d] = link.pending_step[d]
     if not lockstep or _some_given_up(link):
-        _take_reports(formation_fd, link, controllers, newest)
+        _take_neighbour_states(formation_fd, link, controllers, newest)
     if lockstep and _some_missing(link, newest):
         end_s = monotonic_s() + _NEIGHBOUR_WAIT_S
         while _some_missing(link, newest):
-            length = receive_from_soon(formation_fd, link.word, link.sender)
+            length = receive_from_soon(formation_fd, link.formation_received, link.sender)
             if length >= 0:
-                _take_report(link, controllers, length, newest)
+                _take_neighbour_state(link, controllers, length, newest)
             elif monotonic_s() >= end_s:
                 break
         for d in range(len(link.neighbours)):
             if link.heard_step[d] < newest:
-                link.late[d] += 1
+                link.misses[d] += 1
     for d in range(len(link.neighbours)):
         heard = link.heard_step[d] != _NEVER_HEARD
-        fresh = heard and step - link.heard_step[d] <= clock["timeout_steps"]
+        fresh = heard and step - link.heard_step[d] <= state["timeout_steps"]
         weight = link.weights[d] if fresh else 0.0
         if weight != controllers.weights[0, d]:
             controllers.weights[0, d] = weight
-            if step > 0:  # the first words are no change
-                clock["edge_changes"] += 1
+            if step > 0:  # the first states are no change
+                state["edge_changes"] += 1
 
 
 @compiled
 def _some_missing(link: AutopilotLink, newest: int) -> bool:
     for d in range(len(link.neighbours)):
-        if link.late[d] < _NEIGHBOUR_MISSES and link.heard_step[d] < newest:
+        if link.misses[d] < _NEIGHBOUR_MISSES and link.heard_step[d] < newest:
             return True
     return False
 
@@ -409,45 +418,47 @@ def _some_missing(link: AutopilotLink, newest: int) -> bool:
 @compiled
 def _some_given_up(link: AutopilotLink) -> bool:
     for d in range(len(link.neighbours)):
-        if link.late[d] >= _NEIGHBOUR_MISSES:
+        if link.misses[d] >= _NEIGHBOUR_MISSES:
             return True
     return False
 
 
 @compiled
-def _take_reports(
+def _take_neighbour_states(
     formation_fd: int, link: AutopilotLink, controllers: Controllers, newest: int
 ) -> None:
     while True:
-        length = receive_from_now(formation_fd, link.word, link.sender)
+        length = receive_from_now(formation_fd, link.formation_received, link.sender)
         if length < 0:
             return
-        _take_report(link, controllers, length, newest)
+        _take_neighbour_state(link, controllers, length, newest)
 
 
 @compiled
-def _take_report(link: AutopilotLink, controllers: Controllers, length: int, newest: int) -> None:
-    """Keep a neighbour's word: for use if its step is over here, for later if not."""
-    code = verify_frame(link.formation_signer, link.word, length)
+def _take_neighbour_state(
+    link: AutopilotLink, controllers: Controllers, length: int, newest: int
+) -> None:
+    """Keep a neighbour's state: in use if its step is over here, pending if not."""
+    code = verify_frame(link.formation_signer, link.formation_received, length)
     if code != ID_NEIGHBOUR:
         link.drops[FORMATION, -(code if code < SIGNED else UNEXPECTED)] += 1
         return
-    expand(link.word, NEIGHBOUR_SIZE)
-    system = system_of(link.word)
-    report = link.report[0]
-    step = int(report["step"])
+    expand(link.formation_received, NEIGHBOUR_SIZE)
+    system = system_of(link.formation_received)
+    received = link.neighbour_state[0]
+    step = int(received["step"])
     for d in range(len(link.neighbours)):
         if link.neighbours[d] != system or not same_address(link.addresses[d], link.sender):
             continue
-        if not _is_sane(report) or step > newest + link.clock[0]["timeout_steps"]:
+        if not _is_sane(received) or step > newest + link.state[0]["timeout_steps"]:
             link.drops[FORMATION, -OUT_OF_RANGE] += 1
             return
-        link.late[d] = 0
+        link.misses[d] = 0
         if step > newest:
-            link.early[d] = report
-            link.early_step[d] = step
+            link.pending[d] = received
+            link.pending_step[d] = step
         elif step >= link.heard_step[d]:
-            controllers.inboxes[0, d] = report
+            controllers.neighbour_states[0, d] = received
             link.heard_step[d] = step
         else:
             link.drops[FORMATION, -NOT_NEWER] += 1
@@ -456,9 +467,9 @@ def _take_report(link: AutopilotLink, controllers: Controllers, length: int, new
 
 
 @compiled
-def _is_sane(report: np.void) -> bool:
-    """Tell whether a report holds numbers only: one NaN would spread through the formation."""
-    total = report["airspeed"] + report["airspeed_rate"]
+def _is_sane(neighbour_state: np.void) -> bool:
+    """Return whether a state holds finite numbers only: a NaN would spread in the formation."""
+    total = neighbour_state["airspeed"] + neighbour_state["airspeed_rate"]
     for i in range(3):
-        total += report["attitude"][i] + report["attitude_rate"][i]
+        total += neighbour_state["attitude"][i] + neighbour_state["attitude_rate"][i]
     return bool(np.isfinite(total))

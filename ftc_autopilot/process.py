@@ -75,7 +75,7 @@ class Autopilot:
             load_link_signer(config.signing_key, PLANT_LINK),
             load_link_signer(config.signing_key, FORMATION_LINK),
         )  # fmt: skip
-        self._clock = self._link.clock[0]
+        self._state = self._link.state[0]
         self._vehicle = Vehicle(config, self._link, self._controllers)
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
@@ -100,7 +100,7 @@ class Autopilot:
             elif outcome == RESTARTED:
                 self._vehicle.restart()
             elif outcome == OVER:
-                lost = self._clock["flags"] & dialect.FTC_SIM_FLAGS_LOST
+                lost = self._state["flags"] & dialect.FTC_SIM_FLAGS_LOST
                 how = "lost" if lost else "over"
                 self._vehicle.farewell(f"simulation {how} at {self._vehicle.time_s:.3f} s")
                 break
@@ -116,8 +116,8 @@ class Autopilot:
         """Everything recorded, by name."""
         return {
             "signals": self._link.signals,
-            "repeats": self._clock["repeated"],
-            "heard_end": bool(self._clock["flags"] & dialect.FTC_SIM_FLAGS_ENDED),
+            "repeats": self._state["repeated"],
+            "heard_end": bool(self._state["flags"] & dialect.FTC_SIM_FLAGS_ENDED),
         }
 
     def refused(self) -> Counter[str]:
@@ -126,8 +126,8 @@ class Autopilot:
         return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
 
     def _next_sequence(self) -> int:
-        self._clock["sequence"] += 1
-        return int(self._clock["sequence"]) - 1
+        self._state["sequence"] += 1
+        return int(self._state["sequence"]) - 1
 
     def _attend_to_messages(self) -> None:
         """Hear and answer ground stations; in real time a little between any two steps."""
@@ -144,7 +144,7 @@ class Autopilot:
         if not self._vehicle.running:
             return 2**62
         if self._more_to_do:
-            return int(self._clock["step"]) + 1
+            return int(self._state["step"]) + 1
         due_us = self._vehicle.next_telemetry_us()
         if not self._in_real_time:  # nothing can be late: save turns
             due_us = -(-due_us // _TURN_US) * _TURN_US
@@ -154,17 +154,17 @@ class Autopilot:
     def _in_real_time(self) -> bool:
         """Whether simulated time runs by the clock, so that a control step can be late."""
         running, lockstep = dialect.FTC_SIM_FLAGS_RUNNING, dialect.FTC_SIM_FLAGS_LOCKSTEP
-        return bool(self._clock["flags"] & (running | lockstep) == running)
+        return bool(self._state["flags"] & (running | lockstep) == running)
 
     def _silence(self) -> str | None:
-        heard_s = float(self._clock["heard_s"])
+        heard_s = float(self._state["heard_s"])
         limit_s = self._config.silence_timeout_s
         if heard_s > 0.0 and time.monotonic() - heard_s > limit_s:
             return f"the plant has been silent for {limit_s:g} s at {self._vehicle.time_s:.3f} s"
         return None
 
     def _hear_simulator(self) -> None:
-        datagram = self._link.received[: int(self._clock["received"])].tobytes()
+        datagram = self._link.received[: int(self._state["received"])].tobytes()
         message = parse(datagram)
         if message is None:
             self._link.drops[SIMULATOR, -drop_reason(datagram)] += 1

@@ -108,16 +108,18 @@ class AutopilotTarget:
         self._steps = 0
         self._arm()
         self._link.measured[0]["velocity"] = (40.0, 0.0, 0.5)
-        self._link.clock["flags"], self._link.clock["heard_s"] = 0, time.monotonic()
+        self._link.state["flags"], self._link.state["heard_s"] = 0, time.monotonic()
         self.step()
 
     def feed(self, datagram: bytes) -> None:
         """Take in a datagram and do all that it causes."""
         self._plant.sendto(datagram, self._gcs_signing.getsockname())
-        self._link.clock["flags"] &= _LOCKSTEP
-        self._link.clock["heard_s"] = time.monotonic()
+        self._link.state["flags"] &= _LOCKSTEP
+        self._link.state["heard_s"] = time.monotonic()
         if self._is_formation:
-            autopilot_link._take_reports(self._formation.fileno(), self._link, self._controllers, 0)
+            autopilot_link._take_neighbour_states(
+                self._formation.fileno(), self._link, self._controllers, 0
+            )
             return
         fds = self._own.fileno(), self._formation.fileno()
         outcome = autopilot_link.run(*fds, self._link, self._controllers, 0.0, 2**62)
@@ -150,7 +152,7 @@ class AutopilotTarget:
 
     def state(self) -> bytes:
         """All that an invalid datagram must leave as it is."""
-        vehicle, clock = self._autopilot._vehicle, self._link.clock[0]
+        vehicle, state = self._autopilot._vehicle, self._link.state[0]
         names = ("step", "pending_usec", "repeated", "edge_changes")
         words = repr((
             vehicle.modes.mode, vehicle.modes.armed, vehicle.telemetry[0]._intervals_us,
@@ -158,8 +160,8 @@ class AutopilotTarget:
         ))  # fmt: skip
         return (
             b"".join(array.tobytes() for array in self._controllers)
-            + b"".join(clock[name].tobytes() for name in names)
-            + self._link.early.tobytes()
+            + b"".join(state[name].tobytes() for name in names)
+            + self._link.pending.tobytes()
             + self._link.heard_step.tobytes()
             + self._link.measured.tobytes()
             + words.encode()
@@ -192,11 +194,11 @@ class PlantTarget:
         self._link, self._fleet = self._plant._link, self._plant._fleet
         self._link.addresses[:] = sockaddr(Endpoint(*self._peer.getsockname()))
         self._link.known[:] = 1
-        self._link.clock["flags"] = _LOCKSTEP
+        self._link.state["flags"] = _LOCKSTEP
 
     def feed(self, datagram: bytes) -> None:
         """Take in a datagram and do all that it causes."""
-        self._link.heard_s[:] = self._link.clock["sent_s"] = time.monotonic()
+        self._link.heard_s[:] = self._link.state["sent_s"] = time.monotonic()
         self._gcs_signing.sendto(datagram, self._sock.getsockname())
         outcome = plant_link.run(self._sock.fileno(), self._link, self._fleet, 0.0)
         if outcome == plant_link.SERVICE:

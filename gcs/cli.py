@@ -3,8 +3,10 @@
 import contextlib
 import errno
 import os
+import platform
 import sys
-from typing import NoReturn
+from importlib.metadata import version
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -15,10 +17,12 @@ from gcs.commands import (
     fly,
     key,
     log,
+    new,
     param,
     profile,
     record,
     reproduce,
+    scenarios,
     status,
     sweep,
     up,
@@ -47,11 +51,29 @@ app = typer.Typer(
 )
 
 
+def _show_versions(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"ftc-sitl {version('ftc-sitl')}")
+        typer.echo(f"Python {platform.python_version()}")
+        for package in ("pymavlink", "numba"):
+            typer.echo(f"{package} {version(package)}")
+        raise typer.Exit
+
+
 @app.callback(epilog=dashboard.EPILOG)
 def gcs(
     context: typer.Context,
     connect: ConnectOption = None,
     theme: dashboard.ThemeOption = "dark",
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_show_versions,
+            is_eager=True,
+            help="Print the versions of ftc-sitl, Python, pymavlink and numba.",
+        ),
+    ] = False,
 ) -> None:
     """Ground station of ftc-sitl: fly a UAV formation over real MAVLink.
 
@@ -68,6 +90,8 @@ def gcs(
 app.command(epilog=fly.EPILOG)(fly.fly)
 app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)
+app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)
+app.command(epilog=new.EPILOG)(new.new)
 app.command(epilog=up.EPILOG)(up.up)
 app.command(epilog=status.EPILOG)(status.status)
 app.command(epilog=control.START_EPILOG)(control.start)
@@ -95,7 +119,7 @@ def main() -> None:
     except ConfigError as problem:
         _end(BadInput.exit_status, str(problem))
     except Interrupted as problem:
-        _end(problem.exit_status, str(problem))
+        _end(problem.exit_status, str(problem), problem.hint)
     except GcsError as problem:
         _end(problem.exit_status, f"error: {problem}", problem.hint)
     except SystemExit as end:

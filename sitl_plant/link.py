@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs.constants import SIMULATOR_COMPONENT
+from mavlink_defs.constants import N_CHANNELS, SIMULATOR_COMPONENT
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import (
@@ -49,15 +49,15 @@ from sitl_plant.fleet import PlantState, fly, observe, receive_controls
 __all__ = ["LOST", "OVER", "SERVICE", "TICK", "PlantLink", "new_link", "run", "send_states"]
 
 # what `run` comes back with
-SERVICE = 1  # link.received holds a datagram of clock["received"] bytes that is not hot
+SERVICE = 1  # link.received holds a datagram of state["received"] bytes that is not hot
 TICK = 2  # the time until which it should run has come
-OVER = 3  # clock["last_step"] is reached
-LOST = 4  # aircraft clock["lost"] left the model's range of validity
+OVER = 3  # state["last_step"] is reached
+LOST = 4  # aircraft state["lost"] left the model's range of validity
 
 _RESEND_S = 0.05
 _MAX_LAG_S = 0.1
 
-CLOCK = np.dtype(
+LINK_STATE = np.dtype(
     [
         ("step", "i8"),
         ("step_us", "i8"),
@@ -78,7 +78,7 @@ CLOCK = np.dtype(
 class PlantLink(NamedTuple):
     """Sockets, peers and time of a plant of n aircraft."""
 
-    clock: np.ndarray  # (1,), dtype CLOCK
+    state: np.ndarray  # (1,), dtype LINK_STATE
     systems: np.ndarray  # (n,), system id of each aircraft
     known: np.ndarray  # (n,), 1: an autopilot is registered
     addresses: np.ndarray  # (n, ADDRESS_SIZE), its sockaddr
@@ -115,16 +115,16 @@ def new_link(
         link_signer: Signs the link.
     """
     n = len(systems)
-    clock = np.zeros(1, CLOCK)
-    clock["step_us"] = step_us
-    clock["last_step"] = last_step
-    clock["speed"] = speed or 0.0
-    clock["flags"] = 0 if speed else FTC_SIM_FLAGS_LOCKSTEP
-    clock["lost"] = -1
+    state = np.zeros(1, LINK_STATE)
+    state["step_us"] = step_us
+    state["last_step"] = last_step
+    state["speed"] = speed or 0.0
+    state["flags"] = 0 if speed else FTC_SIM_FLAGS_LOCKSTEP
+    state["lost"] = -1
     received = codec.new_buffer()
     rows = last_step if record else 0
     return PlantLink(
-        clock,
+        state,
         np.array(systems),
         np.zeros(n, np.int64),
         np.zeros((n, ADDRESS_SIZE), np.uint8),
@@ -138,7 +138,7 @@ def new_link(
         codec.payload_view(received, codec.STEP_DONE),
         codec.payload_view(received, codec.ACTUATORS),
         np.zeros((rows, n, 12)),
-        np.zeros((rows, n, 4)),
+        np.zeros((rows, n, N_CHANNELS)),
         link_signer or new_link_signer(b"", PLANT_LINK),
     )
 
@@ -153,13 +153,13 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
         fleet: The fleet.
         unfinished_only: Leave out those that have finished the present step.
     """
-    clock = link.clock[0]
+    state = link.state[0]
     for i in range(len(link.systems)):
         if not unfinished_only:
-            observe(fleet, i, clock["step"], clock["step_us"])
-        if link.known[i] == 0 or (unfinished_only and link.done[i] >= clock["step"]):
+            observe(fleet, i, state["step"], state["step_us"])
+        if link.known[i] == 0 or (unfinished_only and link.done[i] >= state["step"]):
             continue
-        fleet.messages[i]["flags"] = clock["flags"]
+        fleet.messages[i]["flags"] = state["flags"]
         payload = fleet.messages[i : i + 1]
         length = pack(
             link.sent, payload, ID_SIM_STATE, link.systems[i], SIMULATOR_COMPONENT,
@@ -168,7 +168,7 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
         link.sequences[i] += 1
         length = sign_frame(link.link_signer, link.sent, length)
         send_to(fd, link.sent, length, link.addresses[i])
-    clock["sent_s"] = monotonic_s()
+    state["sent_s"] = monotonic_s()
 
 
 @compiled
@@ -184,36 +184,36 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> int:
     Returns:
         SERVICE, TICK, OVER or LOST.
     """
-    clock = link.clock[0]
+    state = link.state[0]
     while True:
-        running = clock["flags"] & FTC_SIM_FLAGS_RUNNING
-        if running and clock["waiting"] == 0:
+        running = state["flags"] & FTC_SIM_FLAGS_RUNNING
+        if running and state["waiting"] == 0:
             send_states(fd, link, fleet, False)
-            clock["waiting"] = 1
+            state["waiting"] = 1
         outcome = _wait(fd, link, fleet, until_s)
         if outcome != 0:
             return outcome
-        step = clock["step"]
+        step = state["step"]
         if step < len(link.states):
             link.states[step] = fleet.states
-        lost = fly(fleet, step, clock["step_us"])
+        lost = fly(fleet, step, state["step_us"])
         if step < len(link.applied):
             link.applied[step] = fleet.applied
-        clock["step"] = step + 1
-        clock["waiting"] = 0
+        state["step"] = step + 1
+        state["waiting"] = 0
         if lost >= 0:
-            clock["lost"] = lost
+            state["lost"] = lost
             return LOST
-        if clock["step"] >= clock["last_step"]:
+        if state["step"] >= state["last_step"]:
             return OVER
 
 
 @compiled
 def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> int:
     """Receive until the step is ready (0), or Python is needed (SERVICE, TICK)."""
-    clock = link.clock[0]
-    running = clock["flags"] & FTC_SIM_FLAGS_RUNNING
-    real_time = running and clock["speed"] > 0.0
+    state = link.state[0]
+    running = state["flags"] & FTC_SIM_FLAGS_RUNNING
+    real_time = running and state["speed"] > 0.0
     while True:
         if real_time:
             due_s = _due_s(link)
@@ -229,10 +229,10 @@ def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> int:
             else:
                 length = receive_from(fd, link.received, link.sender)
         if length >= 0 and _take(link, fleet, length):
-            clock["received"] = length
+            state["received"] = length
             return SERVICE
         now_s = monotonic_s()
-        if running and not real_time and now_s - clock["sent_s"] > _RESEND_S:
+        if running and not real_time and now_s - state["sent_s"] > _RESEND_S:
             send_states(fd, link, fleet, True)
         if now_s >= until_s:
             if running and not real_time and _all_done(link):
@@ -243,20 +243,20 @@ def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> int:
 @compiled
 def _due_s(link: PlantLink) -> float:
     """Wall-clock time at which the present step ends; a machine too slow shifts the origin."""
-    clock = link.clock[0]
-    periods = clock["step"] + 1 - clock["origin_step"]
-    due_s = clock["origin_s"] + periods * clock["step_us"] / 1e6 / clock["speed"]
+    state = link.state[0]
+    periods = state["step"] + 1 - state["origin_step"]
+    due_s = state["origin_s"] + periods * state["step_us"] / 1e6 / state["speed"]
     late_s = monotonic_s() - due_s
     if late_s > _MAX_LAG_S:
-        clock["origin_s"] += late_s
-        clock["lag_s"] += late_s
+        state["origin_s"] += late_s
+        state["lag_s"] += late_s
     value: float = due_s
     return value
 
 
 @compiled
 def _all_done(link: PlantLink) -> bool:
-    step = link.clock[0]["step"]
+    step = link.state[0]["step"]
     for i in range(len(link.done)):
         if link.done[i] < step:
             return False
@@ -285,7 +285,7 @@ def _take_hot(link: PlantLink, fleet: PlantState, message_id: int) -> int:
     if message_id == ID_STEP_DONE:
         expand(link.received, STEP_DONE_SIZE)
         step = link.step_done[0]["step"]
-        if step > link.clock[0]["step"]:
+        if step > link.state[0]["step"]:
             return OUT_OF_RANGE
         link.done[i] = max(link.done[i], step)
         return 0

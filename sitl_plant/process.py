@@ -85,7 +85,7 @@ class Plant:
         self._fleet = new_plant_state(config)
         self._fleet.messages["run"] = secrets.randbits(32)
         self._link = new_link(systems, config.step_us, last_step, config.speed, record, link_signer)
-        self._clock = self._link.clock[0]
+        self._state = self._link.state[0]
         self._services = [
             AircraftService(
                 uav.id,
@@ -115,7 +115,7 @@ class Plant:
             elif outcome == OVER:
                 break
             elif outcome == LOST:
-                i = int(self._clock["lost"])
+                i = int(self._state["lost"])
                 why = describe_loss(self._fleet.states[i])
                 loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
                 break
@@ -132,22 +132,22 @@ class Plant:
     @property
     def time_s(self) -> float:
         """Simulation time [s]."""
-        return time_s(int(self._clock["step"]), self._config.step_us)
+        return time_s(int(self._state["step"]), self._config.step_us)
 
     def recording(self) -> dict[str, Any]:
         """Everything recorded, by name."""
-        steps = int(self._clock["step"])
+        steps = int(self._state["step"])
         return {
             "states": self._link.states[:steps],
             "applied": self._link.applied[:steps],
             "steps": steps,
             "wall_s": self.wall_s,
-            "lag_s": float(self._clock["lag_s"]),
+            "lag_s": float(self._state["lag_s"]),
         }
 
     @property
     def _running(self) -> bool:
-        return bool(self._clock["flags"] & FTC_SIM_FLAGS_RUNNING)
+        return bool(self._state["flags"] & FTC_SIM_FLAGS_RUNNING)
 
     def _counter(self, i: int) -> Callable[[], int]:
         def next_sequence() -> int:
@@ -157,7 +157,7 @@ class Plant:
         return next_sequence
 
     def _serve(self) -> None:
-        datagram = self._link.received[: int(self._clock["received"])].tobytes()
+        datagram = self._link.received[: int(self._state["received"])].tobytes()
         message = parse(datagram)
         systems = list(self._link.systems)
         if message is None:
@@ -216,9 +216,9 @@ class Plant:
         return True
 
     def _start(self) -> None:
-        self._clock["flags"] |= FTC_SIM_FLAGS_RUNNING
-        self._begin_s = self._clock["origin_s"] = time.monotonic()
-        self._clock["origin_step"] = self._clock["step"]
+        self._state["flags"] |= FTC_SIM_FLAGS_RUNNING
+        self._begin_s = self._state["origin_s"] = time.monotonic()
+        self._state["origin_step"] = self._state["step"]
         _say(f"all armed, simulated time starts at Unix time {time.time():.3f}")
 
     def _look_around(self) -> str | None:
@@ -247,8 +247,8 @@ class Plant:
 
     def _say_goodbye(self, lost: bool) -> None:
         """Tell every autopilot that the simulation is over, until each has answered."""
-        self._clock["flags"] |= FTC_SIM_FLAGS_ENDED | (FTC_SIM_FLAGS_LOST if lost else 0)
-        self._clock["flags"] &= ~FTC_SIM_FLAGS_RUNNING
+        self._state["flags"] |= FTC_SIM_FLAGS_ENDED | (FTC_SIM_FLAGS_LOST if lost else 0)
+        self._state["flags"] &= ~FTC_SIM_FLAGS_RUNNING
         end = time.monotonic() + _FAREWELL_S
         send_states(self._fd, self._link, self._fleet, False)
         while time.monotonic() < end and self._unfinished():
@@ -257,7 +257,7 @@ class Plant:
 
     def _unfinished(self) -> bool:
         link = self._link
-        return bool(((link.done < self._clock["step"]) & (link.known == 1)).any())
+        return bool(((link.done < self._state["step"]) & (link.known == 1)).any())
 
 
 def main(arguments: list[str] | None = None) -> None:

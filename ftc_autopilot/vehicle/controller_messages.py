@@ -34,7 +34,7 @@ class ControllerMessages:
 
     def events(self) -> MAVLink_message:
         """FTC_EVENTS."""
-        controller, clock = self._controllers.states[0], self._link.clock[0]
+        controller, clock = self._controllers.states[0], self._link.state[0]
         intervals = [
             min(int(steps) * int(clock["step_us"]), NO_INTERVAL)
             for steps in controller["min_interval"]

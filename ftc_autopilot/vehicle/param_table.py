@@ -98,7 +98,7 @@ def parameters_of(
     ]
 
     def clock_s() -> float:
-        clock, start = link.clock[0], int(controllers.guidance[0]["start_step"])
+        clock, start = link.state[0], int(controllers.guidance[0]["start_step"])
         if start == NOT_STARTED:
             return 0.0
         return max(int(clock["step"]) - start, 0) * int(clock["step_us"]) / 1e6

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from functools import partial
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import Controllers, reset_crew
+from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.link import GCS, PLANT, AutopilotLink, reset_link
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
@@ -125,7 +125,7 @@ class Vehicle:
             self._tell([self.modes.heartbeat()])
             self._simulator_outbox.append(self.modes.heartbeat())
         self._report_edges()
-        if self._link.clock[0]["heard_s"] > 0.0:
+        if self._link.state[0]["heard_s"] > 0.0:
             time_us = int(self._link.measured[0]["time_usec"])
             clock_us = time_us if self.running else round(now * 1e6)
             for station, telemetry in enumerate(self.telemetry):
@@ -135,7 +135,7 @@ class Vehicle:
     def restart(self) -> None:
         """Forget the flight when the plant was started again: disarm and wait to be armed."""
         reset_link(self._link)
-        reset_crew(self._controllers)
+        reset_controllers(self._controllers)
         self.modes.restart()
         self._mission.restart()
         self._edges, self._edge_changes = self._controllers.weights[0] > 0.0, 0
@@ -258,9 +258,9 @@ class Vehicle:
 
     def _report_edges(self) -> None:
         """Announce every neighbour that was dropped or taken up again."""
-        if self._link.clock[0]["edge_changes"] == self._edge_changes:
+        if self._link.state[0]["edge_changes"] == self._edge_changes:
             return
-        self._edge_changes = int(self._link.clock[0]["edge_changes"])
+        self._edge_changes = int(self._link.state[0]["edge_changes"])
         edges = self._controllers.weights[0] > 0.0
         for d in (edges != self._edges).nonzero()[0]:
             event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"

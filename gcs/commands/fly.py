@@ -25,8 +25,8 @@ __all__ = ["EPILOG", "fly"]
 EPILOG = """
 Examples:
 
-- gcs fly scenarios/paper/scenario1.yaml
-- gcs fly scenarios/paper/scenario1.yaml --in-process --json | jq .saving
+- gcs fly paper/scenario1
+- gcs fly paper/scenario1 --in-process --json | jq .saving
 - gcs fly my.yaml --speed 1 --out runs/demo
 
 Exit status: 0 flown to its end, 1 lost, stopped early or not to be recorded, 2 bad input, 3 a
@@ -131,6 +131,6 @@ def _report(
     console.print(*flight_tables(summary, scenario), sep="\n")
     console.print(f"results in {folder}", soft_wrap=True)
     if as_json:
-        print(json.dumps(summary, indent=2))
-    if not summary["completed"]:
-        raise FlightLost(summary["loss"])
+        print(json.dumps(summary.to_json(), indent=2))
+    if summary.loss is not None:
+        raise FlightLost(summary.loss)

@@ -30,7 +30,7 @@ _UPLOAD_EPILOG = f"""
 Examples:
 
 - gcs profile upload my.yaml
-- gcs profile upload scenarios/paper/scenario1.yaml --uav 1,3 --json
+- gcs profile upload paper/scenario1 --uav 1,3 --json
 {EXIT_STATUS}"""
 
 _DOWNLOAD_EPILOG = f"""

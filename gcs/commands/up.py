@@ -24,8 +24,8 @@ __all__ = ["EPILOG", "up"]
 EPILOG = """
 Examples:
 
-- gcs up scenarios/paper/scenario1.yaml          (then: gcs start; gcs arm; gcs status --watch)
-- gcs up scenarios/paper/scenario1.yaml --start --speed 2
+- gcs up paper/scenario1       (then: gcs start; gcs arm; gcs status --watch)
+- gcs up paper/scenario1 --start --speed 2
 - gcs up my.yaml --lockstep --free-ports --json
 
 Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 1 flight lost, 2 bad input, 3 a vehicle refused

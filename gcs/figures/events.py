@@ -19,7 +19,7 @@ from gcs.figures.style import (
     style,
     tidy,
 )
-from gcs.results.summary import PAPER_ORDER
+from gcs.results.quantities import PAPER_ORDER
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.results.quantities import PAPER_ORDER, in_degrees
 from gcs.results.recording import Recording
-from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["Flight", "Window", "degrees", "fault_windows", "literal", "wrapped"]
+__all__ = ["Flight", "Window", "fault_windows", "literal", "wrapped"]
 
 
 @dataclass(frozen=True)
@@ -59,22 +59,22 @@ class Flight:
 
     def response(self, i: int) -> np.ndarray:
         """Airspeed [m/s], roll, pitch, yaw [deg, wrapped] of the i-th UAV, shape (steps, 4)."""
-        return wrapped(degrees(self.recording.response[:, i]))
+        return wrapped(in_degrees(self.recording.response[:, i]))
 
     def reference(self, i: int = 0) -> np.ndarray:
         """What the i-th UAV tracks, as `response`; NaN where it has no reference."""
-        return wrapped(degrees(self.recording.signals["reference"][:, i]))
+        return wrapped(in_degrees(self.recording.signals["reference"][:, i]))
 
     def error(self, i: int) -> np.ndarray:
         """Tracking errors of the i-th UAV against the reference [m/s, deg], shape (steps, 4).
 
         NaN where it has no reference.
         """
-        return degrees(self.recording.signals["error"][:, i])
+        return in_degrees(self.recording.signals["error"][:, i])
 
     def sync_error(self, i: int) -> np.ndarray:
         """Synchronisation errors (31), (32) of the i-th UAV [m/s, deg], shape (steps, 4)."""
-        return degrees(self.recording.signals["sync_error"][:, i])
+        return in_degrees(self.recording.signals["sync_error"][:, i])
 
     def event_times(self, i: int, channel: str) -> np.ndarray:
         """Times at which a channel of the i-th UAV had an event [s]."""
@@ -89,11 +89,6 @@ class Flight:
     def step_s(self) -> float:
         """Control period [s]."""
         return self.recording.step_us / 1e6
-
-
-def degrees(channels: np.ndarray) -> np.ndarray:
-    """Turn columns m/s, rad, rad, rad into m/s, deg, deg, deg."""
-    return np.column_stack([channels[:, 0], np.degrees(channels[:, 1:])])
 
 
 def wrapped(channels: np.ndarray) -> np.ndarray:

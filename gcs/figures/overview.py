@@ -16,8 +16,8 @@ from gcs.figures.style import (
     tidy,
 )
 from gcs.figures.tracking import draw_tracking
+from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
-from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.runtime.files import naming

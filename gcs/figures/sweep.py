@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.figures.flown import literal
 from gcs.figures.style import GREY, SMALL, STYLES, new_figure, save, tidy
-from gcs.reports.sweep import IAE_UNITS, Axis, axes_of, position, uav_of
-from gcs.results.summary import QUANTITIES
+from gcs.reports.sweep import Axis, axes_of, position, uav_of
+from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.sweeps.grid import Result, Run
 
 if TYPE_CHECKING:
@@ -111,8 +111,9 @@ def _draw_points(
 ) -> None:
     lines: dict[str, list[tuple[float, float]]] = {}
     for result in results:
-        if (uav := uav_of(result, uav_id)) is not None:
-            point = (uav["iae"][quantity], 100.0 * uav["saving"])
+        uav = uav_of(result, uav_id)
+        if uav is not None and uav.saving is not None and (iae := uav.iae[quantity]) is not None:
+            point = (iae, 100.0 * uav.saving)
             lines.setdefault(position(result.run, styles.markers[0]), []).append(point)
             panel.plot(*point, **styles.of(result.run), zorder=3)
     for line in lines.values():

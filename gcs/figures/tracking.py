@@ -19,7 +19,7 @@ from gcs.figures.style import (
     style,
     tidy,
 )
-from gcs.results.summary import QUANTITIES
+from gcs.results.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,6 +19,7 @@ from ftc_autopilot.control.controllers import (
 from ftc_autopilot.control.reference import profile_record
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
+from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params, fault_to_params
 from mavlink_defs.profile import items_to_segments, segments_to_items
 from mavlink_defs.runtime.jit import compiled
@@ -54,9 +55,9 @@ def fly_in_process(
 
     steps = scenario.steps
     states = np.zeros((steps, len(ids), 12))
-    applied = np.zeros((steps, len(ids), 4))
+    applied = np.zeros((steps, len(ids), N_CHANNELS))
     signals = np.zeros((steps, len(ids)), SIGNALS)
-    _exchange_initial_reports(fleet, controllers, sources, scenario.step_us)
+    _exchange_initial_states(fleet, controllers, sources, scenario.step_us)
     begin = time.perf_counter()
     step, loss = 0, None
     while step < steps and loss is None:
@@ -76,7 +77,7 @@ def fly_in_process(
         states=states[:step],
         applied=applied[:step],
         signals=signals[:step],
-        repeats=np.zeros((len(ids), 4), np.int64),
+        repeats=np.zeros((len(ids), N_CHANNELS), np.int64),
         wall_s=time.perf_counter() - begin,
         loss=loss,
     )
@@ -98,7 +99,7 @@ def _brief(
 
 
 @compiled
-def _exchange_initial_reports(
+def _exchange_initial_states(
     fleet: PlantState, controllers: Controllers, sources: np.ndarray, step_us: int
 ) -> None:
     for i in range(len(sources)):
@@ -141,4 +142,4 @@ def _deliver(controllers: Controllers, sources: np.ndarray) -> None:
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
             if sources[i, d] >= 0:
-                controllers.inboxes[i, d] = controllers.reports[sources[i, d]]
+                controllers.neighbour_states[i, d] = controllers.own_states[sources[i, d]]

@@ -6,8 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from gcs.reports.markdown import bullets, table
+from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
-from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
 from gcs.theory import UavTheory, check_theory, theory_words
 from gcs.theory.judgement import Judgement

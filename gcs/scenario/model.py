@@ -20,6 +20,7 @@ from ftc_autopilot.config import (
 )
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.laws.proposed import Proposed
+from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.sections import (
     Found,
     Links,
@@ -250,22 +251,29 @@ class Scenario(Model):
         return [uav.id for uav in self.uavs]
 
 
-def load_scenario(path: Path | str) -> Scenario:
-    """Read a scenario file, with what it extends, and check it.
+def load_scenario(name: Path | str) -> Scenario:
+    """Read a scenario, with what it extends, and check it.
+
+    Args:
+        name: A file, or the name of a bundled scenario.
 
     Raises:
         ConfigError: The file cannot be used; it names every problem found.
     """
+    path = find_scenario(name)
     return scenario_of(path, scenario_tree(path))
 
 
-def scenario_tree(path: Path | str) -> dict[Any, Any]:
-    """Read a scenario file and what it extends, as plain data that is not checked yet.
+def scenario_tree(name: Path | str) -> dict[Any, Any]:
+    """Read a scenario and what it extends, as plain data that is not checked yet.
+
+    Args:
+        name: A file, or the name of a bundled scenario.
 
     Raises:
         ConfigError: A file cannot be read, or is not YAML of a mapping, or extends itself.
     """
-    return read_inherited(path)
+    return read_inherited(find_scenario(name), base_of)
 
 
 def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:

@@ -6,6 +6,7 @@ from pathlib import Path
 import yaml
 from pydantic import Field
 
+from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
@@ -31,15 +32,16 @@ class ProfileFile(Model):
     profile: tuple[ProfileSegment, ...] = Field(min_length=1, max_length=MAX_SEGMENTS)
 
 
-def load_profile(path: Path | str) -> tuple[Segment, ...]:
-    """Read the profile of a profile file or of a scenario file, and check it.
+def load_profile(name: Path | str) -> tuple[Segment, ...]:
+    """Read the profile of a profile file or of a scenario, bundled or not, and check it.
 
     Airspeeds are checked against the aircraft's limits only in a scenario, which has them.
 
     Raises:
         ConfigError: The file cannot be used; it names every problem found.
     """
-    data = read_inherited(path)
+    path = find_scenario(name)
+    data = read_inherited(path, base_of)
     if not data.keys() <= ProfileFile.model_fields.keys():
         return validate(path, data, Scenario).segments()
     file = validate(path, data, ProfileFile)

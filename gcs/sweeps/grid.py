@@ -29,7 +29,7 @@ import yaml
 
 from gcs.errors import BadInput, GcsError
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.summary import summarise
+from gcs.results.summary import FlightSummary, summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import PlaceError, with_values
 from mavlink_defs.config.models import ConfigError, Problem, ProblemKind, repeated
@@ -87,13 +87,13 @@ class Result:
         run: The run.
         outcome: Flown to its end; lost on the way; not a scenario; not flown for another reason.
         reason: Why it was not flown to its end; else empty.
-        summary: What `gcs.results.summary.summarise` gives, of the part that was flown; else None.
+        summary: Of the part that was flown; None if nothing was.
     """
 
     run: Run
     outcome: Literal["completed", "lost", "invalid", "failed"]
     reason: str = ""
-    summary: dict[str, Any] | None = None
+    summary: FlightSummary | None = None
 
 
 class _Stopped(Exception):  # noqa: N818 - nothing is wrong
@@ -238,7 +238,8 @@ def known_results(runs: Iterable[Run], folder: Path) -> dict[str, Result]:
     known: dict[str, Result] = {}
     for run in runs:
         try:
-            known[run.digest] = _flown(run, json.loads(_path(run, folder).read_bytes())["summary"])
+            kept = json.loads(_path(run, folder).read_bytes())
+            known[run.digest] = _flown(run, FlightSummary.from_json(kept["summary"]))
         except (OSError, ValueError, KeyError, TypeError):  # not flown, or the file is damaged
             continue
     return known
@@ -295,7 +296,7 @@ def _fly(run: Run, folder: Path, stop: threading.Event) -> Result:
     kept = {
         "file": str(run.file),
         "set": run.values,
-        "summary": summary,
+        "summary": summary.to_json(),
         "scenario": run.scenario.model_dump(mode="json"),
     }
     try:
@@ -305,10 +306,10 @@ def _fly(run: Run, folder: Path, stop: threading.Event) -> Result:
     return _flown(run, summary)
 
 
-def _flown(run: Run, summary: dict[str, Any]) -> Result:
-    if summary["completed"]:
+def _flown(run: Run, summary: FlightSummary) -> Result:
+    if summary.loss is None:
         return Result(run, "completed", summary=summary)
-    return Result(run, "lost", summary["loss"], summary)
+    return Result(run, "lost", summary.loss, summary)
 
 
 def _path(run: Run, folder: Path) -> Path:

@@ -46,6 +46,8 @@ class TestFleet:
         client: The asyncio client; `call` runs what its methods give.
     """
 
+    __test__ = False  # pytest takes a class of such a name for tests
+
     def __init__(self, scenario: Scenario, folder: Path, speed: float | None = None) -> None:
         """Prepare a fleet.
 

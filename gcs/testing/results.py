@@ -5,20 +5,20 @@ they are the events that the controllers recorded.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gcs.results.quantities import QUANTITIES, UNITS, in_degrees
 from gcs.results.recording import Recording
-from gcs.results.summary import QUANTITIES, summarise
+from gcs.results.summary import UavSummary, summarise
 from gcs.scenario.model import Scenario
+from mavlink_defs.capture.transmissions import saving
 from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["Channel", "Errors", "Flight", "UavFlight"]
-
-_UNITS = ("m/s", "deg", "deg", "deg")
 
 
 class Errors(NamedTuple):
@@ -91,35 +91,37 @@ class UavFlight:
     """
 
     def __init__(
-        self, recording: Recording, i: int, summary: dict[str, Any], wire: dict[str, Any] | None
+        self, recording: Recording, i: int, summary: UavSummary, wire: dict[str, Any] | None
     ) -> None:
-        self.id: int = summary["id"]
-        self.summary = summary
-        self.attitude_lost_at_s: float | None = summary["attitude_lost_at_s"]
-        self.heading_lost_at_s: float | None = summary["heading_lost_at_s"]
-        self.missing_steps: int = summary["missing_steps"]
+        self.id = summary.id
+        self.summary = asdict(summary)
+        self.attitude_lost_at_s = summary.attitude_lost_at_s
+        self.heading_lost_at_s = summary.heading_lost_at_s
+        self.missing_steps = summary.missing_steps
         self._time_s, self._errors = recording.time_s, recording.error("reference")[:, i]
-        self.messages: int = (wire or {}).get("messages", 0 if wire is not None else
-                                              summary["actuator_messages"])  # fmt: skip
+        self.messages: int = summary.actuator_messages if wire is None else wire.get("messages", 0)
         events = recording.signals["events"][:, i]
-        steps = summary["active_steps"]
+        steps = summary.active_steps
         self.channels = {}
         for c, name in enumerate(ACTUATORS):
-            claimed = summary["channels"][name]
-            seen = claimed if wire is None else wire.get("channels", {}).get(name, {})
-            sent = seen.get("events", 0)
+            claimed = summary.channels[name]
+            if wire is None:
+                sent, min_interval_s = claimed.events, claimed.min_interval_s
+            else:
+                seen = wire.get("channels", {}).get(name, {})
+                sent, min_interval_s = seen.get("events", 0), seen.get("min_interval_s")
             self.channels[name] = Channel(
                 self.id,
                 name,
                 sent,
-                seen.get("min_interval_s"),
-                1.0 - sent / steps if steps else None,
+                min_interval_s,
+                saving(sent, steps, channels=1),
                 recording.time_s[events & (1 << c) > 0],
-                claimed["events"],
-                claimed["repeats"],
+                claimed.events,
+                claimed.repeats,
             )
         self.sent = sum(channel.sent for channel in self.channels.values())
-        self.saving = 1.0 - self.sent / (len(ACTUATORS) * steps) if steps else None
+        self.saving = saving(self.sent, steps)
 
     def __repr__(self) -> str:
         return f"<UAV {self.id}>"
@@ -172,7 +174,8 @@ class UavFlight:
             raise AssertionError(f"UAV {self.id}: nothing flown {window}, only {flown_s:.3f} s")
         complaints = []
         bounds = (airspeed_m_s, roll_deg, pitch_deg, yaw_deg)
-        for c, (name, unit, bound) in enumerate(zip(QUANTITIES, _UNITS, bounds, strict=True)):
+        for c, (name, bound) in enumerate(zip(QUANTITIES, bounds, strict=True)):
+            unit = UNITS[name]
             beyond = np.flatnonzero(~(errors[:, c] < bound))
             if bound < math.inf and len(beyond):
                 worst = int(np.argmax(errors[:, c]))
@@ -188,9 +191,7 @@ class UavFlight:
         """Times and absolute errors in a window, where there are any: m/s, deg."""
         here = (self._time_s >= after_s) & (self._time_s <= until_s)
         here &= np.isfinite(self._errors).all(axis=1)
-        errors = np.abs(self._errors[here])
-        errors[:, 1:] = np.degrees(errors[:, 1:])
-        return self._time_s[here], errors
+        return self._time_s[here], in_degrees(np.abs(self._errors[here]))
 
 
 class Flight:
@@ -218,20 +219,21 @@ class Flight:
             array.flags.writeable = False
         self.scenario, self.recording = scenario, recording
         self.wire, self.folder = wire, folder
-        self.summary = summarise(recording, scenario)
+        summary = summarise(recording, scenario)
+        self.summary = summary.to_json()
         self.loss = recording.loss
-        self.completed: bool = self.summary["completed"]
+        self.completed = summary.completed
         counted = {uav["system"]: uav for uav in wire["uavs"]
                    if uav["link"] == "plant"} if wire is not None else None  # fmt: skip
         self.uavs = {
-            uav["id"]: UavFlight(
-                recording, i, uav, None if counted is None else counted.get(uav["id"], {})
+            uav.id: UavFlight(
+                recording, i, uav, None if counted is None else counted.get(uav.id, {})
             )
-            for i, uav in enumerate(self.summary["uavs"])
+            for i, uav in enumerate(summary.uavs)
         }
         sent = sum(uav.sent for uav in self.uavs.values())
-        steps = sum(uav["active_steps"] for uav in self.summary["uavs"])
-        self.saving = 1.0 - sent / (len(ACTUATORS) * steps) if steps else None
+        steps = sum(uav.active_steps for uav in summary.uavs)
+        self.saving = saving(sent, steps)
 
     def __repr__(self) -> str:
         return f"<flight of {self.scenario.name!r}, {self.duration_s:g} s>"

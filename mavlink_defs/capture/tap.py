@@ -251,7 +251,7 @@ def _total_saving(uavs: list[dict[str, Any]]) -> float | None:
     known = [uav for uav in uavs if uav["periods"] is not None]
     counted = [uav for uav in known if not uav["reported"]] or known
     events = sum(channel["events"] for uav in counted for channel in uav["channels"].values())
-    return saving(events, sum(uav["periods"] for uav in counted), len(ACTUATORS))
+    return saving(events, sum(uav["periods"] for uav in counted))
 
 
 def _flow(key: tuple[str, str], flow: Flow, now_s: float) -> dict[str, Any]:

@@ -92,8 +92,17 @@ def reported(message: MAVLink_ftc_events_message) -> dict[str, Any]:
     return _figures(message.steps, message.messages, sum(message.repeats), message.events, shortest)
 
 
-def saving(events: int, periods: int | None, channels: int) -> float | None:
-    """Share of a periodic sender's transmissions that were not sent; None if unknown."""
+def saving(events: int, periods: int | None, channels: int = len(ACTUATORS)) -> float | None:
+    """Return the share of a periodic sender's transmissions that were not sent.
+
+    Args:
+        events: Transmissions.
+        periods: Control periods in which each channel would have been sent; None if unknown.
+        channels: Actuator channels that `events` counts.
+
+    Returns:
+        The share; None if there was no period, or none is known.
+    """
     return 1.0 - events / (periods * channels) if periods else None
 
 
@@ -106,13 +115,13 @@ def _figures(
 ) -> dict[str, Any]:
     return {
         "periods": periods,
-        "saving": saving(sum(events), periods, len(ACTUATORS)),
+        "saving": saving(sum(events), periods),
         "messages": messages,
         "repeats": repeats,
         "channels": {
             name: {
                 "events": n,
-                "saving": saving(n, periods, 1),
+                "saving": saving(n, periods, channels=1),
                 "min_interval_s": None if us is None else us / 1e6,
             }
             for name, n, us in zip(ACTUATORS, events, min_interval_us, strict=True)

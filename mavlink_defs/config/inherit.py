@@ -1,6 +1,7 @@
 """Configuration files that say only in what they differ from another one.
 
-``extends: other.yaml`` in a file names its base, relative to the file itself. What the file
+``extends: other.yaml`` in a file names its base, relative to the file itself (`read_inherited` can
+be told to look elsewhere, too). What the file
 says is laid over the base as a JSON Merge Patch (RFC 7396): mappings merge key by key, a null
 takes the base's key away, anything else, lists included, replaces. One rule more: a mapping
 with another `kind` than the base's inherits nothing from it, so that one control law does not
@@ -10,7 +11,7 @@ Errors: ValueError ← PlaceError (no such place in a tree); about files `Config
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +27,24 @@ class PlaceError(ValueError):
     """A tree has no such place, or it is not written as one; one line that names the place."""
 
 
-def read_inherited(path: Path | str) -> dict[Any, Any]:
+def _beside(folder: Path, name: str) -> Path:
+    return folder / name
+
+
+def read_inherited(path: Path | str, find: Callable[[Path, str], Path] = _beside) -> dict[Any, Any]:
     """Read a YAML file and what it extends, as one tree without `extends`.
+
+    Args:
+        path: The file.
+        find: Gives the file that a name means, for the folder of the file that extends it.
 
     Raises:
         ConfigError: A file cannot be read, holds something else, or extends itself.
     """
-    return _read(Path(path), [])
+    return _read(Path(path), find, [])
 
 
-def _read(path: Path, above: list[Path]) -> dict[Any, Any]:
+def _read(path: Path, find: Callable[[Path, str], Path], above: list[Path]) -> dict[Any, Any]:
     """Read a file that the ones `above` extend."""
     if path.resolve() in above:
         raise ConfigError(path, [Problem((), "extends itself")])
@@ -47,7 +56,7 @@ def _read(path: Path, above: list[Path]) -> dict[Any, Any]:
         text = f"expected the path of one file, got {shown(name)}"
         raise ConfigError(path, [Problem(("extends",), text)])
     try:
-        return dict(merged(_read(path.parent / name, [*above, path.resolve()]), tree))
+        return dict(merged(_read(find(path.parent, name), find, [*above, path.resolve()]), tree))
     except ConfigError as exc:
         problems = [Problem(("extends",), f"{exc.path}: {problem}") for problem in exc.problems]
         raise ConfigError(path, problems) from exc

@@ -26,7 +26,7 @@ from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
 from gcs.tui.plots import Chart
 from gcs.tui.profiles import Holdings, ProfilesPanel
-from gcs.tui.view import Live
+from gcs.tui.view import LiveSource
 from gcs.tui.wire_panel import WirePanel
 from mavlink_defs.endpoint import parse_connection
 from mavlink_defs.services.machine import SystemId
@@ -84,7 +84,7 @@ class Operator:
 
     @property
     def log(self) -> str:
-        entries = self.app.view.source.journal.entries
+        entries = self.app.view.source.event_log.entries
         return "\n".join(f"{e.system} {e.kind} {e.text}" for e in entries)
 
 
@@ -93,7 +93,7 @@ async def operator(
     fleet: Up, size: tuple[int, int] = (120, 40), uavs: int = 3
 ) -> AsyncIterator[Operator]:
     """A dashboard that has heard every vehicle, and knows its faults and its profile."""
-    live = Live(fleet.hub, time.time() - time.monotonic(), OWN)
+    live = LiveSource(fleet.hub, time.time() - time.monotonic(), OWN)
     connection = parse_connection(fleet.hub)
     async with Client(
         connection, on_notification=live.receive, inquire=True, private=True, own=OWN
@@ -186,9 +186,9 @@ def test_a_fault_goes_from_the_form_to_the_plant_and_is_cleared(fleet: Up) -> No
 
             await someone.press("r")  # the next UAV without it
             await someone.sees_event("1 action", "set: elevator stuck at 3 deg")
-            ledger = someone.app.view.source.ledger
-            await someone.sees(lambda: len(ledger.records) == 2, "repeated")
-            acks = [record.acknowledged for record in ledger.records]
+            history = someone.app.view.source.fault_history
+            await someone.sees(lambda: len(history.records) == 2, "repeated")
+            acks = [record.acknowledged for record in history.records]
             assert [ack and ack.asked_by for ack in acks] == ["this station"] * 2
 
             await someone.press("3", "home", "d", "enter")  # the latest one

@@ -1,5 +1,6 @@
 import math
 from dataclasses import astuple, replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -50,7 +51,7 @@ def faults(draw: st.DrawFn) -> Fault:
 def test_fault_crosses_the_wire_unchanged(fault: Fault) -> None:
     command = dialect.MAV_CMD_FTC_SET_FAULT
     message = MAVLink_command_long_message(1, 1, command, 0, *fault_to_params(fault))
-    received = over_the_wire(message, GCS)
+    received: Any = over_the_wire(message, GCS)
     assert same(fault_from_params(command_params(received), LIMITS), fault)
 
 

@@ -96,7 +96,7 @@ def test_what_is_set_is_flown(bench: Bench) -> None:
 def test_a_schedule_is_read_as_it_is_now_and_set_for_good(bench: Bench) -> None:
     table = bench.controllers.parameters[0]["trigger"]["a2_n"]
     bench.controllers.guidance[0]["start_step"] = 1000
-    bench.link.clock[0]["step"] = 16_000
+    bench.link.state[0]["step"] = 16_000
     assert bench["TRIG_A2_N"].get() == 1.0  # from 14 s on
     bench.controllers.guidance[0]["start_step"] = NOT_STARTED
     assert bench["TRIG_A2_N"].get() == 0.5

@@ -261,8 +261,8 @@ def test_after_a_standstill_all_are_made_in_turn_and_none_is_made_up_for(bench: 
 
 
 def test_answers_and_telemetry_wait_for_their_turn_and_none_is_forgotten(bench: Bench) -> None:
-    bench.link.clock["heard_s"] = 1.0
-    bench.link.clock["flags"] = dialect.FTC_SIM_FLAGS_RUNNING
+    bench.link.state["heard_s"] = 1.0
+    bench.link.state["flags"] = dialect.FTC_SIM_FLAGS_RUNNING
     bench.vehicle.receive(dialect.MAVLink_param_request_list_message(3, 1), 0.0)
     said: list[Any] = []
     for ms in range(1000):

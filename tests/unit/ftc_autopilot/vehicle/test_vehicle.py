@@ -29,12 +29,12 @@ class Bench:
         self.controllers: Controllers = new_controllers([config])
         self.link: AutopilotLink = new_link(UAV, config.neighbours, config.step_us, 0.25, 0)
         self.link.measured[0]["velocity"] = (40.0, 0.0, 0.0)
-        self.link.clock["heard_s"] = float(heard)
+        self.link.state["heard_s"] = float(heard)
         self.vehicle = Vehicle(config, self.link, self.controllers)
         self.now = 0.0
 
     def run(self, flags: int = dialect.FTC_SIM_FLAGS_RUNNING) -> None:
-        self.link.clock["flags"] = flags
+        self.link.state["flags"] = flags
 
     def say(self, message: Any, station: int = 0) -> list[Any]:
         """Send a message as a ground station; what the vehicle answers it."""
@@ -103,7 +103,7 @@ def test_a_mission_started_in_flight_begins_with_the_next_step(scenario1: Scenar
     bench.upload(scenario1)
     bench.command(ARM, 1.0)
     bench.run()
-    bench.link.clock["step"] = 500
+    bench.link.state["step"] = 500
     bench.command(START)
     assert bench.controllers.guidance[0]["start_step"] == 501
 
@@ -123,7 +123,7 @@ def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
     bench.upload(scenario1)
     bench.command(START)
     bench.run()
-    bench.link.clock["step"] = 4001
+    bench.link.state["step"] = 4001
     bench.vehicle.tick(bench.now)
     said = bench.vehicle.gcs_messages()
     assert [m.seq for m in of_type(said, "MISSION_ITEM_REACHED")] == [1]
@@ -136,10 +136,10 @@ def test_setting_the_current_item_jumps_in_the_profile(scenario1: Scenario) -> N
     bench.upload(scenario1)
     bench.command(START)
     bench.run()
-    bench.link.clock["step"] = 1000
+    bench.link.state["step"] = 1000
     bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 3))
     assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
-    bench.link.clock["step"] = 1001
+    bench.link.state["step"] = 1001
     bench.vehicle.tick(bench.now)
     assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
     assert not of_type(bench.vehicle.gcs_messages(), "MISSION_ITEM_REACHED")
@@ -177,8 +177,8 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     bench.command(ARM, 1.0)
     bench.command(START)
     bench.run()
-    bench.link.clock["step"] = 20_000
-    bench.link.clock["edge_changes"] = 2
+    bench.link.state["step"] = 20_000
+    bench.link.state["edge_changes"] = 2
     bench.controllers.weights[0] = 1.0
     bench.vehicle.tick(bench.now)
     bench.vehicle.gcs_messages()
@@ -274,7 +274,7 @@ def test_a_dropped_neighbour_is_announced(scenario1: Scenario) -> None:
     bench.controllers.weights[0] = np.array([1.0, 1.0])
     bench.vehicle._edges = bench.controllers.weights[0] > 0.0
     bench.controllers.weights[0, 1] = 0.0
-    bench.link.clock["edge_changes"] = 1
+    bench.link.state["edge_changes"] = 1
     bench.vehicle.tick(0.0)
     texts = [m.text for m in of_type(bench.vehicle.gcs_messages(), "STATUSTEXT")]
     assert any("neighbour 3 silent, edge dropped" in str(text) for text in texts)
@@ -325,7 +325,7 @@ def test_a_jump_is_told_as_the_item_it_leads_to(scenario1: Scenario) -> None:
     bench.upload(scenario1)
     bench.command(START)
     bench.run()
-    bench.link.clock["step"] = 1000
+    bench.link.state["step"] = 1000
     bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 2))
     bench.vehicle.tick(bench.now)
     told = of_type(bench.vehicle.gcs_messages(), "MISSION_CURRENT")
@@ -352,7 +352,7 @@ def test_mission_current_tells_the_state_of_the_mission(scenario1: Scenario) -> 
     assert told() == (dialect.MISSION_STATE_ACTIVE, 1, 3)
     bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, LOITER)
     assert told() == (dialect.MISSION_STATE_PAUSED, 2, 3)
-    bench.link.clock["step"] = 20_000
+    bench.link.state["step"] = 20_000
     assert told()[0] == dialect.MISSION_STATE_COMPLETE
 
 

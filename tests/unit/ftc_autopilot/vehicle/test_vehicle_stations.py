@@ -1,12 +1,11 @@
 """What a vehicle tells which ground station."""
 
-from test_vehicle import ACCEPTED, UAV, Bench, of_type
-
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
+from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.profile import segments_to_items
-from sitl_plant.link import SIMULATOR_COMPONENT
+from tests.unit.ftc_autopilot.vehicle.test_vehicle import ACCEPTED, UAV, Bench, of_type
 
 EVENTS = dialect.MAVLINK_MSG_ID_FTC_EVENTS
 REQUEST, SET_INTERVAL = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL

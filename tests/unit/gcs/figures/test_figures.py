@@ -21,7 +21,7 @@ from gcs.figures.overview import draw_flight
 from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import STYLES, decimated, draw_curve, frame, new_figure, save
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.summary import PAPER_ORDER, QUANTITIES
+from gcs.results.quantities import PAPER_ORDER, QUANTITIES
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 

@@ -254,7 +254,7 @@ def test_results_do_not_depend_on_the_number_of_jobs(short: Path, tmp_path: Path
         open_folder(tmp_path / str(jobs), [short], axes)
         runs = plan([short], axes)
         results = flown(runs, tmp_path / str(jobs), jobs)
-        by_digest = {r.run.digest: r.summary["uavs"] for r in results if r.summary is not None}
+        by_digest = {r.run.digest: r.summary.uavs for r in results if r.summary is not None}
         seen.append([by_digest[run.digest] for run in runs])
     assert seen[0] == seen[1]
 
@@ -309,11 +309,11 @@ def test_report_has_every_run(short: Path, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert len(rows) == 4 * 3 + 2
     assert [row["outcome"] for row in rows[-2:]] == ["invalid"] * 2
-    uavs = [uav for result in results[:4] for uav in (result.summary or {})["uavs"]]
+    uavs = [uav for result in results[:4] if result.summary for uav in result.summary.uavs]
     for row, uav in zip(rows[:-2], uavs, strict=True):
-        assert float(row["iae_yaw_deg_s"]) == uav["iae"]["yaw"]
-        assert (row["uav"], row["scenario"]) == (str(uav["id"]), str(short))
-        assert int(row["events_rudder"]) == uav["channels"]["rudder"]["events"]
+        assert float(row["iae_yaw_deg_s"]) == uav.iae["yaw"]
+        assert (row["uav"], row["scenario"]) == (str(uav.id), str(short))
+        assert int(row["events_rudder"]) == uav.channels["rudder"].events
     write_markdown(results, 3, folder / "table.md")
     assert (folder / "table.md").read_text().count("\n| ") == 1 + 1 + 6
     assert terminal_table(results, 3).row_count == 6
@@ -325,9 +325,9 @@ def test_report_has_every_run(short: Path, tmp_path: Path) -> None:
 def test_whole_rolls_are_no_error(short: Path) -> None:
     scenario = load_scenario(short)
     recording = fly_in_process(scenario)
-    before = summarise(recording, scenario)["uavs"][0]["iae"]
+    before = summarise(recording, scenario).uavs[0].iae
     recording.states[:, 0, 6] += 4.0 * np.pi
-    assert summarise(recording, scenario)["uavs"][0]["iae"] == pytest.approx(before)
+    assert summarise(recording, scenario).uavs[0].iae == pytest.approx(before)
 
 
 def test_angles_are_wrapped_one_by_one() -> None:

@@ -60,7 +60,7 @@ class Station:
         for system in systems:
             self.receive(system)
 
-    def hear(self, system: int) -> None:
+    def receive(self, system: int) -> None:
         self.fleet.receive(heartbeat(system), self.time_s)
 
     def now(self) -> float:
@@ -201,7 +201,7 @@ def test_a_view_says_whether_anything_is_new() -> None:
     assert view.selected == 2
     assert view.targets == (2,)
     view.marked = {1, 2}
-    assert view.targets == (1, 2)
+    assert list(view.targets) == [1, 2]
     station.time_s += SILENT_S
     station.receive(1)
     assert view.look()

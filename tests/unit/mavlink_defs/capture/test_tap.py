@@ -2,6 +2,7 @@
 
 import itertools
 from collections import Counter
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -41,8 +42,8 @@ def actuators(time_us: int, values: tuple[float, ...], system: int = 1) -> bytes
 
 
 def state(step: int, system: int = 1, flags: int = RUNNING, run: int = 7) -> bytes:
-    zeros = [[0.0] * 3] * 5
-    message = dialect.MAVLink_ftc_sim_state_message(step * 1000, 0, *zeros, step, flags, run)
+    fields: Any = (*[[0.0] * 3] * 5, step, flags, run)
+    message = dialect.MAVLink_ftc_sim_state_message(step * 1000, 0, *fields)
     return FramePacker(system, 25).pack(message)
 
 
@@ -53,7 +54,9 @@ def uav_of(tap: Tap, system: int = 1, link: str = "plant") -> dict:
 
 @given(st.lists(st.tuples(ways, senders, messages), max_size=30))
 def test_frames_and_bytes_are_counted_by_link_direction_sender_and_message(sent) -> None:
-    tap, frames, sizes = Tap(), Counter(), Counter()
+    tap = Tap()
+    frames: Counter[Any] = Counter()
+    sizes: Counter[Any] = Counter()
     for t, ((link, direction), (system, component), message) in enumerate(sent):
         datagram = FramePacker(system, component).pack(message)
         tap.count(float(t), link, direction, datagram)

@@ -32,7 +32,7 @@ def values_of(base: np.dtype) -> st.SearchStrategy[Any]:
 def hot_messages(draw: st.DrawFn) -> tuple[int, np.ndarray]:
     message_id = draw(st.sampled_from(sorted(HOT)))
     payload = np.zeros(1, HOT[message_id][0])
-    for name in payload.dtype.names:
+    for name in payload.dtype.fields or ():
         field = payload.dtype[name]
         count = int(np.prod(field.shape))
         values = draw(st.lists(values_of(field.base), min_size=count, max_size=count))
@@ -49,9 +49,10 @@ def packed(message_id: int, payload: np.ndarray, system_id=1, component_id=1, se
 
 def packed_by_pymavlink(message_id: int, payload: np.ndarray, *sender: int) -> bytes:
     message_class = HOT[message_id][1]
-    fields = {name: payload[0][name].tolist() for name in payload.dtype.names}
-    mavlink = dialect.MAVLink(None, *sender[:2])
-    mavlink.seq = sender[2]
+    fields = {name: payload[0][name].tolist() for name in payload.dtype.fields or ()}
+    system, component, sequence = sender
+    mavlink = dialect.MAVLink(None, system, component)
+    mavlink.seq = sequence
     return message_class(**fields).pack(mavlink)
 
 
@@ -70,9 +71,11 @@ def sample(message_id: int) -> bytes:
 
 @pytest.mark.parametrize("message_id", HOT)
 def test_layout_is_that_of_the_dialect(message_id: int) -> None:
+    dtype: np.dtype
+    message_class: Any
     dtype, message_class = HOT[message_id]
     assert dtype.itemsize == message_class.unpacker.size
-    assert list(dtype.names) == message_class.ordered_fieldnames
+    assert list(dtype.fields or ()) == message_class.ordered_fieldnames
 
 
 @given(hot_messages(), st.integers(1, 255), st.integers(0, 255), st.integers(0, 255))

@@ -4,6 +4,7 @@ import hashlib
 import struct
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,7 +74,7 @@ def test_pymavlink_and_signer_understand_each_other() -> None:
 
 def test_pymavlink_and_seal_understand_each_other() -> None:
     link_signer = new_link_signer(KEY, 0)
-    theirs = dialect.MAVLink(None, srcSystem=3, srcComponent=1)
+    theirs: Any = dialect.MAVLink(None, srcSystem=3, srcComponent=1)
     theirs.signing.secret_key, theirs.signing.sign_outgoing = KEY, True
     theirs.signing.timestamp = int((time.time() - EPOCH_S) * 1e5)
     done, payload = dialect.MAVLink_ftc_step_done_message(7), np.zeros(1, codec.STEP_DONE)
@@ -203,7 +204,7 @@ def test_a_seal_without_a_key_lets_everything_pass() -> None:
 
 def test_signed_frames_are_parsed() -> None:
     message = parse(Signer(KEY).sign(frame_of()))
-    assert message is not None
+    assert isinstance(message, dialect.MAVLink_command_long_message)
     assert message.command == 400
 
 
