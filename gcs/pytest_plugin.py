@@ -159,10 +159,15 @@ def _marked(request: pytest.FixtureRequest) -> tuple[str | Path, dict[str, Any]]
 
 
 def _found(request: pytest.FixtureRequest, path: str | Path) -> Path:
-    """A scenario beside the test's file, else below the rootdir."""
+    """A scenario beside the test's file, else below the rootdir, else a bundled one."""
+    from gcs.scenario.bundled import find_scenario
+    from mavlink_defs.config.models import ConfigError
+
     for folder in (request.path.parent, request.config.rootpath):
         if (folder / path).is_file():
             return folder / path
-    raise pytest.UsageError(
-        f"no scenario {path} in {request.path.parent} or {request.config.rootpath}"
-    )
+    try:
+        return find_scenario(path)
+    except ConfigError as problem:
+        text = f"no scenario {path} in {request.path.parent} or {request.config.rootpath}"
+        raise pytest.UsageError(f"{text}: {problem}") from None

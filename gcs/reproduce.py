@@ -56,7 +56,7 @@ def load_all(folder: Path) -> dict[str, Scenario]:
     if not folder.is_dir():
         raise BadInput(
             f"there is no folder {folder}, expected the paper's scenario files there",
-            "run in a clone of the project, or name the folder with --scenarios",
+            "name the folder with --scenarios, or leave it out for the bundled ones",
         )
     return {file: load_scenario(folder / f"{file}.yaml") for file in FILES}
 

@@ -12,6 +12,8 @@ from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.jit import cache_is_cold
 from sitl_plant.aircraft import aircraft_record
 
+pytest_plugins = ["needs", "pytester"]
+
 # the first call of a function compiles it; the same examples in every run
 settings.register_profile("ftc-sitl", deadline=None, derandomize=True)
 settings.load_profile("ftc-sitl")

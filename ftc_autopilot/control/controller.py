@@ -17,7 +17,8 @@ from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.schedule import scheduled
-from ftc_autopilot.control.trigger import N_CHANNELS, trigger
+from ftc_autopilot.control.trigger import trigger
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
@@ -208,7 +209,7 @@ def control_step(
     for i in range(3):
         signals["attitude"][i] = motion.phi[i]
         signals["demand"][i] = demand.delta_hat[i]
-    signals["demand"][3] = demand.T_hat
+    signals["demand"][THROTTLE] = demand.T_hat
     for i in range(4):
         signals["command"][i] = command[i]
         signals["held"][i] = state["held"][i]

@@ -23,8 +23,8 @@ __all__ = ["EPILOG", "sweep"]
 EPILOG = """
 Examples:
 
-- gcs sweep scenarios/paper/scenario1.yaml --set trigger.b2_deg=0.25,0.5,1,2
-- gcs sweep scenarios/paper/scenario1.yaml --set trigger.mode=per_channel,joint
+- gcs sweep paper/scenario1 --set trigger.b2_deg=0.25,0.5,1,2
+- gcs sweep paper/scenario1 --set trigger.mode=per_channel,joint
   --set uncertainty.coefficients=0.8,1,1.2 --out runs/robust
 - gcs sweep scenarios/paper/scenario2_*.yaml --set 'faults[0].effectiveness=0.9,0.5,0.1' --uav 3
 - gcs sweep my.yaml --set 'controller.K1=[40, 40, 40], [50, 50, 50]' --jobs 2
@@ -37,7 +37,7 @@ same command goes on.
 
 def sweep(
     scenarios: Annotated[
-        list[Path], typer.Argument(help="Scenario files (YAML).", metavar="SCENARIO")
+        list[Path], typer.Argument(help="Scenarios: files, or bundled ones.", metavar="SCENARIO")
     ],
     settings: Annotated[
         list[str] | None,

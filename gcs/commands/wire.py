@@ -21,6 +21,7 @@ from mavlink_defs.capture.relay import Relay, Route
 from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
 from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.config.models import parse, validate
+from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
 from mavlink_defs.runtime.shutdown import on_stop
 
@@ -68,7 +69,8 @@ def wire(
         list[str] | None,
         typer.Option(
             help="Name the link whose fixed end has this UDP port; may be repeated. "
-            "Without it: gcs 14550, plant 14560, formation 14601-14850.",
+            f"Without it: gcs {GCS_PORT}, plant {PLANT_PORT}, formation "
+            f"{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}.",
             metavar="NAME=PORT",
         ),
     ] = None,

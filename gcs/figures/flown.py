@@ -9,7 +9,7 @@ from gcs.results.quantities import PAPER_ORDER, in_degrees
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["FaultWindow", "PlottedFlight", "fault_windows", "literal", "wrapped"]
 

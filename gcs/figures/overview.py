@@ -19,7 +19,7 @@ from gcs.figures.tracking import draw_tracking
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.runtime.files import naming
 
 if TYPE_CHECKING:

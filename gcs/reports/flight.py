@@ -78,12 +78,12 @@ def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
     table.add_column("UAV")
     table.add_column("")
     for quantity in QUANTITIES:
-        table.add_column(f"{quantity} [{IAE_UNITS[quantity]}]", justify="right")
+        table.add_column(f"{quantity}\n[{IAE_UNITS[quantity]}]", justify="right")
     for uav in summary.uavs:
         rows = (
-            (names[uav.id], "IAE against commands", uav.iae, "{:.2f}"),
-            ("", "IAE against reference", uav.iae_filtered, "{:.2f}"),
-            ("", "largest error [m/s, deg]", uav.max_error, "{:.3f}"),
+            (names[uav.id], "IAE vs commands", uav.iae, "{:.2f}"),
+            ("", "IAE vs reference", uav.iae_filtered, "{:.2f}"),
+            ("", "max error [m/s, deg]", uav.max_error, "{:.3f}"),
         )
         for name, label, errors, shape in rows:
             values = (errors[quantity] for quantity in QUANTITIES)

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from gcs.reports.formatting import milliseconds, percent
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["wire_tables", "write_csv"]
 

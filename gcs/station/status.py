@@ -7,7 +7,8 @@ from typing import Any
 from rich.table import Table
 
 from gcs.station.vehicle_state import VehicleState
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 
 __all__ = ["drop_lines", "fault_dict", "fleet_table", "segment_dict", "status_dict"]

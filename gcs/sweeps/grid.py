@@ -17,7 +17,7 @@ from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from gcs.sweeps.axes import Axis
 from mavlink_defs.config.inherit import PlaceError, with_values
-from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.models import ConfigError, Problem, ProblemKind
 from mavlink_defs.runtime.jit import source_digest
 
 __all__ = ["Run", "identity", "plan"]
@@ -48,8 +48,8 @@ class Run:
     name: str
     values: dict[str, Any]
     scenario: Scenario | None
-    problems: tuple[str, ...] = ()
-    misplaced: tuple[str, ...] = ()
+    problems: tuple[Problem, ...] = ()
+    misplaced: tuple[Problem, ...] = ()
     digest: str = ""
 
 
@@ -72,12 +72,12 @@ def plan(files: Sequence[Path], axes: Sequence[Axis]) -> list[Run]:
         combinations = itertools.product(*(axis.values for axis in axes))
         points = [replace(bare, values=dict(zip(keys, v, strict=True))) for v in combinations]
         made = [_checked(point, tree) for point in points]
-        lasting = [line for line in _shared(run.problems for run in made) if line in own]
+        lasting = [problem for problem in _shared(run.problems for run in made) if problem in own]
         if lasting:
             raise ConfigError(file, lasting)
         runs += made
     if mistyped := _shared(run.misplaced for run in runs):
-        raise BadInput("\n".join(f"--set {line}" for line in mistyped))
+        raise BadInput("\n".join(f"--set {problem}" for problem in mistyped))
     return runs
 
 
@@ -85,18 +85,19 @@ def _checked(run: Run, tree: dict[Any, Any]) -> Run:
     """Return a run with its scenario or its problems, given the plain data of its file."""
     try:
         scenario = scenario_of(run.file, with_values(tree, run.values))
-    except PlaceError as problem:
-        return replace(run, problems=(str(problem),), misplaced=(str(problem),))
+    except PlaceError as error:
+        problem = Problem((), str(error), ProblemKind.UNKNOWN_KEY)
+        return replace(run, problems=(problem,), misplaced=(problem,))
     except ConfigError as exc:
-        unknown = tuple(line for line in exc.problems if ": unknown key" in line)
+        unknown = tuple(p for p in exc.problems if p.kind is ProblemKind.UNKNOWN_KEY)
         return replace(run, problems=tuple(exc.problems), misplaced=unknown)
     return replace(run, scenario=scenario, digest=identity(scenario))
 
 
-def _shared(groups: Iterable[tuple[str, ...]]) -> list[str]:
-    """The lines that stand in every group."""
+def _shared(groups: Iterable[tuple[Problem, ...]]) -> list[Problem]:
+    """Return the problems that every group has."""
     first, *others = groups
-    return [line for line in first if all(line in other for other in others)]
+    return [problem for problem in first if all(problem in other for other in others)]
 
 
 def identity(scenario: Scenario) -> str:

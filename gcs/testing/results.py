@@ -18,7 +18,7 @@ from gcs.results.summary import ChannelSummary, UavSummary, summarise
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.tap_report import ChannelReport, TapReport
 from mavlink_defs.capture.transmissions import saving
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["Channel", "Errors", "FlightResult", "UavFlight"]
 

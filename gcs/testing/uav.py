@@ -1,18 +1,17 @@
 """One UAV of a fleet in a test, behind plain function calls."""
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 from pydantic import ValidationError
 
 from gcs.errors import BadInput
-from gcs.scenario.sections import ScenarioFault
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.config.models import problems_of
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.fault_spec import FaultSpec
+from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 from mavlink_defs.services.param import Param
 
@@ -102,13 +101,11 @@ class FlyingUav:
         Raises:
             BadInput: They do not make a fault.
         """
-        tree = {"uav": self.id, "actuator": actuator, "start_s": start_s or 0.0, **keys}
+        tree = {"actuator": actuator, "start_s": start_s, **keys}
         try:
-            fault = ScenarioFault.model_validate(tree).command()
-        except ValidationError as problem:
-            raise BadInput("; ".join(problems_of(ScenarioFault, problem))) from None
-        if start_s is None:
-            fault = replace(fault, start_s=math.nan)
+            fault = FaultSpec.model_validate(tree).command()
+        except ValidationError as error:
+            raise BadInput("; ".join(map(str, problems_of(FaultSpec, error)))) from None
         self._call(self.vehicle.set_fault(fault))
 
     def clear_faults(self, actuator: str | None = None) -> None:

@@ -16,7 +16,8 @@ from gcs.tui.formatting import Cell, clock, ids
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.requests import VehicleAction
 from gcs.tui.view import FleetView
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.faults import Fault
 
 __all__ = ["FaultList", "FaultsPanel", "clear_all", "repeat"]
 

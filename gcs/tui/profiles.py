@@ -126,7 +126,7 @@ class ProfilesPanel(Horizontal):
         try:
             self.segments, self._file = load_profile(path), path
         except ConfigError as problem:
-            says.say("\n".join([f"{path.name}:", *problem.problems]))
+            says.say("\n".join([f"{path.name}:", *map(str, problem.problems)]))
             says.add_class("-wrong")
         else:
             says.say("")

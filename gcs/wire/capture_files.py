@@ -9,10 +9,9 @@ from mavlink_defs.capture.pcap import PcapCutOff, PcapError, is_pcap, read_pcap
 from mavlink_defs.capture.tap import LinkNames, Tap
 from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.capture.tlog import TlogCutOff, TlogError, read_frames
+from mavlink_defs.constants import LAST_SYSTEM
 
 __all__ = ["count_file"]
-
-_LAST_VEHICLE = 250  # system ids above belong to ground stations
 
 
 def count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]:
@@ -66,5 +65,5 @@ def _direction(frame: bytes) -> str:
     """Direction of a logged frame, seen from the ground station."""
     version_2 = frame[0] == dialect.PROTOCOL_MARKER_V2
     system, component = frame[5:7] if version_2 else frame[3:5]
-    ground = system > _LAST_VEHICLE or component == dialect.MAV_COMP_ID_MISSIONPLANNER
+    ground = system > LAST_SYSTEM or component == dialect.MAV_COMP_ID_MISSIONPLANNER
     return "from" if ground else "to"

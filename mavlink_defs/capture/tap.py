@@ -17,16 +17,17 @@ from typing import NamedTuple
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport, UavReport
 from mavlink_defs.capture.transmissions import Transmissions, reported, saving
+from mavlink_defs.constants import ACTUATORS, FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import UdpAddress
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import frame_size, parse
 
 __all__ = ["DEFAULT_PORTS", "LinkNames", "Stream", "Tap"]
 
 DEFAULT_PORTS: Mapping[int, str] = {
-    14550: "gcs",
-    14560: "plant",
-    **dict.fromkeys(range(14601, 14851), "formation"),
+    GCS_PORT: "gcs",
+    PLANT_PORT: "plant",
+    **{FORMATION_BASE_PORT + uav: "formation" for uav in range(1, LAST_SYSTEM + 1)},
 }
 """Ports of fixed ends where a scenario does not say otherwise, and their links."""
 
@@ -130,8 +131,8 @@ class Tap:
         rest = datagram
         while True:
             size, wrong = frame_size(rest)
-            if wrong:
-                flow.dropped[wrong] += 1
+            if wrong is not None:
+                flow.dropped[_words(rest, wrong)] += 1
                 return
             self._count_frame(time_s, link, direction, rest[:size])
             if size == len(rest):
@@ -272,3 +273,10 @@ def _count(stream: Stream, count: Count, now_s: float, span_s: float) -> StreamR
         rate_hz=count.rate.at(now_s)[0],
         mean_hz=count.frames / span_s if span_s > 0.0 else None,
     )
+
+
+def _words(data: bytes, reason: DropReason) -> str:
+    """Return why bytes are no frame; other traffic on a port is told from damage."""
+    if not data:
+        return "empty"
+    return "MAVLink 1" if data[0] == dialect.PROTOCOL_MARKER_V1 else reason.words

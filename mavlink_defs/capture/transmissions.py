@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from mavlink_defs.capture.tap_report import ChannelReport, UavReport
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_events_message
-from mavlink_defs.faults import ACTUATORS
 
 __all__ = ["Transmissions", "reported", "saving"]
 

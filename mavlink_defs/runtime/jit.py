@@ -23,7 +23,7 @@ from typing import TypeVar, cast
 import numba
 import numpy as np
 
-from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.models import ConfigError, Problem
 
 __all__ = ["cache_is_cold", "compiled", "mark_cache_warm", "not_cached", "source_digest"]
 
@@ -63,7 +63,7 @@ def not_cached(problem: OSError) -> ConfigError:
     """Say that the cache cannot be written, and what to do."""
     text = f"the cache of compiled code cannot be written: {problem.strerror}"
     advice = "set XDG_CACHE_HOME or NUMBA_CACHE_DIR to a folder that can"
-    return ConfigError(_cache_folder, [f"{text}; {advice}"])
+    return ConfigError(_cache_folder, [Problem((), f"{text}; {advice}")])
 
 
 def mark_cache_warm() -> None:

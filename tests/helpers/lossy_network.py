@@ -4,6 +4,7 @@ Machines are joined by real bytes: every message is packed and parsed by pymavli
 Every packet goes to every other node, as on a shared UDP port. Time is simulated.
 """
 
+import functools
 import heapq
 import itertools
 from collections.abc import Callable
@@ -85,7 +86,10 @@ class LossyNetwork:
             for _ in range(copies):
                 if self._random.random() >= self.loss:
                     at = self.now + self._random.uniform(0.0, self._delay_s)
-                    self.call_at(at, lambda node=node: node.take(packet, self.now))
+                    self.call_at(at, functools.partial(self._deliver, node, packet))
+
+    def _deliver(self, node: Node, packet: bytes) -> None:
+        node.take(packet, self.now)
 
     def run(self, limit_s: float) -> None:
         """Run until all is quiet; a machine that still waits at `limit_s` hangs."""

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Sequence
+from typing import Any
 
 from lossy_network import GCS, VEHICLE, over_the_wire
 
@@ -78,6 +79,7 @@ class Vehicle:
 
     def sent(self, to: SystemId = GCS) -> list[tuple[str, int]]:
         found = []
+        message: Any
         for message in self.server.messages_to_send():
             if hasattr(message, "target_system"):
                 assert (message.target_system, message.target_component) == to

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from gcs.fleet.processes import Fleet, on_free_ports
+from gcs.fleet.processes import FleetProcesses, on_free_ports
 from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import UdpAddress, free_ports
 
@@ -132,7 +132,9 @@ def standing(scenario: Scenario, folder: Path, **options: Any) -> Iterator[Scena
         links = scenario.links
         ports = {links.plant_port, *(links.formation_base_port + uav.id for uav in scenario.uavs)}
         with contextlib.ExitStack() as stack:
-            fleet = stack.enter_context(Fleet(scenario, speed=1.0, folder=folder, **options))
+            fleet = stack.enter_context(
+                FleetProcesses(scenario, speed=1.0, folder=folder, **options)
+            )
 
             def up() -> bool:
                 fleet.check()

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import shutil
 import subprocess
 import time
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from flying import BIN, environment, processes_of, run, scenario_tree, wait_until
+from needs import needs
 from station import Up, up
 
 TLOG = Path(__file__).parents[1] / "data" / "dashboard" / "flight.tlog"
@@ -18,9 +18,7 @@ KEY_S = 0.3  # between keys, as a person types
 
 pytestmark = [
     pytest.mark.sitl,
-    pytest.mark.skipif(
-        shutil.which("tmux") is None, reason="tmux is not installed: scripts/install-test-tools"
-    ),
+    needs("tmux"),
 ]
 
 
@@ -34,7 +32,7 @@ class Tmux:
         self._run("new-session", "-d", "-x", "80", "-y", "24", ended, env=env)
 
     def _run(self, *arguments: str, env: dict[str, str] | None = None) -> str:
-        command = ["tmux", "-f", os.devnull, "-S", self._socket, *arguments]
+        command = ["tmux", "-f", os.devnull, "-S", str(self._socket), *arguments]
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=env)
         return done.stdout
 

@@ -4,6 +4,7 @@ import json
 import re
 import resource
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -137,7 +138,7 @@ def test_standard_output_that_is_full(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def fleet(tmp_path_factory: pytest.TempPathFactory) -> "Up":
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Up]":
     with up(tmp_path_factory.mktemp("fleet")) as fleet:
         yield fleet
 
@@ -152,12 +153,12 @@ def test_a_reader_that_has_seen_enough_ends_a_watch(fleet: Up, options: list[str
     """`gcs status --watch | head -1`."""
     watch = fleet.begin("status", "--watch", *options)
     assert watch.stdout is not None
+    assert watch.stderr is not None
     first = watch.stdout.readline()
     watch.stdout.close()
     try:
         assert ("vehicles" if options else "UAV") in first
         assert watch.wait(TIMEOUT_S) == 0
-        assert watch.stderr is not None
         assert watch.stderr.read() == ""
     finally:
         watch.kill()

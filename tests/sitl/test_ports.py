@@ -8,7 +8,7 @@ import yaml
 from flying import fly_well, free_links, scenario_tree, wait_until, write_scenario
 
 from gcs.errors import PortInUse
-from gcs.fleet.processes import Fleet, on_free_ports
+from gcs.fleet.processes import FleetProcesses, on_free_ports
 from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.endpoint import UdpAddress, bind_udp
 
@@ -51,7 +51,7 @@ def test_a_process_that_finds_its_port_taken_says_so(tmp_path: Path, key: str) -
     taken = links[key] + (2 if key == "formation_base_port" else 0)
     with (
         bind_udp(UdpAddress("127.0.0.1", taken), "somebody"),
-        Fleet(scenario, None, tmp_path / "run") as fleet,
+        FleetProcesses(scenario, None, tmp_path / "run") as fleet,
     ):
         name = "uav2" if key == "formation_base_port" else "plant"
         log = tmp_path / "run" / f"{name}.log"

@@ -21,6 +21,7 @@ from gcs.scenario.model import Scenario
 from gcs.testing.fixtures import launch
 from gcs.testing.flying import TestFleet
 from gcs.testing.results import FlightResult
+from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import read_tlog
 
 pytestmark = pytest.mark.sitl
@@ -75,8 +76,11 @@ def test_lost_states_are_missing_steps_and_not_zeros(tmp_path: Path) -> None:
     assert_nothing_is_made_up(folder)
     for uav in summary["uavs"]:
         assert f"UAV {uav['id']} missed {uav['missing_steps']} of 1000 steps" in done.stderr
-    told = {m.get_srcSystem(): m.steps for _, m in read_tlog(folder / "flight.tlog")
-            if m.get_type() == "FTC_EVENTS"}  # fmt: skip
+    told = {
+        m.get_srcSystem(): m.steps
+        for _, m in read_tlog(folder / "flight.tlog")
+        if isinstance(m, dialect.MAVLink_ftc_events_message)
+    }
     assert told == {uav["id"]: uav["active_steps"] for uav in summary["uavs"]}
 
 

@@ -75,13 +75,13 @@ def test_laws_and_triggers_are_those_of_the_files(out: Path) -> None:
     with (out / "data" / "summary.csv").open() as file:
         rows = {row["scenario"]: row for row in csv.DictReader(file) if row["uav"] == "3"}
     assert set(rows) == set(FILES)
-    for file in ("scenario2_periodic", "scenario2_backstepping", "scenario2_pid"):
-        assert rows[file]["events_rudder"] == "400"
+    for name in ("scenario2_periodic", "scenario2_backstepping", "scenario2_pid"):
+        assert rows[name]["events_rudder"] == "400"
     assert int(rows["scenario2_proposed"]["events_rudder"]) < 400
     errors = {}
-    for file in FILES:
-        with np.load(out / "data" / file / "trajectory.npz") as arrays:
-            errors[file] = arrays["error"]
+    for name in FILES:
+        with np.load(out / "data" / name / "trajectory.npz") as arrays:
+            errors[name] = arrays["error"]
     assert np.array_equal(errors["scenario1"], errors["scenario2_proposed"])
     assert not np.allclose(errors["scenario2_backstepping"], errors["scenario2_pid"])
 

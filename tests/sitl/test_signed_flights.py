@@ -107,9 +107,9 @@ def test_signed_and_unsigned_flights_are_equal_bit_for_bit(tmp_path: Path) -> No
     tlog = (tmp_path / "signed" / "flight.tlog").read_bytes()
     assert tlog[8] == 0xFD
     assert tlog[10] == dialect.MAVLINK_IFLAG_SIGNED
-    key = (tmp_path / "key").read_bytes()
+    secret = (tmp_path / "key").read_bytes()
     words = [path.read_bytes() for path in (tmp_path / "signed").rglob("*") if path.is_file()]
-    assert not any(key in text or key.hex().encode() in text for text in words)
+    assert not any(secret in text or secret.hex().encode() in text for text in words)
     assert not any(b"frames dropped" in text for text in words)
 
 
@@ -138,7 +138,12 @@ def test_pymavlink_with_the_key_is_heard_and_a_replay_is_not(station: Stranger) 
     friend.sign(KEY)
     assert friend.hear("HEARTBEAT", 30.0, system_status=dialect.MAV_STATE_STANDBY).get_signed()
     write = friend.link.write
-    friend.link.write = lambda frame: (sent.append(bytes(frame)), write(frame))
+
+    def note(frame: bytes) -> None:
+        sent.append(bytes(frame))
+        write(frame)
+
+    friend.link.write = note
     mode = dialect.MAV_CMD_DO_SET_MODE
     friend.command(mode, 1, 15)
     assert friend.hear("COMMAND_ACK", command=mode).result == dialect.MAV_RESULT_ACCEPTED

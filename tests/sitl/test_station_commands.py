@@ -379,6 +379,7 @@ def test_stopped_and_killed_ground_stations_change_nothing(
 
 def compare_events(log: Path, reference: dict[str, np.ndarray]) -> None:
     compared = {1: 0, 2: 0, 3: 0}
+    message: Any
     for _, message in read_tlog(log):
         if message.get_type() == "FTC_EVENTS" and 0 < message.steps <= 1000 * FLOWN_S:
             uav = message.get_srcSystem()

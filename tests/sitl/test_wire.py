@@ -3,10 +3,8 @@
 import csv
 import io
 import json
-import shutil
 import socket
 import subprocess
-import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -29,7 +27,9 @@ from flying import (
     wait_until,
     write_scenario,
 )
+from needs import needs
 
+from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import read_tlog
 
 pytestmark = pytest.mark.sitl
@@ -129,7 +129,7 @@ def test_a_bad_gcs_link_delays_nothing_in_the_air(tmp_path: Path) -> None:
     boot_s = [
         m.time_boot_ms / 1e3
         for _, m in read_tlog(folder / "flight.tlog")
-        if m.get_type() == "ATTITUDE" and m.time_boot_ms > 0
+        if isinstance(m, dialect.MAVLink_attitude_message) and m.time_boot_ms > 0
     ]
     assert boot_s
     assert not [t for t in boot_s if 0.5 < t < 0.8]
@@ -166,10 +166,6 @@ def test_gcs_wire_shows_the_relays_report_of_a_flight(clean: Path) -> None:
 
 # captures, and Wireshark with our dissector
 
-needs_tshark = pytest.mark.skipif(
-    shutil.which("tshark") is None, reason="tshark missing: scripts/install-test-tools"
-)
-
 
 class Capture:
     """What tshark captures on the loopback interface; skips the test where it may not."""
@@ -182,26 +178,31 @@ class Capture:
             stderr=subprocess.PIPE,
             text=True,
         )
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-
-            def captures() -> bool:  # the file appears before the capture begins
-                probe.sendto(b"probe", ("127.0.0.1", port))
-                time.sleep(0.1)
-                return self._popen.poll() is not None or (
-                    path.exists() and path.stat().st_size > 1000
-                )
-
-            wait_until(captures, "tshark captures", 30.0)
+        self._port = port
+        self._wait_for(b"first")  # the file appears before the capture begins
         if self._popen.returncode is not None:
             pytest.skip(f"tshark may not capture here: {self._popen.communicate()[1].strip()}")
 
     def stop(self) -> None:
-        time.sleep(1.0)  # what the kernel still holds
+        """End the capture when all that was sent before is in the file."""
+        self._wait_for(b"last")
         self._popen.terminate()
         self._popen.communicate(timeout=TIMEOUT_S)
 
+    def _wait_for(self, probe: bytes) -> None:
+        """Send a datagram of our own until it is in the file, or the capture has ended."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
 
-@needs_tshark
+            def captured() -> bool:
+                sock.sendto(probe, ("127.0.0.1", self._port))
+                return self._popen.poll() is not None or (
+                    self.path.exists() and probe in self.path.read_bytes()
+                )
+
+            wait_until(captured, f"tshark captures {probe!r}", 30.0)
+
+
+@needs("tshark")
 def test_tshark_gcs_wire_and_the_summary_count_the_same(tmp_path: Path) -> None:
     links = free_links()
     port = links["plant_port"]

@@ -18,8 +18,10 @@ _NO_WINDOWS = "log,signing,wp,ftp,param,arm,mode,misc,cmdlong,fence,rally"
 class MavProxy:
     """A running MAVProxy, with our dialect; a context manager that leaves nothing behind."""
 
-    _program = (sys.executable, "-m", "mavlink_defs.runtime.run_with_dialect", "mavproxy.py",
-                "--dialect", "ftc")  # fmt: skip
+    _program: tuple[str, ...] = (
+        *(sys.executable, "-m", "mavlink_defs.runtime.run_with_dialect"),
+        *("mavproxy.py", "--dialect", "ftc"),
+    )
 
     def __init__(self, port: int, folder: Path) -> None:
         self._lines: list[str] = []

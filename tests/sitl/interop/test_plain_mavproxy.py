@@ -8,7 +8,7 @@ import pytest
 from flying import free_links, scenario_tree
 from mavproxy import TIMEOUT_S, PlainMavProxy
 
-from gcs.fleet.processes import Fleet
+from gcs.fleet.processes import FleetProcesses
 from gcs.scenario.model import scenario_of
 from gcs.station.client import Client
 from mavlink_defs.endpoint import Connection, UdpAddress
@@ -39,7 +39,7 @@ def test_link_says_that_nothing_is_lost(tmp_path: Path) -> None:
 
     async def work() -> str:
         async with Client(Connection("in", other), private=True) as client:
-            with Fleet(scenario, 1.0, tmp_path / "processes", ground_stations=[other]):
+            with FleetProcesses(scenario, 1.0, tmp_path / "processes", ground_stations=[other]):
                 await client.wait_for(ids, TIMEOUT_S)
                 return await asyncio.to_thread(watch, scenario.links.gcs_port, tmp_path)
 

@@ -17,8 +17,7 @@ from gcs.results.recording import Recording
 from gcs.results.run_folder import save_flight
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs.faults import fault_to_params
-from sitl_plant.actuators import MAX_FAULTS
+from mavlink_defs.faults import MAX_FAULTS, fault_to_params
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
@@ -175,9 +174,10 @@ def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
 def test_the_order_of_a_step_is_that_of_the_code() -> None:
     source = inspect.getsource(ftc_autopilot.link._work)
     step = (
-        source.partition("_collect_reports(")[2].partition("elif")[0] + source.rpartition("elif")[2]
+        source.partition("collect_neighbour_states(")[2].partition("elif")[0]
+        + source.rpartition("elif")[2]
     )
-    calls = ("_send_actuators(", "_tell_neighbours(", "ID_STEP_DONE")
+    calls = ("_send_actuators(", "send_own_state(", "ID_STEP_DONE")
     assert [step.index(call) for call in calls] == sorted(step.index(call) for call in calls)
     documented = (DOCS / "method.md").read_text().partition("## Order of operations")[2]
     words = ("actuator message", "to the neighbours", "step done")
@@ -187,7 +187,7 @@ def test_the_order_of_a_step_is_that_of_the_code() -> None:
 
 def test_functions_named_in_the_equation_table_exist() -> None:
     text = (DOCS / "method.md").read_text()
-    rows = re.findall(r"`(\w+/\w+\.py)`: ((?:`\w+`(?:, )?)+)", text)
+    rows = re.findall(r"`([\w/]+\.py)`: ((?:`\w+`(?:, )?)+)", text)
     assert len(rows) > 15
     for path, functions in rows:
         source = (ROOT / path).read_text()

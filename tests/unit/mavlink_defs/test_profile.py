@@ -1,5 +1,6 @@
 import math
 from contextlib import suppress
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -54,7 +55,7 @@ def mission(*segments: Segment) -> list[MAVLink_mission_item_int_message]:
 
 @given(profiles())
 def test_profile_crosses_the_wire_unchanged(profile: tuple[Segment, ...]) -> None:
-    received = [over_the_wire(item, GCS) for item in mission(*profile)]
+    received: Any = [over_the_wire(item, GCS) for item in mission(*profile)]
     assert items_to_segments(received, LIMITS) == profile
 
 

@@ -93,7 +93,7 @@ def test_inject_failure_off_and_stuck_and_ok() -> None:
     assert bench.command(INJECT, SERVO, OFF, 3)[0] == ACCEPTED
     assert bench.active == [(2, 0.0, 0.0)]
     assert bench.command(INJECT, SERVO, STUCK, 1)[0] == ACCEPTED
-    assert bench.active[1] == (0, 0.0, pytest.approx(math.radians(5.0)))
+    assert bench.active[1] == pytest.approx((0, 0.0, math.radians(5.0)))
     assert bench.command(INJECT, MOTOR, STUCK, 0)[0] == ACCEPTED
     assert bench.active[2] == (3, 0.0, 700.0)
     assert bench.command(INJECT, SERVO, OK, 0)[0] == ACCEPTED

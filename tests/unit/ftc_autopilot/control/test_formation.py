@@ -1,6 +1,7 @@
 """An attitude is the same after a whole turn, for the UAV itself and for its neighbours."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,7 +48,8 @@ def turned(attitude: Vec3, by: tuple[int, int, int]) -> Vec3:
 
 @pytest.mark.parametrize("axis", [ROLL, YAW])
 def test_two_uavs_close_to_half_a_turn_off_hardly_disagree(axis: int, nominal: np.void) -> None:
-    own, other = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+    own: Any = [0.0, 0.0, 0.0]
+    other: Any = [0.0, 0.0, 0.0]
     own[axis], other[axis] = math.radians(179.0), math.radians(-179.0)
     e_prime = errors(nominal, (*own,), [(*other,)]).e_prime[axis]
     assert e_prime == pytest.approx(LAW.lambda3 * own[axis] + LAW.lambda4 * math.radians(-2.0))
@@ -55,7 +57,11 @@ def test_two_uavs_close_to_half_a_turn_off_hardly_disagree(axis: int, nominal: n
 
 @given(own=attitudes, other=attitudes, own_turns=turns, other_turns=turns)
 def test_whole_turns_change_no_error(
-    own: Vec3, other: Vec3, own_turns: Vec3, other_turns: Vec3, nominal: np.void
+    own: Vec3,
+    other: Vec3,
+    own_turns: tuple[int, int, int],
+    other_turns: tuple[int, int, int],
+    nominal: np.void,
 ) -> None:
     wanted = errors(nominal, own, [other])
     after = errors(nominal, turned(own, own_turns), [turned(other, other_turns)])

@@ -1,7 +1,7 @@
 """Laws beside the paper's, chosen by name, and the records that they are given."""
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.config.models import Model
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
 from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration, gravity_body
-from sitl_plant.vec3 import mat3
+from sitl_plant.vec3 import Vec3, mat3
 
 DT = 1e-3
 angle = st.floats(-0.5, 0.5)
@@ -44,9 +44,7 @@ class Pilot:
         self.state = new_controller()
         self.signals = np.zeros(1, SIGNALS)[0]
 
-    def step(
-        self, phi: tuple[float, ...], omega: tuple[float, ...] = (0.0, 0.0, 0.0), V: float = 45.0
-    ) -> np.void:
+    def step(self, phi: Vec3, omega: Vec3 = (0.0, 0.0, 0.0), V: float = 45.0) -> np.void:
         """One step towards level flight at 45 m/s; gives the signals."""
         message = np.zeros(1, SIM_STATE)[0]
         message["velocity"] = (V, 0.0, 0.0)
@@ -77,9 +75,9 @@ def _straight() -> np.void:
 
 @given(st.tuples(angle, angle, angle), st.tuples(rate, rate, rate), st.floats(30.0, 60.0))
 def test_backstepping_inverts_the_nominal_model(
-    nominal: np.void, phi: tuple[float, ...], omega: tuple[float, ...], V: float
+    nominal: np.void, phi: Vec3, omega: Vec3, V: float
 ) -> None:
-    law = Backstepping(K1=(3.0, 4.0, 5.0), K2=(6.0, 7.0, 8.0))  # type: ignore[arg-type]
+    law = Backstepping(K1=(3.0, 4.0, 5.0), K2=(6.0, 7.0, 8.0))
     pilot = Pilot(law, nominal)
     signals = pilot.step(phi, omega, V)
     air, e = pilot.motion.air, np.array(phi)
@@ -101,7 +99,7 @@ def test_backstepping_inverts_the_nominal_model(
 
 @pytest.mark.parametrize("axis", range(3))
 def test_pid_turns_against_the_error(nominal: np.void, axis: int) -> None:
-    error = [0.0, 0.0, 0.0]
+    error: Any = [0.0, 0.0, 0.0]
     error[axis] = 0.1
     demand = Pilot(Pid(), nominal).step(tuple(error))["demand"][:3]
     assert demand[axis] > 0.01  # a positive deflection makes a negative moment
@@ -154,6 +152,7 @@ def test_every_law_flies_with_every_trigger(scenario1: Scenario, kind: str, mode
 
 def test_laws_go_by_the_name_in_their_kind() -> None:
     assert KINDS[0] == "proposed"
+    law: Any
     for kind, law in LAWS.items():
         assert law().kind == kind
         assert CONTROLLER[kind] == law.STATE

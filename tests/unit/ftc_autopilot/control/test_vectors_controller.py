@@ -14,7 +14,7 @@ from ftc_autopilot.control.controller import (
     parameter_record,
 )
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.motion import motion_of, report
+from ftc_autopilot.control.motion import fill_neighbour_state, motion_of
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
 from sitl_plant.rigid_body import gravity_body
@@ -54,7 +54,7 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     ]
     reports = np.zeros(3, NEIGHBOUR)
     for k in range(3):
-        report(motions[k], 0, reports[k])
+        fill_neighbour_state(motions[k], 0, reports[k])
     weights = np.array(vectors["adjacency"][i])
 
     state = new_controller()

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from test_vehicle import Bench
+from vehicle_bench import Bench
 
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
@@ -71,13 +71,12 @@ def test_every_command_with_extreme_parameters(form: str, scenario1: Scenario) -
     bench.run()
     for number in {*dialect.enums["MAV_CMD"], 0, 65535} & {*range(65536)}:
         for extreme in FLOATS:
-            params = [extreme] * 7
+            params: Any = [extreme] * 7
             if form == "LONG":
                 message: Any = dialect.MAVLink_command_long_message(UAV, 1, number, 0, *params)
             else:
-                message = dialect.MAVLink_command_int_message(
-                    UAV, 1, 0, number, 0, 0, *params[:4], 2**31 - 1, -(2**31), extreme
-                )
+                fields: Any = (*params[:4], 2**31 - 1, -(2**31), extreme)
+                message = dialect.MAVLink_command_int_message(UAV, 1, 0, number, 0, 0, *fields)
             received = parse(GCS.pack(message))
             assert received is not None
             bench.now += 2.0

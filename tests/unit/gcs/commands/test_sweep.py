@@ -7,6 +7,7 @@ import pytest
 
 from gcs.commands.sweep import sweep
 from gcs.errors import GcsError
+from gcs.fleet.in_process import fly_in_process
 from gcs.sweeps import flying
 
 SCENARIO_1 = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
@@ -23,7 +24,7 @@ def test_a_defect_is_told_when_everything_is_flown(
     ends_with: type[Exception],
 ) -> None:
     """The other results are kept, and the command ends as any that meets a defect of ours."""
-    fly = flying.fly_in_process
+    fly = fly_in_process
 
     def broken(scenario: Any, *others: Any) -> Any:
         if scenario.duration_s < 0.05:

@@ -62,7 +62,7 @@ def test_over_missing_steps_the_last_command_holds(missing: set[int]) -> None:
     flown = sorted(set(range(STEPS)) - missing)
     held = [max((k for k in flown if k <= step), default=flown[0]) for step in range(STEPS)]
     for wanted in ("command", "reference"):
-        error = flight.error(wanted)  # type: ignore[arg-type]
+        error = flight.error(wanted)
         assert (error[:, 0, 0] == 40.0 - np.array(held)).all()
         assert (error[:, 1, 0] == 40.0 - np.arange(STEPS)).all()
 

@@ -36,8 +36,8 @@ def test_what_is_written_is_read(
 ) -> None:
     last = len(values) - 1
     segments = tuple(
-        Segment(float(i), *rest, ramp=ramp and 0 < i < last)
-        for i, (*rest, ramp) in enumerate(values)
+        Segment(float(i), v, roll, pitch, yaw, ramp and 0 < i < last)
+        for i, (v, roll, pitch, yaw, ramp) in enumerate(values)
     )
     path = write(tmp_path_factory.mktemp("profile"), profile_yaml(segments))
     if len(segments) <= 50:

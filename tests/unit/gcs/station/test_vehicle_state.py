@@ -135,7 +135,9 @@ def test_what_tracking_tells() -> None:
     assert bench.state().reference is None
     assert bench.state().time_s is None
     bench.say(tracking(1.5), 0.1)
-    held = dialect.MAVLink_actuator_output_status_message(0, 15, [0.25, 0.5, -0.5, 1.0] + 28 * [0])
+    held = dialect.MAVLink_actuator_output_status_message(
+        0, 15, [0.25, 0.5, -0.5, 1.0, *[0.0] * 28]
+    )
     bench.say(held, 0.2)
     bench.say(tracking(1.6, airspeed=46.0), 0.2)
     state = bench.state()

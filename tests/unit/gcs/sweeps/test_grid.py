@@ -9,7 +9,7 @@ import pytest
 from gcs.errors import BadInput
 from gcs.scenario.model import scenario_of, scenario_tree
 from gcs.sweeps import grid
-from gcs.sweeps.axes import parse_axes
+from gcs.sweeps.axes import Axis, parse_axes
 from gcs.sweeps.folder import result_of
 from gcs.sweeps.grid import identity, plan
 from mavlink_defs.config.models import ConfigError
@@ -47,6 +47,12 @@ def test_values_that_do_not_fit_stay_in_the_grid(short: Path) -> None:
     assert (result.outcome, result.summary) == ("invalid", None)
     assert "trigger.b2_deg" in result.reason
     assert "-1" in result.reason
+
+
+def test_a_value_that_reads_like_an_unknown_key_is_one_more_bad_value(short: Path) -> None:
+    (run,) = plan([short], [Axis("trigger.mode", ("mode: unknown key",))])
+    assert run.scenario is None
+    assert [problem.loc for problem in run.problems] == [("trigger", "mode")]
 
 
 @pytest.mark.parametrize(

@@ -268,7 +268,7 @@ def test_chain_rule_is_the_derivative_along_any_rates(
 
 def test_constants_of_a_calm_flight(calm: tuple[Recording, Scenario]) -> None:
     recording, scenario = calm
-    proofs = check_theory(recording, scenario).uavs[0].proofs
+    proofs: Any = check_theory(recording, scenario).uavs[0].proofs
     speed, attitude = proofs["speed"].certificate, proofs["attitude"].certificate
     assert speed is not None
     assert attitude is not None
@@ -518,7 +518,7 @@ def scaled(field: str, factor: float) -> Callable[[Any], Any]:
     )
 
 
-MUTANTS = {
+MUTANTS: dict[str, tuple[dict[str, Any], set[str]]] = {
     "N0 dropped": (
         {"attitude_law": attitude_given(
             motion=lambda m: m._replace(air=m.air._replace(N=(0.0, 0.0, 0.0))))},
@@ -604,7 +604,7 @@ def test_steps_that_an_autopilot_did_not_make_are_left_out_and_counted(
 ) -> None:
     """UAV 3 misses steps 100 to 109; its neighbours keep what it had reported before."""
     python_loop(monkeypatch)
-    made = in_process.controller_step
+    made: Any = vars(in_process)["controller_step"]
     missed = range(100, 110)
 
     def step(controllers: Any, i: int, measured: Any, step_us: int) -> int:

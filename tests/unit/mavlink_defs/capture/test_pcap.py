@@ -1,7 +1,6 @@
 """The capture reader against a writer of our own, and against Wireshark's own tools."""
 
 import contextlib
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pytest
 from capture_writer import Order, link_header, pcap, pcapng, udp_packet
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from needs import needs
 
 from mavlink_defs.capture.pcap import Packet, PcapCutOff, PcapError, is_pcap, read_pcap
 from mavlink_defs.endpoint import UdpAddress
@@ -104,9 +104,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
         read(path, bytes(wifi))
 
 
-@pytest.mark.skipif(
-    not shutil.which("editcap"), reason="editcap missing: scripts/install-test-tools"
-)
+@needs("editcap")
 @pytest.mark.parametrize("kind", ["pcap", "nsecpcap", "pcapng"])
 def test_files_that_wireshark_writes_are_read(tmp_path: Path, kind: str) -> None:
     times_s = [START_S + 0.25 * k for k in range(3)]

@@ -4,6 +4,7 @@ import contextlib
 import socket
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -140,7 +141,7 @@ def test_an_error_about_the_datagram_before_loses_none(monkeypatch) -> None:
         return original(sock, datagram)
 
     class Socket(socket.socket):
-        send = refuse_once
+        send: Any = refuse_once
 
     original = socket.socket.send
     monkeypatch.setattr("mavlink_defs.endpoint.socket.socket", Socket)

@@ -4,6 +4,7 @@ import itertools
 import json
 from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,8 +13,8 @@ from hypothesis import strategies as st
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
 from mavlink_defs.capture.tap_report import OutcomeReport, TapReport
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.endpoint import UdpAddress
-from mavlink_defs.faults import ACTUATORS
 from mavlink_defs.framing.frames import FramePacker, frame_size
 
 RUNNING = dialect.FTC_SIM_FLAGS_RUNNING
@@ -44,8 +45,8 @@ def actuators(time_us: int, values: tuple[float, ...], system: int = 1) -> bytes
 
 
 def state(step: int, system: int = 1, flags: int = RUNNING, run: int = 7) -> bytes:
-    zeros = [[0.0] * 3] * 5
-    message = dialect.MAVLink_ftc_sim_state_message(step * 1000, 0, *zeros, step, flags, run)
+    fields: Any = (*[[0.0] * 3] * 5, step, flags, run)
+    message = dialect.MAVLink_ftc_sim_state_message(step * 1000, 0, *fields)
     return FramePacker(system, 25).pack(message)
 
 
@@ -58,7 +59,9 @@ def uav_of(tap: Tap, system: int = 1, link: str = "plant") -> dict:
 
 @given(st.lists(st.tuples(ways, senders, messages), max_size=30))
 def test_frames_and_bytes_are_counted_by_link_direction_sender_and_message(sent) -> None:
-    tap, frames, sizes = Tap(), Counter(), Counter()
+    tap = Tap()
+    frames: Counter[Any] = Counter()
+    sizes: Counter[Any] = Counter()
     for t, ((link, direction), (system, component), message) in enumerate(sent):
         datagram = FramePacker(system, component).pack(message)
         tap.count(float(t), link, direction, datagram)
@@ -187,7 +190,11 @@ def test_what_is_no_frame_is_counted_by_reason() -> None:
     tap = Tap()
     for reason, datagram in wrong.items():
         tap.count(0.0, "gcs", "to", datagram)
-        assert frame_size(datagram) == (0, reason)
+        size, why = frame_size(datagram)
+        assert size == 0
+        assert why is not None
+        words = {"empty": "truncated", "MAVLink 1": "not MAVLink 2"}.get(reason, reason)
+        assert why.words == words
     (link,) = tap.report().to_json()["links"]
     assert link["dropped"] == dict.fromkeys(wrong, 1)
     assert (link["datagrams"], tap.frames()) == (len(wrong), 0)
@@ -223,7 +230,7 @@ def test_no_datagram_is_too_odd(noise: bytes, tail: bytes) -> None:
 @given(messages | st.just(HEARTBEAT), senders)
 def test_frame_size_agrees_with_pymavlink(message, sender) -> None:
     frame = FramePacker(*sender).pack(message)
-    assert frame_size(frame + b"more") == (len(frame), "")
+    assert frame_size(frame + b"more") == (len(frame), None)
 
 
 def test_memory_does_not_grow_with_the_number_of_frames() -> None:

@@ -1,6 +1,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -74,7 +75,7 @@ def ack(
     source: SystemId = VEHICLE,
     target: SystemId = GCS,
     seq: int = 0,
-) -> MAVLink_command_ack_message:
+) -> Any:
     message = MAVLink_command_ack_message(command, result, progress, 7, *target)
     return over_the_wire(message, source, seq)
 
@@ -378,7 +379,7 @@ class TestServer:
 
 
 def test_params_of_both_forms() -> None:
-    sent = MAVLink_command_long_message(1, 1, ARM, 0, 1, 2, 3, 4, 5, 6, 7)
+    sent: CommandMessage = MAVLink_command_long_message(1, 1, ARM, 0, 1, 2, 3, 4, 5, 6, 7)
     assert command_params(sent) == (1, 2, 3, 4, 5, 6, 7)
     sent = MAVLink_command_int_message(1, 1, 0, ARM, 0, 0, 1, 2, 3, 4, 5, 2**31 - 1, 7)
     params = command_params(sent)

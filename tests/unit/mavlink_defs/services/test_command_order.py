@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_GCS, VEHICLE, LossyNetwork
-from test_command import ACCEPTED, ARM, QUESTIONS, SET_FAULT, int_, long
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
@@ -20,6 +19,14 @@ from mavlink_defs.services.command import (
     CommandServer,
 )
 from mavlink_defs.services.machine import Machine, SystemId
+from tests.unit.mavlink_defs.services.test_command import (
+    ACCEPTED,
+    ARM,
+    QUESTIONS,
+    SET_FAULT,
+    int_,
+    long,
+)
 
 
 class Registers(Machine[None]):

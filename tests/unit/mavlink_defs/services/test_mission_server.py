@@ -67,6 +67,7 @@ class TestServerUpload:
         assert contents(vehicle.server.items) == contents(mission(2))
         assert vehicle.server.current == 2
         (event,) = vehicle.server.events()
+        assert isinstance(event, MissionRefused)
         assert event.result == dialect.MAV_MISSION_INVALID_PARAM2
         assert "airspeed 99" in event.text
 
@@ -142,7 +143,7 @@ class TestServerUpload:
                 assert at is not None
                 vehicle.server.handle_timer(at)
             assert vehicle.sent() == [("MISSION_REQUEST_INT", seq)] * MAX_RETRIES
-            vehicle.answers(item(seq), now=at)
+            vehicle.answers(item(seq), now=at or 0.0)
         assert len(vehicle.server.items) == 3
 
     def test_second_client_is_denied_meanwhile(self) -> None:
@@ -296,6 +297,7 @@ class TestCurrent:
         vehicle = Vehicle(segments=2)
         assert vehicle.answers(MAVLink_mission_set_current_message(*VEHICLE, 3)) == []
         (event,) = vehicle.server.events()
+        assert isinstance(event, MissionRefused)
         assert event.text == "Mission has no item 3 to go to"
         assert vehicle.server.current == 0
 

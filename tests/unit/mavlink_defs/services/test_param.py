@@ -53,10 +53,10 @@ class Vehicle(Machine[None]):
                 if message.param_value > 100.0:
                     self._refuse(message, dialect.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE)
                     return
-                i = self._index(message.param_id)
-                if i is not None:
-                    old = self.params[i]
-                    self.params[i] = Param(old.name, message.param_value, old.type)
+                known = self._index(message.param_id)
+                if known is not None:
+                    old = self.params[known]
+                    self.params[known] = Param(old.name, message.param_value, old.type)
                 self._by_name(message, message.param_id)
 
     def handle_timer(self, now: float) -> None:

@@ -9,6 +9,7 @@ from lossy_network import GCS, OTHER_GCS, OTHER_VEHICLE, VEHICLE, LossyNetwork, 
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.services import param
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.param_server import (
     BURST,
@@ -193,7 +194,6 @@ networks = st.builds(
 @settings(max_examples=60, deadline=None)
 @given(networks, st.integers(1, 60))
 def test_a_list_arrives_whole_or_fails(network: LossyNetwork, gains: int) -> None:
-    param = pytest.importorskip("mavlink_defs.services.param")
     vehicle, lister = Vehicle(gains), param.ParamLister(GCS, VEHICLE)
     network.join(vehicle.server, VEHICLE)
     network.join(Vehicle(3).server, OTHER_VEHICLE)
@@ -214,7 +214,6 @@ def test_a_list_arrives_whole_or_fails(network: LossyNetwork, gains: int) -> Non
 def test_a_value_is_set_or_refused_or_it_fails(
     network: LossyNetwork, wanted: tuple[str, float]
 ) -> None:
-    param = pytest.importorskip("mavlink_defs.services.param")
     name, value = wanted
     vehicle = Vehicle()
     before = dict(vehicle.values)
@@ -235,7 +234,6 @@ def test_a_value_is_set_or_refused_or_it_fails(
 @settings(max_examples=40, deadline=None)
 @given(networks, st.sampled_from(["GAIN1", "NOPE"]))
 def test_a_value_is_read_or_refused_or_it_fails(network: LossyNetwork, name: str) -> None:
-    param = pytest.importorskip("mavlink_defs.services.param")
     vehicle, reader = Vehicle(), param.ParamReader(GCS, VEHICLE, name)
     network.join(vehicle.server, VEHICLE)
     gcs = network.join(reader, GCS)

@@ -1,4 +1,5 @@
 from random import Random
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +12,7 @@ WARNING = 4
 ascii_text = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=300)
 
 
-def chunks(text: str, identity: int = 5) -> list[object]:
+def chunks(text: str, identity: int = 5) -> list[Any]:
     return [over_the_wire(m, VEHICLE) for m in text_chunks(WARNING, text, identity)]
 
 
