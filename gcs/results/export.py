@@ -27,7 +27,7 @@ def export_flight(recording: Recording, folder: Path) -> None:
     """Write `trajectory.npz`, `trajectory.csv`, `events.npz` and `events.csv`.
 
     The trajectory has states, references, errors, commands and estimates; the inner quantities
-    of the law follow from these, and stand in the run folder of `gcs fly`.
+    of the law follow from these, and are in the run folder of `gcs fly`.
 
     Args:
         recording: The flight.
@@ -54,7 +54,7 @@ def export_flight(recording: Recording, folder: Path) -> None:
 
 
 def _write_events(path: Path, events: dict[str, np.ndarray]) -> None:
-    """The events with names and degrees for people."""
+    """Write the events as CSV, with names and degrees."""
     surface = events["channel"] < 3
     value = np.where(surface, np.degrees(events["value"]), events["value"])
     with naming(path), path.open("w") as file:
