@@ -30,6 +30,8 @@ from mavlink_defs.profile import AirspeedLimits, ProfileError, items_to_segments
 from mavlink_defs.services.fault_list import FaultLister
 from mavlink_defs.services.machine import SystemId
 
+pytestmark = pytest.mark.slow
+
 SEEDS = st.integers(0, 2**32 - 1)
 IDS = sorted(MESSAGES)
 PER_SEED = 8

@@ -25,6 +25,8 @@ from gcs.results.quantities import PAPER_ORDER, QUANTITIES
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 
+pytestmark = pytest.mark.slow
+
 Draw: TypeAlias = Callable[[PlottedFlight], Figure]
 
 DURATION_S = 2.5

@@ -28,6 +28,8 @@ from gcs.theory.judgement import Verdict
 from gcs.theory.lyapunov import attitude_subsystem, speed_subsystem
 from gcs.theory.residual import residual_sets
 
+pytestmark = pytest.mark.slow
+
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
 SCENARIO_1 = SCENARIOS / "paper" / "scenario1.yaml"
 DT = 1e-3
