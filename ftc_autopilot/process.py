@@ -54,7 +54,7 @@ _LONGEST_FRAME = 280
 
 
 class Autopilot:
-    """The autopilot's shell: sockets and the wall clock."""
+    """Sockets and wall clock around the compiled loop and the services."""
 
     def __init__(
         self,
@@ -116,7 +116,7 @@ class Autopilot:
         return loss
 
     def recording(self) -> dict[str, Any]:
-        """Everything recorded, by name."""
+        """Return everything recorded, by name."""
         return {
             "signals": self._link.signals,
             "repeats": self._hot.repeated,
