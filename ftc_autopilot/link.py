@@ -61,7 +61,7 @@ __all__ = [
     "run",
 ]
 
-# rows of `AutopilotLink.drops`; the last is what the plant says of its own
+# rows of `AutopilotLink.drops`; the last is what the plant reports of its own
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
 
 _PATIENCE_S = 0.02

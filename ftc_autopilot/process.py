@@ -53,7 +53,7 @@ _TURN_US = 20_000
 
 
 class Autopilot:
-    """The autopilot's shell: sockets and the wall clock."""
+    """Sockets and wall clock around the compiled loop and the services."""
 
     def __init__(
         self,
@@ -115,7 +115,7 @@ class Autopilot:
         return loss
 
     def recording(self) -> dict[str, Any]:
-        """Everything recorded, by name."""
+        """Return everything recorded, by name."""
         return {
             "signals": self._link.signals,
             "repeats": self._hot.repeated,

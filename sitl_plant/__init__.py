@@ -1,1 +1,1 @@
-"""The world: aircraft, aerodynamics, rigid body, actuators with faults, and the plant process."""
+"""The plant: aircraft, aerodynamics, rigid body, actuators with faults, and the plant process."""

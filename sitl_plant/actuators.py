@@ -34,7 +34,7 @@ Controls: TypeAlias = tuple[float, float, float, float]
 
 
 def no_faults(aircraft_count: int) -> np.ndarray:
-    """An empty fault table of dtype `FAULT`, shape (aircraft_count, MAX_FAULTS)."""
+    """Return an empty fault table of dtype `FAULT`, shape (aircraft_count, MAX_FAULTS)."""
     table = np.zeros((aircraft_count, MAX_FAULTS), FAULT)
     table["actuator"] = _EMPTY
     return table
@@ -77,7 +77,7 @@ def clear_faults(row: np.ndarray, actuator: int) -> None:
 def apply_faults(
     commanded: Controls, t: float, interval_start: float, faults: np.ndarray, aircraft: np.void
 ) -> Controls:
-    """What the actuators really do, eqs. (13) and (19): ρ · commanded + f(t).
+    """Return what the actuators do under faults, eqs. (13) and (19): ρ · commanded + f(t).
 
     A fault is switched on and off at the ends of integration intervals, so that no interval
     contains a jump: it acts within the whole interval that begins at `interval_start` if its
@@ -86,7 +86,7 @@ def apply_faults(
     Args:
         commanded: Commands received last.
         t: Time at which f is wanted [s], inside the interval.
-        interval_start: Begin of the integration interval [s].
+        interval_start: Start of the integration interval [s].
         faults: One aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
         aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
     """

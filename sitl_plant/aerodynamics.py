@@ -16,7 +16,7 @@ __all__ = ["R3", "Aerodynamics", "aerodynamics"]
 
 
 class Aerodynamics(NamedTuple):
-    """What the air does to an aircraft."""
+    """Airspeed, aerodynamic force, moment and control matrix."""
 
     V: float  # airspeed [m/s]
     F: Vec3  # force, body axes [N]

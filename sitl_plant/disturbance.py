@@ -12,7 +12,7 @@ __all__ = ["disturbance_table", "disturbances"]
 
 
 def disturbance_table(disturbance: Disturbance) -> np.ndarray:
-    """The configured disturbance as an array of shape (6, 3).
+    """Return the configured disturbance as an array of shape (6, 3).
 
     Rows: d_v x, y, z [m/s²], d_ω x, y, z [rad/s²], body axes. Columns: amplitude of the sine,
     amplitude of the cosine, angular frequency [rad/s].

@@ -11,7 +11,7 @@ from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.config import InitialState, PlantConfig
 from sitl_plant.disturbance import disturbance_table
-from sitl_plant.plant import is_lost, sense, step_aircraft, time_s
+from sitl_plant.plant import Environment, is_lost, sense, step_aircraft, time_s
 
 __all__ = ["PlantState", "fly", "new_plant_state", "observe", "receive_controls"]
 
@@ -21,7 +21,7 @@ class PlantState(NamedTuple):
 
     states: np.ndarray  # (n, 12), see `sitl_plant.rigid_body.State`
     controls: np.ndarray  # (n, 4) held commands: aileron, elevator, rudder [rad], thrust [N]
-    applied: np.ndarray  # (n, 4) what the actuators did as the last period began
+    applied: np.ndarray  # (n, 4) commands after faults and stops at the last period's start
     faults: np.ndarray  # (n, MAX_FAULTS), dtype FAULT
     aircraft: np.ndarray  # (n,), dtype AIRCRAFT, the true ones
     messages: np.ndarray  # (n,), dtype SIM_STATE: the present state as the wire carries it
@@ -32,7 +32,7 @@ _NOTHING_APPLIED = np.uint64(2**64 - 1)
 
 
 def new_plant_state(config: PlantConfig) -> PlantState:
-    """The fleet of a configuration, at its initial states."""
+    """Return the state of a configuration's plant, at its start."""
     n = len(config.uavs)
     aircraft = np.zeros(n, AIRCRAFT)
     states = np.zeros((n, 12))
@@ -60,10 +60,10 @@ def _initial_state(initial: InitialState) -> np.ndarray:
 
 @compiled
 def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
-    """Take over an HIL_ACTUATOR_CONTROLS payload, unless it is not newer than the last one.
+    """Put an HIL_ACTUATOR_CONTROLS payload in force if it is newer than the last one.
 
-    Nor is one from the future: its time is that of a state sent, and would hold off all later
-    ones.
+    One from the future is refused: its time is that of a state sent, and it would hold off all
+    later ones.
 
     Args:
         fleet: The fleet.
@@ -71,7 +71,7 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
         actuators: Payload of dtype `mavlink_defs.framing.codec.ACTUATORS`.
 
     Returns:
-        0 if it was taken over; NOT_NEWER; OUT_OF_RANGE if it holds a number that is no command.
+        0 if it is in force; NOT_NEWER; OUT_OF_RANGE if it holds a number that is no command.
     """
     message = fleet.messages[i]
     last = message["actuator_time_usec"]
@@ -100,9 +100,7 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
         fleet.controls[i],
         step,
         step_us,
-        fleet.faults[i],
-        fleet.disturbance,
-        fleet.aircraft[i],
+        Environment(fleet.faults[i], fleet.disturbance, fleet.aircraft[i]),
         fleet.messages[i],
     )
 
@@ -122,9 +120,7 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
             fleet.controls[i],
             t,
             dt,
-            fleet.faults[i],
-            fleet.disturbance,
-            fleet.aircraft[i],
+            Environment(fleet.faults[i], fleet.disturbance, fleet.aircraft[i]),
             fleet.applied[i],
         )
         if lost < 0 and is_lost(fleet.states[i]):

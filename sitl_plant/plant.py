@@ -5,9 +5,11 @@ by the classical Runge-Kutta method of fourth order with the period as its step.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import Controls, apply_faults
 from sitl_plant.aerodynamics import aerodynamics
@@ -15,17 +17,35 @@ from sitl_plant.disturbance import disturbances
 from sitl_plant.rigid_body import State, advance, load_state, state_derivative, store_state
 from sitl_plant.vec3 import add, norm, scale, vec3
 
-__all__ = ["AIRSPEED_MAX_M_S", "AIRSPEED_MIN_M_S", "PITCH_MAX_RAD", "describe_loss",
-           "is_lost", "rk4_step", "sense", "step_aircraft", "time_s"]  # fmt: skip
+__all__ = [
+    "AIRSPEED_MAX_M_S",
+    "AIRSPEED_MIN_M_S",
+    "PITCH_MAX_RAD",
+    "Environment",
+    "describe_loss",
+    "is_lost",
+    "rk4_step",
+    "sense",
+    "step_aircraft",
+    "time_s",
+]  # fmt: skip
 
 PITCH_MAX_RAD = math.radians(89.0)
 AIRSPEED_MIN_M_S = 3.0
 AIRSPEED_MAX_M_S = 300.0
 
 
+class Environment(NamedTuple):
+    """An aircraft and what acts on it beside its commands."""
+
+    faults: np.ndarray  # (MAX_FAULTS,), dtype FAULT
+    disturbance: np.ndarray  # (6, 3), as `disturbance_table` returns it
+    aircraft: np.void  # dtype AIRCRAFT
+
+
 @compiled
 def time_s(step: int, step_us: int) -> float:
-    """Simulation time of a step [s]: the double nearest to the decimal number."""
+    """Return the simulation time of a step [s]: the double nearest to the decimal number."""
     return step * step_us / 1e6
 
 
@@ -35,26 +55,22 @@ def rk4_step(
     commanded: Controls,
     t: float,
     dt: float,
-    faults: np.ndarray,
-    disturbance: np.ndarray,
-    aircraft: np.void,
+    environment: Environment,
 ) -> State:
     """Integrate eqs. (1) to (4) from t to t + dt [s].
 
     Args:
         state: State at t.
         commanded: Actuator commands held over the interval.
-        t: Begin of the interval [s].
+        t: Start of the interval [s].
         dt: Its length [s].
-        faults: The aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
-        disturbance: As `disturbance_table` returns it.
-        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        environment: The aircraft and what acts on it.
     """
     middle = t + 0.5 * dt
-    k1 = _slope(state, commanded, t, t, faults, disturbance, aircraft)
-    k2 = _slope(advance(state, 0.5 * dt, k1), commanded, middle, t, faults, disturbance, aircraft)
-    k3 = _slope(advance(state, 0.5 * dt, k2), commanded, middle, t, faults, disturbance, aircraft)
-    k4 = _slope(advance(state, dt, k3), commanded, t + dt, t, faults, disturbance, aircraft)
+    k1 = _slope(state, commanded, t, t, environment)
+    k2 = _slope(advance(state, 0.5 * dt, k1), commanded, middle, t, environment)
+    k3 = _slope(advance(state, 0.5 * dt, k2), commanded, middle, t, environment)
+    k4 = _slope(advance(state, dt, k3), commanded, t + dt, t, environment)
     state = advance(advance(state, dt / 6.0, k1), dt / 3.0, k2)
     return advance(advance(state, dt / 3.0, k3), dt / 6.0, k4)
 
@@ -65,10 +81,9 @@ def _slope(
     commanded: Controls,
     t: float,
     interval_start: float,
-    faults: np.ndarray,
-    disturbance: np.ndarray,
-    aircraft: np.void,
+    environment: Environment,
 ) -> State:
+    faults, disturbance, aircraft = environment
     da, de, dr, thrust = apply_faults(commanded, t, interval_start, faults, aircraft)
     d_v, d_omega = disturbances(disturbance, t)
     return state_derivative(state, thrust, (da, de, dr), d_v, d_omega, aircraft)
@@ -80,9 +95,7 @@ def step_aircraft(
     controls: np.ndarray,
     t: float,
     dt: float,
-    faults: np.ndarray,
-    disturbance: np.ndarray,
-    aircraft: np.void,
+    environment: Environment,
     applied: np.ndarray,
 ) -> None:
     """Advance one aircraft in place by one control period.
@@ -90,18 +103,16 @@ def step_aircraft(
     Args:
         x: State, shape (12,), in the order of `State`.
         controls: Aileron, elevator, rudder [rad], thrust [N] as commanded, shape (4,).
-        t: Begin of the period [s].
+        t: Start of the period [s].
         dt: Control period [s].
-        faults: The aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
-        disturbance: As `disturbance_table` returns it.
-        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
-        applied: What the actuators really do as the period begins, shape (4,), is written here.
+        environment: The aircraft and what acts on it.
+        applied: Commands after faults and stops at the start of the period, shape (4,), written.
     """
     commanded = (controls[0], controls[1], controls[2], controls[3])
-    real = apply_faults(commanded, t, t, faults, aircraft)
-    for i in range(4):
+    real = apply_faults(commanded, t, t, environment.faults, environment.aircraft)
+    for i in range(N_CHANNELS):
         applied[i] = real[i]
-    store_state(rk4_step(load_state(x), commanded, t, dt, faults, disturbance, aircraft), x)
+    store_state(rk4_step(load_state(x), commanded, t, dt, environment), x)
 
 
 @compiled
@@ -110,9 +121,7 @@ def sense(
     controls: np.ndarray,
     step: int,
     step_us: int,
-    faults: np.ndarray,
-    disturbance: np.ndarray,
-    aircraft: np.void,
+    environment: Environment,
     message: np.void,
 ) -> None:
     """Fill the FTC_SIM_STATE payload with the state at a step.
@@ -125,19 +134,18 @@ def sense(
         controls: Commands of the period that ends here, shape (4,).
         step: Step number.
         step_us: Control period [µs].
-        faults: The aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
-        disturbance: As `disturbance_table` returns it.
-        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        environment: The aircraft and what acts on it.
         message: Payload of dtype `mavlink_defs.framing.codec.SIM_STATE`; its time, step, motion and
             specific force are set.
     """
+    faults, disturbance, aircraft = environment
     t = time_s(step, step_us)
     _, v, _, omega = load_state(x)
     commanded = (controls[0], controls[1], controls[2], controls[3])
     real = apply_faults(commanded, t, time_s(step - 1, step_us), faults, aircraft)
     air = aerodynamics(v, omega, aircraft)
     d_v, _ = disturbances(disturbance, t)
-    f = add(scale(1.0 / aircraft["m"], (air.F[0] + real[3], air.F[1], air.F[2])), d_v)
+    f = add(scale(1.0 / aircraft["m"], (air.F[0] + real[THROTTLE], air.F[1], air.F[2])), d_v)
     message["time_usec"] = step * step_us
     message["step"] = step
     for i in range(3):
@@ -150,7 +158,7 @@ def sense(
 
 @compiled
 def is_lost(x: np.ndarray) -> bool:
-    """Tell whether a state, shape (12,), has left the range in which the model means anything.
+    """Return whether a state, shape (12,), has left the range in which the model is valid.
 
     That is: a number is not finite, the pitch angle is beyond ±89° (Euler angles), or the
     airspeed is outside 3 to 300 m/s.
@@ -163,7 +171,7 @@ def is_lost(x: np.ndarray) -> bool:
 
 
 def describe_loss(x: np.ndarray) -> str:
-    """Say in words in what way a state, shape (12,), is lost."""
+    """Return a text that says in what way a state, shape (12,), is lost."""
     if not np.isfinite(x).all():
         return "its state is not finite"
     pitch_deg, V = math.degrees(x[7]), norm(vec3(x[3:6]))

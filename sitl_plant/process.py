@@ -63,7 +63,7 @@ _STEPS_MAX = 2**31  # 24 days at 1 kHz
 
 
 class Plant:
-    """The plant's shell: socket, wall clock, registration."""
+    """Socket, wall clock and registration around the compiled loop and the services."""
 
     def __init__(
         self, config: PlantConfig, sock: socket.socket, record: bool, link_signer: LinkSigner
@@ -129,7 +129,7 @@ class Plant:
         return time_s(int(self._state["step"]), self._config.step_us)
 
     def recording(self) -> dict[str, Any]:
-        """Everything recorded, by name."""
+        """Return everything recorded, by name."""
         steps = int(self._state["step"])
         return {
             "states": self._link.record.states[:steps],
@@ -182,7 +182,7 @@ class Plant:
             self._sock.sendto(frame, (host.host, host.port))
 
     def _report_drops(self) -> None:
-        """Tell the autopilots, from time to time, what was dropped here."""
+        """Send the autopilots FTC_DROPS once a second."""
         now = time.monotonic()
         if now < self._drops_due_s:
             return

@@ -20,13 +20,13 @@ Mat3: TypeAlias = tuple[Vec3, Vec3, Vec3]
 
 @compiled
 def vec3(a: np.ndarray) -> Vec3:
-    """The three elements of an array of shape (3,)."""
+    """Return the three elements of an array of shape (3,)."""
     return a[0], a[1], a[2]
 
 
 @compiled
 def mat3(a: np.ndarray) -> Mat3:
-    """The rows of an array of shape (3, 3)."""
+    """Return the rows of an array of shape (3, 3)."""
     return (
         (a[0, 0], a[0, 1], a[0, 2]),
         (a[1, 0], a[1, 1], a[1, 2]),

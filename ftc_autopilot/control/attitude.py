@@ -28,7 +28,7 @@ class AttitudeLaw(NamedTuple):
 def virtual_control(
     errors: FormationErrors, motion: Motion, reference: Reference, K1: Vec3
 ) -> Vec3:
-    """The virtual control ω_d, eq. (57) [rad/s].
+    """Return the virtual control ω_d, eq. (57) [rad/s].
 
     Args:
         errors: Formation errors.

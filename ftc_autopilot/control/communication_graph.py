@@ -17,7 +17,7 @@ Edge = tuple[int, int, float]
 
 
 def adjacency(ids: Sequence[int], edges: Sequence[Edge]) -> np.ndarray:
-    """The symmetric matrix A = [a_ij], rows and columns in the order of `ids`."""
+    """Return the symmetric matrix A = [a_ij], rows and columns in the order of `ids`."""
     A = np.zeros((len(ids), len(ids)))
     for first, second, weight in edges:
         i, j = ids.index(first), ids.index(second)
@@ -26,13 +26,13 @@ def adjacency(ids: Sequence[int], edges: Sequence[Edge]) -> np.ndarray:
 
 
 def laplacian(A: np.ndarray) -> np.ndarray:
-    """L = D - A of an adjacency matrix, shape (n, n)."""
+    """Return L = D - A of an adjacency matrix, shape (n, n)."""
     L: np.ndarray = np.diag(A.sum(axis=1)) - A
     return L
 
 
 def check_lemma1(ids: Sequence[int], A: np.ndarray, h: np.ndarray) -> str | None:
-    """Say why L + H is not positive definite; None if it is.
+    """Return why L + H is not positive definite; None if it is.
 
     Args:
         ids: UAV ids in the order of the matrix.

@@ -10,7 +10,7 @@ import numpy as np
 from ftc_autopilot.config import Controller, Trigger
 from ftc_autopilot.control.formation import formation_errors
 from ftc_autopilot.control.laws import KINDS, LAWS, evaluate
-from ftc_autopilot.control.laws.base import Instant, LawParameters
+from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
@@ -108,7 +108,7 @@ def parameter_record(controller: Controller, trigger: Trigger) -> np.void:
 
 
 def new_controller() -> np.void:
-    """A controller before its first step, dtype `CONTROLLER`."""
+    """Return a controller before its first step, dtype `CONTROLLER`."""
     state: np.void = np.zeros(1, CONTROLLER)[0]
     state["min_interval"] = NO_INTERVAL
     return state
@@ -126,7 +126,7 @@ def restart_law(state: np.void) -> None:
 
 
 def no_signals(steps: int) -> np.ndarray:
-    """Signals of steps without control: NaN and no events, shape (steps,), dtype `SIGNALS`."""
+    """Return `SIGNALS` of steps without control: NaN and no events, shape (steps,)."""
     signals = np.zeros(steps, SIGNALS)
     for name in SIGNALS.names or ():
         if name != "events":
@@ -184,19 +184,25 @@ def control_step(
     now = Instant(t, dt, first, motion, reference, errors, state["held"], a[0])
     demand = evaluate(now, aircraft, parameters, state, signals)
     mask = trigger(
-        demand.delta_hat,
-        demand.T_hat,
-        state["held"],
-        first,
-        thresholds["mode"],
-        a,
-        b,
-        aircraft,
+        demand.delta_hat, demand.T_hat, state["held"], first, thresholds["mode"], a, b, aircraft,
         controls,
-    )
+    )  # fmt: skip
     state["started"] = 1
     state["steps"] += 1
 
+    _record_signals(signals, now, command, demand, mask)
+    filter_reference(
+        command, state["reference"], parameters["common"]["reference_bandwidth_rad_s"], dt
+    )
+    return mask
+
+
+@compiled
+def _record_signals(
+    signals: np.void, now: Instant, command: np.ndarray, demand: Demand, mask: int
+) -> None:
+    """Write what a step computed; a law's inner quantities are written by the law."""
+    motion, reference, errors = now.motion, now.reference, now.errors
     signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
     _write(signals["reference"], reference.V, reference.phi)
     _write(signals["reference_dot"], reference.V_dot, reference.phi_dot)
@@ -206,14 +212,9 @@ def control_step(
         signals["attitude"][i] = motion.phi[i]
         signals["demand"][i] = demand.delta_hat[i]
     signals["demand"][THROTTLE] = demand.T_hat
-    for i in range(4):
+    for i in range(N_CHANNELS):
         signals["command"][i] = command[i]
-        signals["held"][i] = state["held"][i]
-
-    filter_reference(
-        command, state["reference"], parameters["common"]["reference_bandwidth_rad_s"], dt
-    )
-    return mask
+        signals["held"][i] = now.held[i]
 
 
 @compiled

@@ -1,6 +1,6 @@
-"""Everything aboard one or more UAVs between a received state and what has to be sent.
+"""Controllers of one or more UAVs: from a measured state to the messages that it causes.
 
-The autopilot process holds those of one UAV; the closed loop in one process those of all.
+The autopilot process holds the controller of one UAV, the flight in one process those of all.
 """
 
 from collections.abc import Sequence
@@ -66,7 +66,7 @@ class Controllers(NamedTuple):
 
 
 def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
-    """The controllers of the given UAVs, before the first step: no profile, not active."""
+    """Return the controllers of the given UAVs before the first step: no profile, not active."""
     n = len(configs)
     degree = max((len(config.neighbours) for config in configs), default=0)
     controllers = Controllers(
@@ -105,7 +105,7 @@ def reset_controllers(controllers: Controllers) -> None:
 
 @compiled
 def announce(controllers: Controllers, i: int, measured: np.void) -> None:
-    """Write what UAV i sends to its neighbours about a measured state into its own state.
+    """Set the state that UAV i sends to its neighbours from a measured one.
 
     Args:
         controllers: The controllers.
@@ -119,7 +119,7 @@ def announce(controllers: Controllers, i: int, measured: np.void) -> None:
 
 @compiled
 def controller_step(controllers: Controllers, i: int, measured: np.void, step_us: int) -> int:
-    """Work on one measured state: own state, guidance, control step, actuator message.
+    """Make one step from a measured state: own state, guidance, control, actuator message.
 
     Args:
         controllers: Arrays over UAVs; own state, controller state, actuator message and signals of

@@ -1,4 +1,4 @@
-"""What a controller knows of its own aircraft's motion at one instant."""
+"""The own aircraft's motion, as measured and as the nominal model sees it."""
 
 from typing import NamedTuple
 
@@ -43,7 +43,7 @@ def motion_of(measured: np.void, aircraft: np.void) -> Motion:
 
 @compiled
 def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
-    """Fill an FTC_NEIGHBOUR payload with what the neighbours need to know.
+    """Fill an FTC_NEIGHBOUR payload with the own motion.
 
     Args:
         motion: Own motion.

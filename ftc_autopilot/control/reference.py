@@ -52,7 +52,7 @@ def profile_record(segments: tuple[Segment, ...]) -> np.void:
 
 @compiled
 def wrap(angle: float) -> float:
-    """The angle in (-π, π] that is congruent to `angle` [rad]; exact if it lies there already."""
+    """Return the angle in (-π, π] that is congruent to `angle` [rad]; exact if in range."""
     if -math.pi < angle <= math.pi:
         return angle
     return -((math.pi - angle) % (2.0 * math.pi) - math.pi)
@@ -60,7 +60,7 @@ def wrap(angle: float) -> float:
 
 @compiled
 def profile_value(profile: np.void, t: float, value: np.ndarray) -> None:
-    """The commanded, unfiltered reference at time t [s] since the mission's start.
+    """Write the commanded, unfiltered reference at time t [s] since the mission's start.
 
     A segment is in force over (start, start of the next one]; the first one also at its start.
 
@@ -88,7 +88,7 @@ def profile_value(profile: np.void, t: float, value: np.ndarray) -> None:
 
 @compiled
 def start_filter(value: np.ndarray, x: np.ndarray) -> None:
-    """Let the filter rest at a value, shape (4,); its state x has shape (4, 3)."""
+    """Set the filter state x, shape (4, 3), to rest at a value, shape (4,)."""
     for c in range(_CHANNELS):
         x[c, 0] = value[c]
         x[c, 1] = 0.0
@@ -97,13 +97,13 @@ def start_filter(value: np.ndarray, x: np.ndarray) -> None:
 
 @compiled
 def read_reference(x: np.ndarray) -> Reference:
-    """The reference that a filter state, shape (4, 3), stands for."""
+    """Return the reference of a filter state, shape (4, 3)."""
     return Reference(x[0, 0], x[0, 1], (x[1, 0], x[2, 0], x[3, 0]), (x[1, 1], x[2, 1], x[3, 1]))
 
 
 @compiled
 def filter_reference(command: np.ndarray, x: np.ndarray, bandwidth: float, dt: float) -> None:
-    """One explicit Euler step of (ω/(s+ω))³ per channel; yaw turns the short way round.
+    """Make one explicit Euler step of (ω/(s+ω))³ per channel; yaw turns the short way round.
 
     Args:
         command: Unfiltered reference, shape (4,).

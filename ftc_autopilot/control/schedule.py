@@ -32,7 +32,7 @@ class Window(Model, Generic[T]):
 
 
 def _form(value: object) -> str:
-    """Tell a list of windows from a plain value (which may itself be a list of numbers)."""
+    """Return the tag of a list of windows, or of a plain value (also a list of numbers)."""
     windows = isinstance(value, list | tuple) and any(isinstance(v, dict | Window) for v in value)
     return "<windows>" if windows else "<value>"
 
@@ -54,7 +54,7 @@ class Schedule(
     model_config = ConfigDict(frozen=True)
 
     def windows(self) -> tuple[tuple[float, Any], ...]:
-        """Last instant [s] and value of each window in order; the last one ends at infinity."""
+        """Return last instant [s] and value of each window in order; the last is without end."""
         if not isinstance(self.root, tuple) or not isinstance(self.root[0], Window):
             return ((math.inf, self.root),)
         return tuple(
@@ -89,7 +89,7 @@ def schedule(default: object) -> Any:
 
 
 def schedule_table(windows: "Schedule[Any]") -> np.ndarray:
-    """A schedule as compiled code sees it, shape `TABLE`."""
+    """Return a schedule as compiled code reads it, shape `TABLE`."""
     table = np.full(TABLE, math.inf)
     for i, (until, value) in enumerate(windows.windows()):
         table[i, 0] = until
@@ -99,7 +99,7 @@ def schedule_table(windows: "Schedule[Any]") -> np.ndarray:
 
 @compiled
 def scheduled(table: np.ndarray, t: float) -> Vec3:
-    """The value of a schedule at time t [s]; each window includes its last instant."""
+    """Return the value of a schedule at time t [s]; each window includes its last instant."""
     i = 0
     while table[i, 0] < t:
         i += 1

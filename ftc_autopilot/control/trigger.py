@@ -1,9 +1,9 @@
 """Event triggers, eqs. (25) and (29) of the paper.
 
 A command is held until it has drifted from the held value by a share of that value plus a
-constant. Commands are compared after saturation: an actuator that stands at its stop has
-nothing new to be told. The held value is the one on the wire, a float32 share of the limit,
-so controller, plant and any sniffer agree on it to the last bit.
+constant. Commands are compared after saturation: an actuator at its stop
+needs no further command. The held value is the one on the wire, a float32 share of the limit,
+so controller, plant and captures agree on it to the last bit.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ PERIODIC = 2
 
 @compiled
 def fires(candidate: float, held: float, relative: float, absolute: float) -> bool:
-    """Tell whether (25), or (29) for one surface, asks for a transmission.
+    """Return whether (25), or (29) for one surface, asks for a transmission.
 
     Args:
         candidate: What the law asks for now.
@@ -41,7 +41,7 @@ def fires(candidate: float, held: float, relative: float, absolute: float) -> bo
 
 @compiled
 def on_wire(command: float, lowest: float, highest: float) -> np.float32:
-    """The command as HIL_ACTUATOR_CONTROLS carries it: saturated, a share of the upper limit."""
+    """Return the command as HIL_ACTUATOR_CONTROLS has it: saturated, a share of the limit."""
     return np.float32(min(max(command, lowest), highest) / highest)
 
 

@@ -39,7 +39,7 @@ def fly_in_process(
 
     Args:
         scenario: The scenario.
-        on_progress: Called now and then with the simulated time [s] and the event counts so
+        on_progress: Called every 500 steps with the simulated time [s] and the event counts so
             far, shape (n, 4).
     """
     fleet = new_plant_state(scenario.plant_config(speed=None))
@@ -86,7 +86,7 @@ def fly_in_process(
 def _brief(
     scenario: Scenario, fleet: PlantState, controllers: Controllers, ids: tuple[int, ...]
 ) -> None:
-    """Give profile and faults the values that they would have after crossing the wire."""
+    """Set profile and faults to the values that they have after transmission."""
     aircraft = scenario.aircraft
     items = segments_to_items(scenario.segments(), 0, 0)
     controllers.profiles[:] = profile_record(items_to_segments(items, aircraft.airspeed_limits))

@@ -125,7 +125,7 @@ def receive_from_now(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
 
 @compiled
 def same_address(a: np.ndarray, b: np.ndarray) -> bool:
-    """Tell whether two sockaddr_in have the same port and IPv4 address."""
+    """Return whether two sockaddr_in have the same port and IPv4 address."""
     for k in range(2, 8):
         if a[k] != b[k]:
             return False
@@ -157,7 +157,7 @@ def send_to(fd: int, buffer: np.ndarray, length: int, address: np.ndarray) -> in
 
 @compiled
 def monotonic_s() -> float:
-    """The time of `time.monotonic` [s]."""
+    """Return the time of `time.monotonic` [s]."""
     timespec = np.empty(2, np.int64)
     _read_clock(_MONOTONIC, timespec)
     return float(timespec[0] + 1e-9 * timespec[1])
@@ -165,7 +165,7 @@ def monotonic_s() -> float:
 
 @compiled
 def unix_s() -> float:
-    """The time of `time.time` [s]."""
+    """Return the time of `time.time` [s]."""
     timespec = np.empty(2, np.int64)
     _read_clock(_UNIX, timespec)
     return float(timespec[0] + 1e-9 * timespec[1])

@@ -1,4 +1,4 @@
-"""What every control law is given, and what it gives back."""
+"""Input and output of every control law."""
 
 from typing import ClassVar, NamedTuple
 
@@ -15,10 +15,10 @@ __all__ = ["Demand", "Instant", "LawParameters"]
 
 
 class LawParameters(Model):
-    """What a scenario says about any control law; a law adds its own parameters, and its `kind`.
+    """Parameters of any control law; a law adds its own parameters, and its `kind`.
 
     Attributes:
-        STATE: What the law remembers from one step to the next, all zero before the first step.
+        STATE: The law's memory between steps, all zero before the first step.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
@@ -48,7 +48,7 @@ class Instant(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """What a law asks for, before saturation and trigger."""
+    """Commands of a law, before saturation and trigger."""
 
     delta_hat: Vec3  # aileron, elevator, rudder [rad]
     T_hat: float  # thrust [N]

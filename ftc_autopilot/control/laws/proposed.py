@@ -4,12 +4,12 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from ftc_autopilot.control.attitude import attitude_law, virtual_control
+from ftc_autopilot.control.attitude import AttitudeLaw, attitude_law, virtual_control
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from ftc_autopilot.control.laws.gains import TABLE_III_K1, TABLE_III_K2, Gains
 from ftc_autopilot.control.rbf import Rbf, basis_norm
 from ftc_autopilot.control.schedule import Schedule, schedule, scheduled
-from ftc_autopilot.control.speed import speed_law
+from ftc_autopilot.control.speed import SpeedLaw, speed_law
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import scale, sub, vec3
@@ -125,22 +125,11 @@ def proposed_law(
         gains,
     )
 
-    signals["Phi_v"], signals["g_v"], signals["beta_v"] = (
-        state["Phi_v"], state["g_v"], state["beta_v"],
-    )  # fmt: skip
-    signals["Phi_omega"], signals["beta_omega"] = state["Phi_omega"], state["beta_omega"]
-    signals["Phi_v_dot"], signals["g_v_dot"] = speed.Phi_v_dot, speed.g_v_dot
-    signals["beta_v_dot"] = speed.beta_v_dot
-    signals["Phi_omega_dot"] = attitude.Phi_omega_dot
-    signals["beta_omega_dot"] = attitude.beta_omega_dot
-    signals["basis"] = basis
-    signals["alpha_v"], signals["r_v"] = speed.alpha_v, speed.r_v
-    signals["zeta_v"], signals["B_v"] = speed.zeta_v, speed.B_v
+    _record(signals, state, basis, speed, attitude)
     for i in range(3):
         signals["omega_d"][i] = omega_d[i]
         signals["omega_d_dot"][i] = omega_d_dot[i]
         signals["e_omega"][i] = e_omega[i]
-        signals["zeta_omega"][i] = attitude.zeta_omega[i]
         state["omega_d_filtered"][i] += now.dt * omega_d_dot[i]
 
     state["Phi_v"] += now.dt * speed.Phi_v_dot
@@ -149,3 +138,23 @@ def proposed_law(
     state["Phi_omega"] += now.dt * attitude.Phi_omega_dot
     state["beta_omega"] += now.dt * attitude.beta_omega_dot
     return Demand(attitude.delta_hat, speed.T_hat)
+
+
+@compiled
+def _record(
+    signals: np.void, estimates: np.void, basis: float, speed: SpeedLaw, attitude: AttitudeLaw
+) -> None:
+    """Write the laws' inner quantities, the estimates as they were used."""
+    signals["Phi_v"], signals["g_v"] = estimates["Phi_v"], estimates["g_v"]
+    signals["beta_v"] = estimates["beta_v"]
+    signals["Phi_omega"] = estimates["Phi_omega"]
+    signals["beta_omega"] = estimates["beta_omega"]
+    signals["Phi_v_dot"], signals["g_v_dot"] = speed.Phi_v_dot, speed.g_v_dot
+    signals["beta_v_dot"] = speed.beta_v_dot
+    signals["Phi_omega_dot"] = attitude.Phi_omega_dot
+    signals["beta_omega_dot"] = attitude.beta_omega_dot
+    signals["basis"] = basis
+    signals["alpha_v"], signals["r_v"] = speed.alpha_v, speed.r_v
+    signals["zeta_v"], signals["B_v"] = speed.zeta_v, speed.B_v
+    for i in range(3):
+        signals["zeta_omega"][i] = attitude.zeta_omega[i]

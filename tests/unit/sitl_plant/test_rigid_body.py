@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT
-from sitl_plant.plant import rk4_step
+from sitl_plant.plant import Environment, rk4_step
 from sitl_plant.rigid_body import R1, R2, R2_inv, load_state
 from sitl_plant.vec3 import Vec3
 
@@ -44,7 +44,7 @@ def tumble(omega: Vec3, J: np.ndarray, steps: int, dt: float) -> np.ndarray:
     state = load_state(x)
     rates = [state[3]]
     for k in range(steps):
-        state = rk4_step(state, IDLE, k * dt, dt, faults, CALM, body)
+        state = rk4_step(state, IDLE, k * dt, dt, Environment(faults, CALM, body))
         # only the rotation is looked at: keep the velocity and the attitude where they began
         state = (load_state(x)[0], load_state(x)[1], load_state(x)[2], state[3])
         rates.append(state[3])
