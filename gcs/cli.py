@@ -3,14 +3,13 @@
 import contextlib
 import errno
 import os
-import platform
 import sys
-from importlib.metadata import version
 from typing import Annotated, NoReturn
 
 import typer
 
 from gcs.commands import (
+    config,
     control,
     dashboard,
     fault,
@@ -53,6 +52,9 @@ app = typer.Typer(
 
 def _show_versions(wanted: bool) -> None:
     if wanted:
+        import platform
+        from importlib.metadata import version
+
         typer.echo(f"ftc-sitl {version('ftc-sitl')}")
         typer.echo(f"Python {platform.python_version()}")
         for package in ("pymavlink", "numba"):
@@ -93,6 +95,7 @@ app.command(epilog=sweep.EPILOG)(sweep.sweep)
 app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)
 app.command(epilog=new.EPILOG)(new.new)
 app.command(epilog=up.EPILOG)(up.up)
+app.command(epilog=config.EPILOG)(config.config)
 app.command(epilog=status.EPILOG)(status.status)
 app.command(epilog=control.START_EPILOG)(control.start)
 app.command(epilog=control.ARM_EPILOG)(control.arm)

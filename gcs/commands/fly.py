@@ -35,7 +35,9 @@ vehicle refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 
 
 
 def fly(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", metavar="SCENARIO")],
+    scenario: Annotated[
+        Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
+    ],
     out: Annotated[
         Path | None,
         typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default."),

@@ -34,7 +34,9 @@ something, 4 a vehicle did not answer.
 
 
 def up(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", metavar="SCENARIO")],
+    scenario: Annotated[
+        Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
+    ],
     out: Annotated[
         Path | None,
         typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default."),

@@ -52,7 +52,7 @@ def theory_section(
     }
     parts = [
         "UAV 3 of every flight; all UAVs stand in `data/theory.json`, the method in "
-        f"`docs/theory.md`. {', '.join(same)} are one and the same flight.\n",
+        f"`docs/explanation/theory.md`. {', '.join(same)} are one and the same flight.\n",
         "### Smallest interval between events, and the Zeno bound\n",
         _dwell(watched),
         "### Residual sets\n",

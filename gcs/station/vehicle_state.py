@@ -264,12 +264,6 @@ class VehicleState:
         return tuple(f for f in self.faults or () if f.start_s < time_s <= f.end_s)
 
     @property
-    def past_faults(self) -> tuple[Fault, ...]:
-        """The faults whose window is over."""
-        time_s = self.time_s or 0.0
-        return tuple(f for f in self.faults or () if f.end_s < time_s)
-
-    @property
     def drops(self) -> dict[str, dict[str, int]] | None:
         """Datagrams that it and the plant dropped, by link and reason; None before it told."""
         message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_DROPS)

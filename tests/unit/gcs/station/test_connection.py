@@ -56,6 +56,6 @@ def test_processes_one_after_the_other_have_different_identities(
 
 
 def test_default_ports_are_documented() -> None:
-    text = (Path(__file__).parents[4] / "docs" / "station.md").read_text()
+    text = (Path(__file__).parents[4] / "docs" / "how-to" / "station.md").read_text()
     assert str(HUB_PORT) in text
     assert str(GCS_PORT) in text
