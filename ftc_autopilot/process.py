@@ -137,7 +137,7 @@ class Autopilot:
         more = True
         if not self._vehicle.has_gcs_messages:  # answer first what was asked before
             more = self._hear_ground_stations(most or _MAX_GCS_DATAGRAMS)
-        self._vehicle.tick(time.monotonic(), most)
+        self._vehicle.handle_timer(time.monotonic(), most)
         self._speak(most)
         self._more_to_do = more or self._vehicle.has_gcs_messages
 

@@ -61,7 +61,7 @@ def fuzz(name: str, target: Target, frames: int, random: Random) -> None:
             target.feed(datagram)
             parse_all_ways(datagram)
         if isinstance(target, AutopilotTarget | StationTarget):
-            target.tick(k * 1e-3)
+            target.handle_timer(k * 1e-3)
         busy_s += time.perf_counter() - start
     memory = f"RSS {begin_mib:7.1f} → {rss_mib():7.1f} MiB"
     print(f"{name:<28} {frames:>9} frames {frames / busy_s:>8.0f} frames/s   {memory}", flush=True)

@@ -137,9 +137,9 @@ class AutopilotTarget:
         self._controllers.guidance[0]["active"] = 1
         self._autopilot._vehicle.modes.armed = True
 
-    def tick(self, now: float) -> None:
+    def handle_timer(self, now: float) -> None:
         """Let timers run; what it says goes out, and must be possible to pack."""
-        self._autopilot._vehicle.tick(now)
+        self._autopilot._vehicle.handle_timer(now)
         self._autopilot._speak()
         _drain(self._plant)
 
@@ -250,10 +250,10 @@ class StationTarget:
         """Take in a datagram and do all that it causes."""
         self.client.datagram_received(datagram, ("127.0.0.1", 14601))
 
-    def tick(self, now: float) -> None:
+    def handle_timer(self, now: float) -> None:
         """Let time pass, and show everything as `gcs status` does."""
         self._now = now
-        self.client.fleet.tick(now)
+        self.client.fleet.handle_timer(now)
         states = list(self.client.fleet.vehicles.values())
         fleet_table(states, now)
         drop_lines(self.client.drops, states)

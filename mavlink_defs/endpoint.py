@@ -142,7 +142,7 @@ def address_of(raw: np.ndarray) -> UdpAddress:
 
 
 def is_loopback(address: UdpAddress) -> bool:
-    """Tell whether only this machine can reach the address.
+    """Return whether only this machine can reach the address.
 
     Raises:
         EndpointError: The host's name cannot be resolved.
@@ -224,7 +224,7 @@ def open_udp(peers: Iterable[UdpAddress]) -> socket.socket:
 
 
 def someone_listens(address: UdpAddress) -> bool:
-    """Tell whether a UDP port of this machine is bound by someone.
+    """Return whether a UDP port of this machine is bound by someone.
 
     An empty datagram finds out; for another machine the answer is True.
     """

@@ -90,7 +90,7 @@ class Fault:
         )
 
     def coexists_with(self, actuator: int, start_s: float, end_s: float, now_s: float) -> bool:
-        """Tell whether an earlier fault stays when this one is set.
+        """Return whether an earlier fault stays when this one is set.
 
         A fault that is over by now goes, and so does one of the same actuator that overlaps.
 
@@ -130,7 +130,7 @@ class InvalidParam(ValueError):  # noqa: N818 - it says what is wrong, as an ans
 
 
 def fault_to_params(fault: Fault) -> tuple[float, ...]:
-    """Give the seven parameters of the command that sets `fault`."""
+    """Return the seven parameters of the command that sets `fault`."""
     return (
         float(fault.actuator),
         fault.effectiveness,

@@ -15,7 +15,7 @@ __all__ = ["decimal_of_float32", "float32s", "whole_within"]
 
 
 def decimal_of_float32(x: float) -> float:
-    """Give the shortest decimal that rounds to the same float32 as `x`, as a double.
+    """Return the shortest decimal that rounds to the same float32 as `x`, as a double.
 
     A decimal of up to six significant digits (seven in most of the range) sent in a float32
     field comes back exactly. Infinities, NaN and the sign of zero are kept; `x` beyond the
@@ -26,7 +26,7 @@ def decimal_of_float32(x: float) -> float:
 
 
 def float32s(values: Iterable[float]) -> list[float]:
-    """Give values as float32 fields hold them; what is beyond their range becomes infinite."""
+    """Return values as float32 fields hold them; what is beyond their range becomes infinite."""
     with np.errstate(over="ignore", under="ignore"):
         return [float(x) for x in np.array([*values], np.float64).astype(np.float32)]
 

@@ -108,7 +108,7 @@ class ItemError(ProfileError):
 def segments_to_items(
     segments: Sequence[Segment], target_system: int, target_component: int
 ) -> list[MAVLink_mission_item_int_message]:
-    """Give the mission that carries `segments`: a home item of zeros, then one item each."""
+    """Return the mission that carries `segments`: a home item of zeros, then one item each."""
 
     def item(seq: int, command: int, *values: float) -> MAVLink_mission_item_int_message:
         param1, param2, param3, param4, x, y = values

@@ -67,7 +67,7 @@ class Commands:
         self._simulator.receive(message, now)
         self._work(now)
 
-    def tick(self, now: float) -> None:
+    def handle_timer(self, now: float) -> None:
         """Do what is due."""
         self._server.handle_timer(now)
         self._simulator.handle_timer(now)

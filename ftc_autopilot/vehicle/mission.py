@@ -41,7 +41,7 @@ class Mission:
         self.server.receive(message, now, station)
         self._work()
 
-    def tick(self, now: float) -> None:
+    def handle_timer(self, now: float) -> None:
         """Do what is due, and follow the modes."""
         self.server.handle_timer(now)
         self._follow()

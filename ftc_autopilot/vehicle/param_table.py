@@ -94,7 +94,7 @@ class Tunable:
 def parameters_of(
     config: AutopilotConfig, hot: HotState, controllers: Controllers
 ) -> list[Parameter]:
-    """Give all parameters of a vehicle: its trigger's, its law's, and some that only tell."""
+    """Return all parameters of a vehicle: its trigger's, its law's, and some that only tell."""
     records, kind = controllers.parameters, config.controller.kind
     found = [
         *tunables(Trigger, records["trigger"], "TRIG_"),

@@ -78,7 +78,7 @@ _GROUPS[dialect.MAV_DATA_STREAM_ALL] = tuple(i for group in _GROUPS.values() for
 def makers_of(
     state: StateMessages, controller: ControllerMessages, status: StatusMessages
 ) -> dict[int, Maker]:
-    """Give every message that can be streamed or requested, by its id."""
+    """Return every message that can be streamed or requested, by its id."""
     return {
         dialect.MAVLINK_MSG_ID_SYSTEM_TIME: state.system_time,
         dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: state.local_position_ned,

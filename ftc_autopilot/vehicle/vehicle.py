@@ -66,7 +66,7 @@ class Vehicle:
             own, parameters_of(config, hot, controllers), bytewise=config.identity == "generic"
         )
         self._commands = Commands(own, self._handlers())
-        self._courtesy = Responder(own)
+        self._responder = Responder(own)
 
     # messages in
 
@@ -91,8 +91,8 @@ class Vehicle:
         self._commands.receive(message, now, station)
         self._mission.receive(message, now, station)
         self._params.receive(message, now)
-        self._courtesy.receive(message, self.time_s)
-        self._tell(self._courtesy.messages_to_send(), station)
+        self._responder.receive(message, self.time_s)
+        self._tell(self._responder.messages_to_send(), station)
         self._collect()
 
     def receive_from_simulator(self, message: MAVLink_message, now: float) -> None:
@@ -108,16 +108,16 @@ class Vehicle:
         self._commands.receive_from_simulator(message, now)
         self._collect()
 
-    def tick(self, now: float, most: int | None = None) -> None:
+    def handle_timer(self, now: float, most: int | None = None) -> None:
         """Do what is due: timers, heartbeats, mission progress, telemetry. Call it often.
 
         Args:
             now: Wall-clock time [s].
             most: How many messages of telemetry to make, at most; None: all that are due.
         """
-        self._commands.tick(now)
+        self._commands.handle_timer(now)
         self._params.handle_timer(now)
-        self._mission.tick(now)
+        self._mission.handle_timer(now)
         news = (self.modes.status, self.modes.armed, self.modes.mode)
         if now >= self._next_heartbeat or news != self._told:
             self._next_heartbeat, self._told = now + _HEARTBEAT_S, news
@@ -142,7 +142,7 @@ class Vehicle:
         self._collect()
 
     def farewell(self, text: str) -> None:
-        """Say last words, and the final counters, before the process ends."""
+        """Send a last text and the final counters before the process ends."""
         self.say(dialect.MAV_SEVERITY_NOTICE, text)
         for station, telemetry in enumerate(self.telemetry):
             if telemetry.streams(dialect.MAVLINK_MSG_ID_FTC_EVENTS):

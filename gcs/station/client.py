@@ -38,7 +38,7 @@ _AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 _TICK_S = 0.2
 _HEARTBEAT_S = 1.0
 _DISCOVERY_S = 1.2  # every vehicle sends a HEARTBEAT within a second
-_NEWS_KEPT = 2000
+_NOTIFICATIONS_KEPT = 2000
 _SHARE_HINT = "go through the hub of `gcs up` with --connect udpout:HOST:PORT"
 
 
@@ -91,14 +91,14 @@ class Client(asyncio.DatagramProtocol):
         self.own = own
         self.connection = connection
         self.fleet = FleetState()
-        self.log: deque[Notification] = deque(maxlen=_NEWS_KEPT)
+        self.log: deque[Notification] = deque(maxlen=_NOTIFICATIONS_KEPT)
         self.unreachable = False
         self.drops: Counter[str] = Counter()
         self._tlog = tlog
         self._failure: OSError | None = None
-        self._on_message, self._on_news = on_message, on_notification
+        self._on_message, self._on_notification = on_message, on_notification
         self._inquire, self._private = inquire, private
-        self._speaker = FramePacker(*own)
+        self._packer = FramePacker(*own)
         try:
             self.signer = load_signer(signing_key)
         except SigningError as problem:
@@ -245,8 +245,8 @@ class Client(asyncio.DatagramProtocol):
         """Put notifications into the log."""
         for one in notifications:
             self.log.append(one)
-            if self._on_news is not None:
-                self._on_news(one)
+            if self._on_notification is not None:
+                self._on_notification(one)
 
     async def run(
         self,
@@ -286,7 +286,7 @@ class Client(asyncio.DatagramProtocol):
                 if not future.done() or future.cancelled():
                     if stop is not None:
                         stop(self.now())
-                    self._pump()  # last words of the machine
+                    self._pump()  # what the machine has to send at its end
                 del self._machines[machine]
 
     # the link
@@ -331,7 +331,7 @@ class Client(asyncio.DatagramProtocol):
             if now >= beat_due:
                 beat_due = now + _HEARTBEAT_S
                 self._send(_heartbeat(), set(self._peers.values()))
-            self.emit(self.fleet.tick(now))
+            self.emit(self.fleet.handle_timer(now))
             self._ask_what_is_due(now)
             await asyncio.sleep(_TICK_S)
 
@@ -353,7 +353,7 @@ class Client(asyncio.DatagramProtocol):
     def _send(self, message: MAVLink_message, peers: Collection[tuple[str, int]]) -> None:
         if self._transport is None or self._transport.is_closing():
             return
-        frame = self._speaker.pack(message)
+        frame = self._packer.pack(message)
         if self.signer is not None:
             frame = self.signer.sign(frame)
         self._record(frame)

@@ -40,10 +40,12 @@ class FleetState:
         found = Notification(now, sender.system, "link", NOTICE, "vehicle found")
         return [found, *state.receive(message, now)]
 
-    def tick(self, now: float) -> list[Notification]:
+    def handle_timer(self, now: float) -> list[Notification]:
         """Notice what silence tells; call it often."""
         return [
-            notifications for state in self.vehicles.values() for notifications in state.tick(now)
+            notifications
+            for state in self.vehicles.values()
+            for notifications in state.handle_timer(now)
         ]
 
     @property

@@ -29,7 +29,7 @@ def signed(scenario: Scenario, path: str | None) -> Scenario:
 
 
 def warn_if_exposed(address: UdpAddress, with_key: bool) -> None:
-    """Say so on standard error if a port that is to be bound can be reached from elsewhere."""
+    """Warn on standard error if a port to be bound can be reached from other machines."""
     with contextlib.suppress(EndpointError):  # whoever binds it will complain
         if not is_loopback(address):
             print(exposed(address, with_key), file=sys.stderr)

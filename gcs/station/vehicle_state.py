@@ -124,7 +124,7 @@ class VehicleState:
                 notifications += self._mission_acknowledged(message, now)
         return notifications
 
-    def tick(self, now: float) -> list[Notification]:
+    def handle_timer(self, now: float) -> list[Notification]:
         """Notice silence, and texts that will not be completed; call it often."""
         notifications = self._said(self._assembler.overdue(now), now)
         while self._arrivals and self._arrivals[0] < now - _RATE_WINDOW_S:
@@ -294,7 +294,7 @@ class VehicleState:
         return Notification(now, self.system, kind, severity, text, about)
 
     def _is_another_run(self, message: MAVLink_message, now: float) -> bool:
-        """Tell whether the vehicle has been started again.
+        """Return whether the vehicle has been started again.
 
         It boots; or its control steps fell while time went on; or its time has gone back and
         stays so, unlike that of messages that are merely late.

@@ -123,7 +123,7 @@ class Playback:
 
     def _go_to(self, at: float) -> None:
         while self._tick_due <= at:
-            self._tell(self._fleet.tick(self._begin_s + self._tick_due))
+            self._tell(self._fleet.handle_timer(self._begin_s + self._tick_due))
             self._tick_due += _TICK_S
         self.position_s = at
 

@@ -94,7 +94,7 @@ def whole(
 
 
 def describe(field: FieldInfo) -> Quantity | None:
-    """Give what `quantity` or `whole` declared for a field; None for any other field."""
+    """Return what `quantity` or `whole` declared for a field; None for any other field."""
     extra: Any = field.json_schema_extra
     declared = extra.get("quantity") if isinstance(extra, dict) else None
     return Quantity(**declared, doc=field.description or "") if declared else None

@@ -27,7 +27,7 @@ def yaml_of(data: Any) -> str:
 
 
 def yaml_problem(exc: Exception) -> str:
-    """Say what is wrong with a text that `parse_yaml` refused."""
+    """Return what is wrong with a text that `parse_yaml` refused."""
     if isinstance(exc, yaml.MarkedYAMLError) and exc.problem_mark is not None:
         mark = exc.problem_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: "

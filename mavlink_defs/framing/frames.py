@@ -32,7 +32,7 @@ class FramePacker:
         self._next_sequence = next_sequence
 
     def pack(self, message: dialect.MAVLink_message) -> bytes:
-        """Give the frame of a message and count it as sent."""
+        """Return the frame of a message and count it as sent."""
         if self._next_sequence is not None:
             self._mavlink.seq = self._next_sequence() & 0xFF
         frame = bytes(message.pack(self._mavlink))
@@ -89,7 +89,7 @@ def frame_size(data: bytes) -> tuple[int, DropReason | None]:
 
 
 def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink_message]:
-    """Give the STATUSTEXT messages of a text, in chunks if it is longer than one holds.
+    """Return the STATUSTEXT messages of a text, in chunks if it is longer than one holds.
 
     Args:
         severity: MAV_SEVERITY.

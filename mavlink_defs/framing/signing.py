@@ -116,7 +116,7 @@ def timestamp(unix_s: float) -> int:
 
 
 def is_ahead(stamp: int) -> bool:
-    """Tell whether a timestamp is further ahead of the clock than it may be."""
+    """Return whether a timestamp is further ahead of the clock than it may be."""
     return stamp > timestamp(time.time()) + WINDOW
 
 
@@ -194,7 +194,7 @@ class Signer:
         return f"Signer(link={self._link})"  # the key is nobody's business
 
     def sign(self, frame: bytes) -> bytes:
-        """Give the signed frame of an unsigned one that the dialect knows."""
+        """Return the signed frame of an unsigned one that the dialect knows."""
         body = flagged(frame)
         self._time = self._now(1)
         self._shared[0] = max(int(self._shared[0]), self._time)
@@ -203,7 +203,7 @@ class Signer:
         return bytes(body + self._hash(body))
 
     def accepts(self, frame: bytes) -> bool:
-        """Tell whether a frame may be believed; if not, the reason is counted."""
+        """Return whether a frame may be believed; if not, the reason is counted."""
         wrong = self.problem(frame)
         if wrong is not None:
             self.refused[wrong] += 1

@@ -122,7 +122,7 @@ class CommandReceived:
 
 
 def command_params(message: CommandMessage) -> tuple[float, ...]:
-    """Give parameters 1 to 7 of a command in either form.
+    """Return parameters 1 to 7 of a command in either form.
 
     In COMMAND_INT parameters 5 and 6 are integers and given as they are; INT32_MAX there
     stands for NaN.
@@ -208,7 +208,7 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
             self._transmit(now)
 
     def deadline(self) -> float | None:
-        """Give the time of the next repetition [s]."""
+        """Return the time of the next repetition [s]."""
         return self._deadline
 
     def _answers(self, ack: MAVLink_command_ack_message, now: float) -> bool:
@@ -346,7 +346,7 @@ class CommandServer(Machine[CommandReceived]):
                 self.finish(record.token, dialect.MAV_RESULT_FAILED, now=now)
 
     def deadline(self) -> float | None:
-        """Give the time at which the patience with a pending command ends [s]."""
+        """Return the time at which the patience with a pending command ends [s]."""
         earliest = min((r.deadline for r in self._records), default=math.inf)
         return None if earliest == math.inf else earliest
 
@@ -409,7 +409,7 @@ def _sent_before(message: MAVLink_message, other: MAVLink_message) -> bool:
 
 
 def _content(message: CommandMessage) -> bytes:
-    """Give all that makes a command, as bytes: NaN is equal to itself there."""
+    """Return all that makes a command, as bytes: NaN is equal to itself there."""
     form = [message.get_msgId(), message.command, message.target_system, message.target_component]
     if isinstance(message, MAVLink_command_int_message):
         form += [message.frame, message.current, message.autocontinue]

@@ -113,7 +113,7 @@ class FaultLister(Machine[FaultsListed]):
         self._pass_on()
 
     def deadline(self) -> float | None:
-        """Give the time of the next request [s]."""
+        """Return the time of the next request [s]."""
         return self._command.deadline() if self._deadline is None else self._deadline
 
     def _finish(self, faults: tuple[Fault, ...]) -> None:

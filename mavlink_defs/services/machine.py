@@ -24,12 +24,12 @@ class SystemId(NamedTuple):
 
 
 def sender_of(message: MAVLink_message) -> SystemId:
-    """Give the address that `message` came from."""
+    """Return the address that `message` came from."""
     return SystemId(message.get_srcSystem(), message.get_srcComponent())
 
 
 def is_for(message: MAVLink_message, own: SystemId) -> bool:
-    """Tell whether a message is addressed to `own`, by name or as a broadcast (0)."""
+    """Return whether a message is addressed to `own`, by name or as a broadcast (0)."""
     return getattr(message, "target_system", 0) in {0, own.system} and getattr(
         message, "target_component", 0
     ) in {0, own.component}
@@ -52,7 +52,7 @@ class Machine(ABC, Generic[E]):
 
     @abstractmethod
     def deadline(self) -> float | None:
-        """Give the time of the next `handle_timer()` [s]; None when nothing is awaited."""
+        """Return the time of the next `handle_timer()` [s]; None when nothing is awaited."""
 
     def messages_to_send(self) -> list[MAVLink_message]:
         """Hand over the messages to send, in order, once."""

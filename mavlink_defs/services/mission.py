@@ -143,7 +143,7 @@ class _MissionClient(Machine[MissionProgress | MissionFinished]):
             self._deadline = now + self._timeout_s
 
     def deadline(self) -> float | None:
-        """Give the time of the next repetition [s]."""
+        """Return the time of the next repetition [s]."""
         return self._deadline
 
     @abstractmethod

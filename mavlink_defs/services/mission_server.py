@@ -164,7 +164,7 @@ class MissionServer(Machine[MissionEvent]):
         return True
 
     def mission_current(self) -> MAVLink_mission_current_message:
-        """Give the message that tells the current item; home does not count in its total."""
+        """Return the message that tells the current item; home does not count in its total."""
         total = len(self._items) - 1 if len(self._items) > 1 else _NO_MISSION
         return MAVLink_mission_current_message(
             self._current, total, self.mission_state, self.mission_mode
@@ -220,7 +220,7 @@ class MissionServer(Machine[MissionEvent]):
             self._request_item(upload, now)
 
     def deadline(self) -> float | None:
-        """Give the time at which an awaited item is asked for again [s]."""
+        """Return the time at which an awaited item is asked for again [s]."""
         upload = self._going_on()
         return None if upload is None else upload.deadline
 
@@ -370,7 +370,7 @@ class MissionServer(Machine[MissionEvent]):
 
 
 def _content(item: MissionItem) -> bytes:
-    """Give all that makes an item, as bytes: NaN is equal to itself there."""
+    """Return all that makes an item, as bytes: NaN is equal to itself there."""
     i = item
     numbers = (i.param1, i.param2, i.param3, i.param4, i.z, i.x, i.y, i.command, i.frame)
     return struct.pack("<5f2i2H", *numbers)

@@ -134,7 +134,7 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
             self._ask_again(now)
 
     def deadline(self) -> float | None:
-        """Give the time of the next repetition [s]."""
+        """Return the time of the next repetition [s]."""
         return self._deadline
 
     def _ask_again(self, now: float) -> None:

@@ -155,7 +155,7 @@ class ParamServer(Machine[ParamEvent]):
             self._remaining -= 1
 
     def deadline(self) -> float | None:
-        """Give the time of the next burst [s]."""
+        """Return the time of the next burst [s]."""
         return self._deadline if self._remaining else None
 
     def _on_read(self, message: MAVLink_param_request_read_message) -> None:

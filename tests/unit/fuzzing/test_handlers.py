@@ -70,14 +70,14 @@ def test_every_message_with_extreme_values_is_survived(target: Target) -> None:
         for message_id in IDS:
             target.feed(message_frame(random, message_id, target.sender, target.target))
         if isinstance(target, AutopilotTarget):
-            target.tick(10.0 * round_)
+            target.handle_timer(10.0 * round_)
             controls = target.step()
             assert np.isfinite(controls).all()
             assert (abs(controls) <= 1.0).all()
         elif isinstance(target, PlantTarget):
             assert np.isfinite(target.fly(3)).all()
         elif isinstance(target, StationTarget):
-            target.tick(10.0 * round_)
+            target.handle_timer(10.0 * round_)
 
 
 def test_a_stranger_s_frames_change_nothing_in_the_plant(scenario1: Scenario) -> None:

@@ -268,7 +268,7 @@ def test_answers_and_telemetry_wait_for_their_turn_and_none_is_forgotten(bench: 
     said: list[Any] = []
     for ms in range(1000):
         bench.hot.measured["time_usec"] = ms * STEP_US
-        bench.vehicle.tick(ms / 1e3, most=2)
+        bench.vehicle.handle_timer(ms / 1e3, most=2)
         messages = bench.vehicle.gcs_messages(most=2)
         assert len(messages) <= 2
         said += messages

@@ -66,7 +66,7 @@ def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
     bench.command(START)
     bench.run()
     bench.hot.step = 4001
-    bench.vehicle.tick(bench.now)
+    bench.vehicle.handle_timer(bench.now)
     said = bench.vehicle.gcs_messages()
     assert [m.seq for m in of_type(said, "MISSION_ITEM_REACHED")] == [1]
     assert {m.seq for m in of_type(said, "MISSION_CURRENT")} == {2}
@@ -82,7 +82,7 @@ def test_setting_the_current_item_jumps_in_the_profile(scenario1: Scenario) -> N
     bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 3))
     assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
     bench.hot.step = 1001
-    bench.vehicle.tick(bench.now)
+    bench.vehicle.handle_timer(bench.now)
     assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
     assert not of_type(bench.vehicle.gcs_messages(), "MISSION_ITEM_REACHED")
 
@@ -122,11 +122,11 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     bench.hot.step = 20_000
     bench.hot.edge_changes = 2
     bench.controllers.weights[0] = 1.0
-    bench.vehicle.tick(bench.now)
+    bench.vehicle.handle_timer(bench.now)
     bench.vehicle.gcs_messages()
     bench.run(flags=0)
     bench.vehicle.restart()
-    bench.vehicle.tick(bench.now)
+    bench.vehicle.handle_timer(bench.now)
     said = bench.vehicle.gcs_messages()
     texts = [m.text for m in of_type(said, "STATUSTEXT")]
     assert texts == ["mode LOITER", "plant restarted: disarmed, arm to fly again"]
@@ -206,7 +206,7 @@ def test_telemetry_keeps_its_interval_in_simulated_time(scenario1: Scenario) -> 
     counts = 0
     for step in range(0, 1001, 20):
         bench.hot.measured["time_usec"] = step * 1000
-        bench.vehicle.tick(0.0)
+        bench.vehicle.handle_timer(0.0)
         counts += len(of_type(bench.vehicle.gcs_messages(), "ATTITUDE"))
     assert counts == 11
 
@@ -217,7 +217,7 @@ def test_a_dropped_neighbour_is_announced(scenario1: Scenario) -> None:
     bench.vehicle._edges = bench.controllers.weights[0] > 0.0
     bench.controllers.weights[0, 1] = 0.0
     bench.hot.edge_changes = 1
-    bench.vehicle.tick(0.0)
+    bench.vehicle.handle_timer(0.0)
     texts = [m.text for m in of_type(bench.vehicle.gcs_messages(), "STATUSTEXT")]
     assert any("neighbour 3 silent, edge dropped" in str(text) for text in texts)
 
@@ -269,7 +269,7 @@ def test_a_jump_is_told_as_the_item_it_leads_to(scenario1: Scenario) -> None:
     bench.run()
     bench.hot.step = 1000
     bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 2))
-    bench.vehicle.tick(bench.now)
+    bench.vehicle.handle_timer(bench.now)
     told = of_type(bench.vehicle.gcs_messages(), "MISSION_CURRENT")
     assert {m.seq for m in told} <= {2}
 
@@ -282,7 +282,7 @@ def test_mission_current_tells_the_state_of_the_mission(scenario1: Scenario) -> 
         message = dialect.MAVLink_command_long_message(
             UAV, 1, dialect.MAV_CMD_REQUEST_MESSAGE, 0, number, 0, 0, 0, 0, 0, 0
         )
-        bench.vehicle.tick(bench.now)
+        bench.vehicle.handle_timer(bench.now)
         m = of_type(bench.say(message), "MISSION_CURRENT")[-1]
         return m.mission_state, m.mission_mode, m.total
 
@@ -362,7 +362,7 @@ def test_messages_come_by_other_commands(
 
 def test_a_generic_autopilot_says_so(scenario1: Scenario) -> None:
     bench = Bench(scenario1.model_copy(update={"identity": "generic"}))
-    bench.vehicle.tick(0.0)
+    bench.vehicle.handle_timer(0.0)
     (heartbeat,) = of_type(bench.vehicle.gcs_messages(), "HEARTBEAT")
     assert heartbeat.autopilot == dialect.MAV_AUTOPILOT_GENERIC
     read = dialect.MAVLink_param_request_read_message(UAV, 1, b"SYSID_THISMAV", -1)

@@ -62,7 +62,7 @@ def test_every_message_with_extreme_fields(running: bool, scenario1: Scenario) -
             assert received is not None, cls.msgname
             bench.now += 0.1
             bench.vehicle.receive(received, bench.now)
-            bench.vehicle.tick(bench.now)
+            bench.vehicle.handle_timer(bench.now)
             listen(bench)
 
 
@@ -83,7 +83,7 @@ def test_every_command_with_extreme_parameters(form: str, scenario1: Scenario) -
             assert received is not None
             bench.now += 2.0
             bench.vehicle.receive(received, bench.now)
-            bench.vehicle.tick(bench.now)
+            bench.vehicle.handle_timer(bench.now)
             listen(bench)
 
 

@@ -18,7 +18,7 @@ def test_items_that_were_not_flown_are_not_reached(scenario1: Scenario) -> None:
 
     def fly_to(step: int) -> list[Any]:
         bench.hot.step = step
-        bench.vehicle.tick(bench.now)
+        bench.vehicle.handle_timer(bench.now)
         return bench.vehicle.gcs_messages()
 
     fly_to(1000)

@@ -18,7 +18,7 @@ def test_private_messages_go_to_the_station_that_asks_for_them(scenario1: Scenar
     def told(station: int) -> set[str]:
         for _ in range(2):  # streams begin one after the other, within 20 ms
             bench.now += 0.5
-            bench.vehicle.tick(bench.now)
+            bench.vehicle.handle_timer(bench.now)
         return {message.get_type() for message in bench.vehicle.gcs_messages(station)}
 
     assert not any(name.startswith("FTC_") for name in told(0) | told(1))

@@ -81,13 +81,13 @@ def test_vehicles_appear_by_their_heartbeats() -> None:
 def test_silence_is_noticed_and_so_is_its_end() -> None:
     bench = Bench(1, 2)
     bench.say(heartbeat(), 1.5, system=2)
-    assert bench.fleet.tick(LOST_S - 0.01) == []
-    (lost,) = bench.fleet.tick(LOST_S)
+    assert bench.fleet.handle_timer(LOST_S - 0.01) == []
+    (lost,) = bench.fleet.handle_timer(LOST_S)
     assert (lost.system, lost.kind, lost.severity) == (1, "link", ERROR)
     assert bench.state(1).lost
     assert not bench.state(2).lost
     assert bench.state(1).age_s(2.5) == 2.5
-    assert bench.fleet.tick(2.1) == []
+    assert bench.fleet.handle_timer(2.1) == []
     (back,) = bench.say(tracking(1.0), 3.0)
     assert "link back after 3.0 s" in back.text
     assert not bench.state(1).lost
@@ -109,7 +109,7 @@ def test_message_rate() -> None:
     bench = Bench(1)
     for i in range(100):
         bench.say(tracking(i / 50), i / 50)
-    bench.fleet.tick(2.0)
+    bench.fleet.handle_timer(2.0)
     assert bench.state().rate_hz(2.0) == pytest.approx(50.0, abs=1.0)
     assert bench.state().rate_hz(4.0) == 0.0
 
@@ -240,7 +240,7 @@ def test_faults_are_asked_for_at_first_and_whenever_they_may_have_changed() -> N
     assert state.is_asking_due(7.0)  # whoever set one, its ack may have been lost
     assert state.learn_faults(None, 7.0) == []
     assert state.faults == ()
-    bench.fleet.tick(8.0)
+    bench.fleet.handle_timer(8.0)
     assert not state.is_asking_due(10.0)  # not while the link is lost
 
 
