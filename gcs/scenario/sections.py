@@ -60,7 +60,7 @@ class ProfileSegment(Model):
     shape: Literal["step", "ramp"] = "step"
 
     def segment(self) -> Segment:
-        """The segment as it is uploaded."""
+        """Return the segment as it is uploaded."""
         return Segment(
             start_s=self.start_s,
             airspeed_m_s=self.airspeed_m_s,
@@ -140,7 +140,7 @@ class ScenarioFault(Model):
         return same and self.start_s < ends[1] and other.start_s < ends[0]
 
     def command(self) -> Fault:
-        """The fault as MAV_CMD_FTC_SET_FAULT carries it."""
+        """Return the fault as MAV_CMD_FTC_SET_FAULT carries it."""
         key = self.value_key
         healthy = 0.0 if key is not None and key.startswith("stuck") else 1.0
         return Fault(
@@ -193,5 +193,5 @@ class Links(Model):
         return self
 
     def address(self, port: int) -> str:
-        """A port of this host as host:port."""
+        """Return a port of this host as host:port."""
         return f"{self.host}:{port}"
