@@ -68,7 +68,7 @@ class Scenario(Model):
     identity: Identity = "ardupilot"
 
     def plant_config(self, speed: float | None = None, *, endless: bool = False) -> PlantConfig:
-        """What the plant is told.
+        """Return the configuration of the plant process.
 
         Args:
             speed: Real-time factor; None for lockstep.
@@ -90,7 +90,7 @@ class Scenario(Model):
         )
 
     def autopilot_config(self, uav_id: int) -> AutopilotConfig:
-        """What the autopilot of one UAV is told.
+        """Return the configuration of the autopilot process of one UAV.
 
         Raises:
             KeyError: The scenario has no such UAV.
@@ -117,16 +117,16 @@ class Scenario(Model):
         )
 
     def signed(self, key_file: Path) -> Self:
-        """The same scenario with every link signed."""
+        """Return the same scenario with every link signed."""
         links = self.links.model_copy(update={"signing_key": str(key_file.resolve())})
         return self.model_copy(update={"links": links})
 
     def segments(self) -> tuple[Segment, ...]:
-        """The profile as it is uploaded to every UAV."""
+        """Return the profile as it is uploaded to every UAV."""
         return tuple(segment.segment() for segment in self.profile)
 
     def fault_commands(self) -> list[tuple[int, Fault]]:
-        """UAV id and fault of each fault, in the order of the file."""
+        """Return UAV id and fault of each fault, in the order of the file."""
         return [(fault.uav, fault.command()) for fault in self.faults]
 
     def _neighbours(self, uav_id: int) -> list[tuple[int, float]]:

@@ -61,7 +61,7 @@ class ProfileSegment(Model):
     shape: Literal["step", "ramp"] = "step"
 
     def segment(self) -> Segment:
-        """The segment as it is uploaded."""
+        """Return the segment as it is uploaded."""
         return Segment(
             start_s=self.start_s,
             airspeed_m_s=self.airspeed_m_s,
@@ -133,5 +133,5 @@ class Links(Model):
         return self
 
     def address(self, port: int) -> str:
-        """A port of this host as host:port."""
+        """Return a port of this host as host:port."""
         return f"{self.host}:{port}"
