@@ -7,7 +7,6 @@ import pytest
 
 from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.controller import (
-    CONTROLLER,
     SIGNALS,
     control_step,
     new_controller,
@@ -115,7 +114,3 @@ def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, An
             number = np.ravel(ours[renamed.get(name, name)])  # of a schedule the first value
             unit = np.degrees(1.0) if name == "b2" else 1.0
             assert close(number[1] if len(number) > 1 else number[0], value * unit), name
-
-
-def test_controller_record_is_flat() -> None:
-    assert CONTROLLER.itemsize % 8 == 0
