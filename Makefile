@@ -29,8 +29,8 @@ explore: $(READY)  ## the property tests with new examples, ten times as many; S
 	$(BIN)/pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile=explore \
 	  --hypothesis-seed=$(SEED) tests/unit
 
-docs: $(READY)  ## the documentation site, in build/site
-	$(BIN)/mkdocs build --strict --site-dir build/site
+docs: $(READY)  ## the documentation as a site in site/; every warning is an error
+	$(BIN)/mkdocs build --quiet --strict
 
 bench: $(READY)  ## the speed figures of the README
 	$(BIN)/python -m benchmarks
@@ -44,7 +44,7 @@ lock:  ## choose new dependency versions (wants uv on the PATH)
 	  --upgrade --quiet --output-file requirements.txt
 
 clean:  ## remove the environment and everything generated
-	rm -rf .venv build dist mavlink_defs/dialect.py
+	rm -rf .venv build dist site mavlink_defs/dialect.py
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml

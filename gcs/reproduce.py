@@ -1,16 +1,13 @@
-"""Flying the paper's scenarios and writing everything down in one folder."""
+"""Fly the paper's scenarios and write the report in one folder."""
 
 import csv
-import json
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from gcs.errors import BadInput
-from gcs.figures.flown import Flight
+from gcs.figures.flown import PlottedFlight
 from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import save
 from gcs.reports.markdown import html_of
@@ -18,8 +15,10 @@ from gcs.reports.paper import CONTROLLERS, MODES, Results, paper_report
 from gcs.reports.published_values import FIG_9
 from gcs.reports.theory import theory_section
 from gcs.results.export import export_flight
+from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES, in_degrees, integrated_error
 from gcs.results.recording import Recording
-from gcs.results.summary import PAPER_ORDER, QUANTITIES, summarise
+from gcs.results.run_folder import save_summary
+from gcs.results.summary import FlightSummary, summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.files import naming, write_text
 
@@ -48,16 +47,16 @@ STEPS = len(FILES) + len(_CAPTIONS) + 2
 
 
 def load_all(folder: Path) -> dict[str, Scenario]:
-    """The scenarios by file name.
+    """Load the scenarios, by file name.
 
     Raises:
-        BadInput: The folder is not there.
+        BadInput: The folder does not exist.
         ConfigError: A file is missing or wrong.
     """
     if not folder.is_dir():
         raise BadInput(
             f"there is no folder {folder}, expected the paper's scenario files there",
-            "run in a clone of the project, or name the folder with --scenarios",
+            "name the folder with --scenarios, or leave it out for the bundled ones",
         )
     return {file: load_scenario(folder / f"{file}.yaml") for file in FILES}
 
@@ -68,7 +67,7 @@ def reproduce(
     jobs: int,
     out: Path,
     on_step: Callable[[str], None],
-) -> dict[str, Any]:
+) -> dict[str, FlightSummary]:
     """Fly everything, and write report, data and figures.
 
     Args:
@@ -94,7 +93,7 @@ def reproduce(
         recordings = dict(zip(FILES, pool.map(fly_and_export, FILES), strict=True))
     summaries = {f: summarise(r, scenarios[f]) for f, r in recordings.items()}
     for file, summary in summaries.items():
-        write_text(out / "data" / file / "summary.json", json.dumps(summary, indent=2) + "\n")
+        save_summary(summary, out / "data" / file)
     _write_table(out / "data" / "summary.csv", summaries)
 
     theory = theory_section(scenarios, recordings, out / "data" / "theory.json")
@@ -120,9 +119,9 @@ def _draw(
     on_step: Callable[[str], None],
 ) -> None:
     folder.mkdir()
-    one = Flight("scenario 1", scenarios["scenario1"], recordings["scenario1"])
+    one = PlottedFlight("scenario 1", scenarios["scenario1"], recordings["scenario1"])
     compared, modes = (
-        [Flight(label, scenarios[file], recordings[file]) for file, label in labels.items()]
+        [PlottedFlight(label, scenarios[file], recordings[file]) for file, label in labels.items()]
         for labels in (CONTROLLERS, MODES)
     )
     drawings: dict[str, Callable[[], Figure]] = {
@@ -142,21 +141,19 @@ def _draw(
 def _reference_lag(recording: Recording) -> dict[str, float]:
     """IAE between follower 2's commands and its filtered reference [m, deg s]."""
     last = recording.signals[:, -1]
-    area = np.abs(last["command"] - last["reference"]).sum(axis=0) * recording.step_us / 1e6
-    return dict(zip(QUANTITIES, [area[0], *np.degrees(area[1:])], strict=True))
+    area = integrated_error(last["command"] - last["reference"], recording.step_us)
+    return dict(zip(QUANTITIES, map(float, in_degrees(area)), strict=True))
 
 
-def _write_table(path: Path, summaries: Mapping[str, dict[str, Any]]) -> None:
+def _write_table(path: Path, summaries: Mapping[str, FlightSummary]) -> None:
     """One line per flight and UAV."""
     with naming(path), path.open("w", newline="") as file:
         writer = csv.writer(file)
-        iae = [f"iae_{q}_{'m' if q == 'airspeed' else 'deg_s'}" for q in QUANTITIES]
+        iae = [f"iae_{q}_{IAE_UNITS[q].replace(' ', '_')}" for q in QUANTITIES]
         events = [f"events_{c}" for c in PAPER_ORDER]
         writer.writerow(["scenario", "uav", "completed", "saving", *iae, *events])
         for name, summary in summaries.items():
-            for uav in summary["uavs"]:
-                counts = [uav["channels"][c]["events"] for c in PAPER_ORDER]
-                areas = [uav["iae"][q] for q in QUANTITIES]
-                writer.writerow(
-                    [name, uav["id"], summary["completed"], uav["saving"], *areas, *counts]
-                )
+            for uav in summary.uavs:
+                counts = [uav.channels[c].events for c in PAPER_ORDER]
+                areas = [uav.iae[q] for q in QUANTITIES]
+                writer.writerow([name, uav.id, summary.completed, uav.saving, *areas, *counts])

@@ -17,6 +17,7 @@ __all__ = [
     "MAX_ITEMS",
     "MAX_SEGMENTS",
     "AirspeedLimits",
+    "ItemError",
     "ProfileError",
     "Segment",
     "check_mission",
@@ -92,6 +93,18 @@ class ProfileError(ValueError):
         return self.text
 
 
+class ItemError(ProfileError):
+    """One item of a mission cannot be flown.
+
+    Attributes:
+        reason: The text without the item.
+    """
+
+    def __init__(self, seq: int, mav_mission_result: int, reason: str) -> None:
+        super().__init__(seq, mav_mission_result, f"Item {seq}: {reason}")
+        self.reason = reason
+
+
 def segments_to_items(
     segments: Sequence[Segment], target_system: int, target_component: int
 ) -> list[MAVLink_mission_item_int_message]:
@@ -158,8 +171,8 @@ def items_to_segments(
     _check_starts(segments)
     for seq in (1, len(segments)):
         if segments[seq - 1].ramp:
-            text = f"Item {seq}: first and last segment cannot be a ramp"
-            raise ProfileError(seq, dialect.MAV_MISSION_INVALID_PARAM3, text)
+            text = "first and last segment cannot be a ramp"
+            raise ItemError(seq, dialect.MAV_MISSION_INVALID_PARAM3, text)
     return segments
 
 
@@ -180,11 +193,11 @@ def _segment(seq: int, item: MAVLink_mission_item_int_message, limits: AirspeedL
         text = f"Item {item.seq} stands at place {seq} of the mission"
         raise ProfileError(seq, dialect.MAV_MISSION_INVALID_SEQUENCE, text)
     if item.command != dialect.MAV_CMD_FTC_REFERENCE_SEGMENT:
-        text = f"Item {seq}: command {item.command} is not supported"
-        raise ProfileError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
+        text = f"command {item.command} is not supported"
+        raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
     if item.frame not in _FRAMES:
-        text = f"Item {seq}: frame {item.frame} is not supported"
-        raise ProfileError(seq, dialect.MAV_MISSION_UNSUPPORTED_FRAME, text)
+        text = f"frame {item.frame} is not supported"
+        raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED_FRAME, text)
     start, airspeed, shape, yaw = map(
         decimal_of_float32, (item.param1, item.param2, item.param3, item.param4)
     )
@@ -199,17 +212,17 @@ def _segment(seq: int, item: MAVLink_mission_item_int_message, limits: AirspeedL
         (6, "pitch", pitch, abs(pitch) < 90.0, "between -90 and 90 deg"),
     ):
         if not good:  # NaN satisfies no comparison
-            text = f"Item {seq}: {name} {value:g}, must be {expected}"
-            raise ProfileError(seq, dialect.MAV_MISSION_INVALID_PARAM1 + index - 1, text)
+            text = f"{name} {value:g}, must be {expected}"
+            raise ItemError(seq, dialect.MAV_MISSION_INVALID_PARAM1 + index - 1, text)
     return Segment(start, airspeed, roll, pitch, yaw, ramp=shape == 1.0)
 
 
 def _check_starts(segments: Sequence[Segment]) -> None:
     if segments[0].start_s != 0.0:
-        text = f"Item 1: start {segments[0].start_s:g} s, must be 0 s"
-        raise ProfileError(1, dialect.MAV_MISSION_INVALID_PARAM1, text)
+        text = f"start {segments[0].start_s:g} s, must be 0 s"
+        raise ItemError(1, dialect.MAV_MISSION_INVALID_PARAM1, text)
     for i in range(1, len(segments)):
         before, start = segments[i - 1].start_s, segments[i].start_s
         if start <= before:
-            text = f"Item {i + 1}: start {start:g} s, must be after {before:g} s"
-            raise ProfileError(i + 1, dialect.MAV_MISSION_INVALID_PARAM1, text)
+            text = f"start {start:g} s, must be after {before:g} s"
+            raise ItemError(i + 1, dialect.MAV_MISSION_INVALID_PARAM1, text)

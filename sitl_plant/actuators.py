@@ -16,7 +16,6 @@ from mavlink_defs.runtime.jit import compiled
 __all__ = ["FAULT", "Controls", "add_fault", "apply_faults", "clear_faults",
            "no_faults"]  # fmt: skip
 
-_THROTTLE = 3
 _EMPTY = -1
 
 FAULT = np.dtype(
@@ -53,7 +52,6 @@ def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
         OverflowError: All slots are taken by other faults.
     """
     fault = fault.resolved(now_s)
-    value = fault.value if fault.actuator == _THROTTLE else math.radians(fault.value)
     kept = [
         old.copy()
         for old in row[row["actuator"] != _EMPTY]
@@ -64,9 +62,7 @@ def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
     row["actuator"] = _EMPTY
     for i, old in enumerate(kept):
         row[i] = old
-    row[len(kept)] = (
-        fault.actuator, fault.effectiveness, value, fault.frequency_hz, fault.start_s, fault.end_s,
-    )  # fmt: skip
+    row[len(kept)] = fault.to_si()
 
 
 def clear_faults(row: np.ndarray, actuator: int) -> None:

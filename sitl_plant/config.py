@@ -17,6 +17,8 @@ from mavlink_defs.config.models import (
     unknown_key,
 )
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.faults import FaultLimits
+from mavlink_defs.profile import AirspeedLimits
 
 __all__ = [
     "Aircraft", "Coefficients", "Disturbance", "Inertia", "InitialState", "PlantConfig",
@@ -97,6 +99,16 @@ class Aircraft(Model):
             raise Problems([(("airspeed_max_m_s",), text)])
         return self
 
+    @property
+    def airspeed_limits(self) -> AirspeedLimits:
+        """Airspeeds that it can be asked for."""
+        return AirspeedLimits(self.airspeed_min_m_s, self.airspeed_max_m_s)
+
+    @property
+    def fault_limits(self) -> FaultLimits:
+        """Largest magnitudes that its actuators can take."""
+        return FaultLimits(self.surface_limit_deg, self.thrust_limit_n)
+
 
 _Factor = Annotated[float, quantity("", doc="True value by nominal value.")]
 _Scale = Annotated[float, quantity("", gt=0.0, doc="True value by nominal value.")]
@@ -129,7 +141,7 @@ class Uncertainty(Model):
     def _names_known(self) -> "Uncertainty":
         sections = {"inertia": Inertia.model_fields, "coefficients": Coefficients.model_fields}
         Problems.check(
-            ((section, name), unknown_key(name, known))
+            unknown_key((section, name), known)
             for section, known in sections.items()
             if isinstance(factors := getattr(self, section), dict)
             for name in factors

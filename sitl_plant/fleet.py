@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import NOT_NEWER, OUT_OF_RANGE, SIM_STATE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import no_faults
@@ -42,8 +43,8 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         states[i] = _initial_state(uav.initial)
     return PlantState(
         states,
-        np.zeros((n, 4)),
-        np.zeros((n, 4)),
+        np.zeros((n, N_CHANNELS)),
+        np.zeros((n, N_CHANNELS)),
         no_faults(n),
         aircraft,
         messages,
@@ -79,14 +80,14 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
     if actuators["time_usec"] > message["time_usec"]:
         return OUT_OF_RANGE
     controls = actuators["controls"]
-    for c in range(4):
-        lowest = 0.0 if c == 3 else -1.0
+    for c in range(N_CHANNELS):
+        lowest = 0.0 if c == THROTTLE else -1.0
         if not lowest <= controls[c] <= 1.0:  # false for NaN, too
             return OUT_OF_RANGE
     aircraft = fleet.aircraft[i]
-    for c in range(3):
+    for c in range(THROTTLE):
         fleet.controls[i, c] = controls[c] * aircraft["surface_limit"]
-    fleet.controls[i, 3] = controls[3] * aircraft["thrust_limit"]
+    fleet.controls[i, THROTTLE] = controls[THROTTLE] * aircraft["thrust_limit"]
     message["actuator_time_usec"] = actuators["time_usec"]
     return 0
 

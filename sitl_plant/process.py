@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mavlink_defs.config.models import ConfigError, load
+from mavlink_defs.config.models import ConfigError, Problem, load
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
@@ -37,23 +37,17 @@ from mavlink_defs.endpoint import (
     parse_address,
     set_receive_timeout,
 )
-from mavlink_defs.faults import FaultLimits
-from mavlink_defs.framing.codec import DROP_REASONS, STRANGER, drop_counts
+from mavlink_defs.framing.codec import drop_counts
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import LinkSigner, load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.files import save_arrays
 from mavlink_defs.runtime.shutdown import on_stop
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
-from sitl_plant.link import (
-    LOST,
-    OVER,
-    SERVICE,
-    new_link,
-    run,
-    send_states,
-)
+from sitl_plant.link import new_link, run, send_states
 from sitl_plant.plant import describe_loss, time_s
 from sitl_plant.service import AircraftService
 
@@ -85,14 +79,14 @@ class Plant:
         self._fleet = new_plant_state(config)
         self._fleet.messages["run"] = secrets.randbits(32)
         self._link = new_link(systems, config.step_us, last_step, config.speed, record, link_signer)
-        self._clock = self._link.clock[0]
+        self._state = self._link.state[0]
         self._services = [
             AircraftService(
                 uav.id,
                 SIMULATOR_COMPONENT,
                 self._fleet.faults[i],
                 self._fleet.applied[i],
-                FaultLimits(uav.aircraft.surface_limit_deg, uav.aircraft.thrust_limit_n),
+                uav.aircraft.fault_limits,
             )
             for i, uav in enumerate(config.uavs)
         ]
@@ -107,15 +101,15 @@ class Plant:
 
     def fly(self) -> str | None:
         """Serve the link until the flight is over; the reason if it ended before its end."""
-        loss, outcome = None, 0
+        loss, outcome = None, Outcome.NONE
         while not self.stopping:
             outcome = run(self._fd, self._link, self._fleet, time.monotonic() + _TICK_S)
-            if outcome == SERVICE:
+            if outcome == Outcome.SERVICE:
                 self._serve()
-            elif outcome == OVER:
+            elif outcome == Outcome.OVER:
                 break
-            elif outcome == LOST:
-                i = int(self._clock["lost"])
+            elif outcome == Outcome.LOST:
+                i = int(self._state["lost"])
                 why = describe_loss(self._fleet.states[i])
                 loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
                 break
@@ -126,28 +120,28 @@ class Plant:
             self._report_drops()
         if self._running:
             self.wall_s = time.monotonic() - self._begin_s
-        self._say_goodbye(lost=outcome == LOST)
+        self._say_goodbye(lost=outcome == Outcome.LOST)
         return loss
 
     @property
     def time_s(self) -> float:
         """Simulation time [s]."""
-        return time_s(int(self._clock["step"]), self._config.step_us)
+        return time_s(int(self._state["step"]), self._config.step_us)
 
     def recording(self) -> dict[str, Any]:
         """Everything recorded, by name."""
-        steps = int(self._clock["step"])
+        steps = int(self._state["step"])
         return {
-            "states": self._link.states[:steps],
-            "applied": self._link.applied[:steps],
+            "states": self._link.record.states[:steps],
+            "applied": self._link.record.applied[:steps],
             "steps": steps,
             "wall_s": self.wall_s,
-            "lag_s": float(self._clock["lag_s"]),
+            "lag_s": float(self._state["lag_s"]),
         }
 
     @property
     def _running(self) -> bool:
-        return bool(self._clock["flags"] & FTC_SIM_FLAGS_RUNNING)
+        return bool(self._state["flags"] & FTC_SIM_FLAGS_RUNNING)
 
     def _counter(self, i: int) -> Callable[[], int]:
         def next_sequence() -> int:
@@ -157,7 +151,7 @@ class Plant:
         return next_sequence
 
     def _serve(self) -> None:
-        datagram = self._link.received[: int(self._clock["received"])].tobytes()
+        datagram = self._link.received[: int(self._state["received"])].tobytes()
         message = parse(datagram)
         systems = list(self._link.systems)
         if message is None:
@@ -167,12 +161,12 @@ class Plant:
             message.get_srcComponent() != MAV_COMP_ID_AUTOPILOT1
             or message.get_srcSystem() not in systems
         ):
-            self._link.drops[-STRANGER] += 1
+            self._link.drops[-DropReason.STRANGER] += 1
             return
         i = systems.index(message.get_srcSystem())
         now = time.monotonic()
         if not self._register(i, now):
-            self._link.drops[-STRANGER] += 1
+            self._link.drops[-DropReason.STRANGER] += 1
             return
         service = self._services[i]
         service.receive(message, self.time_s, now)
@@ -183,7 +177,7 @@ class Plant:
 
     def _send(self, i: int, message: MAVLink_message) -> None:
         host = address_of(self._link.addresses[i])
-        frame = sign_bytes(self._link.link_signer, self._speakers[i].pack(message))
+        frame = sign_bytes(self._link.signer, self._speakers[i].pack(message))
         with contextlib.suppress(OSError):  # losses are the microservices' business
             self._sock.sendto(frame, (host.host, host.port))
 
@@ -193,7 +187,7 @@ class Plant:
         if now < self._drops_due_s:
             return
         self._drops_due_s = now + _DROPS_PERIOD_S
-        counts, none = drop_counts(self._link.drops), [0] * len(DROP_REASONS)
+        counts, none = drop_counts(self._link.drops), [0] * len(DropReason)
         time_ms = round(self.time_s * 1e3) & 0xFFFFFFFF
         message = MAVLink_ftc_drops_message(time_ms, none, none, none, counts)
         for i in np.flatnonzero(self._link.known):
@@ -216,9 +210,9 @@ class Plant:
         return True
 
     def _start(self) -> None:
-        self._clock["flags"] |= FTC_SIM_FLAGS_RUNNING
-        self._begin_s = self._clock["origin_s"] = time.monotonic()
-        self._clock["origin_step"] = self._clock["step"]
+        self._state["flags"] |= FTC_SIM_FLAGS_RUNNING
+        self._begin_s = self._state["origin_s"] = time.monotonic()
+        self._state["origin_step"] = self._state["step"]
         _say(f"all armed, simulated time starts at Unix time {time.time():.3f}")
 
     def _look_around(self) -> str | None:
@@ -243,12 +237,12 @@ class Plant:
     def refused(self) -> Counter[str]:
         """Datagrams dropped, by reason."""
         drops = self._link.drops
-        return +Counter({words: int(drops[-code]) for code, words in DROP_REASONS.items()})
+        return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
 
     def _say_goodbye(self, lost: bool) -> None:
         """Tell every autopilot that the simulation is over, until each has answered."""
-        self._clock["flags"] |= FTC_SIM_FLAGS_ENDED | (FTC_SIM_FLAGS_LOST if lost else 0)
-        self._clock["flags"] &= ~FTC_SIM_FLAGS_RUNNING
+        self._state["flags"] |= FTC_SIM_FLAGS_ENDED | (FTC_SIM_FLAGS_LOST if lost else 0)
+        self._state["flags"] &= ~FTC_SIM_FLAGS_RUNNING
         end = time.monotonic() + _FAREWELL_S
         send_states(self._fd, self._link, self._fleet, False)
         while time.monotonic() < end and self._unfinished():
@@ -257,7 +251,7 @@ class Plant:
 
     def _unfinished(self) -> bool:
         link = self._link
-        return bool(((link.done < self._clock["step"]) & (link.known == 1)).any())
+        return bool(((link.done < self._state["step"]) & (link.known == 1)).any())
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -276,7 +270,9 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         config = load(options.config, PlantConfig)
         if options.record and config.duration_s is None:
-            raise ConfigError(options.config, ["duration_s: missing; --record needs an end"])
+            raise ConfigError(
+                options.config, [Problem(("duration_s",), "missing; --record needs an end")]
+            )
         link_signer = load_link_signer(config.signing_key, PLANT_LINK)
         address = parse_address(config.bind)
         sock = bind_udp(address, "plant", "change `bind`")

@@ -9,14 +9,9 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import (
-    ACTUATORS,
-    Fault,
-    FaultLimits,
-    InvalidParam,
-    fault_from_params,
-)
+from mavlink_defs.faults import Fault, FaultLimits, InvalidParam, fault_from_params
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.command import CommandMessage, CommandServer, command_params
 from mavlink_defs.services.machine import SystemId
@@ -126,9 +121,7 @@ class AircraftService:
             elif kind == dialect.FAILURE_TYPE_OFF:
                 _stick(faults, actuator, 0.0, time_s)
             elif kind == dialect.FAILURE_TYPE_STUCK:
-                applied = float(self._applied[actuator])
-                value = applied if actuator == 3 else math.degrees(applied)
-                _stick(faults, actuator, value, time_s)
+                _stick(faults, actuator, float(self._applied[actuator]), time_s)
             else:
                 return dialect.MAV_RESULT_UNSUPPORTED
         self._faults[:] = faults
@@ -139,19 +132,18 @@ class AircraftService:
         if len(rows) == 0:
             self._outbox.append(dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0))
         for i, row in enumerate(rows):
-            actuator = int(row["actuator"])
-            value = float(row["value"])
+            fault = Fault.from_si(*row.item())
             self._outbox.append(
                 dialect.MAVLink_ftc_fault_message(
-                    effectiveness=float(row["rho"]),
-                    value=value if actuator == 3 else math.degrees(value),
-                    frequency=float(row["frequency"]),
-                    start=float(row["start"]),
-                    end=float(row["end"]),
+                    effectiveness=fault.effectiveness,
+                    value=fault.value,
+                    frequency=fault.frequency_hz,
+                    start=fault.start_s,
+                    end=fault.end_s,
                     index=i,
                     count=len(rows),
-                    actuator=actuator,
-                    active=int(row["start"] < time_s <= row["end"]),
+                    actuator=fault.actuator,
+                    active=int(fault.start_s < time_s <= fault.end_s),
                 )
             )
 
@@ -161,4 +153,4 @@ class AircraftService:
 
 
 def _stick(faults: np.ndarray, actuator: int, value: float, time_s: float) -> None:
-    add_fault(faults, Fault(actuator, 0.0, value, 0.0, _OPEN, _OPEN), time_s)
+    add_fault(faults, Fault.from_si(actuator, 0.0, value, 0.0, _OPEN, _OPEN), time_s)

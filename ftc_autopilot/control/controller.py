@@ -5,8 +5,6 @@ as they stand, advance the estimates by one explicit Euler step to t + dt, trigg
 reference filter.
 """
 
-import math
-
 import numpy as np
 
 from ftc_autopilot.config import Controller, Trigger
@@ -17,7 +15,8 @@ from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.schedule import scheduled
-from ftc_autopilot.control.trigger import N_CHANNELS, trigger
+from ftc_autopilot.control.trigger import trigger
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
@@ -33,8 +32,6 @@ __all__ = [
     "parameter_record",
     "restart_law",
 ]
-
-_DEGREE = math.radians(1.0)
 
 NO_INTERVAL = 2**32 - 1
 """Smallest interval of a channel with fewer than two events."""
@@ -183,7 +180,7 @@ def control_step(
     errors = formation_errors(motion, reference, neighbours, weights, parameters["common"])
     thresholds = parameters["trigger"]
     a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
-    b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_deg"], t)[0] * _DEGREE
+    b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_rad"], t)[0]
     now = Instant(t, dt, first, motion, reference, errors, state["held"], a[0])
     demand = evaluate(now, aircraft, parameters, state, signals)
     mask = trigger(
@@ -208,7 +205,7 @@ def control_step(
     for i in range(3):
         signals["attitude"][i] = motion.phi[i]
         signals["demand"][i] = demand.delta_hat[i]
-    signals["demand"][3] = demand.T_hat
+    signals["demand"][THROTTLE] = demand.T_hat
     for i in range(4):
         signals["command"][i] = command[i]
         signals["held"][i] = state["held"][i]

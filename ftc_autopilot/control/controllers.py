@@ -19,9 +19,9 @@ from ftc_autopilot.control.controller import (
     no_signals,
     parameter_record,
 )
-from ftc_autopilot.control.motion import Motion, motion_of, report
+from ftc_autopilot.control.motion import Motion, fill_neighbour_state, motion_of
 from ftc_autopilot.control.reference import PROFILE, profile_value
-from ftc_autopilot.control.trigger import N_CHANNELS, THROTTLE
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
@@ -33,7 +33,7 @@ __all__ = [
     "announce",
     "controller_step",
     "new_controllers",
-    "reset_crew",
+    "reset_controllers",
 ]  # fmt: skip
 
 NOT_STARTED = -(2**62)
@@ -58,10 +58,10 @@ class Controllers(NamedTuple):
     states: np.ndarray  # (n,), dtype CONTROLLER
     guidance: np.ndarray  # (n,), dtype GUIDANCE
     profiles: np.ndarray  # (n,), dtype PROFILE
-    inboxes: np.ndarray  # (n, degree), dtype NEIGHBOUR: last word of each neighbour
+    neighbour_states: np.ndarray  # (n, degree), dtype NEIGHBOUR: in use, by neighbour
     weights: np.ndarray  # (n, degree), a_ij; 0 while a neighbour is silent
     actuators: np.ndarray  # (n,), dtype ACTUATORS: the actuator message in force
-    reports: np.ndarray  # (n,), dtype NEIGHBOUR: own word to the neighbours
+    own_states: np.ndarray  # (n,), dtype NEIGHBOUR: to be sent to the neighbours
     signals: np.ndarray  # (n,), dtype SIGNALS
 
 
@@ -84,17 +84,17 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
     for i, config in enumerate(configs):
         controllers.aircraft[i] = aircraft_record(config.aircraft)
         controllers.parameters[i] = parameter_record(config.controller, config.trigger)
-    reset_crew(controllers)
+    reset_controllers(controllers)
     return controllers
 
 
-def reset_crew(controllers: Controllers) -> None:
+def reset_controllers(controllers: Controllers) -> None:
     """Return to before the first step, not active; parameters and profiles stay."""
     for array in (
         controllers.guidance,
-        controllers.inboxes,
+        controllers.neighbour_states,
         controllers.actuators,
-        controllers.reports,
+        controllers.own_states,
         controllers.signals,
     ):
         array[:] = np.zeros((), array.dtype)
@@ -105,23 +105,25 @@ def reset_crew(controllers: Controllers) -> None:
 
 @compiled
 def announce(controllers: Controllers, i: int, measured: np.void) -> None:
-    """Write what UAV i tells its neighbours about a measured state into its report.
+    """Write what UAV i sends to its neighbours about a measured state into its own state.
 
     Args:
         controllers: The controllers.
         i: Index of the UAV.
         measured: FTC_SIM_STATE payload.
     """
-    report(motion_of(measured, controllers.aircraft[i]), measured["step"], controllers.reports[i])
+    fill_neighbour_state(
+        motion_of(measured, controllers.aircraft[i]), measured["step"], controllers.own_states[i]
+    )
 
 
 @compiled
 def controller_step(controllers: Controllers, i: int, measured: np.void, step_us: int) -> int:
-    """Work on one measured state: report, guidance, control step, actuator message.
+    """Work on one measured state: own state, guidance, control step, actuator message.
 
     Args:
-        controllers: Arrays over UAVs; report, state, actuator message and signals of UAV i are
-            updated.
+        controllers: Arrays over UAVs; own state, controller state, actuator message and signals of
+            UAV i are updated.
         i: Index of the UAV.
         measured: FTC_SIM_STATE payload.
         step_us: Control period [µs].
@@ -130,7 +132,7 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
         Bit mask of the channels that had an event; the actuator message is due unless it is 0.
     """
     motion = motion_of(measured, controllers.aircraft[i])
-    report(motion, measured["step"], controllers.reports[i])
+    fill_neighbour_state(motion, measured["step"], controllers.own_states[i])
     if controllers.guidance[i]["active"] != 0:
         mask = _control(controllers, i, measured, motion, step_us)
     else:
@@ -157,7 +159,7 @@ def _control(
         step_us / 1e6,
         motion,
         guidance["command"],
-        controllers.inboxes[i],
+        controllers.neighbour_states[i],
         controllers.weights[i],
         controllers.aircraft[i],
         controllers.parameters[i],

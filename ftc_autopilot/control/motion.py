@@ -9,7 +9,7 @@ from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
 from sitl_plant.rigid_body import R2_inv, gravity_body
 from sitl_plant.vec3 import Vec3, add, dot, mul, vec3
 
-__all__ = ["Motion", "motion_of", "report"]
+__all__ = ["Motion", "fill_neighbour_state", "motion_of"]
 
 
 class Motion(NamedTuple):
@@ -42,7 +42,7 @@ def motion_of(measured: np.void, aircraft: np.void) -> Motion:
 
 
 @compiled
-def report(motion: Motion, step: int, message: np.void) -> None:
+def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
     """Fill an FTC_NEIGHBOUR payload with what the neighbours need to know.
 
     Args:

@@ -16,6 +16,9 @@ __all__ = ["PROFILE", "Reference", "filter_reference", "profile_record", "profil
            "read_reference", "start_filter", "wrap"]  # fmt: skip
 
 
+_CHANNELS, _YAW = 4, 3
+
+
 class Reference(NamedTuple):
     """The filtered reference at one instant."""
 
@@ -73,20 +76,20 @@ def profile_value(profile: np.void, t: float, value: np.ndarray) -> None:
     if profile["ramp"][i]:
         start = profile["start"][i]
         share = (t - start) / (profile["start"][i + 1] - start)
-    for c in range(4):
+    for c in range(_CHANNELS):
         here = profile["value"][i, c]
         if share == 1.0:
             value[c] = here
         else:
             before = profile["value"][i - 1, c]
-            change = wrap(here - before) if c == 3 else here - before
+            change = wrap(here - before) if c == _YAW else here - before
             value[c] = before + share * change
 
 
 @compiled
 def start_filter(value: np.ndarray, x: np.ndarray) -> None:
     """Let the filter rest at a value, shape (4,); its state x has shape (4, 3)."""
-    for c in range(4):
+    for c in range(_CHANNELS):
         x[c, 0] = value[c]
         x[c, 1] = 0.0
         x[c, 2] = 0.0
@@ -108,9 +111,9 @@ def filter_reference(command: np.ndarray, x: np.ndarray, bandwidth: float, dt: f
         bandwidth: ω [rad/s].
         dt: Step [s].
     """
-    for c in range(4):
+    for c in range(_CHANNELS):
         error = command[c] - x[c, 0]
-        if c == 3:
+        if c == _YAW:
             error = wrap(error)
         jerk = bandwidth**3 * error - 3.0 * bandwidth**2 * x[c, 1] - 3.0 * bandwidth * x[c, 2]
         x[c, 0] += dt * x[c, 1]

@@ -8,22 +8,18 @@ so controller, plant and any sniffer agree on it to the last bit.
 
 import numpy as np
 
+from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
 __all__ = [
     "JOINT",
-    "N_CHANNELS",
     "PERIODIC",
     "PER_CHANNEL",
-    "THROTTLE",
     "fires",
     "on_wire",
     "trigger",
 ]
-
-N_CHANNELS = 4
-THROTTLE = 3
 
 PER_CHANNEL = 0
 JOINT = 1
@@ -80,14 +76,14 @@ def trigger(
     everything = first or mode == PERIODIC
     stop, T_max = aircraft["surface_limit"], aircraft["thrust_limit"]
     mask = 0
-    for i in range(3):
+    for i in range(THROTTLE):
         if everything or fires(min(max(delta_hat[i], -stop), stop), held[i], b[0], b[1]):
             mask |= 1 << i
     if mode == JOINT and mask != 0:
         mask = 0b0111
     if everything or fires(min(max(T_hat, 0.0), T_max), held[THROTTLE], a[0], a[1]):
         mask |= 1 << THROTTLE
-    for i in range(3):
+    for i in range(THROTTLE):
         if mask & (1 << i):
             controls[i] = on_wire(delta_hat[i], -stop, stop)
             held[i] = controls[i] * stop

@@ -7,7 +7,8 @@ import ipaddress
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.framing.frames import code_of, drop_reason, parse
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.frames import drop_reason, parse
 from mavlink_defs.framing.signing import Signer, is_ahead, load_signer
 
 __all__ = ["GcsSigning"]
@@ -18,13 +19,10 @@ class GcsSigning:
 
     The key is that of the key file until a ground station sets another one, for as long as the
     process lives and for this link only.
-
-    Attributes:
-        refusal: Why the last datagram that was not admitted was not, one of `codec.DROP_REASONS`.
     """
 
     def __init__(self, system: int, key_file: str | None) -> None:
-        """Make a gcs_signing.
+        """Make the signing of one GCS link.
 
         Args:
             system: Own system id.
@@ -35,18 +33,14 @@ class GcsSigning:
         """
         self._system = system
         self._signer = load_signer(key_file)
-        self.refusal = 0
 
-    def accept(self, datagram: bytes) -> MAVLink_message | None:
-        """The message of a datagram; None if it holds none or must not be believed."""
-        wrong = "" if self._signer is None else self._signer.problem(datagram)
-        message = None if wrong else parse(datagram)
-        if message is None:
-            self.refusal = code_of(wrong) if wrong else drop_reason(datagram)
-        return message
+    def accept(self, datagram: bytes) -> MAVLink_message | DropReason:
+        """Return the message of a datagram, or why it holds none or must not be believed."""
+        wrong = None if self._signer is None else self._signer.problem(datagram)
+        return wrong or parse(datagram) or drop_reason(datagram)
 
     def sign(self, frame: bytes) -> bytes:
-        """A frame as it is to be sent."""
+        """Return a frame as it is to be sent."""
         return frame if self._signer is None else self._signer.sign(frame)
 
     def set_key(

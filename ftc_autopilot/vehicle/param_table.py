@@ -19,8 +19,9 @@ from ftc_autopilot.config import AutopilotConfig, Trigger
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.records import in_si
 from ftc_autopilot.control.schedule import Schedule
-from ftc_autopilot.link import AutopilotLink
+from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
 from mavlink_defs.services.param_server import (
@@ -58,6 +59,7 @@ class Tunable:
         times: Last instant of each window of the number [s]; one that never ends if it is
             constant. Shape (windows,).
         cells: Where the number stands in a record, in each window, shape (windows, copies).
+        factor: The number in the record is the value times this.
     """
 
     name: str
@@ -66,10 +68,13 @@ class Tunable:
     quantity: Quantity
     times: np.ndarray
     cells: np.ndarray
+    factor: float
 
     def at(self, t: float) -> float:
-        """The value at time t [s]."""
-        return float(self.cells[np.argmax(self.times >= t), 0])
+        """Return the value at time t [s]."""
+        cell = float(self.cells[np.argmax(self.times >= t), 0])
+        # 15 digits are those of the value that was put, without the rounding of the conversion
+        return cell if self.factor == 1.0 else float(f"{cell / self.factor:.15g}")
 
     def put(self, value: float) -> None:
         """Put a value in force, in all windows.
@@ -83,11 +88,11 @@ class Tunable:
         if not (low and high):
             wanted = q.range() if q.range()[0] in "<>" else f"in {q.range()}"
             raise ParamValueError(f"is {value:g}, must be {wanted}")
-        self.cells[:] = value
+        self.cells[:] = value * self.factor
 
 
 def parameters_of(
-    config: AutopilotConfig, link: AutopilotLink, controllers: Controllers
+    config: AutopilotConfig, hot: HotState, controllers: Controllers
 ) -> list[Parameter]:
     """Give all parameters of a vehicle: its trigger's, its law's, and some that only tell."""
     records, kind = controllers.parameters, config.controller.kind
@@ -98,10 +103,10 @@ def parameters_of(
     ]
 
     def clock_s() -> float:
-        clock, start = link.clock[0], int(controllers.guidance[0]["start_step"])
+        start = int(controllers.guidance[0]["start_step"])
         if start == NOT_STARTED:
             return 0.0
-        return max(int(clock["step"]) - start, 0) * int(clock["step_us"]) / 1e6
+        return max(hot.step - start, 0) * hot.step_us / 1e6
 
     def put_at_the_start(tunable: Tunable, value: float) -> None:
         if controllers.states[0]["steps"] > 0:
@@ -139,9 +144,10 @@ def tunables(
         base: The base class.
     """
     for field, info in model.model_fields.items():
-        if field in base.model_fields or field not in (records.dtype.names or ()):
+        in_record, factor = in_si(field)
+        if field in base.model_fields or in_record not in (records.dtype.names or ()):
             continue
-        annotation, places = info.annotation, records[field]
+        annotation, places = info.annotation, records[in_record]
         name = prefix + _SHORTER.get(field, field.upper())
         if isinstance(annotation, type) and issubclass(annotation, Schedule):
             (annotation,) = annotation.__pydantic_generic_metadata__["args"]
@@ -154,11 +160,13 @@ def tunables(
         parts = get_args(annotation) if get_origin(annotation) is tuple else ()
         for column, (part, axis) in enumerate(zip(parts, _axes(len(parts)), strict=True)):
             cells = places[:, column : column + 1]
-            yield Tunable(_cut(name, axis), field, REAL32, _quantity(part, info), times, cells)
+            quantity = _quantity(part, info)
+            yield Tunable(_cut(name, axis), field, REAL32, quantity, times, cells, factor)
         if not parts:
             whole = annotation in {int, bool} or get_origin(annotation) is Literal
             quantity = _quantity(annotation, info)
-            yield Tunable(_cut(name), field, INT32 if whole else REAL32, quantity, times, places)
+            type_ = INT32 if whole else REAL32
+            yield Tunable(_cut(name), field, type_, quantity, times, places, factor)
 
 
 def _quantity(annotation: Any, info: FieldInfo) -> Quantity:

@@ -1,13 +1,16 @@
 """What a vehicle says about itself: who it is, what it can, how well it is."""
 
+import re
+from importlib.metadata import version
+
 from ftc_autopilot.config import AutopilotConfig
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 
 __all__ = ["VERSION", "StatusMessages"]
 
-VERSION = (0, 1, 0)
-"""Major, minor and patch of this software; the same as the package's."""
+VERSION = tuple(map(int, re.findall(r"\d+", version("ftc-sitl"))[:3]))
+"""Major, minor and patch of the installed package."""
 
 _UID = 0x4654_4300_0000_0000  # "FTC"
 _UID2_SIZE = 18

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from gcs.commands.common import console_of, warm_up
 from gcs.errors import FlightLost, Interrupted
+from gcs.scenario.bundled import SCENARIOS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,8 +32,6 @@ Exit status: 0 everything flown to its end, 1 a flight was lost (the report says
 cannot be written, 2 bad input, 130 Ctrl-C.
 """
 
-_SCENARIOS = Path(__file__).parents[2] / "scenarios" / "paper"
-
 
 def reproduce(
     out: Annotated[
@@ -44,8 +43,12 @@ def reproduce(
         typer.Option("--over-wire", help="Fly with processes over MAVLink, one after the other."),
     ] = False,
     scenarios: Annotated[
-        Path, typer.Option(help="Folder with the paper's scenario files.", show_default=False)
-    ] = _SCENARIOS,
+        Path,
+        typer.Option(
+            help="Folder with the paper's scenario files; the bundled ones by default.",
+            show_default=False,
+        ),
+    ] = SCENARIOS / "paper",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
     """Fly the paper's scenarios and hold its tables and figures beside ours.
@@ -83,8 +86,7 @@ def reproduce(
     console.print(
         f"{len(summaries)} flights in {seconds:.1f} s; open {folder}/report.html", soft_wrap=True
     )
-    lost = [f"{summary['scenario']}: {summary['loss']}" for summary in summaries.values()
-            if summary["loss"]]  # fmt: skip
+    lost = [f"{s.scenario}: {s.loss}" for s in summaries.values() if s.loss]
     if lost:
         raise FlightLost("; ".join(lost), f"the report is in {folder}")
 

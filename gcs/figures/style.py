@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from gcs.figures.flown import Flight, fault_windows
+from gcs.figures.flown import PlottedFlight, fault_windows
 from mavlink_defs.runtime.files import naming
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "GREY", "REFERENCE", "SMALL", "STYLES", "Flight", "Style", "decimated", "draw_curve",
+    "GREY", "REFERENCE", "SMALL", "STYLES", "PlottedFlight", "Style", "decimated", "draw_curve",
     "draw_legend", "frame", "letter", "mark_loss", "new_figure", "note", "save", "shade_faults",
     "style", "tidy",
 ]  # fmt: skip
@@ -50,7 +50,7 @@ class Style:
 
     @property
     def line(self) -> dict[str, Any]:
-        """The style of a curve, as arguments of matplotlib."""
+        """The style of a curve, as matplotlib's arguments."""
         return {"color": self.colour, "ls": self.dashes, "lw": self.width}
 
 
@@ -75,12 +75,12 @@ _saving = Lock()
 
 
 def style(i: int) -> Style:
-    """The style of the i-th UAV or controller."""
+    """Return the style of the i-th UAV or controller."""
     return STYLES[i % len(STYLES)]
 
 
 def new_figure(height_in: float, layout: Layout | None = "constrained") -> "Figure":
-    """An empty figure over the width of the page, which lays out its axes itself, or not."""
+    """Return an empty figure of the width of the page, with or without automatic layout."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(WIDTH_IN, height_in), layout=layout)
@@ -143,13 +143,13 @@ def _number(value: float) -> str:
     return text.replace("-", "−")
 
 
-def shade_faults(axis: "Axes", flights: Sequence[Flight], uav_id: int | None = None) -> None:
+def shade_faults(axis: "Axes", flights: Sequence[PlottedFlight], uav_id: int | None = None) -> None:
     """Shade the time in which faults act, on one UAV or on any, and name them."""
     for window in fault_windows(flights, uav_id):
         axis.axvspan(window.start_s, window.end_s, color=_SHADE, lw=0, zorder=-1, label=window.text)
 
 
-def mark_loss(axis: "Axes", flight: Flight) -> None:
+def mark_loss(axis: "Axes", flight: PlottedFlight) -> None:
     """Mark the end of a flight that was lost."""
     if flight.recording.loss is not None:
         t = flight.recording.duration_s

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.figures.flown import literal
 from gcs.figures.style import GREY, SMALL, STYLES, new_figure, save, tidy
-from gcs.reports.sweep import IAE_UNITS, Axis, axes_of, position, uav_of
-from gcs.results.summary import QUANTITIES
-from gcs.sweeps.grid import Result, Run
+from gcs.reports.sweep import Dimension, dimensions_of, position, uav_of
+from gcs.results.quantities import IAE_UNITS, QUANTITIES
+from gcs.sweeps.folder import Result
+from gcs.sweeps.grid import Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,15 +24,15 @@ _COLOURS = [style.colour for style in (*STYLES[1:], STYLES[0])]  # the lightest 
 _SHAPES = "os^Dv<>Ph*"
 _MOST_ROWS = 12
 _WIDE = 8.0  # ratio of largest to smallest IAE from which on its axis is logarithmic
-_NONE: Axis = ("", [""])
+_NONE: Dimension = ("", [""])
 
 
 @dataclass(frozen=True)
 class _Styles:
     """How a run's place in the grid is shown: an axis as colours, one as markers, or `_NONE`."""
 
-    colours: Axis
-    markers: Axis
+    colours: Dimension
+    markers: Dimension
 
     def colour(self, value: str) -> Any:
         from matplotlib import colormaps
@@ -40,7 +41,7 @@ class _Styles:
         return _COLOURS[i] if n <= len(_COLOURS) else colormaps["viridis"](0.95 * i / (n - 1))
 
     def marker(self, value: str) -> dict[str, Any]:
-        """A shape; a number where there are not enough shapes."""
+        """Return a shape; a number where there are not enough shapes."""
         i, n = self.markers[1].index(value), len(self.markers[1])
         if n > len(_SHAPES):
             size = 6 if i < 9 else 10
@@ -48,7 +49,7 @@ class _Styles:
         return {"marker": _SHAPES[i], "markersize": 7, "markeredgewidth": 0.5}
 
     def of(self, run: Run) -> dict[str, Any]:
-        """What matplotlib is told about a run's point."""
+        """Return matplotlib's arguments for a run's point."""
         colour, marker = (position(run, name) for name, _ in (self.colours, self.markers))
         edge = {"markeredgecolor": "white", "alpha": 0.85}
         return {"color": self.colour(colour), **self.marker(marker), **edge}
@@ -85,7 +86,9 @@ def draw_sweep(results: Sequence[Result], uav_id: int | None, folder: Path) -> N
 
 def _arrange(results: Sequence[Result]) -> tuple[_Styles, list[tuple[str, list[Result]]]]:
     """Share the axes out between colours, markers and rows; a row is its name and its results."""
-    left = sorted((axis for axis in axes_of(results) if len(axis[1]) > 1), key=lambda a: -len(a[1]))
+    left = sorted(
+        (axis for axis in dimensions_of(results) if len(axis[1]) > 1), key=lambda a: -len(a[1])
+    )
     fit = (axis for axis in left if _is_numeric(axis) or len(axis[1]) <= len(_COLOURS))
     colours = next(fit, _NONE)
     markers = next((axis for axis in left if axis is not colours), _NONE)
@@ -99,7 +102,7 @@ def _arrange(results: Sequence[Result]) -> tuple[_Styles, list[tuple[str, list[R
     return _Styles(colours, markers), list(rows.items())
 
 
-def _is_numeric(axis: Axis) -> bool:
+def _is_numeric(axis: Dimension) -> bool:
     try:
         return all(math.isfinite(float(value)) for value in axis[1])
     except ValueError:
@@ -111,8 +114,9 @@ def _draw_points(
 ) -> None:
     lines: dict[str, list[tuple[float, float]]] = {}
     for result in results:
-        if (uav := uav_of(result, uav_id)) is not None:
-            point = (uav["iae"][quantity], 100.0 * uav["saving"])
+        uav = uav_of(result, uav_id)
+        if uav is not None and uav.saving is not None and (iae := uav.iae[quantity]) is not None:
+            point = (iae, 100.0 * uav.saving)
             lines.setdefault(position(result.run, styles.markers[0]), []).append(point)
             panel.plot(*point, **styles.of(result.run), zorder=3)
     for line in lines.values():

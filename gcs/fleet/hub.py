@@ -11,8 +11,9 @@ from ipaddress import ip_address
 from typing import TypeAlias
 
 from mavlink_defs import dialect
-from mavlink_defs.framing.codec import DROP_REASONS, OTHER_TARGET, STRANGER
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import drop_reason, parse
+from mavlink_defs.framing.header import FrameHeader
 from mavlink_defs.framing.signing import Signer
 
 __all__ = ["MAX_STATIONS", "PATIENCE_S", "Hub"]
@@ -23,7 +24,6 @@ MAX_STATIONS = 256
 """Ground stations served at a time; more are turned away."""
 
 _Peer: TypeAlias = tuple[str, int]
-_MIN_FRAME = 12
 
 
 class Hub:
@@ -57,25 +57,26 @@ class Hub:
         """Give the addresses that a datagram is to be sent on to."""
         if not datagram:
             return []  # of a command that looks whether a hub is there
-        wrong = "" if self._signer is None else self._signer.problem(datagram)
-        if wrong:
-            return self._drop(wrong)
+        wrong = None if self._signer is None else self._signer.problem(datagram)
+        if wrong is not None:
+            return self._drop(wrong.words)
         alive = {peer: at for peer, at in self._stations.items() if now - at <= PATIENCE_S}
         self._stations = alive
-        if self._is_of_vehicle(datagram):
-            known = self._vehicles.get(datagram[5])
+        header = FrameHeader.read(datagram)
+        if header is not None and self._is_of_vehicle(header):
+            known = self._vehicles.get(header.system)
             if known != sender:
                 if parse(datagram) is None:
-                    return self._drop(DROP_REASONS[drop_reason(datagram)])
+                    return self._drop(drop_reason(datagram).words)
                 if not self._is_of_this_machine(sender):
-                    return self._drop(DROP_REASONS[STRANGER])
-                self._vehicles[datagram[5]] = sender
+                    return self._drop(DropReason.STRANGER.words)
+                self._vehicles[header.system] = sender
                 if known is not None:
-                    self.moved.append(datagram[5])
+                    self.moved.append(header.system)
             return list(alive)
         message = parse(datagram)
         if message is None:
-            return self._drop(DROP_REASONS[drop_reason(datagram)])
+            return self._drop(drop_reason(datagram).words)
         if sender not in alive and len(alive) >= MAX_STATIONS:
             return self._drop(f"of more than {MAX_STATIONS} ground stations")
         alive[sender] = now
@@ -89,7 +90,7 @@ class Hub:
         if target == 0:
             return list(self._vehicles.values())
         if target not in self._vehicles:
-            return self._drop(DROP_REASONS[OTHER_TARGET])
+            return self._drop(DropReason.OTHER_TARGET.words)
         return [self._vehicles[target]]
 
     def _drop(self, reason: str) -> list[_Peer]:
@@ -99,11 +100,7 @@ class Hub:
     def _is_of_this_machine(self, sender: _Peer) -> bool:
         return sender[0] == self._host or ip_address(sender[0]).is_loopback
 
-    def _is_of_vehicle(self, datagram: bytes) -> bool:
+    def _is_of_vehicle(self, header: FrameHeader) -> bool:
         """Look at the header only: most of what passes is telemetry from where it came before."""
-        return (
-            len(datagram) >= _MIN_FRAME
-            and datagram[0] == dialect.PROTOCOL_MARKER_V2
-            and datagram[5] in self._systems
-            and datagram[6] == dialect.MAV_COMP_ID_AUTOPILOT1
-        )
+        autopilot = dialect.MAV_COMP_ID_AUTOPILOT1
+        return header.system in self._systems and header.component == autopilot

@@ -19,8 +19,9 @@ from ftc_autopilot.control.controllers import (
 from ftc_autopilot.control.reference import profile_record
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import FaultLimits, fault_from_params, fault_to_params
-from mavlink_defs.profile import AirspeedLimits, items_to_segments, segments_to_items
+from mavlink_defs.constants import N_CHANNELS
+from mavlink_defs.faults import fault_from_params, fault_to_params
+from mavlink_defs.profile import items_to_segments, segments_to_items
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
@@ -54,9 +55,9 @@ def fly_in_process(
 
     steps = scenario.steps
     states = np.zeros((steps, len(ids), 12))
-    applied = np.zeros((steps, len(ids), 4))
+    applied = np.zeros((steps, len(ids), N_CHANNELS))
     signals = np.zeros((steps, len(ids)), SIGNALS)
-    _exchange_initial_reports(fleet, controllers, sources, scenario.step_us)
+    _exchange_initial_states(fleet, controllers, sources, scenario.step_us)
     begin = time.perf_counter()
     step, loss = 0, None
     while step < steps and loss is None:
@@ -76,7 +77,7 @@ def fly_in_process(
         states=states[:step],
         applied=applied[:step],
         signals=signals[:step],
-        repeats=np.zeros((len(ids), 4), np.int64),
+        repeats=np.zeros((len(ids), N_CHANNELS), np.int64),
         wall_s=time.perf_counter() - begin,
         loss=loss,
     )
@@ -87,20 +88,18 @@ def _brief(
 ) -> None:
     """Give profile and faults the values that they would have after crossing the wire."""
     aircraft = scenario.aircraft
-    airspeeds = AirspeedLimits(aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s)
     items = segments_to_items(scenario.segments(), 0, 0)
-    controllers.profiles[:] = profile_record(items_to_segments(items, airspeeds))
+    controllers.profiles[:] = profile_record(items_to_segments(items, aircraft.airspeed_limits))
     controllers.guidance["active"] = 1
     controllers.guidance["auto"] = 1
     controllers.guidance["start_step"] = 0
-    limits = FaultLimits(aircraft.surface_limit_deg, aircraft.thrust_limit_n)
     for uav_id, fault in scenario.fault_commands():
-        received = fault_from_params(fault_to_params(fault), limits)
+        received = fault_from_params(fault_to_params(fault), aircraft.fault_limits)
         add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)
 
 
 @compiled
-def _exchange_initial_reports(
+def _exchange_initial_states(
     fleet: PlantState, controllers: Controllers, sources: np.ndarray, step_us: int
 ) -> None:
     for i in range(len(sources)):
@@ -143,4 +142,4 @@ def _deliver(controllers: Controllers, sources: np.ndarray) -> None:
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
             if sources[i, d] >= 0:
-                controllers.inboxes[i, d] = controllers.reports[sources[i, d]]
+                controllers.neighbour_states[i, d] = controllers.own_states[sources[i, d]]

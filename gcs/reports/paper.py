@@ -1,16 +1,17 @@
-"""The report of `gcs reproduce`: the paper's tables beside ours, and what differs, in words."""
+"""The report of `gcs reproduce`: the paper's tables beside ours, and where they differ."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from gcs.reports.formatting import percent
 from gcs.reports.markdown import bullets, table
 from gcs.reports.published_values import FIG_9, SAVING, TABLE_IV, TABLE_V
-from gcs.results.summary import PAPER_ORDER, QUANTITIES
+from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
+from gcs.results.summary import FlightSummary, UavSummary
 
 __all__ = ["Results", "paper_report"]
 
-_UNITS = {"airspeed": "m", "roll": "deg s", "pitch": "deg s", "yaw": "deg s"}
 _FOLLOWER_2 = 3
 
 CONTROLLERS = {
@@ -20,7 +21,7 @@ CONTROLLERS = {
     "scenario2_backstepping": "compared controller 2 (backstepping)",
     "scenario2_pid": "PID (not in the paper)",
 }
-"""What is compared, by scenario file, as tables and figures name it."""
+"""Controllers compared, by scenario file, as tables and figures name them."""
 
 MODES = {
     "scenario3_mode1": "mode 1: rudder ρ 0.9",
@@ -33,39 +34,41 @@ MODES = {
 
 @dataclass(frozen=True)
 class Results:
-    """What the report is about.
+    """The data of the report.
 
     Attributes:
-        summaries: What `gcs.results.summary.summarise` says of each flight, by scenario file.
+        summaries: Of each flight, by scenario file.
         reference_lag: IAE between commands and filtered reference, by quantity [m, deg s].
         theory: Section on the theory, Markdown.
         figures: Caption of each figure, by its file's name without suffix, in order.
     """
 
-    summaries: Mapping[str, dict[str, Any]]
+    summaries: Mapping[str, FlightSummary]
     reference_lag: Mapping[str, float]
     theory: str
     figures: Mapping[str, str]
 
     def iae(self, file: str) -> dict[str, float]:
-        """IAE of follower 2 against the commands, by quantity."""
-        return dict(self._uav(file, _FOLLOWER_2)["iae"])
+        """Return the IAE of follower 2 against the commands, by quantity."""
+        iae = self._uav(file, _FOLLOWER_2).iae
+        return {name: math.nan if value is None else value for name, value in iae.items()}
 
     def events(self, file: str, uav: int = _FOLLOWER_2) -> dict[str, int]:
-        """Events by channel."""
-        channels = self._uav(file, uav)["channels"]
-        return {name: channels[name]["events"] for name in PAPER_ORDER}
+        """Return the events by channel."""
+        channels = self._uav(file, uav).channels
+        return {name: channel.events for name, channel in channels.items()}
 
     def saving(self, file: str) -> float:
-        """Share of transmissions that follower 2 saved."""
-        return float(self._uav(file, _FOLLOWER_2)["saving"])
+        """Return the share of transmissions that follower 2 saved."""
+        share = self._uav(file, _FOLLOWER_2).saving
+        return math.nan if share is None else share
 
-    def _uav(self, file: str, uav: int) -> Any:
-        return next(u for u in self.summaries[file]["uavs"] if u["id"] == uav)
+    def _uav(self, file: str, uav: int) -> UavSummary:
+        return next(u for u in self.summaries[file].uavs if u.id == uav)
 
 
 def paper_report(results: Results) -> str:
-    """The whole report as Markdown; figures are expected in `figures/`."""
+    """Return the whole report as Markdown; figures are expected in `figures/`."""
     parts = [
         "# The paper's results, flown again\n",
         _introduction(results),
@@ -88,9 +91,9 @@ def paper_report(results: Results) -> str:
 
 def _introduction(results: Results) -> str:
     summaries = results.summaries.values()
-    lost = [f"{s['scenario']}: {s['loss']}" for s in summaries if s["loss"]]
+    lost = [f"{s.scenario}: {s.loss}" for s in summaries if s.loss]
     modes = {"in_process": "in one process", "lockstep": "over MAVLink, in lockstep"}
-    how = ", ".join(sorted({modes.get(s["mode"], s["mode"]) for s in summaries}))
+    how = ", ".join(sorted({modes.get(s.mode, s.mode) for s in summaries}))
     return (
         'Zhang, Sun, Liu, Lv and Deng, "Event-Triggered Adaptive Fault-Tolerant Synchronization '
         'Tracking Control for Multiple 6-DOF Fixed-Wing UAVs". Everything here comes from '
@@ -116,7 +119,7 @@ def _table_iv(results: Results) -> str:
         ["of these, the reference filter's share"]
         + [f"{results.reference_lag[q]:.2f}" for q in QUANTITIES]
     )
-    header = ["IAE against the commands", *(f"{q} [{_UNITS[q]}]" for q in QUANTITIES)]
+    header = ["IAE against the commands", *(f"{q} [{IAE_UNITS[q]}]" for q in QUANTITIES)]
     return table(header, rows) + (
         "\nThe last row is the area between the commands, which step, and the filtered reference, "
         "which every controller is asked to follow: no tracking can take it away.\n"
@@ -127,7 +130,7 @@ def _table_v(results: Results) -> str:
     rows = []
     for file, label in CONTROLLERS.items():
         ours, paper = results.events(file), TABLE_V.get(file, {})
-        saving = f"{100 * results.saving(file):.2f} %"
+        saving = percent(results.saving(file))
         if file == "scenario2_proposed":
             saving = f"{100 * SAVING:g} % / {saving}"
         rows.append([label, *(_cell(paper.get(c), ours[c], "d") for c in PAPER_ORDER), saving])
@@ -148,7 +151,7 @@ def _scenario_3(results: Results) -> str:
         iae, events = results.iae(file), results.events(file)
         counts = [str(events[c]) for c in PAPER_ORDER]
         rows.append([label, *(f"{iae[q]:.2f}" for q in QUANTITIES), *counts])
-    header = ["in (19, 22] s", *(f"IAE {q} [{_UNITS[q]}]" for q in QUANTITIES), *PAPER_ORDER]
+    header = ["in (19, 22] s", *(f"IAE {q} [{IAE_UNITS[q]}]" for q in QUANTITIES), *PAPER_ORDER]
     return (
         "The paper shows curves (Fig. 11) and prints no numbers for these; columns after the IAEs "
         "are events.\n\n" + table(header, rows)
@@ -160,9 +163,9 @@ def _differences(results: Results) -> Iterator[str]:
     yield from _on_comparators(results)
     yield from _on_counts(results)
     yield (
-        "Unprinted parameters, chosen by us (`docs/method.md` lists them): λ1 to λ4, γ_v, σ_v, "
-        "h_v, h_ω, the filters of ω_d and δ_0, the network's centres and width, all initial "
-        "estimates, the unit of b2, the limits, the reference filter."
+        "Unprinted parameters, chosen by us (`docs/explanation/method.md` lists them): λ1 to λ4, "
+        "γ_v, σ_v, h_v, h_ω, the filters of ω_d and δ_0, the network's centres and width, all "
+        "initial estimates, the unit of b2, the limits, the reference filter."
     )
     yield (
         "Misprints put right: R2 in (6) has ψ where φ and θ belong; R1(1,2) is -sψcφ; β is "
@@ -179,7 +182,8 @@ def _on_tracking(results: Results) -> Iterator[str]:
     least = min(results.reference_lag.values())
     yield (
         f"The proposed controller's IAEs differ from the paper's by: {listed}. At least "
-        f"{least:.1f} of each of ours is the reference filter, which the paper does not print."
+        f"{least:.1f} of each of our values is due to the reference filter, which the paper does "
+        "not print."
     )
     periodic = results.iae("scenario2_periodic")
     cost = max(abs(ours[q] - periodic[q]) / periodic[q] for q in QUANTITIES)
@@ -213,7 +217,7 @@ def _on_comparators(results: Results) -> Iterator[str]:
             " The paper prints neither its equations nor its gains. Ours inverts a nominal model "
             "that is exact in these scenarios, with the proposed law's own gains, and a tenth of "
             "the rudder for 3 s does not upset it. What a wrong model does to it stands in "
-            "`docs/results.md`."
+            "`docs/explanation/results.md`."
             if better
             else ""
         )
@@ -226,7 +230,7 @@ def _on_counts(results: Results) -> Iterator[str]:
         f"Transmissions, ours by the paper's: {listed}. Both save much "
         f"({results.saving('scenario2_proposed'):.1%} against {SAVING:.1%}), but not in the same "
         "channels. What sets the number of events is the bandwidth of each loop, not the threshold "
-        "and not the disturbances: `docs/results.md` has the sweeps that show it."
+        "and not the disturbances: `docs/explanation/results.md` has the sweeps that show it."
     )
     joint = results.events("scenario2_joint")
     yield (

@@ -13,25 +13,31 @@ from rich import box
 from rich.table import Table
 
 from gcs.errors import BadInput
-from gcs.results.summary import PAPER_ORDER, QUANTITIES
-from gcs.sweeps.grid import Result, Run, label
+from gcs.reports.formatting import milliseconds, percent
+from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
+from gcs.results.summary import UavSummary
+from gcs.sweeps.axes import label
+from gcs.sweeps.folder import Result
+from gcs.sweeps.grid import Run
 from mavlink_defs.runtime.files import naming, write_text
 
-__all__ = ["IAE_UNITS", "Axis", "axes_of", "choose_uav", "position", "terminal_table", "uav_of",
-           "write_csv", "write_markdown"]  # fmt: skip
+__all__ = [
+    "Dimension",
+    "choose_uav",
+    "dimensions_of",
+    "position",
+    "terminal_table",
+    "uav_of",
+    "write_csv",
+    "write_markdown",
+]  # fmt: skip
 
-IAE_UNITS = {"airspeed": "m", "roll": "deg s", "pitch": "deg s", "yaw": "deg s"}  # of the IAE
-_LOST = {
-    "attitude_lost_at_s": ("attitude lost", ("roll", "pitch")),
-    "heading_lost_at_s": ("heading lost", ("yaw",)),
-}
-"""Keys of a UAV's summary, the graver one first: in words, and the angles that it is about."""
 _TERMINAL_ROWS = 50
 _WIDEST_VALUE = 14  # characters of the terminal
 
 
 def choose_uav(runs: Sequence[Run], wanted: int | None) -> int | None:
-    """The UAV that table.md and the plot are about.
+    """Return the UAV that table.md and the plot show.
 
     Args:
         runs: The grid.
@@ -65,30 +71,31 @@ def write_csv(results: Sequence[Result], path: Path) -> None:
             "uav", "uav_saving"]  # fmt: skip
     head += [f"iae_{quantity}_{IAE_UNITS[quantity].replace(' ', '_')}" for quantity in QUANTITIES]
     head += [f"events_{channel}" for channel in PAPER_ORDER]
-    head += ["min_interval_s", *_LOST]
+    head += ["min_interval_s", "attitude_lost_at_s", "heading_lost_at_s"]
     with naming(path), path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(head)
         for result in results:
-            run, summary = result.run, result.summary or {}
+            run, summary = result.run, result.summary
             values = [label(run.values[key]) for key in keys]
-            begin = [run.digest, run.file, *values, result.outcome, result.reason,
-                     summary.get("duration_s"), summary.get("saving")]  # fmt: skip
-            for uav in summary.get("uavs", [None]):
-                row = begin + (_uav_columns(uav) if uav else [])
-                rows.writerow(row + [None] * (len(head) - len(row)))
+            start = [run.digest, run.file, *values, result.outcome, result.reason]
+            if summary is None:
+                rows.writerow(start + [None] * (len(head) - len(start)))
+                continue
+            start += [summary.duration_s, summary.saving]
+            rows.writerows(start + _uav_columns(uav) for uav in summary.uavs)
 
 
-def _uav_columns(uav: dict[str, Any]) -> list[Any]:
-    iae = [uav["iae"][quantity] for quantity in QUANTITIES]
-    events = [uav["channels"][channel]["events"] for channel in PAPER_ORDER]
-    lost = [uav[key] for key in _LOST]
-    return [uav["id"], uav["saving"], *iae, *events, _shortest_s(uav), *lost]
+def _uav_columns(uav: UavSummary) -> list[Any]:
+    iae = [uav.iae[quantity] for quantity in QUANTITIES]
+    events = [uav.channels[channel].events for channel in PAPER_ORDER]
+    lost = [uav.attitude_lost_at_s, uav.heading_lost_at_s]
+    return [uav.id, uav.saving, *iae, *events, uav.min_interval_s, *lost]
 
 
 def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) -> None:
     """Write the main columns for one UAV as a Markdown table."""
-    names = [name for name, _ in axes_of(results)]
+    names = [name for name, _ in dimensions_of(results)]
     iae = [f"IAE {quantity} [{IAE_UNITS[quantity]}]" for quantity in QUANTITIES]
     head = [*names, "outcome", "saving", *iae, "events", "smallest interval", "reason"]
     lines = [_title(uav_id), "", _markdown_row(head), _markdown_row(["---"] * len(head))]
@@ -107,7 +114,7 @@ def _markdown_row(cells: Sequence[str]) -> str:
 
 
 def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
-    """Give what `gcs sweep` prints at the end: less than table.md, for a narrow terminal."""
+    """Return what `gcs sweep` prints at the end: less than table.md, for a narrow terminal."""
     left = len(results) - _TERMINAL_ROWS
     caption = (
         f"{left} more runs in table.md"
@@ -123,10 +130,10 @@ def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
         pad_edge=False,
         collapse_padding=True,
     )
-    names = [name for name, _ in axes_of(results)]
+    names = [name for name, _ in dimensions_of(results)]
     short = [name.rpartition(".")[2] for name in names]
     headings = short if len(set(short)) == len(short) else names
-    for heading, (_, labels) in zip(headings, axes_of(results), strict=True):
+    for heading, (_, labels) in zip(headings, dimensions_of(results), strict=True):
         width = min(max(map(len, labels)), _WIDEST_VALUE)
         table.add_column(heading, justify="right", overflow="fold", min_width=width)
     table.add_column("saving", justify="right", no_wrap=True)
@@ -147,57 +154,57 @@ def _title(uav_id: int | None) -> str:
 
 
 def _figures(result: Result, uav_id: int | None) -> list[str]:
-    """Saving, IAEs, events and smallest interval of a complete flight, for people."""
+    """Format saving, IAEs, events and smallest interval of a complete flight."""
     uav = uav_of(result, uav_id)
     if uav is None:
         return ["-"] * (3 + len(QUANTITIES))
-    shortest_s = _shortest_s(uav)
     return [
-        f"{100.0 * uav['saving']:.2f} %",
-        *(f"{uav['iae'][quantity]:.2f}" for quantity in QUANTITIES),
-        str(sum(uav["channels"][channel]["events"] for channel in PAPER_ORDER)),
-        "-" if shortest_s is None else f"{1e3 * shortest_s:g} ms",
+        percent(uav.saving),
+        *(f"{uav.iae[quantity]:.2f}" for quantity in QUANTITIES),
+        str(uav.events),
+        milliseconds(uav.min_interval_s),
     ]
 
 
 def _lost(result: Result, uav_id: int | None) -> tuple[str, str] | None:
-    """What a UAV lost, and how far it came back; None if nothing, or if it did not end."""
+    """Return what a UAV lost, and its final error; None if nothing, or if the flight was lost."""
     uav = uav_of(result, uav_id)
-    for key, (what, angles) in _LOST.items():
-        if uav is not None and uav[key] is not None:
-            left = max(uav["final_error"][angle] for angle in angles)
+    if uav is None:
+        return None
+    losses = (  # the graver one first
+        ("attitude lost", uav.attitude_lost_at_s, ("roll", "pitch")),
+        ("heading lost", uav.heading_lost_at_s, ("yaw",)),
+    )
+    for what, lost_at_s, angles in losses:
+        if lost_at_s is not None:
+            left = max(uav.final_error[angle] or 0.0 for angle in angles)
             return what, (
-                f"{' or '.join(angles)} more than 90° off first at {uav[key]:g} s, "
+                f"{' or '.join(angles)} more than 90° off first at {lost_at_s:g} s, "
                 f"up to {left:.3g}° in the last second"
             )
     return None
 
 
-def uav_of(result: Result, uav_id: int | None) -> dict[str, Any] | None:
-    """What a complete flight's summary says about a UAV."""
-    if result.summary is None or result.outcome != "completed":
+def uav_of(result: Result, uav_id: int | None) -> UavSummary | None:
+    """Return a UAV's part of a complete flight; None if the flight is not complete."""
+    if result.summary is None or result.outcome != "completed" or uav_id is None:
         return None
-    return next((uav for uav in result.summary["uavs"] if uav["id"] == uav_id), None)
+    return result.summary.uav(uav_id)
 
 
-def _shortest_s(uav: dict[str, Any]) -> float | None:
-    gaps = [uav["channels"][channel]["min_interval_s"] for channel in PAPER_ORDER]
-    return min((gap for gap in gaps if gap is not None), default=None)
-
-
-Axis: TypeAlias = tuple[str, list[str]]
-"""A column of the tables, a dimension of the plot: its name, and labels of its values."""
+Dimension: TypeAlias = tuple[str, list[str]]
+"""A column of the tables and a dimension of the plot: its name, and labels of its values."""
 
 _FILE = "scenario"
 
 
-def axes_of(results: Sequence[Result]) -> list[Axis]:
-    """The keys that were swept; the files too if there are several."""
+def dimensions_of(results: Sequence[Result]) -> list[Dimension]:
+    """Return the keys that were swept, and the files if there are several."""
     names = [*results[0].run.values, _FILE]
     axes = [(name, list(dict.fromkeys(position(r.run, name) for r in results))) for name in names]
     return [axis for axis in axes if axis[0] != _FILE or len(axis[1]) > 1]
 
 
 def position(run: Run, name: str) -> str:
-    """Where a run stands on an axis: the label of its value."""
+    """Return the label of a run's value in a dimension."""
     return run.name if name == _FILE else label(run.values.get(name, ""))

@@ -6,8 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from gcs.reports.markdown import bullets, table
+from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
-from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
 from gcs.theory import UavTheory, check_theory, theory_words
 from gcs.theory.judgement import Judgement
@@ -52,7 +52,7 @@ def theory_section(
     }
     parts = [
         "UAV 3 of every flight; all UAVs stand in `data/theory.json`, the method in "
-        f"`docs/theory.md`. {', '.join(same)} are one and the same flight.\n",
+        f"`docs/explanation/theory.md`. {', '.join(same)} are one and the same flight.\n",
         "### Smallest interval between events, and the Zeno bound\n",
         _dwell(watched),
         "### Residual sets\n",

@@ -1,12 +1,14 @@
 """A flight's data as files for other tools: NumPy's .npz at full rate, and CSV."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from gcs.results.quantities import TRACKED_KEYS, in_degrees
 from gcs.results.recording import Recording
 from gcs.results.summary import event_table
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.runtime.files import naming
 
 __all__ = ["CSV_PERIOD_S", "export_flight"]
@@ -18,8 +20,6 @@ _SIGNALS = (
     "command", "reference", "error", "sync_error", "demand", "held", "events",
     "Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega",
 )  # fmt: skip
-_ANGLES = ("roll", "pitch", "yaw")
-_TRACKED = ("airspeed_m_s", *(f"{angle}_deg" for angle in _ANGLES))
 _ACTUATED = (*(f"{surface}_deg" for surface in ACTUATORS[:3]), "thrust_n")
 
 
@@ -27,7 +27,7 @@ def export_flight(recording: Recording, folder: Path) -> None:
     """Write `trajectory.npz`, `trajectory.csv`, `events.npz` and `events.csv`.
 
     The trajectory has states, references, errors, commands and estimates; the inner quantities
-    of the law follow from these, and stand in the run folder of `gcs fly`.
+    of the law follow from these, and are in the run folder of `gcs fly`.
 
     Args:
         recording: The flight.
@@ -54,7 +54,7 @@ def export_flight(recording: Recording, folder: Path) -> None:
 
 
 def _write_events(path: Path, events: dict[str, np.ndarray]) -> None:
-    """The events with names and degrees for people."""
+    """Write the events as CSV, with names and degrees."""
     surface = events["channel"] < 3
     value = np.where(surface, np.degrees(events["value"]), events["value"])
     with naming(path), path.open("w") as file:
@@ -76,25 +76,23 @@ def _write_trajectory(path: Path, recording: Recording) -> None:
     }
     columns |= {f"{axis}_m_s": states[..., 3 + i] for i, axis in enumerate("uvw")}
     columns |= {f"{axis}_deg_s": np.degrees(states[..., 9 + i]) for i, axis in enumerate("pqr")}
-    response = recording.response[::every]
-    columns |= {"airspeed_m_s": response[..., 0]}
-    columns |= {f"{angle}_deg": np.degrees(response[..., i]) for i, angle in enumerate(_ANGLES, 1)}
+    columns |= _tracked(TRACKED_KEYS, recording.response[::every])
     for name in ("command", "reference", "error", "sync_error"):
-        columns |= _degrees(name, _TRACKED, signals[name], airspeed_first=True)
-    columns |= _degrees("demand", _ACTUATED, signals["demand"])
-    columns |= _degrees("held", _ACTUATED, signals["held"])
-    columns |= _degrees("applied", _ACTUATED, applied)
+        columns |= _tracked([f"{name}_{key}" for key in TRACKED_KEYS], signals[name])
+    columns |= _actuated("demand", signals["demand"])
+    columns |= _actuated("held", signals["held"])
+    columns |= _actuated("applied", applied)
     table = np.column_stack([values.ravel() for values in columns.values()])
     with naming(path):
         np.savetxt(path, table, fmt="%.7g", delimiter=",", header=",".join(columns), comments="")
 
 
-def _degrees(
-    prefix: str, names: tuple[str, ...], values: np.ndarray, airspeed_first: bool = False
-) -> dict[str, np.ndarray]:
-    """Four columns, of which the angles go from rad to deg."""
-    plain = 0 if airspeed_first else 3
-    return {
-        f"{prefix}_{name}": values[..., c] if c == plain else np.degrees(values[..., c])
-        for c, name in enumerate(names)
-    }
+def _tracked(names: Sequence[str], values: np.ndarray) -> dict[str, np.ndarray]:
+    """Name airspeed [m/s] and three angles [rad to deg]."""
+    return dict(zip(names, np.moveaxis(in_degrees(values), -1, 0), strict=True))
+
+
+def _actuated(prefix: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Name three deflections [rad to deg] and the thrust [N]."""
+    columns = [*np.moveaxis(np.degrees(values[..., :3]), -1, 0), values[..., 3]]
+    return {f"{prefix}_{name}": column for name, column in zip(_ACTUATED, columns, strict=True)}

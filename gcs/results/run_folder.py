@@ -1,4 +1,4 @@
-"""The folder that a flight's results go into."""
+"""The folder of a flight's results."""
 
 import errno
 import json
@@ -6,16 +6,15 @@ import os
 import re
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gcs.errors import BadInput
 from gcs.results.recording import Recording
-from gcs.results.summary import event_table
+from gcs.results.summary import FlightSummary, event_table
 from mavlink_defs.runtime.files import save_arrays, write_text
 
-__all__ = ["make_run_folder", "save_flight"]
+__all__ = ["make_run_folder", "save_flight", "save_summary"]
 
 
 def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
@@ -26,7 +25,7 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
         scenario_name: Part of the name of a new folder.
 
     Raises:
-        BadInput: It holds something already, or cannot be made.
+        BadInput: It is not empty, or cannot be made.
     """
     now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     name = re.sub(r"[^\w.-]+", "-", scenario_name)
@@ -47,13 +46,13 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
     return folder
 
 
-def save_flight(recording: Recording, summary: dict[str, Any], folder: Path) -> None:
+def save_flight(recording: Recording, summary: FlightSummary, folder: Path) -> None:
     """Write `summary.json`, `events.npz` and `trajectory.npz`.
 
     Raises:
         OSError: One of them cannot be written; it is named.
     """
-    write_text(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    save_summary(summary, folder)
     save_arrays(folder / "events.npz", event_table(recording))
     signals = recording.signals
     trajectory = {
@@ -64,3 +63,12 @@ def save_flight(recording: Recording, summary: dict[str, Any], folder: Path) -> 
     }
     trajectory |= {name: signals[name] for name in (signals.dtype.names or ())}
     save_arrays(folder / "trajectory.npz", trajectory)
+
+
+def save_summary(summary: FlightSummary, folder: Path) -> None:
+    """Write `summary.json`.
+
+    Raises:
+        OSError: It cannot be written; it is named.
+    """
+    write_text(folder / "summary.json", json.dumps(summary.to_json(), indent=2) + "\n")

@@ -1,27 +1,133 @@
 """Figures of one flight: events, savings, intervals, tracking errors."""
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Self
 
 import numpy as np
 
-from gcs.results.recording import Recording
+from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees, integrated_error
+from gcs.results.recording import Mode, Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.capture.transmissions import saving
+from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["PAPER_ORDER", "QUANTITIES", "event_table", "summarise"]
-
-PAPER_ORDER = ("throttle", "aileron", "elevator", "rudder")
-"""Actuator channels in the order of the paper's tables."""
-QUANTITIES = ("airspeed", "roll", "pitch", "yaw")
-"""What is tracked: m/s and deg."""
+__all__ = ["ChannelSummary", "FlightSummary", "UavSummary", "event_table", "summarise"]
 
 _SETTLING_S = 1.0  # the largest error counts after this time
 _FINAL_S = 1.0  # the final error is the largest one of this long before the end
-_ASTRAY = np.pi / 2.0  # error of an angle beyond which attitude or heading is lost [rad]
+_MAX_ANGLE = np.pi / 2.0  # error of an angle beyond which attitude or heading is lost [rad]
 
 
-def summarise(recording: Recording, scenario: Scenario) -> dict[str, Any]:
-    """Make the content of `summary.json`.
+@dataclass(frozen=True)
+class ChannelSummary:
+    """One actuator channel of one UAV.
+
+    Attributes:
+        events: Events, each a transmission.
+        repeats: Events sent again because the plant had not applied them.
+        min_interval_s: Shortest time between two events [s]; None with fewer than two.
+    """
+
+    events: int
+    repeats: int
+    min_interval_s: float | None
+
+
+@dataclass(frozen=True)
+class UavSummary:
+    """One UAV's part of a flight; errors are by quantity, None where no step has one.
+
+    Attributes:
+        id: System id.
+        active_steps: Steps at which its law was evaluated.
+        missing_steps: Steps at which no state reached its autopilot.
+        saving: Share of the periodic sender's transmissions that were not sent.
+        channels: By name, in the order of the paper's tables.
+        actuator_messages: Messages that carried the events; several may travel in one.
+        iae: Integrals of absolute errors against the commands [m, deg s].
+        iae_filtered: The same against the filtered reference.
+        max_error: Largest errors against the reference after the first second [m/s, deg].
+        final_error: Largest ones within the last second [m/s, deg].
+        attitude_lost_at_s: When roll or pitch was first more than 90° off [s]; None if never.
+        heading_lost_at_s: The same for yaw.
+    """
+
+    id: int
+    active_steps: int
+    missing_steps: int
+    saving: float | None
+    channels: Mapping[str, ChannelSummary]
+    actuator_messages: int
+    iae: Mapping[str, float | None]
+    iae_filtered: Mapping[str, float | None]
+    max_error: Mapping[str, float | None]
+    final_error: Mapping[str, float | None]
+    attitude_lost_at_s: float | None
+    heading_lost_at_s: float | None
+
+    @property
+    def events(self) -> int:
+        """Events of all channels."""
+        return sum(channel.events for channel in self.channels.values())
+
+    @property
+    def min_interval_s(self) -> float | None:
+        """Shortest time between two events of one channel [s]; None if no channel has two."""
+        gaps = (channel.min_interval_s for channel in self.channels.values())
+        return min((gap for gap in gaps if gap is not None), default=None)
+
+
+@dataclass(frozen=True)
+class FlightSummary:
+    """The content of `summary.json`.
+
+    Attributes:
+        scenario: Name of the scenario.
+        completed: Whether the flight reached the scenario's end.
+        loss: Why it did not; None if it did.
+        mode: How it was flown.
+        duration_s: Simulated time flown [s].
+        steps: Control periods flown.
+        wall_s: Wall-clock time that they took [s].
+        real_time_factor: Simulated by wall-clock time; None if the latter is 0.
+        saving: Share of the periodic senders' transmissions that were not sent.
+        uavs: In the order of the scenario.
+    """
+
+    scenario: str
+    completed: bool
+    loss: str | None
+    mode: Mode
+    duration_s: float
+    steps: int
+    wall_s: float
+    real_time_factor: float | None
+    saving: float | None
+    uavs: tuple[UavSummary, ...]
+
+    def uav(self, system: int) -> UavSummary | None:
+        """Return the part of one UAV, by its system id; None if it did not fly."""
+        return next((uav for uav in self.uavs if uav.id == system), None)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the summary as plain data, with the keys of `summary.json`."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, tree: object) -> Self:
+        """Read what `to_json` made.
+
+        Raises:
+            ValueError: It is something else.
+        """
+        from pydantic import TypeAdapter
+
+        return TypeAdapter(cls).validate_python(tree)
+
+
+def summarise(recording: Recording, scenario: Scenario) -> FlightSummary:
+    """Compute the figures of a flight.
 
     Saving is the share of the periodic sender's transmissions that the triggers did without;
     a periodic sender transmits every channel in every step that the law is evaluated at.
@@ -29,65 +135,64 @@ def summarise(recording: Recording, scenario: Scenario) -> dict[str, Any]:
     """
     steps = len(recording.states)
     commands, reference = recording.error("command"), recording.error("reference")
-    uavs = [
+    uavs = tuple(
         _summarise_uav(recording, i, commands[:, i], reference[:, i])
         for i in range(len(recording.uav_ids))
-    ]
-    sent = sum(c["events"] for uav in uavs for c in uav["channels"].values())
+    )
     wall_s = recording.wall_s
     loss = recording.loss
     if loss is None and steps < scenario.steps:
         loss = f"stopped at {recording.duration_s:g} s of {scenario.duration_s:g} s"
-    return {
-        "scenario": scenario.name,
-        "completed": loss is None,
-        "loss": loss,
-        "mode": recording.mode,
-        "duration_s": recording.duration_s,
-        "steps": steps,
-        "wall_s": wall_s,
-        "real_time_factor": recording.duration_s / wall_s if wall_s > 0.0 else None,
-        "saving": _saving(sent, sum(uav["active_steps"] for uav in uavs) * len(PAPER_ORDER)),
-        "uavs": uavs,
-    }
+    return FlightSummary(
+        scenario=scenario.name,
+        completed=loss is None,
+        loss=loss,
+        mode=recording.mode,
+        duration_s=recording.duration_s,
+        steps=steps,
+        wall_s=wall_s,
+        real_time_factor=recording.duration_s / wall_s if wall_s > 0.0 else None,
+        saving=saving(sum(uav.events for uav in uavs), sum(uav.active_steps for uav in uavs)),
+        uavs=uavs,
+    )
 
 
 def _summarise_uav(
     recording: Recording, i: int, commands: np.ndarray, reference: np.ndarray
-) -> dict[str, Any]:
+) -> UavSummary:
     """Summarise the i-th UAV, given its errors against commands and reference, (steps, 4)."""
-    signals = recording.signals[:, i]
     active = int(np.count_nonzero(recording.active[:, i]))
     time_s = recording.time_s
-    channels: dict[str, Any] = {}
-    for name in PAPER_ORDER:
-        c = ACTUATORS.index(name)
-        at = np.flatnonzero(signals["events"] & (1 << c))
-        gaps = np.diff(at)
-        channels[name] = {
-            "events": len(at),
-            "repeats": int(recording.repeats[i, c]),
-            "min_interval_s": int(gaps.min()) * recording.step_us / 1e6 if len(gaps) else None,
-        }
-    sent = sum(c["events"] for c in channels.values())
-    return {
-        "id": recording.uav_ids[i],
-        "active_steps": active,
-        "missing_steps": int(np.count_nonzero(recording.missing[:, i])),
-        "saving": _saving(sent, active * len(PAPER_ORDER)),
-        "channels": channels,
-        "actuator_messages": int(np.count_nonzero(signals["events"])),
-        "iae": _by_quantity(_integral(recording, commands)),
-        "iae_filtered": _by_quantity(_integral(recording, reference)),
-        "max_error": _by_quantity(_largest(reference[time_s > _SETTLING_S])),
-        "final_error": _by_quantity(_largest(reference[time_s >= recording.duration_s - _FINAL_S])),
-        "attitude_lost_at_s": _astray_at_s(time_s, reference[:, 1:3]),
-        "heading_lost_at_s": _astray_at_s(time_s, reference[:, 3:]),
-    }
+    channels = {name: _summarise_channel(recording, i, name) for name in PAPER_ORDER}
+    return UavSummary(
+        id=recording.uav_ids[i],
+        active_steps=active,
+        missing_steps=int(np.count_nonzero(recording.missing[:, i])),
+        saving=saving(sum(channel.events for channel in channels.values()), active),
+        channels=channels,
+        actuator_messages=int(np.count_nonzero(recording.signals["events"][:, i])),
+        iae=_by_quantity(integrated_error(commands, recording.step_us)),
+        iae_filtered=_by_quantity(integrated_error(reference, recording.step_us)),
+        max_error=_by_quantity(_largest(reference[time_s > _SETTLING_S])),
+        final_error=_by_quantity(_largest(reference[time_s >= recording.duration_s - _FINAL_S])),
+        attitude_lost_at_s=_lost_at_s(time_s, reference[:, 1:3]),
+        heading_lost_at_s=_lost_at_s(time_s, reference[:, 3:]),
+    )
+
+
+def _summarise_channel(recording: Recording, i: int, name: str) -> ChannelSummary:
+    c = ACTUATORS.index(name)
+    at = np.flatnonzero(recording.signals["events"][:, i] & (1 << c))
+    gaps = np.diff(at)
+    return ChannelSummary(
+        events=len(at),
+        repeats=int(recording.repeats[i, c]),
+        min_interval_s=int(gaps.min()) * recording.step_us / 1e6 if len(gaps) else None,
+    )
 
 
 def event_table(recording: Recording) -> dict[str, np.ndarray]:
-    """Every event of the flight as columns of equal length, ordered by time.
+    """Return every event of the flight as columns of equal length, ordered by time.
 
     Columns: `uav` (system id), `channel` (number as in `mavlink_defs.faults.ACTUATORS`),
     `step`, `time_s`, `value` (held from then on: rad, or N for the throttle).
@@ -104,39 +209,21 @@ def event_table(recording: Recording) -> dict[str, np.ndarray]:
     }
 
 
-def _saving(sent: int, periodic: int) -> float | None:
-    return 1.0 - sent / periodic if periodic else None
-
-
-def _integral(recording: Recording, error: np.ndarray) -> np.ndarray:
-    """Integral of the absolute error over the steps that have one; NaN if none has."""
-    counted = np.abs(_defined(error))
-    total = counted.sum(axis=0) * recording.step_us / 1e6
-    return np.asarray(total) if len(counted) else np.full(len(QUANTITIES), np.nan)
-
-
 def _largest(error: np.ndarray) -> np.ndarray:
-    """Largest absolute error of the steps that have one; NaN if none has."""
-    counted = np.abs(_defined(error))
-    return np.asarray(counted.max(axis=0)) if len(counted) else np.full(len(QUANTITIES), np.nan)
+    """Return the largest absolute error of the steps that have one; NaN if none has."""
+    known = np.abs(error[np.isfinite(error).all(axis=1)])
+    return np.asarray(known.max(axis=0)) if len(known) else np.full(len(QUANTITIES), np.nan)
 
 
-def _defined(error: np.ndarray) -> np.ndarray:
-    """Without the steps at which the UAV was disarmed: nothing was wanted of it."""
-    defined: np.ndarray = error[np.isfinite(error).all(axis=1)]
-    return defined
-
-
-def _astray_at_s(time_s: np.ndarray, angles: np.ndarray) -> float | None:
-    """When one of some angles' errors, shape (steps, k), first was beyond 90° [s], or None."""
-    beyond = np.flatnonzero((np.abs(angles) > _ASTRAY).any(axis=1))
+def _lost_at_s(time_s: np.ndarray, angles: np.ndarray) -> float | None:
+    """Return when an error in `angles`, shape (steps, k), first exceeded 90° [s], or None."""
+    beyond = np.flatnonzero((np.abs(angles) > _MAX_ANGLE).any(axis=1))
     return float(time_s[beyond[0]]) if len(beyond) else None
 
 
 def _by_quantity(values: np.ndarray) -> dict[str, float | None]:
-    """Name four values; angles from rad to deg; a value that does not exist becomes None."""
-    shown = [values[0], *np.degrees(values[1:])]
+    """Name four values; angles from rad to deg; NaN becomes None."""
     return {
         name: float(value) if np.isfinite(value) else None
-        for name, value in zip(QUANTITIES, shown, strict=True)
+        for name, value in zip(QUANTITIES, in_degrees(values), strict=True)
     }

@@ -20,6 +20,7 @@ from ftc_autopilot.config import (
 )
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.laws.proposed import Proposed
+from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.sections import (
     Found,
     Links,
@@ -66,17 +67,20 @@ class Scenario(Model):
     origin: Origin = Origin()
     identity: Identity = "ardupilot"
 
-    def plant_config(self, speed: float | None = None) -> PlantConfig:
+    def plant_config(self, speed: float | None = None, *, endless: bool = False) -> PlantConfig:
         """What the plant is told.
 
         Args:
             speed: Real-time factor; None for lockstep.
+            endless: Fly on whatever the scenario's duration is, and wait for autopilots that fell
+                silent.
         """
         aircraft = true_aircraft(self.aircraft, self.uncertainty)
         return PlantConfig(
             step_us=self.step_us,
-            duration_s=self.duration_s,
+            duration_s=None if endless else self.duration_s,
             speed=speed,
+            wait_for_restart=endless,
             bind=self.links.address(self.links.plant_port),
             signing_key=self.links.signing_key,
             disturbance=self.disturbance,
@@ -156,7 +160,7 @@ class Scenario(Model):
         try:
             true_aircraft(self.aircraft, self.uncertainty)
         except Problems as exc:
-            yield from ((("uncertainty", *loc), text) for loc, text in exc.problems)
+            yield from (p._replace(loc=("uncertainty", *p.loc)) for p in exc.problems)
 
     def _network_problems(self) -> Found:
         edges = [(*edge.between, edge.weight) for edge in self.network.edges]
@@ -250,22 +254,29 @@ class Scenario(Model):
         return [uav.id for uav in self.uavs]
 
 
-def load_scenario(path: Path | str) -> Scenario:
-    """Read a scenario file, with what it extends, and check it.
+def load_scenario(name: Path | str) -> Scenario:
+    """Read a scenario, with what it extends, and check it.
+
+    Args:
+        name: A file, or the name of a bundled scenario.
 
     Raises:
         ConfigError: The file cannot be used; it names every problem found.
     """
+    path = find_scenario(name)
     return scenario_of(path, scenario_tree(path))
 
 
-def scenario_tree(path: Path | str) -> dict[Any, Any]:
-    """Read a scenario file and what it extends, as plain data that is not checked yet.
+def scenario_tree(name: Path | str) -> dict[Any, Any]:
+    """Read a scenario and what it extends, as plain data that is not checked yet.
+
+    Args:
+        name: A file, or the name of a bundled scenario.
 
     Raises:
         ConfigError: A file cannot be read, or is not YAML of a mapping, or extends itself.
     """
-    return read_inherited(path)
+    return read_inherited(find_scenario(name), base_of)
 
 
 def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:

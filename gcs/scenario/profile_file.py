@@ -6,15 +6,16 @@ from pathlib import Path
 import yaml
 from pydantic import Field
 
+from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
 from mavlink_defs.config.inherit import read_inherited
-from mavlink_defs.config.models import ConfigError, Model, validate
+from mavlink_defs.config.models import ConfigError, Model, Problem, validate
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
     MAX_SEGMENTS,
-    ProfileError,
+    ItemError,
     Segment,
     items_to_segments,
     segments_to_items,
@@ -31,24 +32,25 @@ class ProfileFile(Model):
     profile: tuple[ProfileSegment, ...] = Field(min_length=1, max_length=MAX_SEGMENTS)
 
 
-def load_profile(path: Path | str) -> tuple[Segment, ...]:
-    """Read the profile of a profile file or of a scenario file, and check it.
+def load_profile(name: Path | str) -> tuple[Segment, ...]:
+    """Read the profile of a profile file or of a scenario, bundled or not, and check it.
 
     Airspeeds are checked against the aircraft's limits only in a scenario, which has them.
 
     Raises:
         ConfigError: The file cannot be used; it names every problem found.
     """
-    data = read_inherited(path)
+    path = find_scenario(name)
+    data = read_inherited(path, base_of)
     if not data.keys() <= ProfileFile.model_fields.keys():
         return validate(path, data, Scenario).segments()
     file = validate(path, data, ProfileFile)
     segments = tuple(segment.segment() for segment in file.profile)
     try:
         return items_to_segments(segments_to_items(segments, 0, 0), ANY_AIRSPEED)
-    except ProfileError as problem:
-        text = problem.text.replace(f"Item {problem.seq}:", f"profile[{problem.seq - 1}]:")
-        raise ConfigError(path, [text]) from problem
+    except ItemError as error:
+        problem = Problem(("profile", error.seq - 1), error.reason)
+        raise ConfigError(path, [problem]) from error
 
 
 def profile_yaml(segments: Iterable[Segment]) -> str:

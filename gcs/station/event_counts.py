@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mavlink_defs.capture.transmissions import saving
 from mavlink_defs.dialect import MAVLink_ftc_events_message
 
 __all__ = ["SPAN_S", "WINDOW_S", "EventCounts", "Four"]
@@ -72,12 +73,12 @@ class EventCounts:
     @property
     def savings(self) -> tuple[float | None, ...]:
         """Share of periodic transmissions that was saved per channel; None before any step."""
-        return tuple(1.0 - n / self.steps if self.steps else None for n in self.events)
+        return tuple(saving(n, self.steps, channels=1) for n in self.events)
 
     @property
     def saving(self) -> float | None:
         """The same for all channels together."""
-        return 1.0 - self.total / (4 * self.steps) if self.steps else None
+        return saving(self.total, self.steps)
 
     def recent(self, window_s: float = WINDOW_S) -> Four:
         """Events per channel in the last `window_s` of simulated time, as far as it is known."""

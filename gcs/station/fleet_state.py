@@ -3,6 +3,7 @@
 from gcs.station.notifications import NOTICE, Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
+from mavlink_defs.capture.transmissions import saving
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.services.machine import sender_of
 
@@ -54,4 +55,4 @@ class FleetState:
     def saving(self) -> float | None:
         """Share of all periodic transmissions that was saved; None before any step."""
         steps = sum(state.counts.steps for state in self.vehicles.values())
-        return 1.0 - self.events / (4 * steps) if steps else None
+        return saving(self.events, steps)

@@ -1,1 +1,1 @@
-"""What the pytest plugin `gcs.pytest_plugin` gives to tests; see docs/testing.md."""
+"""What the pytest plugin `gcs.pytest_plugin` gives to tests; see docs/reference/pytest.md."""

@@ -1,24 +1,26 @@
-"""What a flight gives to a test: plain values to assert on, and assertions that say where.
+"""The result of a flight in a test: plain values to assert on, and assertions that say where.
 
-Transmissions are those that the tap saw on the wire. A flight in one process has no wire; there
+Transmissions are those that the tap counted on the wire. A flight in one process has no wire; there
 they are the events that the controllers recorded.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from gcs.results.quantities import QUANTITIES, UNITS, in_degrees
 from gcs.results.recording import Recording
-from gcs.results.summary import QUANTITIES, summarise
+from gcs.results.summary import ChannelSummary, UavSummary, summarise
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.capture.tap_report import ChannelReport, TapReport
+from mavlink_defs.capture.transmissions import saving
+from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["Channel", "Errors", "Flight", "UavFlight"]
-
-_UNITS = ("m/s", "deg", "deg", "deg")
+__all__ = ["Channel", "Errors", "FlightResult", "UavFlight"]
 
 
 class Errors(NamedTuple):
@@ -41,7 +43,7 @@ class Channel:
         min_interval_s: Shortest time between two of them [s]; None with fewer than two.
         saving: Share of the periodic sender's transmissions that were not sent.
         times_s: When the controller had an event [s], from its recording.
-        claimed: How many the vehicle says it sent.
+        claimed: How many the vehicle reports to have sent.
         repeats: How many it sent again because the plant had not applied them.
     """
 
@@ -58,7 +60,7 @@ class Channel:
         return f"<{self.name} of UAV {self.uav}: {self.sent} sent>"
 
     def assert_dwell(self, min_s: float) -> None:
-        """No two transmissions are closer than this [s]."""
+        """Assert that no two transmissions are closer than this [s]."""
         __tracebackhide__ = True
         if self.min_interval_s is None or self.min_interval_s >= min_s * (1.0 - 1e-9):
             return
@@ -91,35 +93,38 @@ class UavFlight:
     """
 
     def __init__(
-        self, recording: Recording, i: int, summary: dict[str, Any], wire: dict[str, Any] | None
+        self, recording: Recording, i: int, summary: UavSummary, wire: TapReport | None
     ) -> None:
-        self.id: int = summary["id"]
-        self.summary = summary
-        self.attitude_lost_at_s: float | None = summary["attitude_lost_at_s"]
-        self.heading_lost_at_s: float | None = summary["heading_lost_at_s"]
-        self.missing_steps: int = summary["missing_steps"]
+        self.id = summary.id
+        self.summary = asdict(summary)
+        self.attitude_lost_at_s = summary.attitude_lost_at_s
+        self.heading_lost_at_s = summary.heading_lost_at_s
+        self.missing_steps = summary.missing_steps
         self._time_s, self._errors = recording.time_s, recording.error("reference")[:, i]
-        self.messages: int = (wire or {}).get("messages", 0 if wire is not None else
-                                              summary["actuator_messages"])  # fmt: skip
+        counted: Mapping[str, ChannelSummary | ChannelReport] = {}
+        self.messages = 0
+        if wire is None:
+            counted, self.messages = summary.channels, summary.actuator_messages
+        elif (seen := wire.uav("plant", self.id)) is not None:
+            counted, self.messages = seen.channels, seen.messages
         events = recording.signals["events"][:, i]
-        steps = summary["active_steps"]
+        steps = summary.active_steps
         self.channels = {}
         for c, name in enumerate(ACTUATORS):
-            claimed = summary["channels"][name]
-            seen = claimed if wire is None else wire.get("channels", {}).get(name, {})
-            sent = seen.get("events", 0)
+            claimed, channel = summary.channels[name], counted.get(name)
+            sent = channel.events if channel else 0
             self.channels[name] = Channel(
                 self.id,
                 name,
                 sent,
-                seen.get("min_interval_s"),
-                1.0 - sent / steps if steps else None,
+                channel.min_interval_s if channel else None,
+                saving(sent, steps, channels=1),
                 recording.time_s[events & (1 << c) > 0],
-                claimed["events"],
-                claimed["repeats"],
+                claimed.events,
+                claimed.repeats,
             )
         self.sent = sum(channel.sent for channel in self.channels.values())
-        self.saving = 1.0 - self.sent / (len(ACTUATORS) * steps) if steps else None
+        self.saving = saving(self.sent, steps)
 
     def __repr__(self) -> str:
         return f"<UAV {self.id}>"
@@ -145,7 +150,7 @@ class UavFlight:
         return self.channels["throttle"]
 
     def max_error(self, after_s: float = 0.0, until_s: float = math.inf) -> Errors:
-        """Largest errors against the filtered reference in a time window [s], both ends included.
+        """Return the largest errors against the filtered reference in a window [s], ends included.
 
         Errors are those of the true state; steps flown disarmed have none. NaN if no step has.
         """
@@ -163,7 +168,7 @@ class UavFlight:
         after_s: float = 0.0,
         until_s: float = math.inf,
     ) -> None:
-        """Errors against the filtered reference stay below bounds in a time window [s]."""
+        """Assert that errors against the filtered reference stay below bounds in a window [s]."""
         __tracebackhide__ = True
         times, errors = self._within(after_s, until_s)
         window = f"after {after_s:g} s" if until_s == math.inf else f"in [{after_s:g}, {until_s:g}]"
@@ -172,7 +177,8 @@ class UavFlight:
             raise AssertionError(f"UAV {self.id}: nothing flown {window}, only {flown_s:.3f} s")
         complaints = []
         bounds = (airspeed_m_s, roll_deg, pitch_deg, yaw_deg)
-        for c, (name, unit, bound) in enumerate(zip(QUANTITIES, _UNITS, bounds, strict=True)):
+        for c, (name, bound) in enumerate(zip(QUANTITIES, bounds, strict=True)):
+            unit = UNITS[name]
             beyond = np.flatnonzero(~(errors[:, c] < bound))
             if bound < math.inf and len(beyond):
                 worst = int(np.argmax(errors[:, c]))
@@ -185,23 +191,21 @@ class UavFlight:
             raise AssertionError("\n".join(complaints))
 
     def _within(self, after_s: float, until_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Times and absolute errors in a window, where there are any: m/s, deg."""
+        """Return times and absolute errors [m/s, deg] in a window, where there are any."""
         here = (self._time_s >= after_s) & (self._time_s <= until_s)
         here &= np.isfinite(self._errors).all(axis=1)
-        errors = np.abs(self._errors[here])
-        errors[:, 1:] = np.degrees(errors[:, 1:])
-        return self._time_s[here], errors
+        return self._time_s[here], in_degrees(np.abs(self._errors[here]))
 
 
-class Flight:
+class FlightResult:
     """One flight that is over.
 
     Attributes:
         scenario: As it was flown.
         recording: Everything at full rate; arrays are read-only.
         summary: The content of `summary.json`.
-        wire: `Tap.report` of what was counted between autopilots and plant; None in process.
-        folder: Configuration, words and tlog of the processes; None in process.
+        wire: The content of wire.json, counted between autopilots and plant; None in process.
+        folder: Configurations, logs and tlog of the processes; None in process.
         saving: Share of the periodic sender's transmissions that were not sent.
         completed: Whether it was flown until the scenario's end.
         loss: Why the flight was lost, an aircraft or the link to an autopilot; None if it was not.
@@ -211,27 +215,24 @@ class Flight:
         self,
         scenario: Scenario,
         recording: Recording,
-        wire: dict[str, Any] | None = None,
+        wire: TapReport | None = None,
         folder: Path | None = None,
     ) -> None:
         for array in (recording.states, recording.applied, recording.signals, recording.repeats):
             array.flags.writeable = False
         self.scenario, self.recording = scenario, recording
-        self.wire, self.folder = wire, folder
-        self.summary = summarise(recording, scenario)
+        self.wire = None if wire is None else wire.to_json()
+        self.folder = folder
+        summary = summarise(recording, scenario)
+        self.summary = summary.to_json()
         self.loss = recording.loss
-        self.completed: bool = self.summary["completed"]
-        counted = {uav["system"]: uav for uav in wire["uavs"]
-                   if uav["link"] == "plant"} if wire is not None else None  # fmt: skip
+        self.completed = summary.completed
         self.uavs = {
-            uav["id"]: UavFlight(
-                recording, i, uav, None if counted is None else counted.get(uav["id"], {})
-            )
-            for i, uav in enumerate(self.summary["uavs"])
+            uav.id: UavFlight(recording, i, uav, wire) for i, uav in enumerate(summary.uavs)
         }
         sent = sum(uav.sent for uav in self.uavs.values())
-        steps = sum(uav["active_steps"] for uav in self.summary["uavs"])
-        self.saving = 1.0 - sent / (len(ACTUATORS) * steps) if steps else None
+        steps = sum(uav.active_steps for uav in summary.uavs)
+        self.saving = saving(sent, steps)
 
     def __repr__(self) -> str:
         return f"<flight of {self.scenario.name!r}, {self.duration_s:g} s>"
@@ -242,11 +243,11 @@ class Flight:
         return self.recording.duration_s
 
     def uav(self, system: int) -> UavFlight:
-        """One UAV, by its system id; KeyError if there is none."""
+        """Return one UAV, by its system id; KeyError if there is none."""
         return self.uavs[system]
 
     def assert_completed(self) -> None:
-        """Flown until the scenario's end."""
+        """Assert that the flight reached the scenario's end."""
         __tracebackhide__ = True
         if not self.completed:
             raise AssertionError(
@@ -255,12 +256,12 @@ class Flight:
             )
 
     def assert_attitude_kept(self) -> None:
-        """No aircraft was lost; roll and pitch stayed within 90° of the reference."""
+        """Assert that no aircraft was lost, roll and pitch stayed within 90° of the reference."""
         __tracebackhide__ = True
         self._assert_kept({i: uav.attitude_lost_at_s for i, uav in self.uavs.items()}, "attitude")
 
     def assert_heading_kept(self) -> None:
-        """No aircraft was lost; yaw stayed within 90° of the reference."""
+        """Assert that no aircraft was lost, and yaw stayed within 90° of the reference."""
         __tracebackhide__ = True
         self._assert_kept({i: uav.heading_lost_at_s for i, uav in self.uavs.items()}, "heading")
 

@@ -1,18 +1,17 @@
-"""One UAV of a fleet in a test: what can be asked of it, as plain function calls."""
+"""One UAV of a fleet in a test, behind plain function calls."""
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 from pydantic import ValidationError
 
 from gcs.errors import BadInput
-from gcs.scenario.sections import ScenarioFault
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.config.models import problems_of
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.fault_spec import FaultSpec
+from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 from mavlink_defs.services.param import Param
 
@@ -20,9 +19,9 @@ __all__ = ["FlyingUav"]
 
 
 class FlyingUav:
-    """What can be asked of one UAV; each call ends with its answer.
+    """One UAV in flight; each call returns when it has answered.
 
-    All raise `gcs.errors.CommandRefused` if it refuses and `NoAnswer` if it says nothing.
+    All raise `gcs.errors.CommandRefused` if it refuses and `NoAnswer` if it does not answer.
 
     Attributes:
         id: Its system id.
@@ -44,11 +43,11 @@ class FlyingUav:
 
     @property
     def state(self) -> VehicleState:
-        """What its telemetry has told so far."""
+        """Its state as of the newest telemetry."""
         return self.vehicle.state
 
     def sent(self, channel: str) -> int:
-        """Transmissions of a channel ("rudder") so far, as the tap has seen them."""
+        """Return the transmissions of a channel ("rudder") so far, as the tap counted them."""
         return self._sent(self.id, channel)
 
     def arm(self) -> None:
@@ -72,7 +71,7 @@ class FlyingUav:
         self._call(self.vehicle.upload(segments))
 
     def download(self) -> tuple[Segment, ...]:
-        """The profile that it holds."""
+        """Download the profile that it holds."""
         segments: tuple[Segment, ...] = self._call(self.vehicle.download())
         return segments
 
@@ -81,12 +80,12 @@ class FlyingUav:
         self._call(self.vehicle.command(number, params))
 
     def get_param(self, name: str) -> Param:
-        """Ask for a parameter."""
+        """Read a parameter."""
         param: Param = self._call(self.vehicle.get_param(name))
         return param
 
     def set_param(self, name: str, value: float) -> Param:
-        """Set a parameter; gives what it holds then."""
+        """Set a parameter, and return it as the UAV then holds it."""
         param: Param = self._call(self.vehicle.set_param(name, value))
         return param
 
@@ -102,13 +101,11 @@ class FlyingUav:
         Raises:
             BadInput: They do not make a fault.
         """
-        tree = {"uav": self.id, "actuator": actuator, "start_s": start_s or 0.0, **keys}
+        tree = {"actuator": actuator, "start_s": start_s, **keys}
         try:
-            fault = ScenarioFault.model_validate(tree).command()
-        except ValidationError as problem:
-            raise BadInput("; ".join(problems_of(ScenarioFault, problem))) from None
-        if start_s is None:
-            fault = replace(fault, start_s=math.nan)
+            fault = FaultSpec.model_validate(tree).command()
+        except ValidationError as error:
+            raise BadInput("; ".join(map(str, problems_of(FaultSpec, error)))) from None
         self._call(self.vehicle.set_fault(fault))
 
     def clear_faults(self, actuator: str | None = None) -> None:
@@ -117,6 +114,6 @@ class FlyingUav:
         self._call(self.vehicle.clear_faults(index))
 
     def faults(self) -> tuple[Fault, ...]:
-        """Its faults, past and future ones too."""
+        """Return its faults, including past and future ones."""
         faults: tuple[Fault, ...] = self._call(self.vehicle.list_faults())
         return faults

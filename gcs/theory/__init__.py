@@ -1,4 +1,4 @@
-"""The paper's theory made checkable; see docs/theory.md."""
+"""The paper's theory made checkable; see docs/explanation/theory.md."""
 
 from gcs.theory.check import Theory, UavTheory, check_theory
 from gcs.theory.findings import theory_words

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from ftc_autopilot.control.schedule import Schedule
+from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
-from gcs.results.summary import PAPER_ORDER
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["WIRE_ROUNDING", "dwell_times", "in_force"]
 

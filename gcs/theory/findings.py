@@ -187,7 +187,7 @@ def _certificates(theory: Theory, subsystem: str, judged: dict[int, Judgement]) 
             f"Within the hypotheses {equation} held by finite differences in "
             f"{_percent(differences)} of {sum(d.steps for d in differences)} steps "
             f"({sum(part.jumps for part in found.values())} jumps of V_L itself left out: ρ or K1 "
-            f"switches, yaw wraps), by the chain rule in {_percent(rules)}. Largest "
+            f"switches, an angle wraps), by the chain rule in {_percent(rules)}. Largest "
             f"(V̇_L + κ V_L)/χ: {_use(differences):.2g} and {_use(rules):.2g} (1 is the bound)."
         )
     names = next(iter(found.values())).slack

@@ -71,8 +71,8 @@ class Known:
         mass: Nominal m [kg].
         limits: Lowest and highest command by channel, (2, 4).
         R2: Of (6), (n, 3, 3).
-        yaw_wraps: Between which steps the yaw error of any UAV jumps from π to -π or back, and
-            with it e' of this UAV or, a period later, of a neighbour; (n - 1,).
+        wraps: Between which steps an angle of any UAV's e, or of this UAV's e - e_j, jumps from π
+            to -π or back, and with it e' of this UAV or, a period later, of a neighbour; (n - 1,).
     """
 
     time_s: np.ndarray
@@ -103,7 +103,7 @@ class Known:
     mass: float
     limits: np.ndarray
     R2: np.ndarray
-    yaw_wraps: np.ndarray
+    wraps: np.ndarray
 
 
 def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
@@ -158,7 +158,7 @@ def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
             mass=aircraft.mass_kg,
             limits=np.array([[-stop, -stop, -stop, 0.0], [stop, stop, stop, thrust]]),
             R2=R2(states[:, 6:9]),
-            yaw_wraps=_yaw_wraps(recording.signals["error"][:, :, 3]),
+            wraps=_wraps(recording.signals["error"][:, :, 1:], i),
         )
 
 
@@ -183,6 +183,12 @@ def R2(attitude: np.ndarray) -> np.ndarray:
         (zero, -np.sin(roll), np.cos(roll) * np.cos(pitch)),
     )
     return np.moveaxis(np.array(rows), -1, 0)
+
+
+def short_way(angle: np.ndarray) -> np.ndarray:
+    """Give angle differences of any shape, each in (-π, π] [rad]."""
+    turned: np.ndarray = angle - 2.0 * np.pi * np.ceil((angle - np.pi) / (2.0 * np.pi))
+    return turned
 
 
 def solve(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -241,9 +247,10 @@ def _faults(scenario: Scenario, uav_id: int, time_s: np.ndarray) -> tuple[np.nda
     return rho, faulty
 
 
-def _yaw_wraps(yaw_errors: np.ndarray) -> np.ndarray:
-    """Steps within one of which any of the yaw errors, (n, uavs), wraps; (n - 1,)."""
-    wraps: np.ndarray = np.any(np.abs(np.diff(yaw_errors, axis=0)) > np.pi, axis=1)
+def _wraps(e: np.ndarray, i: int) -> np.ndarray:
+    """Steps within one of which an angle of e, (n, uavs, 3), or of e_i - e_j wraps; (n - 1,)."""
+    angles = np.concatenate([e, short_way(e[:, [i]] - e)], axis=1)
+    wraps: np.ndarray = np.any(np.abs(np.diff(angles, axis=0)) > np.pi, axis=(1, 2))
     near = wraps.copy()
     near[1:] |= wraps[:-1]
     near[:-1] |= wraps[1:]

@@ -232,7 +232,7 @@ def attitude_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsyst
         parts={"eps_omega": lemma2, "h_omega1": h_1, "h_omega2": h_2},
         covered=covered,
         counted=counted,
-        jumps=np.diff(K1, axis=0).any(axis=1) | known.yaw_wraps,  # ω_d (57) jumps with K1
+        jumps=np.diff(K1, axis=0).any(axis=1) | known.wraps,  # ω_d (57) jumps with K1
         equalities=[
             compare("(58)", "e'ᵀ · rate of e'", _dot(e_prime, e_change), -e_decay, coupling,
                     where=known.reported, time_s=known.time_s,

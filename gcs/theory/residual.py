@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from gcs.results.quantities import TRACKED_KEYS, in_degrees
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 
 __all__ = ["residual_sets"]
 
 _WINDOW_S = 3.0
-_ERRORS = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
 
 
 def residual_sets(recording: Recording, i: int, scenario: Scenario) -> list[dict[str, Any]]:
@@ -48,8 +48,7 @@ def residual_sets(recording: Recording, i: int, scenario: Scenario) -> list[dict
 def _largest(errors: np.ndarray) -> dict[str, float | None]:
     known = np.abs(errors[np.isfinite(errors).all(axis=1)])
     largest = known.max(axis=0, initial=0.0)
-    shown = [largest[0], *np.degrees(largest[1:])]
     return {
         name: float(value) if len(known) else None
-        for name, value in zip(_ERRORS, shown, strict=True)
+        for name, value in zip(TRACKED_KEYS, in_degrees(largest), strict=True)
     }

@@ -1,8 +1,7 @@
 """The form for an actuator fault."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pydantic import ValidationError
@@ -14,17 +13,17 @@ from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.widgets import Button, Input, Select, Static
 
-from gcs.scenario.sections import ScenarioFault
-from gcs.tui.cached_static import Line
+from gcs.tui.cached_static import CachedStatic
 from mavlink_defs.config.models import problems_of
-from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
+from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.fault_spec import FaultSpec
+from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault
 
 __all__ = ["ALL", "FaultForm", "read_fault"]
 
 ALL = 0
 """Stands for every vehicle."""
 
-_KINDS = ("bias", "stuck")
 _FIELDS = ("effectiveness", "value", "frequency_hz", "start_s", "end_s")
 _HINTS = {
     "effectiveness": "0 … 1",
@@ -63,22 +62,20 @@ def read_fault(actuator: str, kind: str, texts: dict[str, str]) -> _Read:
         return _Read(None, tuple(problems))
     unit = "n" if actuator == "throttle" else "deg"
     value_key = f"{kind}_{unit}"
-    start_s, frequency_hz = numbers["start_s"], numbers["frequency_hz"]
+    frequency_hz = numbers["frequency_hz"]
     keys = {
-        "uav": 1,
         "actuator": actuator,
         "effectiveness": None if kind == "stuck" else numbers["effectiveness"],
         value_key: numbers["value"],
         "frequency_hz": 0.0 if frequency_hz is None else frequency_hz,
-        "start_s": 0.0 if start_s is None else start_s,
+        "start_s": numbers["start_s"],
         "end_s": numbers["end_s"],
     }
     try:
-        fault = ScenarioFault.model_validate(keys).command()
-    except ValidationError as problem:
-        lines = problems_of(ScenarioFault, problem)
-        return _Read(None, tuple(line.replace(value_key, "value") for line in lines))
-    return _Read(replace(fault, start_s=math.nan) if start_s is None else fault)
+        return _Read(FaultSpec.model_validate(keys).command())
+    except ValidationError as error:
+        found = problems_of(FaultSpec, error)
+        return _Read(None, tuple(problem.line({value_key: "value"}) for problem in found))
 
 
 class FaultForm(Vertical):
@@ -115,9 +112,9 @@ class FaultForm(Vertical):
                 _FIELDS, ("effectiveness", "bias °", "frequency Hz", "start s", "end s"),
                 strict=True,
             ):  # fmt: skip
-                yield Line(label, id=f"label-{name}")
+                yield CachedStatic(label, id=f"label-{name}")
                 yield Input(placeholder=_HINTS[name], id=name, compact=True)
-        yield Line(grow=True, id="form-says")
+        yield CachedStatic(grow=True, id="form-says")
         with Horizontal(classes="buttons"):
             yield Button("Set fault", "primary", id="set", compact=True)
 
@@ -162,11 +159,13 @@ class FaultForm(Vertical):
     def _check(self, complain: bool = False) -> None:
         stuck = self._chosen("fault-kind") == "stuck"
         unit = "N" if self._chosen("actuator") == "throttle" else "°"
-        self.query_one("#label-value", Line).say(f"{'stuck at' if stuck else 'bias'} {unit}")
+        self.query_one("#label-value", CachedStatic).say(
+            f"{'stuck at' if stuck else 'bias'} {unit}"
+        )
         self.query_one("#effectiveness", Input).disabled = stuck
         read = self.read
         touched = any(self.query_one(f"#{name}", Input).value for name in _FIELDS)
-        says = self.query_one("#form-says", Line)
+        says = self.query_one("#form-says", CachedStatic)
         says.say("\n".join(read.problems) if touched or complain is True else "")
         self.query_one("#set", Button).disabled = read.fault is None
 

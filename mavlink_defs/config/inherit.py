@@ -1,6 +1,7 @@
 """Configuration files that say only in what they differ from another one.
 
-``extends: other.yaml`` in a file names its base, relative to the file itself. What the file
+``extends: other.yaml`` in a file names its base, relative to the file itself (`read_inherited` can
+be told to look elsewhere, too). What the file
 says is laid over the base as a JSON Merge Patch (RFC 7396): mappings merge key by key, a null
 takes the base's key away, anything else, lists included, replaces. One rule more: a mapping
 with another `kind` than the base's inherits nothing from it, so that one control law does not
@@ -10,11 +11,11 @@ Errors: ValueError ← PlaceError (no such place in a tree); about files `Config
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from mavlink_defs.config.models import ConfigError, read, shown
+from mavlink_defs.config.models import ConfigError, Problem, read, shown
 
 __all__ = ["PlaceError", "merged", "read_inherited", "with_values"]
 
@@ -26,32 +27,41 @@ class PlaceError(ValueError):
     """A tree has no such place, or it is not written as one; one line that names the place."""
 
 
-def read_inherited(path: Path | str) -> dict[Any, Any]:
+def _beside(folder: Path, name: str) -> Path:
+    return folder / name
+
+
+def read_inherited(path: Path | str, find: Callable[[Path, str], Path] = _beside) -> dict[Any, Any]:
     """Read a YAML file and what it extends, as one tree without `extends`.
+
+    Args:
+        path: The file.
+        find: Gives the file that a name means, for the folder of the file that extends it.
 
     Raises:
         ConfigError: A file cannot be read, holds something else, or extends itself.
     """
-    return _read(Path(path), [])
+    return _read(Path(path), find, [])
 
 
-def _read(path: Path, above: list[Path]) -> dict[Any, Any]:
+def _read(path: Path, find: Callable[[Path, str], Path], above: list[Path]) -> dict[Any, Any]:
     """Read a file that the ones `above` extend."""
     if path.resolve() in above:
-        raise ConfigError(path, ["extends itself"])
+        raise ConfigError(path, [Problem((), "extends itself")])
     tree = read(path)
     if "extends" not in tree:
         return tree
     name = tree.pop("extends")
     if not isinstance(name, str) or not name:
-        raise ConfigError(path, [f"extends: expected the path of one file, got {shown(name)}"])
+        text = f"expected the path of one file, got {shown(name)}"
+        raise ConfigError(path, [Problem(("extends",), text)])
     try:
-        return dict(merged(_read(path.parent / name, [*above, path.resolve()]), tree))
+        return dict(merged(_read(find(path.parent, name), find, [*above, path.resolve()]), tree))
     except ConfigError as exc:
-        problems = [f"extends: {problem}" for problem in str(exc).splitlines()]
+        problems = [Problem(("extends",), f"{exc.path}: {problem}") for problem in exc.problems]
         raise ConfigError(path, problems) from exc
     except RecursionError as exc:
-        raise ConfigError(path, ["nested too deeply"]) from exc
+        raise ConfigError(path, [Problem((), "nested too deeply")]) from exc
 
 
 def merged(base: Any, overlay: Any) -> Any:

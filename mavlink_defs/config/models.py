@@ -14,13 +14,15 @@ Errors: ValueError ← ConfigError (a file), Problems (inside a validator).
 """
 
 import difflib
+import enum
 import types
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import (
     Annotated,
     Any,
     Literal,
+    NamedTuple,
     TypeAlias,
     TypeVar,
     Union,
@@ -35,12 +37,13 @@ from pydantic_core import ErrorDetails
 
 from mavlink_defs.config.quantity import describe, whole
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
+from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["ConfigError", "HostPort", "Loc", "Model", "Port", "Problems", "SystemId", "dump",
-           "load", "parse", "problems_of", "read", "repeated", "shown", "unknown_key",
-           "validate"]  # fmt: skip
+__all__ = ["ConfigError", "HostPort", "Loc", "Model", "Port", "Problem", "ProblemKind", "Problems",
+           "SystemId", "dump", "load", "parse", "problems_of", "read", "repeated", "shown",
+           "unknown_key", "validate"]  # fmt: skip
 
 Loc: TypeAlias = tuple[str | int, ...]
 """Where a value stands: keys and list indices from the outside in."""
@@ -48,10 +51,49 @@ Loc: TypeAlias = tuple[str | int, ...]
 M = TypeVar("M", bound=BaseModel)
 
 
-class ConfigError(ValueError):
-    """The file cannot be used; `problems` holds one line for each thing wrong with it."""
+class ProblemKind(enum.Enum):
+    """What a problem is about."""
 
-    def __init__(self, path: Path | str, problems: Iterable[str]) -> None:
+    VALUE = enum.auto()
+    UNKNOWN_KEY = enum.auto()
+
+
+class Problem(NamedTuple):
+    """One thing wrong with a configuration; as a text, one line that begins with the place.
+
+    Attributes:
+        loc: Where it is: keys and list indices from the outside in; empty for the whole.
+        text: What is wrong. With `keys`, a format string that names them as {0}, {1} and so on.
+        kind: What it is about.
+        keys: Other keys of the same mapping that the text names.
+    """
+
+    loc: Loc
+    text: str
+    kind: ProblemKind = ProblemKind.VALUE
+    keys: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.line({})
+
+    def line(self, names: Mapping[str, str]) -> str:
+        """Return the line with other names for some of the keys.
+
+        Args:
+            names: From keys to names, such as those of command-line options.
+        """
+        text, place = self.text, ""
+        if self.keys:
+            text = text.format(*(names.get(key, key) for key in self.keys))
+        for part in self.loc:
+            place += f"[{part}]" if isinstance(part, int) else f".{names.get(part, part)}"
+        return f"{place.removeprefix('.')}: {text}" if place else text
+
+
+class ConfigError(ValueError):
+    """The file cannot be used; `problems` holds each thing wrong with it."""
+
+    def __init__(self, path: Path | str, problems: Iterable[Problem]) -> None:
         self.path, self.problems = Path(path), list(problems)
         super().__init__(self.path, self.problems)
 
@@ -60,14 +102,17 @@ class ConfigError(ValueError):
 
 
 class Problems(ValueError):  # noqa: N818 - several errors in one
-    """Raised by a model's validator for everything it found, with places below that model."""
+    """Raised by a model's validator for everything it found, with places below that model.
 
-    def __init__(self, problems: Iterable[tuple[Loc, str]]) -> None:
-        self.problems = list(problems)
-        super().__init__("; ".join(text for _, text in self.problems))
+    A problem that is a value's may be given as its place and text only.
+    """
+
+    def __init__(self, problems: Iterable[Problem | tuple[Loc, str]]) -> None:
+        self.problems = [Problem(*problem) for problem in problems]
+        super().__init__("; ".join(map(str, self.problems)))
 
     @classmethod
-    def check(cls, problems: Iterable[tuple[Loc, str]]) -> None:
+    def check(cls, problems: Iterable[Problem | tuple[Loc, str]]) -> None:
         """Raise all problems, if there are any."""
         found = cls(problems)
         if found.problems:
@@ -92,7 +137,7 @@ HostPort = Annotated[str, AfterValidator(_normal_address)]
 
 Port = Annotated[int, whole("", ge=1, le=65535, doc="UDP port.")]
 
-SystemId = Annotated[int, whole("", ge=1, le=250, doc="UAV number, its MAVLink system id.")]
+SystemId = Annotated[int, whole("", ge=1, le=LAST_SYSTEM, doc="UAV number, its MAVLink system id.")]
 
 
 def load(path: Path | str, model: type[M]) -> M:
@@ -113,12 +158,12 @@ def read(path: Path | str) -> dict[Any, Any]:
     try:
         return parse(path, Path(path).read_bytes().decode("utf-8-sig"))
     except FileNotFoundError as exc:
-        raise ConfigError(path, ["no such file"]) from exc
+        raise ConfigError(path, [Problem((), "no such file")]) from exc
     except OSError as exc:
-        raise ConfigError(path, [f"cannot be read: {exc.strerror}"]) from exc
+        raise ConfigError(path, [Problem((), f"cannot be read: {exc.strerror}")]) from exc
     except UnicodeDecodeError as exc:
         problem = f"not UTF-8 text: byte {exc.start} is 0x{exc.object[exc.start]:02x}"
-        raise ConfigError(path, [problem]) from exc
+        raise ConfigError(path, [Problem((), problem)]) from exc
 
 
 def parse(path: Path | str, text: str) -> dict[Any, Any]:
@@ -130,11 +175,11 @@ def parse(path: Path | str, text: str) -> dict[Any, Any]:
     try:
         data = parse_yaml(text)
     except (yaml.YAMLError, RecursionError, ValueError) as exc:
-        raise ConfigError(path, [yaml_problem(exc)]) from exc
+        raise ConfigError(path, [Problem((), yaml_problem(exc))]) from exc
     if data is None:
-        raise ConfigError(path, ["the file is empty; expected a mapping"])
+        raise ConfigError(path, [Problem((), "the file is empty; expected a mapping")])
     if not isinstance(data, dict):
-        raise ConfigError(path, [f"expected a mapping, got {shown(data)}"])
+        raise ConfigError(path, [Problem((), f"expected a mapping, got {shown(data)}")])
     return data
 
 
@@ -151,10 +196,10 @@ def validate(path: Path | str, data: dict[Any, Any], model: type[M]) -> M:
     raise ConfigError(path, problems)
 
 
-def problems_of(model: type[BaseModel], exc: ValidationError) -> list[str]:
-    """Say in our words what pydantic found wrong with the data of a model, one line each."""
+def problems_of(model: type[BaseModel], exc: ValidationError) -> list[Problem]:
+    """Return what pydantic found wrong with the data of a model, in our words."""
     errors = exc.errors(include_url=False)
-    return [line for error in errors for line in _lines(model, error)]
+    return [problem for error in errors for problem in _problems(model, error)]
 
 
 def dump(model: BaseModel, path: Path | str) -> None:
@@ -163,13 +208,14 @@ def dump(model: BaseModel, path: Path | str) -> None:
     write_text(Path(path), text)
 
 
-def unknown_key(key: object, known: Iterable[str]) -> str:
-    """Say that a key is unknown, and which one of the known ones was probably meant."""
-    names = list(known)
+def unknown_key(loc: Loc, known: Iterable[str]) -> Problem:
+    """Return the problem that a key is unknown; it names the known one probably meant."""
+    key, names = loc[-1], list(known)
     close = difflib.get_close_matches(str(key), names, n=1)
     words = {word for word in str(key).split("_") if len(word) > 2}
     alike = close or [name for name in names if words & set(name.split("_"))]
-    return f"unknown key; did you mean '{alike[0]}'?" if alike else "unknown key"
+    text = f"unknown key; did you mean '{alike[0]}'?" if alike else "unknown key"
+    return Problem(loc, text, ProblemKind.UNKNOWN_KEY)
 
 
 def repeated(values: Sequence[object]) -> list[tuple[int, str]]:
@@ -196,28 +242,28 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-# from pydantic's errors to our lines
+# from pydantic's errors to our problems
 
 
-def _lines(model: type[BaseModel], error: ErrorDetails) -> list[str]:
+def _problems(model: type[BaseModel], error: ErrorDetails) -> list[Problem]:
     cause = error.get("ctx", {}).get("error")
     if isinstance(cause, Problems):
-        return [f"{_Place(model, error['loc'] + loc).path}{text}" for loc, text in cause.problems]
+        return [problem._replace(loc=_Place(model, error["loc"] + problem.loc).loc)
+                for problem in cause.problems]  # fmt: skip
     if error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]:
         return []  # pydantic does not count entries that have problems of their own
     place = _Place(model, error["loc"])
     if error["type"] == "union_tag_invalid":  # our unions of models are told apart by `kind`
-        path = _Place(model, (*error["loc"], "kind")).path
-        return [f"{path}expected one of {error['ctx']['expected_tags']}, "
-                f"got {shown(error['ctx']['tag'])}"]  # fmt: skip
-    return [place.path + _problem(place, error)]
+        tags, tag = error["ctx"]["expected_tags"], shown(error["ctx"]["tag"])
+        return [Problem((*place.loc, "kind"), f"expected one of {tags}, got {tag}")]
+    if error["type"] in {"extra_forbidden", "invalid_key"}:
+        return [unknown_key(place.loc, place.siblings)]
+    return [Problem(place.loc, _text(place, error))]
 
 
-def _problem(place: "_Place", error: ErrorDetails) -> str:
+def _text(place: "_Place", error: ErrorDetails) -> str:
     kind, got = error["type"], shown(error["input"])
     declared = place.field and describe(place.field)
-    if kind in {"extra_forbidden", "invalid_key"}:
-        return unknown_key(error["loc"][-1], place.siblings)
     if kind == "missing":
         return f"missing; expected {place.expected}"
     if kind == "value_error":
@@ -242,14 +288,14 @@ class _Place:
     """What the models declare at a place.
 
     Attributes:
-        path: The place as the file has it, ready to stand before a message.
+        loc: The place as the file has it: without pydantic's tags, only indices of lists are int.
         field: The declaration of the value that is expected there, if known.
         siblings: Keys that the mapping around it may have.
         expected: What is expected there, in words.
     """
 
     def __init__(self, model: type[BaseModel], loc: Loc) -> None:
-        self.path = ""
+        self.loc: Loc = ()
         self.field: FieldInfo | None = None
         self.siblings: list[str] = []
         self._type: Any = model
@@ -258,7 +304,6 @@ class _Place:
             self._descend(part)
         self._strip()
         self.expected = _expected(self._type, self.field)
-        self.path = f"{self.path.lstrip('.')}: " if self.path else ""
 
     def _descend(self, part: str | int) -> None:
         self._strip()
@@ -275,7 +320,7 @@ class _Place:
             self.siblings = list(here.model_fields)
             self.field = here.model_fields.get(str(part))
             self._type = self.field.annotation if self.field else None
-            self.path += f".{part}"
+            self.loc += (str(part),)
             return
         origin, inner = get_origin(here), get_args(here)
         if origin is tuple and isinstance(part, int) and ... not in inner and part < len(inner):
@@ -284,7 +329,7 @@ class _Place:
             self._key, self._type = inner
         else:
             self._type = inner[0] if inner else None
-        self.path += f"[{part}]" if isinstance(part, int) and origin is not dict else f".{part}"
+        self.loc += (str(part) if origin is dict else part,)
 
     def _strip(self) -> None:
         """Take optionality, annotations and root models off the type."""

@@ -24,63 +24,50 @@ Wire format: MAVLink 2, https://mavlink.io/en/guide/serialization.html. One fram
 signed frames are recognised and left to `mavlink_defs.framing.hot_signing`.
 """
 
+from enum import IntEnum
+
 import numpy as np
 
 from mavlink_defs import dialect
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.header import (
+    COMPONENT,
+    CRC_SIZE,
+    FLAGS,
+    HEADER_SIZE,
+    MAGIC,
+    MAX_FRAME_SIZE,
+    MESSAGE_ID,
+    PAYLOAD_SIZE,
+    SEQUENCE,
+    SIGNATURE_SIZE,
+    SIGNED_FLAG,
+    SYSTEM,
+    V2_MAGIC,
+)
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["ACTUATORS", "ACTUATORS_SIZE", "BAD_CRC", "BAD_FLAGS", "BAD_LENGTH", "BAD_MAGIC",
-           "BUFFER_SIZE", "DROPS_SIZE", "DROP_REASONS", "FOREIGN", "ID_ACTUATORS",
+__all__ = ["ACTUATORS", "ACTUATORS_SIZE", "BUFFER_SIZE", "DROPS_SIZE", "FOREIGN", "ID_ACTUATORS",
            "ID_NEIGHBOUR", "ID_SIM_STATE", "ID_STEP_DONE", "NEIGHBOUR", "NEIGHBOUR_SIZE",
-           "NOT_NEWER", "OTHER_TARGET", "OUT_OF_RANGE", "REPLAYED", "SIGNED", "SIM_STATE",
-           "SIM_STATE_SIZE", "STEP_DONE", "STEP_DONE_SIZE", "STRANGER", "TRUNCATED", "UNEXPECTED",
-           "UNSIGNED", "WRONG_SIGNATURE", "add_checksum", "check", "component_of", "drop_counts",
-           "expand", "identify", "new_buffer", "pack", "payload_dtype", "payload_view",
-           "sequence_of", "system_of"]  # fmt: skip
+           "NOT_NEWER", "OUT_OF_RANGE", "SIGNED", "SIM_STATE", "SIM_STATE_SIZE", "STEP_DONE",
+           "STEP_DONE_SIZE", "STRANGER", "UNEXPECTED", "MessageId", "add_checksum", "check",
+           "component_of", "drop_counts", "expand", "identify", "new_buffer", "pack",
+           "payload_dtype", "payload_view", "sequence_of", "system_of"]  # fmt: skip
 
-BUFFER_SIZE = 280  # the longest MAVLink 2 frame: 10 header, 255 payload, 2 CRC, 13 signature
-_MAGIC = 0xFD
-_HEADER_SIZE = 10
-_CRC_SIZE = 2
-_SIGNATURE_SIZE = 13
-_FLAG_SIGNED = 1
+BUFFER_SIZE = MAX_FRAME_SIZE
 
-# What `check` answers instead of a message id. The first two are good frames for pymavlink.
+# What `check` answers instead of a message id for a good frame that pymavlink is to decode.
 FOREIGN = -1
 SIGNED = -2
-TRUNCATED = -3
-BAD_MAGIC = -4
-BAD_LENGTH = -5
-BAD_FLAGS = -6
-BAD_CRC = -7
-# Why a good frame is dropped after that; `check` does not know.
-UNEXPECTED = -8
-STRANGER = -9
-OTHER_TARGET = -10
-NOT_NEWER = -11
-OUT_OF_RANGE = -12
-WRONG_SIGNATURE = -13  # with a key only, see `mavlink_defs.framing.hot_signing`
-UNSIGNED = -14
-REPLAYED = -15
-DROP_REASONS = {
-    TRUNCATED: "truncated",
-    BAD_MAGIC: "not MAVLink 2",
-    BAD_LENGTH: "bytes after the frame",
-    BAD_FLAGS: "unknown incompatibility flags",
-    BAD_CRC: "wrong checksum",
-    UNEXPECTED: "unknown message",
-    STRANGER: "wrong sender",
-    OTHER_TARGET: "wrong target",
-    NOT_NEWER: "not newer",
-    OUT_OF_RANGE: "out of range",
-    WRONG_SIGNATURE: "wrong signature",
-    UNSIGNED: "unsigned",
-    REPLAYED: "replayed",
-}
-"""Why a datagram is dropped, in the order of the arrays of FTC_DROPS."""
+
+# Names of single reasons for the compiled links.
+UNEXPECTED = int(DropReason.UNEXPECTED)
+STRANGER = int(DropReason.STRANGER)
+NOT_NEWER = int(DropReason.NOT_NEWER)
+OUT_OF_RANGE = int(DropReason.OUT_OF_RANGE)
 
 DROPS_SIZE = 16
-"""Counters of dropped datagrams: ``drops[-code]`` for each of DROP_REASONS."""
+"""Counters of dropped datagrams: ``drops[-reason]`` for each `DropReason`."""
 
 
 def payload_dtype(message_class: type[dialect.MAVLink_message]) -> np.dtype[np.void]:
@@ -106,10 +93,20 @@ STEP_DONE_SIZE = STEP_DONE.itemsize
 NEIGHBOUR_SIZE = NEIGHBOUR.itemsize
 ACTUATORS_SIZE = ACTUATORS.itemsize
 
-ID_SIM_STATE = dialect.MAVLink_ftc_sim_state_message.id
-ID_STEP_DONE = dialect.MAVLink_ftc_step_done_message.id
-ID_NEIGHBOUR = dialect.MAVLink_ftc_neighbour_message.id
-ID_ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.id
+
+class MessageId(IntEnum):
+    """Message ids of the hot messages."""
+
+    SIM_STATE = dialect.MAVLink_ftc_sim_state_message.id
+    STEP_DONE = dialect.MAVLink_ftc_step_done_message.id
+    NEIGHBOUR = dialect.MAVLink_ftc_neighbour_message.id
+    ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.id
+
+
+ID_SIM_STATE = int(MessageId.SIM_STATE)
+ID_STEP_DONE = int(MessageId.STEP_DONE)
+ID_NEIGHBOUR = int(MessageId.NEIGHBOUR)
+ID_ACTUATORS = int(MessageId.ACTUATORS)
 
 _EXTRA_SIM_STATE = dialect.MAVLink_ftc_sim_state_message.crc_extra
 _EXTRA_STEP_DONE = dialect.MAVLink_ftc_step_done_message.crc_extra
@@ -142,12 +139,12 @@ def payload_view(datagram: np.ndarray, dtype: np.dtype[np.void]) -> np.ndarray:
 
     Valid after `check` has returned this message's id and `expand` has been called.
     """
-    return datagram[_HEADER_SIZE : _HEADER_SIZE + dtype.itemsize].view(dtype)
+    return datagram[HEADER_SIZE : HEADER_SIZE + dtype.itemsize].view(dtype)
 
 
 def drop_counts(drops: np.ndarray) -> list[int]:
     """Counters of shape (DROPS_SIZE,) as FTC_DROPS carries them: in order, at most UINT32_MAX."""
-    return [min(int(drops[-code]), 2**32 - 1) for code in DROP_REASONS]
+    return [min(int(drops[-reason]), 2**32 - 1) for reason in DropReason]
 
 
 @compiled
@@ -165,7 +162,7 @@ def pack(
         datagram: Buffer to write to, from `new_buffer`.
         payload: The message, shape (1,), of the dtype that belongs to `message_id`; unchanged.
             One row of a longer array is the slice ``rows[i : i + 1]``.
-        message_id: One of the ``ID_`` constants.
+        message_id: A `MessageId`.
         system_id: Sender's system id, 1 to 255.
         component_id: Sender's component id.
         sequence: Number of frames sent before; its low byte goes out.
@@ -182,26 +179,26 @@ def pack(
     size = source.size
     while size > 1 and source[size - 1] == 0:  # MAVLink 2: trailing zeros are not sent
         size -= 1
-    datagram[0] = _MAGIC
-    datagram[1] = size
-    datagram[2] = 0
-    datagram[3] = 0
-    datagram[4] = sequence & 0xFF
-    datagram[5] = system_id
-    datagram[6] = component_id
-    datagram[7] = message_id & 0xFF
-    datagram[8] = (message_id >> 8) & 0xFF
-    datagram[9] = message_id >> 16
+    datagram[MAGIC] = V2_MAGIC
+    datagram[PAYLOAD_SIZE] = size
+    datagram[FLAGS] = 0
+    datagram[FLAGS + 1] = 0  # compatibility flags
+    datagram[SEQUENCE] = sequence & 0xFF
+    datagram[SYSTEM] = system_id
+    datagram[COMPONENT] = component_id
+    datagram[MESSAGE_ID] = message_id & 0xFF
+    datagram[MESSAGE_ID + 1] = (message_id >> 8) & 0xFF
+    datagram[MESSAGE_ID + 2] = message_id >> 16
     for i in range(size):
-        datagram[_HEADER_SIZE + i] = source[i]
+        datagram[HEADER_SIZE + i] = source[i]
     add_checksum(datagram)
-    return _HEADER_SIZE + size + _CRC_SIZE
+    return HEADER_SIZE + size + CRC_SIZE
 
 
 @compiled
 def add_checksum(datagram: np.ndarray) -> None:
     """Write the checksum of a hot message that stands in a datagram buffer."""
-    end = _HEADER_SIZE + _byte(datagram, 1)
+    end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
     crc = _checksum(datagram, end, _crc_extra(_message_id(datagram)))
     datagram[end] = crc & 0xFF
     datagram[end + 1] = crc >> 8
@@ -217,23 +214,23 @@ def check(datagram: np.ndarray, length: int) -> int:
 
     Returns:
         The message id of a valid hot message, or a negative code: FOREIGN and SIGNED for a
-        frame that is whole but not ours to check (its checksum is left to pymavlink), or one
-        of DROP_REASONS. A payload may be longer than ours (fields of a newer dialect).
+        frame that is whole but not ours to check (its checksum is left to pymavlink), or a
+        `DropReason`. A payload may be longer than ours (fields of a newer dialect).
     """
     if length < 1:
-        return TRUNCATED
-    if datagram[0] != _MAGIC:
-        return BAD_MAGIC
-    if length < _HEADER_SIZE + _CRC_SIZE:
-        return TRUNCATED
-    flags = _byte(datagram, 2)
-    if flags > _FLAG_SIGNED:
-        return BAD_FLAGS
-    end = _HEADER_SIZE + _byte(datagram, 1)
-    whole = end + _CRC_SIZE + (_SIGNATURE_SIZE if flags == _FLAG_SIGNED else 0)
+        return DropReason.TRUNCATED
+    if datagram[MAGIC] != V2_MAGIC:
+        return DropReason.BAD_MAGIC
+    if length < HEADER_SIZE + CRC_SIZE:
+        return DropReason.TRUNCATED
+    flags = _byte(datagram, FLAGS)
+    if flags > SIGNED_FLAG:
+        return DropReason.BAD_FLAGS
+    end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
+    whole = end + CRC_SIZE + (SIGNATURE_SIZE if flags == SIGNED_FLAG else 0)
     if length != whole:
-        return TRUNCATED if length < whole else BAD_LENGTH
-    if flags == _FLAG_SIGNED:
+        return DropReason.TRUNCATED if length < whole else DropReason.BAD_LENGTH
+    if flags == SIGNED_FLAG:
         return SIGNED
     return identify(datagram)
 
@@ -244,14 +241,14 @@ def identify(datagram: np.ndarray) -> int:
 
     For frames whose signature has been checked; `check` does it for unsigned ones.
     """
-    end = _HEADER_SIZE + _byte(datagram, 1)
+    end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
     message_id = _message_id(datagram)
     extra = _crc_extra(message_id)
     if extra < 0:
         return FOREIGN
     crc = _checksum(datagram, end, extra)
     if datagram[end] != crc & 0xFF or datagram[end + 1] != crc >> 8:
-        return BAD_CRC
+        return DropReason.BAD_CRC
     return message_id
 
 
@@ -265,26 +262,26 @@ def expand(datagram: np.ndarray, payload_size: int) -> None:
         datagram: Buffer whose frame `check` has accepted.
         payload_size: Size of the message's whole payload [bytes], ``ACTUATORS_SIZE`` and so on.
     """
-    for i in range(_HEADER_SIZE + _byte(datagram, 1), _HEADER_SIZE + payload_size):
+    for i in range(HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE), HEADER_SIZE + payload_size):
         datagram[i] = 0
 
 
 @compiled
 def sequence_of(datagram: np.ndarray) -> int:
     """Sequence number of a checked frame, 0 to 255."""
-    return _byte(datagram, 4)
+    return _byte(datagram, SEQUENCE)
 
 
 @compiled
 def system_of(datagram: np.ndarray) -> int:
     """Sender's system id of a checked frame."""
-    return _byte(datagram, 5)
+    return _byte(datagram, SYSTEM)
 
 
 @compiled
 def component_of(datagram: np.ndarray) -> int:
     """Sender's component id of a checked frame."""
-    return _byte(datagram, 6)
+    return _byte(datagram, COMPONENT)
 
 
 @compiled
@@ -294,18 +291,19 @@ def _byte(datagram: np.ndarray, i: int) -> int:
 
 @compiled
 def _message_id(datagram: np.ndarray) -> int:
-    return _byte(datagram, 7) + (_byte(datagram, 8) << 8) + (_byte(datagram, 9) << 16)
+    low, middle = _byte(datagram, MESSAGE_ID), _byte(datagram, MESSAGE_ID + 1)
+    return low + (middle << 8) + (_byte(datagram, MESSAGE_ID + 2) << 16)
 
 
 @compiled
 def _crc_extra(message_id: int) -> int:
-    if message_id == ID_SIM_STATE:
+    if message_id == MessageId.SIM_STATE:
         return _EXTRA_SIM_STATE
-    if message_id == ID_ACTUATORS:
+    if message_id == MessageId.ACTUATORS:
         return _EXTRA_ACTUATORS
-    if message_id == ID_STEP_DONE:
+    if message_id == MessageId.STEP_DONE:
         return _EXTRA_STEP_DONE
-    if message_id == ID_NEIGHBOUR:
+    if message_id == MessageId.NEIGHBOUR:
         return _EXTRA_NEIGHBOUR
     return -1
 

@@ -5,15 +5,17 @@ from collections.abc import Callable
 from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
-from mavlink_defs.framing import codec
+from mavlink_defs.constants import STATUSTEXT_SIZE
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.header import (
+    CRC_SIZE,
+    MAGIC,
+    SIGNED_FLAG,
+    V2_MAGIC,
+    FrameHeader,
+)
 
-__all__ = ["FramePacker", "code_of", "drop_reason", "frame_size", "parse", "text_chunks"]
-
-_TEXT_SIZE = 50  # of one STATUSTEXT
-_CRC = 2  # bytes
-_SHORTEST = dialect.HEADER_LEN_V2 + _CRC
-_CODES = {words: code for code, words in codec.DROP_REASONS.items()}
-_CODES |= {"empty": codec.TRUNCATED, "MAVLink 1": codec.BAD_MAGIC}
+__all__ = ["FramePacker", "drop_reason", "frame_size", "parse", "text_chunks"]
 
 
 class FramePacker:
@@ -51,44 +53,39 @@ def parse(datagram: bytes) -> dialect.MAVLink_message | None:
         return None
 
 
-def drop_reason(datagram: bytes) -> int:
-    """Tell why `parse` refuses a datagram: one of `codec.DROP_REASONS`."""
-    size, words = frame_size(datagram)
-    if size == 0:
-        return code_of(words)
-    return codec.BAD_LENGTH if size != len(datagram) else codec.OUT_OF_RANGE
+def drop_reason(datagram: bytes) -> DropReason:
+    """Return why `parse` refuses a datagram."""
+    size, wrong = frame_size(datagram)
+    if wrong is not None:
+        return wrong
+    return DropReason.BAD_LENGTH if size != len(datagram) else DropReason.OUT_OF_RANGE
 
 
-def code_of(words: str) -> int:
-    """The one of `codec.DROP_REASONS` that words of `frame_size` or of a signer stand for."""
-    return _CODES[words]
-
-
-def frame_size(data: bytes) -> tuple[int, str]:
-    """Size of the MAVLink 2 frame of the dialect that `data` begins with.
+def frame_size(data: bytes) -> tuple[int, DropReason | None]:
+    """Return the size of the MAVLink 2 frame of the dialect that `data` begins with.
 
     Returns:
-        The size [bytes] and ""; or 0 and what is wrong, in words. Signatures are not verified.
+        The size [bytes] and None; or 0 and what is wrong. Signatures are not verified.
     """
     if not data:
-        return 0, "empty"
-    if data[0] != dialect.PROTOCOL_MARKER_V2:
-        return 0, "MAVLink 1" if data[0] == dialect.PROTOCOL_MARKER_V1 else "not MAVLink 2"
-    if len(data) < _SHORTEST:
-        return 0, "truncated"
-    end, flags = dialect.HEADER_LEN_V2 + data[1], data[2]
-    if flags > dialect.MAVLINK_IFLAG_SIGNED:
-        return 0, "unknown incompatibility flags"
-    size = end + _CRC + (dialect.MAVLINK_SIGNATURE_BLOCK_LEN if flags else 0)
+        return 0, DropReason.TRUNCATED
+    if data[MAGIC] != V2_MAGIC:
+        return 0, DropReason.BAD_MAGIC
+    header = FrameHeader.read(data)
+    if header is None:
+        return 0, DropReason.TRUNCATED
+    if header.flags > SIGNED_FLAG:
+        return 0, DropReason.BAD_FLAGS
+    end, size = header.crc_offset, header.frame_size
     if len(data) < size:
-        return 0, "truncated"
-    message = dialect.mavlink_map.get(int.from_bytes(data[7:10], "little"))
+        return 0, DropReason.TRUNCATED
+    message = dialect.mavlink_map.get(header.message_id)
     if message is None:
-        return 0, "unknown message"
+        return 0, DropReason.UNEXPECTED
     crc = mcrf4xx(data[1:end] + bytes([message.crc_extra]))
-    if crc != int.from_bytes(data[end : end + _CRC], "little"):
-        return 0, "wrong checksum"
-    return size, ""
+    if crc != int.from_bytes(data[end : end + CRC_SIZE], "little"):
+        return 0, DropReason.BAD_CRC
+    return size, None
 
 
 def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink_message]:
@@ -101,10 +98,10 @@ def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink
             to 1, since 0 means a text of one chunk.
     """
     raw = text.encode("ascii", "replace")
-    chunks = [raw[i : i + _TEXT_SIZE] for i in range(0, len(raw), _TEXT_SIZE)] or [b""]
+    chunks = [raw[i : i + STATUSTEXT_SIZE] for i in range(0, len(raw), STATUSTEXT_SIZE)] or [b""]
     if len(chunks) == 1:
         return [dialect.MAVLink_statustext_message(severity, chunks[0])]
-    if len(chunks[-1]) == _TEXT_SIZE:
+    if len(chunks[-1]) == STATUSTEXT_SIZE:
         chunks.append(b"")  # a chunk without a zero byte says that another one follows
     number = identity % 65535 + 1
     return [

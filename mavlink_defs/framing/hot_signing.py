@@ -10,16 +10,14 @@ import numpy as np
 from mavlink_defs import dialect
 from mavlink_defs.framing.codec import (
     FOREIGN,
-    OUT_OF_RANGE,
-    REPLAYED,
     SIGNED,
-    UNSIGNED,
-    WRONG_SIGNATURE,
     add_checksum,
     check,
     identify,
     new_buffer,
 )
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.header import COMPONENT, FLAGS, MESSAGE_ID, SIGNED_FLAG, SYSTEM
 from mavlink_defs.framing.sha256 import signature
 from mavlink_defs.framing.signing import (
     EPOCH_S,
@@ -98,7 +96,7 @@ def sign_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> in
     """
     if link_signer.key.size == 0:
         return length
-    datagram[2] |= 1
+    datagram[FLAGS] |= SIGNED_FLAG
     add_checksum(datagram)
     return _append(link_signer, datagram, length)
 
@@ -123,9 +121,15 @@ def verify_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> 
         return code
     if code == SIGNED:
         return _verify(link_signer, datagram, length)
-    if code == FOREIGN and datagram[7] == _RADIO_STATUS and datagram[8] == datagram[9] == 0:
+    if code == FOREIGN and _is_radio_status(datagram):
         return FOREIGN
-    return UNSIGNED if code >= FOREIGN else code
+    return DropReason.UNSIGNED if code >= FOREIGN else code
+
+
+@compiled
+def _is_radio_status(datagram: np.ndarray) -> bool:
+    high = datagram[MESSAGE_ID + 1] | datagram[MESSAGE_ID + 2]
+    return bool(datagram[MESSAGE_ID] == _RADIO_STATUS and high == 0)
 
 
 @compiled
@@ -137,18 +141,18 @@ def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     for k in range(_HASH):
         given = (given << 8) | int(np.int64(datagram[length - _HASH + k]))
     if given != signature(link_signer.key, datagram, length - _HASH):
-        return WRONG_SIGNATURE
+        return DropReason.WRONG_SIGNATURE
     stamp = 0
     for k in range(_STAMP):
         stamp |= int(np.int64(datagram[length - _HASH - _STAMP + k])) << (8 * k)
-    stream = 256 * np.int64(datagram[5]) + np.int64(datagram[6])
+    stream = 256 * np.int64(datagram[SYSTEM]) + np.int64(datagram[COMPONENT])
     newest, now = link_signer.newest[stream], _now(link_signer, 0)
     if newest == 0:
         newest = now - WINDOW - 1
     if datagram[length - _HASH - _STAMP - 1] != link_signer.link or stamp <= newest:
-        return REPLAYED
+        return DropReason.REPLAYED
     if stamp > now + WINDOW:
-        return OUT_OF_RANGE
+        return DropReason.OUT_OF_RANGE
     link_signer.newest[stream] = stamp
     link_signer.time[0] = max(link_signer.time[0], stamp)
     return code

@@ -20,13 +20,22 @@ import numpy as np
 from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
-from mavlink_defs.framing.codec import DROP_REASONS, OUT_OF_RANGE
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import frame_size
+from mavlink_defs.framing.header import (
+    COMPONENT,
+    CRC_SIZE,
+    FLAGS,
+    HEADER_SIZE,
+    MESSAGE_ID,
+    SIGNATURE_SIZE,
+    SIGNED_FLAG,
+    SYSTEM,
+)
 
-__all__ = ["EPOCH_S", "FORMATION_LINK", "KEY_SIZE", "PLANT_LINK", "SIGNING_REASONS",
-           "UNSIGNED_ALLOWED", "WINDOW", "Signer", "SigningError", "flagged", "is_ahead",
-           "load_signer", "make_key", "new_time", "open_time", "read_key", "time_file", "timestamp",
-           "words_of"]  # fmt: skip
+__all__ = ["EPOCH_S", "FORMATION_LINK", "KEY_SIZE", "PLANT_LINK", "UNSIGNED_ALLOWED", "WINDOW",
+           "Signer", "SigningError", "flagged", "is_ahead", "load_signer", "make_key", "new_time",
+           "open_time", "read_key", "time_file", "timestamp", "words_of"]  # fmt: skip
 
 KEY_SIZE = 32  # bytes
 EPOCH_S = 1_420_070_400  # 2015-01-01, Unix time
@@ -39,11 +48,8 @@ PLANT_LINK, FORMATION_LINK = 254, 253
 on the others."""
 UNSIGNED_ALLOWED = frozenset({dialect.MAVLINK_MSG_ID_RADIO_STATUS})
 """Messages that are taken unsigned: radios send them, and have no key."""
-UNSIGNED, WRONG, REPLAYED = SIGNING_REASONS = ("unsigned", "wrong signature", "replayed")
 
-_SIGNATURE = dialect.MAVLINK_SIGNATURE_BLOCK_LEN
 _HASH = 6  # bytes
-_CRC = 2
 _PRIVATE = 0o600
 
 
@@ -147,10 +153,11 @@ def open_time(path: Path | str) -> np.ndarray:
 
 def flagged(frame: bytes) -> bytearray:
     """An unsigned frame that the dialect knows, up to its signature: flag set, checksum right."""
-    body = bytearray(frame[:-_CRC])
-    body[2] |= dialect.MAVLINK_IFLAG_SIGNED
-    extra = dialect.mavlink_map[int.from_bytes(body[7:10], "little")].crc_extra
-    return body + mcrf4xx(bytes(body[1:]) + bytes([extra])).to_bytes(_CRC, "little")
+    body = bytearray(frame[:-CRC_SIZE])
+    body[FLAGS] |= SIGNED_FLAG
+    message_id = int.from_bytes(body[MESSAGE_ID:HEADER_SIZE], "little")
+    extra = dialect.mavlink_map[message_id].crc_extra
+    return body + mcrf4xx(bytes(body[1:]) + bytes([extra])).to_bytes(CRC_SIZE, "little")
 
 
 class Signer:
@@ -177,7 +184,7 @@ class Signer:
             unix_s: The clock.
             at_least: Timestamp to begin with, if the clock does not show a later one.
         """
-        self.refused: Counter[str] = Counter()
+        self.refused: Counter[DropReason] = Counter()
         self._key, self._link, self._unix_s = key, link, unix_s
         self._shared = new_time() if shared is None else shared
         self._time = at_least
@@ -198,31 +205,34 @@ class Signer:
     def accepts(self, frame: bytes) -> bool:
         """Tell whether a frame may be believed; if not, the reason is counted."""
         wrong = self.problem(frame)
-        if wrong:
+        if wrong is not None:
             self.refused[wrong] += 1
-        return not wrong
+        return wrong is None
 
-    def problem(self, frame: bytes) -> str:
-        """Why a frame must not be believed, in words of `codec.DROP_REASONS`; empty if it may."""
+    def problem(self, frame: bytes) -> DropReason | None:
+        """Return why a frame must not be believed; None if it may."""
         size, wrong = frame_size(frame)
-        if wrong or size != len(frame):
-            return wrong or "bytes after the frame"
-        if not frame[2] & dialect.MAVLINK_IFLAG_SIGNED:
-            allowed = int.from_bytes(frame[7:10], "little") in UNSIGNED_ALLOWED
-            return "" if allowed else UNSIGNED
-        link = frame[-_SIGNATURE]
+        if wrong is not None:
+            return wrong
+        if size != len(frame):
+            return DropReason.BAD_LENGTH
+        if not frame[FLAGS] & SIGNED_FLAG:
+            message_id = int.from_bytes(frame[MESSAGE_ID:HEADER_SIZE], "little")
+            allowed = message_id in UNSIGNED_ALLOWED
+            return None if allowed else DropReason.UNSIGNED
+        link = frame[-SIGNATURE_SIZE]
         if not secrets.compare_digest(self._hash(frame[:-_HASH]), frame[-_HASH:]):
-            return WRONG
-        stamp = int.from_bytes(frame[-_SIGNATURE + 1 : -_HASH], "little")
-        stream, now = (link, frame[5], frame[6]), self._now()
+            return DropReason.WRONG_SIGNATURE
+        stamp = int.from_bytes(frame[-SIGNATURE_SIZE + 1 : -_HASH], "little")
+        stream, now = (link, frame[SYSTEM], frame[COMPONENT]), self._now()
         newest = self._newest.get(stream, now - WINDOW - 1)
         if stamp <= newest or link in {PLANT_LINK, FORMATION_LINK} - {self._link}:
-            return REPLAYED
+            return DropReason.REPLAYED
         if stamp > now + WINDOW:
-            return DROP_REASONS[OUT_OF_RANGE]
+            return DropReason.OUT_OF_RANGE
         self._newest[stream] = stamp
         self._time = max(self._time, stamp)
-        return ""
+        return None
 
     def _now(self, more: int = 0) -> int:
         """The timestamp to use now, after `more` than the last."""
@@ -243,5 +253,5 @@ def load_signer(key_file: str | None) -> Signer | None:
 
 
 def words_of(refused: Counter[str]) -> str:
-    """Say how many frames were refused for which reasons."""
+    """Return how many frames were refused for which reasons, in words."""
     return ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))

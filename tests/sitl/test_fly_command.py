@@ -157,7 +157,7 @@ def test_one_uav_alone(tmp_path: Path) -> None:
 def test_real_time(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path, duration_s=2.0)
     folder = tmp_path / "run"
-    fly_well(scenario, "--quiet", "--free-ports", "--speed", "20", "--out", folder)
+    fly_well(scenario, "--quiet", "--free-ports", "--speed", "2", "--out", folder)
     summary = summary_of(folder)
     assert summary["completed"] is True
     assert summary["mode"] == "real_time"

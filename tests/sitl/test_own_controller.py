@@ -1,4 +1,4 @@
-"""The worked example of docs/controllers.md, done as it says, in a copy of the project."""
+"""The worked example of docs/tutorial/law.md, done as it says, in a copy of the project."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-DOCUMENT = (ROOT / "docs" / "controllers.md").read_text()
+DOCUMENT = (ROOT / "docs" / "tutorial" / "law.md").read_text()
 
 
 def block(language: str) -> str:
@@ -34,7 +34,7 @@ def apply(diff: str, text: str) -> str:
 def test_a_law_is_one_file_and_one_registration(tmp_path: Path) -> None:
     for package in ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "scenarios"):
         shutil.copytree(ROOT / package, tmp_path / package)
-    laws = tmp_path / "ftc_autopilot" / "laws"
+    laws = tmp_path / "ftc_autopilot" / "control" / "laws"
     (laws / "proportional.py").write_text(block("python"))
     registry = laws / "__init__.py"
     registry.write_text(apply(block("diff"), registry.read_text()))

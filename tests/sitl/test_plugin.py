@@ -1,4 +1,4 @@
-"""The pytest plugin as others use it: docs/testing.md in a project of its own."""
+"""The pytest plugin as others use it: docs/tutorial/test.md in a project of its own."""
 
 import re
 import signal
@@ -55,6 +55,18 @@ def test_scenario(ftc_fleet):
     pass
 """
 
+BUNDLED = """
+import pytest
+
+@pytest.mark.ftc_scenario("paper/scenario1", mode="in_process", duration_s=0.05)
+def test_by_name(ftc_flight):
+    ftc_flight.assert_completed()
+
+@pytest.mark.ftc_scenario("paper/scenario7")
+def test_unknown(ftc_flight):
+    pass
+"""
+
 FOR_EVER = """
 import time
 
@@ -73,7 +85,7 @@ def block_of(document: str, language: str) -> str:
 
 
 def documented_message() -> str:
-    text = (ROOT / "docs" / "testing.md").read_text()
+    text = (ROOT / "docs" / "tutorial" / "test.md").read_text()
     found = re.search(r"^    AssertionError: .*?\n\n", text, re.MULTILINE | re.DOTALL)
     assert found is not None
     return " ".join(found[0].split())
@@ -82,7 +94,7 @@ def documented_message() -> str:
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     (tmp_path / "pytest.ini").write_text("[pytest]\nfilterwarnings = error\n")
-    (tmp_path / "my.yaml").write_text(block_of("scenario.md", "yaml"))
+    (tmp_path / "my.yaml").write_text(block_of("reference/scenario.md", "yaml"))
     return tmp_path
 
 
@@ -108,7 +120,7 @@ def run(project: Path, *options: str) -> tuple[int, str]:
 
 
 def test_the_documented_example_passes(project: Path) -> None:
-    (project / "test_my.py").write_text(block_of("testing.md", "python"))
+    (project / "test_my.py").write_text(block_of("tutorial/test.md", "python"))
     status, output = run(project)
     assert status == 0, output
     assert "4 passed" in output
@@ -129,6 +141,14 @@ def test_a_wrong_expectation_says_what_came_instead_and_where(project: Path) -> 
         r"my\.yaml: duration_s: expected \(0, 86400\] s, got -1\n(?!\nDuring)",
     ):
         assert re.search(line, output), (line, output)
+
+
+def test_bundled_scenarios_have_names(project: Path) -> None:
+    (project / "test_bundled.py").write_text(BUNDLED)
+    status, output = run(project)
+    assert status == 1
+    assert "1 passed, 1 error" in output, output
+    assert "paper/scenario7: no such file, and no bundled scenario of that name" in output
 
 
 def test_nothing_is_left_of_an_interrupted_test(project: Path) -> None:

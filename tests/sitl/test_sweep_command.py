@@ -95,7 +95,7 @@ def test_every_run_is_in_the_tables(tmp_path: Path) -> None:
     table = (folder / "table.md").read_text()
     assert table.count("| lost | - | - |") == table.count("UAV 2 was lost") == 2
     assert "UAV 2" in done.stderr
-    assert done.stderr.count("lost") == 2
+    assert done.stderr.count(" lost  ") == 2
 
     before = kept(folder)
     again = sweep(*arguments, "--quiet", "--uav", "1")

@@ -1,4 +1,4 @@
-"""The program in docs/clients.md runs as it stands there."""
+"""The program in docs/how-to/clients.md runs as it stands there."""
 
 import re
 import subprocess
@@ -10,7 +10,7 @@ from standing import Standing
 
 pytestmark = pytest.mark.sitl
 
-DOCUMENT = Path(__file__).parents[3] / "docs" / "clients.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "how-to" / "clients.md"
 
 
 def test_the_mavsdk_program(fleet: Standing) -> None:

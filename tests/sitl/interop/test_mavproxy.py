@@ -1,4 +1,4 @@
-"""MAVProxy drives a fleet: everything that docs/clients.md says it can."""
+"""MAVProxy drives a fleet: everything that docs/how-to/clients.md says it can."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""MAVSDK-Python drives a fleet: everything that docs/clients.md says it can."""
+"""MAVSDK-Python drives a fleet: everything that docs/how-to/clients.md says it can."""
 
 import contextlib
 import math

@@ -24,6 +24,7 @@ from gcs.station.vehicle_state import describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
 from mavlink_defs.framing import codec
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.profile import AirspeedLimits, ProfileError, items_to_segments
 from mavlink_defs.services.fault_list import FaultLister
@@ -112,13 +113,13 @@ def test_parse_takes_mavlink_2_frames_of_the_dialect_only() -> None:
     flagged = bytearray(frame)
     flagged[2] = 2
     for datagram, reason in (
-        (old, codec.BAD_MAGIC),
-        (unknown, codec.UNEXPECTED),
-        (bytes(flagged), codec.BAD_FLAGS),
-        (frame + b"\0", codec.BAD_LENGTH),
-        (frame[:-1], codec.TRUNCATED),
-        (b"", codec.TRUNCATED),
-        (frame[:-1] + bytes([frame[-1] ^ 1]), codec.BAD_CRC),
+        (old, DropReason.BAD_MAGIC),
+        (unknown, DropReason.UNEXPECTED),
+        (bytes(flagged), DropReason.BAD_FLAGS),
+        (frame + b"\0", DropReason.BAD_LENGTH),
+        (frame[:-1], DropReason.TRUNCATED),
+        (b"", DropReason.TRUNCATED),
+        (frame[:-1] + bytes([frame[-1] ^ 1]), DropReason.BAD_CRC),
     ):
         assert parse(datagram) is None
         assert drop_reason(datagram) == reason

@@ -1,16 +1,23 @@
 """The documentation names what the code has, and its example flies."""
 
 import inspect
+import os
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 import pytest
+import typer
 from pydantic import BaseModel, RootModel
 
 import ftc_autopilot.link
+from ftc_autopilot.config import Trigger
+from ftc_autopilot.control.laws import LAWS
+from gcs.cli import app
 from gcs.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
@@ -18,12 +25,12 @@ from gcs.results.run_folder import save_flight
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.faults import MAX_FAULTS, fault_to_params
+from scripts import docs_pages
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
-SCENARIO_MD = (DOCS / "scenario.md").read_text()
-WIRE_MD = (DOCS / "wire.md").read_text()
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+SCENARIO_MD = (DOCS / "reference" / "scenario.md").read_text()
 
 
 def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -42,6 +49,11 @@ def names_in_code(text: str) -> set[str]:
     return {name for span in re.findall(r"`([^`\n]+)`", text) for name in re.findall(r"\w+", span)}
 
 
+def generated(page: str) -> str:
+    """A page of the reference as the site has it, with its generated tables."""
+    return docs_pages.on_page_markdown((DOCS / "reference" / f"{page}.md").read_text())
+
+
 def dialect_names() -> list[str]:
     tree = ET.parse(ROOT / "mavlink_defs" / "ftc.xml")
     messages = [message.attrib["name"] for message in tree.iter("message")]
@@ -55,12 +67,11 @@ class Field(NamedTuple):
     message: str
     name: str
     length: int | None  # of an array
-    unit: str  # as the documentation writes it; empty if the dialect names none
+    unit: str  # empty if the dialect names none
 
 
 def dialect_fields() -> list[Field]:
     tree = ET.parse(ROOT / "mavlink_defs" / "ftc.xml")
-    written = {"us": "µs", "m/s/s": "m/s²"}
     found = []
     for message in tree.iter("message"):
         for field in message.iter("field"):
@@ -69,7 +80,7 @@ def dialect_fields() -> list[Field]:
             found.append(
                 Field(
                     message.attrib["name"], field.attrib["name"],
-                    int(length[1]) if length else None, written.get(unit, unit),
+                    int(length[1]) if length else None, unit,
                 )
             )  # fmt: skip
     return found
@@ -102,7 +113,7 @@ def test_example_sets_its_fault(example: Scenario) -> None:
 def test_every_scenario_key_is_documented() -> None:
     keys = {key for model in models_in(Scenario) for key in model.model_fields}
     assert {"between", "until_s", "speed_scale", "rate_rad_s", "cl_da"} <= keys
-    assert keys - names_in_code(SCENARIO_MD) == set()
+    assert keys - names_in_code(generated("scenario")) == set()
 
 
 def test_fault_capacity_is_documented() -> None:
@@ -110,8 +121,9 @@ def test_fault_capacity_is_documented() -> None:
 
 
 def test_every_result_is_documented(example: Scenario, flight: Recording, tmp_path: Path) -> None:
-    summary = summarise(flight, example)
-    save_flight(flight, summary, tmp_path)
+    report = summarise(flight, example)
+    save_flight(flight, report, tmp_path)
+    summary = report.to_json()
     uav = summary["uavs"][0]
     keys = {*summary, *uav, *uav["channels"], *uav["channels"]["rudder"], *uav["iae"]}
     arrays = {*(flight.signals.dtype.names or ()), *(p.name for p in tmp_path.iterdir())}
@@ -123,26 +135,65 @@ def test_every_result_is_documented(example: Scenario, flight: Recording, tmp_pa
 
 @pytest.mark.parametrize("name", dialect_names())
 def test_dialect_name_is_documented(name: str) -> None:
-    assert re.search(rf"\b{name}\b", WIRE_MD)
+    assert f"\n### {name}\n" in generated("messages")
 
 
 @pytest.mark.parametrize("field", dialect_fields(), ids=lambda f: f"{f.message}.{f.name}")
 def test_message_field_is_documented(field: Field) -> None:
-    """Name, array length and unit, which may stand behind several fields: "start, end [s]"."""
-    row = next(re.finditer(rf"^\| \d+ {field.message} \|.*$", WIRE_MD, re.MULTILINE))[0]
-    items = row.split("|")[2].split(";")
-    item = next(item for item in items if re.search(rf"\b{field.name}\b", item))
-    lengths = re.findall(rf"\b{field.name}\[(\d+)\]", item)
-    assert lengths == ([str(field.length)] if field.length else [])
-    units = re.findall(r"(?<=[^\w])\[([^],]+)", item)
-    assert not field.unit or field.unit in units
+    section = generated("messages").partition(f"\n### {field.message}\n")[2].partition("\n#")[0]
+    (row,) = re.findall(rf"^\| `{field.name}` \|.*$", section, re.MULTILINE)
+    _, _, kind, unit, text, _ = row.split(" | ".strip())
+    assert re.findall(r"\[(\d+)\]", kind) == ([str(field.length)] if field.length else [])
+    assert unit.strip() == field.unit
+    assert text.strip()
+
+
+def test_every_parameter_is_documented() -> None:
+    models: list[type[BaseModel]] = [Trigger, *LAWS.values()]
+    keys = {key for model in models for key in model.model_fields} - {"kind", "rbf"}
+    assert {"b2_deg", "lambda1", "K1", "rate_p"} <= keys
+    assert keys - names_in_code(generated("parameters")) == set()
+    assert {"RBF_NEURONS", "K1_ROLL", "TRIG_MODE"} <= names_in_code(generated("parameters"))
+
+
+def test_every_command_of_gcs_is_documented() -> None:
+    page = generated("commands")
+    for name in typer.main.get_group(app).commands:
+        assert f"\n### `gcs {name}`\n" in page
+
+
+def test_a_page_cannot_ask_for_what_does_not_exist() -> None:
+    with pytest.raises(KeyError):
+        docs_pages.on_page_markdown("<!-- generated: keys wings -->")
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning_and_reads_offline(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocs")
+    build = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir"]
+    done = subprocess.run(
+        [*build, tmp_path / "site"], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True, text=True, timeout=300.0, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    page = (tmp_path / "site" / "reference" / "scenario.html").read_text()
+    assert "<!-- generated" not in page
+    assert "<code>rbf.speed_scale</code>" in page
+    api = (tmp_path / "site" / "reference" / "api.html").read_text()
+    assert 'id="gcs.station.client.Client"' in api
+    fetches = re.compile(r"<(?:script|img|link)[^>]*(?:src|href)=\"?(https?:[^\" >]*)")
+    for html in (tmp_path / "site").rglob("*.html"):
+        assert fetches.findall(html.read_text()) == [], html
 
 
 def anchors_of(path: Path) -> set[str]:
-    """Anchors that GitHub gives to the headings of a page."""
+    """Anchors of the headings of a page, as GitHub gives them, and those it names itself."""
     text = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
+    text = docs_pages.on_page_markdown(text)
+    named = set(re.findall(r"\{ #(\S+) \}", text))
     headings = re.findall(r"^#+ +(.+)$", text, re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+    plain = (re.sub(r"[^\w\- ]", "", heading.lower()) for heading in headings)
+    return named | {heading.replace(" ", "-") for heading in plain}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
@@ -160,7 +211,7 @@ def test_what_is_missing_is_told_in_one_place(page: Path) -> None:
     assert "not yet" not in page.read_text()
 
 
-@pytest.mark.parametrize("page", [DOCS / "scenario.md", DOCS / "station.md"])
+@pytest.mark.parametrize("page", [DOCS / "reference/scenario.md", DOCS / "how-to/station.md"])
 def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
     table = page.read_text().partition("## Exit status\n")[2].partition("\n#")[0]
     meaning = dict(re.findall(r"^\| (\d+) \| (.*) \|$", table, re.MULTILINE))
@@ -173,19 +224,22 @@ def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
 def test_the_order_of_a_step_is_that_of_the_code() -> None:
     source = inspect.getsource(ftc_autopilot.link._work)
     step = (
-        source.partition("_collect_reports(")[2].partition("elif")[0] + source.rpartition("elif")[2]
+        source.partition("collect_neighbour_states(")[2].partition("elif")[0]
+        + source.rpartition("elif")[2]
     )
-    calls = ("_send_actuators(", "_tell_neighbours(", "ID_STEP_DONE")
+    calls = ("_send_actuators(", "send_own_state(", "ID_STEP_DONE")
     assert [step.index(call) for call in calls] == sorted(step.index(call) for call in calls)
-    documented = (DOCS / "method.md").read_text().partition("## Order of operations")[2]
+    documented = (
+        (DOCS / "explanation" / "method.md").read_text().partition("## Order of operations")[2]
+    )
     words = ("actuator message", "to the neighbours", "step done")
     places = [documented.index(word) for word in words]
     assert places == sorted(places)
 
 
 def test_functions_named_in_the_equation_table_exist() -> None:
-    text = (DOCS / "method.md").read_text()
-    rows = re.findall(r"`(\w+/\w+\.py)`: ((?:`\w+`(?:, )?)+)", text)
+    text = (DOCS / "explanation" / "method.md").read_text()
+    rows = re.findall(r"`([\w/]+\.py)`: ((?:`\w+`(?:, )?)+)", text)
     assert len(rows) > 15
     for path, functions in rows:
         source = (ROOT / path).read_text()

@@ -17,7 +17,7 @@ FTC = Path(mavlink_defs.__file__).parent / "ftc.xml"
 SHIPPED = sorted(
     path
     for path in (Path(pymavlink.__file__).parent / "dialects" / "v20").glob("*.xml")
-    if path.stem != "ftc"  # a copy of ours, as docs/clients.md has it
+    if path.stem != "ftc"  # a copy of ours, as docs/how-to/clients.md has it
 )
 BORROWED: set[tuple[str, int | str]] = {("message id", 193), ("name", "EKF_STATUS_REPORT")}
 

@@ -1,5 +1,5 @@
 import math
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from typing import Any
 
 import pytest
@@ -8,15 +8,9 @@ from hypothesis import strategies as st
 from lossy_network import GCS, over_the_wire
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_command_long_message
-from mavlink_defs.faults import (
-    ACTUATORS,
-    Fault,
-    FaultLimits,
-    InvalidParam,
-    fault_from_params,
-    fault_to_params,
-)
+from mavlink_defs.faults import Fault, FaultLimits, InvalidParam, fault_from_params, fault_to_params
 from mavlink_defs.services.command import command_params
 
 LIMITS = FaultLimits(surface_deg=25.0, thrust_n=4000.0)
@@ -118,3 +112,15 @@ def test_negative_thrust_bias_is_a_fault() -> None:
 def test_actuators_are_in_the_order_of_the_dialect() -> None:
     names = [f"FTC_ACTUATOR_{name.upper()}" for name in ACTUATORS]
     assert [getattr(dialect, name) for name in names] == [0, 1, 2, 3]
+
+
+@given(faults())
+def test_a_fault_in_si_units_is_the_same_fault(fault: Fault) -> None:
+    back = Fault.from_si(*fault.to_si())
+    assert back.value == pytest.approx(fault.value, rel=1e-15)
+    assert same(replace(back, value=0.0), replace(fault, value=0.0))
+
+
+def test_si_units_are_radians_and_newtons() -> None:
+    assert Fault(2, 1.0, 180.0, 0.0, NAN, NAN).to_si()[2] == math.pi
+    assert Fault(3, 1.0, 180.0, 0.0, NAN, NAN).to_si()[2] == 180.0

@@ -65,4 +65,4 @@ def test_a_bad_uncertainty_is_refused_in_one_line(
     path.write_text(yaml.safe_dump(content))
     with pytest.raises(ConfigError) as caught:
         load(path, Uncertainty)
-    assert caught.value.problems == [problem]
+    assert list(map(str, caught.value.problems)) == [problem]

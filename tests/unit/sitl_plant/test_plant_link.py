@@ -9,8 +9,9 @@ import pytest
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import UdpAddress, bind_udp
+from mavlink_defs.framing.hot_link import Outcome
 from sitl_plant.fleet import PlantState, new_plant_state
-from sitl_plant.link import OVER, PlantLink, _due_s, new_link, run
+from sitl_plant.link import PlantLink, _due_s, new_link, run
 
 STEPS = 5
 
@@ -28,8 +29,8 @@ def sock() -> Iterator[socket.socket]:
 
 def running(speed: float, origin_s: float) -> PlantLink:
     link = new_link([1, 2, 3], 1000, STEPS, speed, record=False)
-    link.clock["flags"] = FTC_SIM_FLAGS_RUNNING
-    link.clock["origin_s"] = origin_s
+    link.state["flags"] = FTC_SIM_FLAGS_RUNNING
+    link.state["origin_s"] = origin_s
     return link
 
 
@@ -38,8 +39,8 @@ def test_a_plant_that_fell_behind_shifts_its_schedule_once(
 ) -> None:
     origin_s = time.monotonic() - 1e4
     link = running(speed=1.0, origin_s=origin_s)
-    assert run(sock.fileno(), link, fleet, time.monotonic() + 1e3) == OVER
-    clock = link.clock[0]
+    assert run(sock.fileno(), link, fleet, time.monotonic() + 1e3) == Outcome.OVER
+    clock = link.state[0]
     assert clock["step"] == STEPS
     assert clock["lag_s"] >= 1e4 - STEPS / 1e3
     assert clock["lag_s"] == pytest.approx(clock["origin_s"] - origin_s, abs=1e-6)
@@ -50,6 +51,6 @@ def test_a_plant_that_fell_behind_shifts_its_schedule_once(
 def test_a_plant_on_time_keeps_its_schedule(speed: float) -> None:
     origin_s = time.monotonic() + 1e4
     link = running(speed, origin_s)
-    link.clock["origin_step"], link.clock["step"] = 2, 3
+    link.state["origin_step"], link.state["step"] = 2, 3
     assert _due_s(link) == pytest.approx(origin_s + 2e-3 / speed, abs=1e-9)
-    assert (link.clock["lag_s"][0], link.clock["origin_s"][0]) == (0.0, origin_s)
+    assert (link.state["lag_s"][0], link.state["origin_s"][0]) == (0.0, origin_s)

@@ -43,7 +43,7 @@ def rig(scenario1: Scenario) -> Iterator[Rig]:
 def test_another_autopilot_takes_over_only_after_silence(
     rig: Rig, flags: int, patience_s: float
 ) -> None:
-    rig.link.clock["flags"] = flags
+    rig.link.state["flags"] = flags
     assert rig.register(rig.first, 100.0)
     assert not rig.register(rig.second, 100.0 + patience_s - 0.01)
     assert rig.register(rig.first, 101.0)

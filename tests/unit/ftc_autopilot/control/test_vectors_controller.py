@@ -13,7 +13,7 @@ from ftc_autopilot.control.controller import (
     parameter_record,
 )
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.motion import motion_of, report
+from ftc_autopilot.control.motion import fill_neighbour_state, motion_of
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
 from sitl_plant.rigid_body import gravity_body
@@ -53,7 +53,7 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     ]
     reports = np.zeros(3, NEIGHBOUR)
     for k in range(3):
-        report(motions[k], 0, reports[k])
+        fill_neighbour_state(motions[k], 0, reports[k])
     weights = np.array(vectors["adjacency"][i])
 
     state = new_controller()
@@ -100,7 +100,7 @@ def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, An
         "c": "c_v", "gamma_w1": "gamma_omega1", "gamma_w2": "gamma_omega2",
         "sigma_w1": "sigma_omega1", "sigma_w2": "sigma_omega2", "h_w1": "h_omega1",
         "h_w2": "h_omega2", "eps_w": "eps_omega", "tau_omega_d": "tau_omega_d_s",
-        "tau_delta": "tau_delta_s", "rbf_width": "width", "a2": "a2_n", "b2": "b2_deg",
+        "tau_delta": "tau_delta_s", "rbf_width": "width", "a2": "a2_n", "b2": "b2_rad",
     }  # fmt: skip
     proposed = record["proposed"]
     parts = (record["common"], record["trigger"], proposed, proposed["rbf"])
@@ -112,5 +112,4 @@ def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, An
             assert list(ours[name][0, 1:]) == value
         else:
             number = np.ravel(ours[renamed.get(name, name)])  # of a schedule the first value
-            unit = np.degrees(1.0) if name == "b2" else 1.0
-            assert close(number[1] if len(number) > 1 else number[0], value * unit), name
+            assert close(number[1] if len(number) > 1 else number[0], value), name

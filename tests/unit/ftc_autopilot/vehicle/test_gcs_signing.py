@@ -6,6 +6,7 @@ import pytest
 
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from mavlink_defs import dialect
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker
 from mavlink_defs.framing.signing import Signer, timestamp
 
@@ -31,5 +32,5 @@ def test_a_key_with_a_time_of_today_is_taken_and_others_are_heard() -> None:
     now = timestamp(time.time())
     assert gcs_signing.set_key(setup(now + 1_000_000), "127.0.0.1", armed=False) is not None
     frame = FramePacker(255, 190).pack(dialect.MAVLink_ping_message(0, 0, 0, 0))
-    assert gcs_signing.accept(frame) is None
-    assert gcs_signing.accept(Signer(KEY).sign(frame)) is not None
+    assert gcs_signing.accept(frame) == DropReason.UNSIGNED
+    assert not isinstance(gcs_signing.accept(Signer(KEY).sign(frame)), DropReason)

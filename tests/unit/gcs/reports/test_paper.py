@@ -7,14 +7,22 @@ import pytest
 
 from gcs.reports.paper import CONTROLLERS, MODES, Results, paper_report
 from gcs.reports.published_values import FIG_9, TABLE_IV, TABLE_V
-from gcs.results.summary import PAPER_ORDER, QUANTITIES
+from gcs.results.quantities import PAPER_ORDER, QUANTITIES
+from gcs.results.summary import ChannelSummary, FlightSummary, UavSummary
 
 
-def summary(iae: dict[str, float], events: dict[str, int], loss: str | None = None) -> Any:
-    channels = {name: {"events": events[name]} for name in PAPER_ORDER}
+def summary(
+    iae: dict[str, float], events: dict[str, int], loss: str | None = None
+) -> FlightSummary:
+    channels = {name: ChannelSummary(events[name], 0, None) for name in PAPER_ORDER}
     saving = 1.0 - sum(events.values()) / 96000
-    uavs = [{"id": i, "iae": iae, "channels": channels, "saving": saving} for i in (1, 2, 3)]
-    return {"scenario": "a flight", "loss": loss, "mode": "in_process", "uavs": uavs}
+    uavs = tuple(
+        UavSummary(i, 24000, 0, saving, channels, 0, iae, iae, iae, iae, None, None)
+        for i in (1, 2, 3)
+    )
+    return FlightSummary(
+        "a flight", loss is None, loss, "in_process", 24.0, 24000, 1.0, 24.0, saving, uavs
+    )
 
 
 def results(**changed: Any) -> Results:

@@ -1,8 +1,8 @@
 """Figures of a flight: what is counted where an autopilot knew nothing, and what was lost."""
 
+import json
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from rich.console import Console
 from ftc_autopilot.control.controller import SIGNALS, no_signals
 from gcs.reports.flight import flight_tables
 from gcs.results.recording import Recording
-from gcs.results.summary import summarise
+from gcs.results.summary import FlightSummary, summarise
 from gcs.scenario.model import Scenario
 
 STEPS = 40
@@ -49,7 +49,7 @@ def scenario_of(scenario1: Scenario, steps: int = STEPS) -> Scenario:
     return scenario1.model_copy(update=changes)
 
 
-def summary_of(recording: Recording, scenario1: Scenario) -> dict[str, Any]:
+def summary_of(recording: Recording, scenario1: Scenario) -> FlightSummary:
     return summarise(recording, scenario_of(scenario1))
 
 
@@ -71,22 +71,24 @@ def test_missing_steps_count_as_errors_but_not_as_periods(scenario1: Scenario) -
     flight = straight()
     flight.signals[10:20, 0] = no_signals(10)
     flight.signals["events"][:10, :] = 1
-    first, second = summary_of(flight, scenario1)["uavs"]
-    assert (first["active_steps"], first["missing_steps"]) == (30, 10)
-    assert (second["active_steps"], second["missing_steps"]) == (40, 0)
-    assert first["saving"] == 1.0 - 10 / (4 * 30)
-    assert second["saving"] == 1.0 - 10 / (4 * 40)
+    first, second = summary_of(flight, scenario1).uavs
+    assert (first.active_steps, first.missing_steps) == (30, 10)
+    assert (second.active_steps, second.missing_steps) == (40, 0)
+    assert first.saving == 1.0 - 10 / (4 * 30)
+    assert second.saving == 1.0 - 10 / (4 * 40)
     lag = sum(range(1, 11))  # of the command that holds over ten steps
-    assert first["iae"]["airspeed"] - second["iae"]["airspeed"] == pytest.approx(0.1 * lag)
+    assert (first.iae["airspeed"] or 0.0) - (second.iae["airspeed"] or 0.0) == pytest.approx(
+        0.1 * lag
+    )
 
 
 def test_an_autopilot_that_heard_nothing_has_no_figures(scenario1: Scenario) -> None:
     flight = straight()
     flight.signals[:, 0] = no_signals(STEPS)
-    uav = summary_of(flight, scenario1)["uavs"][0]
-    assert (uav["active_steps"], uav["missing_steps"], uav["saving"]) == (0, STEPS, None)
-    for figures in ("iae", "iae_filtered", "max_error", "final_error"):
-        assert set(uav[figures].values()) == {None}
+    uav = summary_of(flight, scenario1).uavs[0]
+    assert (uav.active_steps, uav.missing_steps, uav.saving) == (0, STEPS, None)
+    for errors in (uav.iae, uav.iae_filtered, uav.max_error, uav.final_error):
+        assert set(errors.values()) == {None}
 
 
 def test_while_disarmed_nothing_is_wanted(scenario1: Scenario) -> None:
@@ -94,10 +96,10 @@ def test_while_disarmed_nothing_is_wanted(scenario1: Scenario) -> None:
     disarmed = no_signals(20)
     disarmed["V"] = 40.0
     flight.signals[20:, 0] = disarmed
-    uav = summary_of(flight, scenario1)["uavs"][0]
-    assert (uav["active_steps"], uav["missing_steps"]) == (20, 0)
-    assert uav["iae"]["airspeed"] == pytest.approx(0.1 * sum(40 - k for k in range(20)))
-    assert uav["final_error"]["airspeed"] is None
+    uav = summary_of(flight, scenario1).uavs[0]
+    assert (uav.active_steps, uav.missing_steps) == (20, 0)
+    assert uav.iae["airspeed"] == pytest.approx(0.1 * sum(40 - k for k in range(20)))
+    assert uav.final_error["airspeed"] is None
 
 
 @pytest.mark.parametrize(
@@ -110,17 +112,17 @@ def test_attitude_and_heading_are_lost_apart(
 ) -> None:
     flight = straight()
     flight.states[20:, 1, 6 + angle] = turned
-    uav = summary_of(flight, scenario1)["uavs"][1]
-    assert (uav["attitude_lost_at_s"], uav["heading_lost_at_s"]) == (attitude, heading)
+    uav = summary_of(flight, scenario1).uavs[1]
+    assert (uav.attitude_lost_at_s, uav.heading_lost_at_s) == (attitude, heading)
 
 
 def test_a_flight_that_was_stopped_says_so(scenario1: Scenario) -> None:
     whole = summary_of(straight(), scenario1)
-    assert (whole["completed"], whole["loss"]) == (True, None)
+    assert (whole.completed, whole.loss) == (True, None)
     stopped = summarise(straight(), scenario_of(scenario1, 100))
-    assert (stopped["completed"], stopped["loss"]) == (False, "stopped at 4 s of 10 s")
+    assert (stopped.completed, stopped.loss) == (False, "stopped at 4 s of 10 s")
     lost = summarise(straight("UAV 2 was lost"), scenario_of(scenario1, 100))
-    assert (lost["completed"], lost["loss"]) == (False, "UAV 2 was lost")
+    assert (lost.completed, lost.loss) == (False, "UAV 2 was lost")
 
 
 def test_the_printed_report_says_what_the_tables_leave_out(scenario1: Scenario) -> None:
@@ -145,3 +147,22 @@ def test_the_printed_report_says_what_the_tables_leave_out(scenario1: Scenario) 
     ):
         assert line in said
     assert "UAV 1 was disarmed" not in said
+
+
+@given(st.booleans(), st.none() | st.text(), st.sets(st.integers(0, STEPS - 1)))
+def test_a_summary_comes_back_from_its_json(
+    scenario1: Scenario, early: bool, loss: str | None, missing: set[int]
+) -> None:
+    flight = straight(loss)
+    flight.signals[sorted(missing), 0] = no_signals(len(missing))
+    flight.signals["events"][::3, 1] = 5
+    summary = summarise(flight, scenario_of(scenario1, STEPS + early))
+    tree = json.loads(json.dumps(summary.to_json()))
+    assert FlightSummary.from_json(tree) == summary
+    assert json.dumps(FlightSummary.from_json(tree).to_json()) == json.dumps(tree)
+
+
+@pytest.mark.parametrize("tree", [None, [], {}, {"scenario": "one"}, {"uavs": 3}])
+def test_what_is_no_summary_is_refused(tree: object) -> None:
+    with pytest.raises(ValueError, match="FlightSummary"):
+        FlightSummary.from_json(tree)

@@ -49,7 +49,7 @@ def problems_of(tree: Any, path: Path) -> list[str]:
     with pytest.raises(ConfigError) as caught:
         load_scenario(path)
     assert all(line.startswith(f"{path}: ") for line in str(caught.value).splitlines())
-    return caught.value.problems
+    return list(map(str, caught.value.problems))
 
 
 ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
@@ -412,4 +412,5 @@ def test_plant_refuses_two_aircraft_with_one_id(scenario1: Scenario, tmp_path: P
     path.write_text(yaml.safe_dump(raw))
     with pytest.raises(ConfigError) as caught:
         load(path, PlantConfig)
-    assert caught.value.problems == ["uavs[1].id: expected each only once, got 1 again"]
+    (problem,) = caught.value.problems
+    assert str(problem) == "uavs[1].id: expected each only once, got 1 again"

@@ -7,11 +7,12 @@ from gcs.station.status import drop_lines, status_dict
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.framing import codec
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker
 from mavlink_defs.services.machine import SystemId
 
 BEAT = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
-NONE = [0] * len(codec.DROP_REASONS)
+NONE = [0] * len(DropReason)
 
 
 def state(system: int, gcs: list[int], plant: list[int]) -> VehicleState:
@@ -38,9 +39,9 @@ def test_drops_are_data_by_link_and_reason() -> None:
 
 
 def test_there_are_as_many_reasons_as_the_message_has_room_for() -> None:
-    assert dialect.MAVLink_ftc_drops_message.array_lengths[1:] == [len(codec.DROP_REASONS)] * 4
-    assert list(codec.DROP_REASONS) == list(range(-3, -3 - len(codec.DROP_REASONS), -1))
-    assert max(-code for code in codec.DROP_REASONS) < codec.DROPS_SIZE
+    assert dialect.MAVLink_ftc_drops_message.array_lengths[1:] == [len(DropReason)] * 4
+    assert list(DropReason) == list(range(-3, -3 - len(DropReason), -1))
+    assert max(-reason for reason in DropReason) < codec.DROPS_SIZE
 
 
 def test_a_damaged_frame_does_not_move_a_vehicle_of_the_hub() -> None:

@@ -60,7 +60,7 @@ def problems(file: Path) -> Callable[[str | bytes], list[str]]:
             load(file, Craft)
         assert caught.value.path == file
         assert str(caught.value) == "\n".join(f"{file}: {line}" for line in caught.value.problems)
-        return caught.value.problems
+        return list(map(str, caught.value.problems))
 
     return of
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from mavlink_defs import dialect
 from mavlink_defs.framing import codec
+from mavlink_defs.framing.drop_reason import DropReason
 
 HOT = {
     codec.ID_SIM_STATE: (codec.SIM_STATE, dialect.MAVLink_ftc_sim_state_message),
@@ -122,8 +123,8 @@ def test_every_flipped_bit_is_detected(message_id: int) -> None:
 def test_every_cut_is_detected(message_id: int) -> None:
     frame = sample(message_id)
     for length in range(len(frame)):
-        assert received(frame[:length])[1] == codec.TRUNCATED
-    assert received(frame + b"\0")[1] == codec.BAD_LENGTH
+        assert received(frame[:length])[1] == DropReason.TRUNCATED
+    assert received(frame + b"\0")[1] == DropReason.BAD_LENGTH
 
 
 @given(st.sampled_from(sorted(HOT)), st.data())
@@ -133,7 +134,7 @@ def test_damaged_frames_are_accepted_only_where_pymavlink_accepts_them(message_i
     for _ in range(data.draw(st.integers(1, 4))):
         frame[data.draw(st.integers(0, len(frame) - 1))] = data.draw(st.integers(0, 255))
     answer = received(bytes(frame))[1]
-    assert answer in HOT or answer in codec.DROP_REASONS or answer in {codec.FOREIGN, codec.SIGNED}
+    assert answer in HOT or answer in set(DropReason) or answer in {codec.FOREIGN, codec.SIGNED}
     if answer in HOT:
         assert dialect.MAVLink(None).decode(frame).get_msgId() == answer
 
@@ -145,15 +146,15 @@ def test_random_bytes_are_refused(data: bytes, with_magic: bool) -> None:
     _, answer = received(data)
     assert answer < 0
     if not data.startswith(b"\xfd"):
-        assert answer == (codec.BAD_MAGIC if data else codec.TRUNCATED)
+        assert answer == (DropReason.BAD_MAGIC if data else DropReason.TRUNCATED)
 
 
 def test_reasons_are_told_apart() -> None:
     frame = sample(codec.ID_STEP_DONE)
-    assert received(frame[:-1] + bytes([frame[-1] ^ 1]))[1] == codec.BAD_CRC
-    assert received(frame[:2] + b"\x02" + frame[3:])[1] == codec.BAD_FLAGS
-    assert received(b"\xfe" + frame[1:])[1] == codec.BAD_MAGIC
-    assert codec.check(codec.new_buffer(), -1) == codec.TRUNCATED
+    assert received(frame[:-1] + bytes([frame[-1] ^ 1]))[1] == DropReason.BAD_CRC
+    assert received(frame[:2] + b"\x02" + frame[3:])[1] == DropReason.BAD_FLAGS
+    assert received(b"\xfe" + frame[1:])[1] == DropReason.BAD_MAGIC
+    assert codec.check(codec.new_buffer(), -1) == DropReason.TRUNCATED
 
 
 def test_other_messages_and_signed_frames_are_left_to_pymavlink() -> None:
@@ -164,7 +165,7 @@ def test_other_messages_and_signed_frames_are_left_to_pymavlink() -> None:
     mavlink.signing.sign_outgoing = True
     signed = dialect.MAVLink_ftc_step_done_message(5).pack(mavlink)
     assert received(signed)[1] == codec.SIGNED
-    assert received(signed[:-1])[1] == codec.TRUNCATED
+    assert received(signed[:-1])[1] == DropReason.TRUNCATED
 
 
 def test_longer_payload_of_a_newer_dialect_is_read() -> None:

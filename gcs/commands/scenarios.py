@@ -1,0 +1,28 @@
+"""``gcs scenarios``: the scenarios that come with the package."""
+
+import typer
+
+from gcs.scenario.bundled import SCENARIOS, bundled_names
+from mavlink_defs.config.models import read
+
+__all__ = ["EPILOG", "scenarios"]
+
+EPILOG = """
+Examples:
+
+- gcs scenarios
+- gcs scenarios | grep rudder
+
+A name can stand wherever a scenario file can: gcs fly paper/scenario1
+
+Exit status: 0 listed.
+"""
+
+
+def scenarios() -> None:
+    """List the bundled scenarios, one per line: name and what it shows."""
+    names = bundled_names()
+    width = max(map(len, names))
+    for name in names:
+        tree = read(SCENARIOS / f"{name}.yaml")
+        typer.echo(f"{name:{width}}  {tree.get('description') or tree['name']}")

@@ -1,0 +1,58 @@
+"""The scenarios that come with the package, by name: ``paper/scenario1``.
+
+Where a command takes a scenario, a file that exists is meant first, then a bundled scenario.
+"""
+
+import difflib
+from pathlib import Path
+
+from mavlink_defs.config.models import ConfigError, Problem
+
+__all__ = ["SCENARIOS", "base_of", "bundled_names", "find_scenario"]
+
+_PACKAGE = Path(__file__).parents[1]
+_INSTALLED = _PACKAGE / "bundled_scenarios"
+SCENARIOS = _INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent / "scenarios"
+"""Folder of the bundled scenarios: in a wheel, or in a clone of the project."""
+
+
+def bundled_names() -> list[str]:
+    """Return the names of all bundled scenarios, sorted."""
+    files = SCENARIOS.rglob("*.yaml")
+    return sorted(path.relative_to(SCENARIOS).with_suffix("").as_posix() for path in files)
+
+
+def find_scenario(name: Path | str) -> Path:
+    """Return the file that the name of a scenario means.
+
+    Args:
+        name: A path, or the name of a bundled scenario with or without ``.yaml``.
+
+    Raises:
+        ConfigError: There is neither; names that are similar are suggested.
+    """
+    return _find(Path(name), str(name))
+
+
+def base_of(folder: Path, name: str) -> Path:
+    """Return the file that ``extends: name`` means in a file of a folder.
+
+    Raises:
+        ConfigError: As of `find_scenario`.
+    """
+    return _find(folder / name, name)
+
+
+def _find(path: Path, name: str) -> Path:
+    if path.exists():
+        return path
+    names = bundled_names()
+    wanted = name.removesuffix(".yaml")
+    if wanted in names:
+        return SCENARIOS / f"{wanted}.yaml"
+    stem = wanted.rpartition("/")[2]
+    alike = [known for known in names if known.rpartition("/")[2] == stem]
+    alike = alike or difflib.get_close_matches(wanted, names, n=3)
+    meant = f"; did you mean {' or '.join(alike)}?" if alike else ""
+    text = f"no such file, and no bundled scenario of that name{meant}"
+    raise ConfigError(path, [Problem((), f"{text} (`gcs scenarios` lists them)")])

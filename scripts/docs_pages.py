@@ -1,0 +1,281 @@
+"""Reference pages from the code: the hook of mkdocs that fills them in when the site is built.
+
+A page says where: ``<!-- generated: keys trigger -->`` becomes the table of the keys of `trigger`.
+"""
+
+import re
+import types
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import numpy as np
+import typer
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+from typer.cli import get_docs_for_click
+
+from ftc_autopilot.config import Trigger
+from ftc_autopilot.control.controller import PARAMETERS
+from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.schedule import Schedule
+from ftc_autopilot.vehicle.param_table import tunables
+from gcs.cli import app
+from gcs.scenario.model import Scenario
+from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault, ScenarioUav
+from mavlink_defs.capture.impairment import Impairment
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import Quantity, describe
+from sitl_plant.config import Aircraft, Disturbance, Sinusoid, Uncertainty
+
+DIALECT = Path(__file__).parents[1] / "mavlink_defs" / "ftc.xml"
+MARK = re.compile(r"^<!-- generated: (\w+)(?: (\S+))? -->$", re.MULTILINE)
+SECTIONS: dict[str, type[BaseModel]] = {
+    "scenario": Scenario,
+    "aircraft": Aircraft,
+    "uncertainty": Uncertainty,
+    "disturbance": Disturbance,
+    "sinusoid": Sinusoid,
+    "controller": LawParameters,
+    **LAWS,
+    "trigger": Trigger,
+    "uavs": ScenarioUav,
+    "network": Network,
+    "profile": ProfileSegment,
+    "faults": ScenarioFault,
+    "links": Links,
+    "impairment": Impairment,
+}
+OWN_TABLES = set(SECTIONS.values())
+"""Models with a table of their own: where another one holds them, they are one line."""
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Fill in what a page asks for; mkdocs calls this for each page.
+
+    Raises:
+        KeyError: The page asks for something that does not exist.
+    """
+    return MARK.sub(lambda mark: GENERATORS[mark[1]](*filter(None, [mark[2]])), markdown)
+
+
+def keys(section: str) -> str:
+    """Return the table of the keys of one section of a scenario."""
+    model = SECTIONS[section]
+    base = LawParameters if section in LAWS else None
+    rows = (row for row in key_rows(model) if base is None or row[0] not in base.model_fields)
+    shown = ((f"`{key}`", *rest) for key, *rest in rows)
+    return table(("key", "expected", "default", "meaning"), shown)
+
+
+def key_rows(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
+    """Yield key, what is expected, default and meaning of each key, those of parts included."""
+    for name, field in model.model_fields.items():
+        key, part = prefix + name, part_of(field.annotation)
+        if part is None or part in OWN_TABLES:
+            yield key, expected(field.annotation, field), default_of(field), meaning(field, part)
+        else:
+            listed = get_origin(without_none(field.annotation)) is tuple
+            if not field.is_required() and field.default in {None, ()}:
+                yield key, "list" if listed else "mapping", "none", meaning(field, part)
+            yield from key_rows(part, f"{key}[]." if listed else f"{key}.")
+
+
+def part_of(annotation: Any) -> type[BaseModel] | None:
+    """Return the model that a key holds, alone or in a list; None if it holds something else."""
+    annotation = without_none(annotation)
+    if get_origin(annotation) is tuple:
+        annotation = get_args(annotation)[0]
+    is_model = isinstance(annotation, type) and issubclass(annotation, Model)
+    return annotation if is_model else None
+
+
+def without_none(annotation: Any) -> Any:
+    """Return X of ``X | None``."""
+    if get_origin(annotation) in {Union, types.UnionType}:
+        parts = [part for part in get_args(annotation) if part is not type(None)]
+        return parts[0] if len(parts) == 1 else annotation
+    return annotation
+
+
+def expected(annotation: Any, field: FieldInfo | None = None) -> str:
+    """Return what a key takes, in words: range and unit, choices, or kind."""
+    annotation = without_none(annotation)
+    if (quantity := quantity_of(annotation, field)) is not None:
+        return range_of(quantity)
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if (value := scheduled_value(annotation)) is not None:
+        return f"{expected(value)}; [schedule](#controller)"
+    if origin is Literal:
+        return ", ".join(f"`{choice}`" for choice in arguments)
+    if origin is dict:
+        return f"mapping of names to: {expected(arguments[1])}"
+    if origin is tuple:
+        count = "list of" if Ellipsis in arguments else f"list of {len(arguments)}, each"
+        return f"{count} {expected(arguments[0])}"
+    if origin in {Union, types.UnionType}:
+        return "; or ".join(dict.fromkeys(expected(part) for part in arguments))
+    if origin is Annotated:
+        return expected(annotation.__origin__)
+    return "mapping" if part_of(annotation) is not None else "text"
+
+
+def quantity_of(annotation: Any, field: FieldInfo | None = None) -> Quantity | None:
+    """Return what a field, or an annotation itself, declares about its number."""
+    declared = (field, *getattr(annotation, "__metadata__", ()))
+    found = (describe(info) for info in declared if isinstance(info, FieldInfo))
+    return next((quantity for quantity in found if quantity is not None), None)
+
+
+def scheduled_value(annotation: Any) -> Any:
+    """Return X of ``Schedule[X]``; None for anything else."""
+    if isinstance(annotation, type) and issubclass(annotation, Schedule):
+        return annotation.__pydantic_generic_metadata__["args"][0]
+    return None
+
+
+def range_of(quantity: Quantity) -> str:
+    """Return range and unit of a number."""
+    return quantity.range().replace(">=", "≥").replace("<=", "≤")
+
+
+def default_of(field: FieldInfo) -> str:
+    """Return a key's default in words."""
+    value = field.get_default(call_default_factory=True)
+    if value is PydanticUndefined:
+        return "required"
+    if isinstance(value, BaseModel):
+        return "its defaults"
+    if value is None or value in ((), {}, ""):
+        return "none"
+    if isinstance(value, list) and isinstance(value[0], dict):
+        windows = [f"{plain(window['value'])} to {window['until_s']:g} s" for window in value[:-1]]
+        return ", ".join([*windows, f"then {plain(value[-1]['value'])}"])
+    return plain(value)
+
+
+def plain(value: Any) -> str:
+    """Return a value as one writes it in YAML."""
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(plain, value))}]"
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def meaning(field: FieldInfo, part: type[BaseModel] | None) -> str:
+    """Return what a key means: its own description, else that of what it holds."""
+    if field.description or part is not None:
+        return field.description or (part.__doc__ or "").split("\n")[0]
+    value = without_none(field.annotation)
+    value = scheduled_value(value) or value
+    value = get_args(value)[0] if get_origin(value) is tuple else value
+    quantity = quantity_of(value)
+    return quantity.doc if quantity is not None else ""
+
+
+def parameters() -> str:
+    """Return the tables of the parameters: of every vehicle, then of each law."""
+    records = np.zeros(1, PARAMETERS)
+    groups = {
+        "Trigger": tunables(Trigger, records["trigger"], "TRIG_"),
+        "Every law": tunables(LawParameters, records["common"]),
+    }
+    for kind, law in LAWS.items():
+        groups[f"`{kind}`"] = tunables(law, records[kind], base=LawParameters)
+    head = ("parameter", "expected", "key", "meaning")
+    return "\n\n".join(
+        f"### {group}\n\n"
+        + table(
+            head,
+            ((f"`{t.name}`", range_of(t.quantity), f"`{t.field}`", t.quantity.doc) for t in found),
+        )
+        for group, found in groups.items()
+    )
+
+
+def messages() -> str:
+    """Return a section for each private message, with its fields."""
+    return "\n\n".join(map(message_section, ET.parse(DIALECT).iter("message")))
+
+
+def message_section(message: ET.Element) -> str:
+    """Return heading, description and fields of a message."""
+    rows, extension = [], ""
+    for child in message:
+        if child.tag == "extensions":
+            extension = " (extension)"
+        elif child.tag == "field":
+            enum = child.get("enum")
+            text = (child.text or "") + (f" [{enum}](#enum-{enum.lower()})" if enum else "")
+            kind = child.attrib["type"] + extension
+            rows.append((f"`{child.attrib['name']}`", f"`{kind}`", child.get("units", ""), text))
+    name, number = message.attrib["name"], message.attrib["id"]
+    fields = table(("field", "type", "unit", "meaning"), rows)
+    return f"### {name}\n\nId {number}. {message.findtext('description')}\n\n{fields}"
+
+
+def enums() -> str:
+    """Return a section for each private enum."""
+    return "\n\n".join(
+        f"### {enum.attrib['name']} {{ #enum-{enum.attrib['name'].lower()} }}\n\n"
+        f"{enum.findtext('description')}\n\n"
+        + table(
+            ("value", "name", "meaning"),
+            (
+                (e.attrib["value"], f"`{e.attrib['name']}`", e.findtext("description", ""))
+                for e in enum.iter("entry")
+            ),
+        )
+        for enum in ET.parse(DIALECT).iter("enum")
+        if enum.attrib["name"] != "MAV_CMD"
+    )
+
+
+def commands() -> str:
+    """Return a section for each private command, with its parameters."""
+    entries = ET.parse(DIALECT).iterfind(".//enum[@name='MAV_CMD']/entry")
+    head = ("parameter", "name", "unit", "range", "meaning")
+    return "\n\n".join(
+        f"### {entry.attrib['name']}\n\nId {entry.attrib['value']}. "
+        f"{entry.findtext('description')}\n\n" + table(head, map(param_row, entry.iter("param")))
+        for entry in entries
+    )
+
+
+def param_row(param: ET.Element) -> tuple[str, ...]:
+    """Return the row of one parameter of a command."""
+    low, high = param.get("minValue"), param.get("maxValue")
+    if low and high:
+        limits = f"[{low}, {high}]"
+    else:
+        limits = f"≥ {low}" if low else f"≤ {high}" if high else ""
+    label, unit = param.get("label", ""), param.get("units", "")
+    return param.attrib["index"], label, unit, limits, param.text or ""
+
+
+def command_line() -> str:
+    """Return a section for each command of `gcs`, as its help text has it."""
+    command = typer.main.get_command(app)
+    text = get_docs_for_click(obj=command, ctx=typer.Context(command, info_name="gcs"), name="gcs")
+    return re.sub(r"^#", "##", text.partition("\n")[2], flags=re.MULTILINE)
+
+
+def table(head: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join(
+        "| " + " | ".join(" ".join(cell.split()).replace("|", r"\|") for cell in line) + " |"
+        for line in lines
+    )
+
+
+GENERATORS: dict[str, Callable[..., str]] = {
+    "keys": keys,
+    "parameters": parameters,
+    "messages": messages,
+    "enums": enums,
+    "commands": commands,
+    "command_line": command_line,
+}
