@@ -21,7 +21,9 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-SEED ?= $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
+ifeq ($(origin SEED), undefined)
+SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
+endif
 explore: $(READY)  ## the property tests with new examples, ten times as many; SEED=... repeats a run
 	@echo "make explore SEED=$(SEED) repeats this; failures are kept in .hypothesis/, tried first"
 	$(BIN)/pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile=explore \

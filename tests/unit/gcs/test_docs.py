@@ -167,6 +167,7 @@ def test_a_page_cannot_ask_for_what_does_not_exist() -> None:
         docs_pages.on_page_markdown("<!-- generated: keys wings -->")
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_a_warning_and_reads_offline(tmp_path: Path) -> None:
     pytest.importorskip("mkdocs")
     build = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir"]

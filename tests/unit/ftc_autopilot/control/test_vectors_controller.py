@@ -7,7 +7,6 @@ import pytest
 
 from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.controller import (
-    CONTROLLER,
     SIGNALS,
     control_step,
     new_controller,
@@ -114,7 +113,3 @@ def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, An
         else:
             number = np.ravel(ours[renamed.get(name, name)])  # of a schedule the first value
             assert close(number[1] if len(number) > 1 else number[0], value), name
-
-
-def test_controller_record_is_flat() -> None:
-    assert CONTROLLER.itemsize % 8 == 0
