@@ -1,19 +1,15 @@
 """Build hook: generate `mavlink_defs/dialect.py`, and bundle the scenarios.
 
 It runs for wheels and for editable installs alike, so the dialect is never committed.
-pymavlink's generator wants the included definitions beside the including one, hence
-the temporary folder. Wheels get a copy of `scenarios/`; an editable install reads that folder.
+Wheels get a copy of `scenarios/`; an editable install reads that folder.
 """
 
 import py_compile
-import shutil
-import tempfile
+import runpy
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
-
-INCLUDED = ("common.xml", "standard.xml", "minimal.xml")
 
 
 class DialectHook(BuildHookInterface):
@@ -30,23 +26,10 @@ def generate(package: Path) -> None:
     """Generate `package/dialect.py` from `package/ftc.xml`.
 
     Raises:
-        RuntimeError: pymavlink refused the definition (its own output says why).
+        RuntimeError: pymavlink refused the definition.
     """
-    import pymavlink
-    from pymavlink.generator import mavgen
-
-    shipped = Path(pymavlink.__file__).parent / "dialects" / "v20"
-    with tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)
-        for name in INCLUDED:
-            shutil.copy(shipped / name, work / name)
-        shutil.copy(package / "ftc.xml", work / "ftc.xml")
-        options = mavgen.Opts(
-            str(work / "dialect.py"), wire_protocol="2.0", language="Python3", validate=True
-        )
-        if not mavgen.mavgen(options, [str(work / "ftc.xml")]):
-            raise RuntimeError("pymavlink's generator refused mavlink_defs/ftc.xml")
-        shutil.copy(work / "dialect.py", package / "dialect.py")
+    text = runpy.run_path(str(package / "mavgen.py"))["generate"]("Python3")
+    (package / "dialect.py").write_text(text, encoding="utf-8")
     # the module is large: every process of a fleet would parse it anew if none may write bytecode
     py_compile.compile(str(package / "dialect.py"), doraise=True)
 

@@ -15,7 +15,8 @@ from typing import Any
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
-from ftc_autopilot.link import GCS, OVER, PLANT, RESTARTED, SERVICE, SIMULATOR, new_link, run
+from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.link import GCS, PLANT, SIMULATOR, new_link, run
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -35,6 +36,8 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.header import MAX_FRAME_SIZE
+from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.files import save_arrays
@@ -47,7 +50,6 @@ _MAX_GCS_DATAGRAMS = 8
 """Most datagrams of ground stations worked on at a time while no control step can be late."""
 _TURN_US = 20_000
 """Lockstep: messages are attended to at multiples of this simulated time."""
-_LONGEST_FRAME = 280
 
 
 class Autopilot:
@@ -75,8 +77,8 @@ class Autopilot:
             load_link_signer(config.signing_key, PLANT_LINK),
             load_link_signer(config.signing_key, FORMATION_LINK),
         )  # fmt: skip
-        self._state = self._link.state[0]
-        self._vehicle = Vehicle(config, self._link, self._controllers)
+        self._hot = HotState(self._link)
+        self._vehicle = Vehicle(config, self._hot, self._controllers)
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
         self._to_gcs = [FramePacker(config.id, component) for _ in config.gcs]
@@ -95,12 +97,12 @@ class Autopilot:
             outcome = run(
                 plant_fd, formation_fd, self._link, self._controllers, until_s, self._until_step()
             )
-            if outcome == SERVICE:
+            if outcome == Outcome.SERVICE:
                 self._hear_simulator()
-            elif outcome == RESTARTED:
+            elif outcome == Outcome.RESTARTED:
                 self._vehicle.restart()
-            elif outcome == OVER:
-                lost = self._state["flags"] & dialect.FTC_SIM_FLAGS_LOST
+            elif outcome == Outcome.OVER:
+                lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
                 how = "lost" if lost else "over"
                 self._vehicle.farewell(f"simulation {how} at {self._vehicle.time_s:.3f} s")
                 break
@@ -116,18 +118,18 @@ class Autopilot:
         """Everything recorded, by name."""
         return {
             "signals": self._link.signals,
-            "repeats": self._state["repeated"],
-            "heard_end": bool(self._state["flags"] & dialect.FTC_SIM_FLAGS_ENDED),
+            "repeats": self._hot.repeated,
+            "heard_end": bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED),
         }
 
     def refused(self) -> Counter[str]:
         """Datagrams dropped on all links, by reason."""
-        drops = self._link.drops[:PLANT].sum(axis=0)
+        drops = self._hot.drops[:PLANT].sum(axis=0)
         return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
 
     def _next_sequence(self) -> int:
-        self._state["sequence"] += 1
-        return int(self._state["sequence"]) - 1
+        self._hot.sequence += 1
+        return self._hot.sequence - 1
 
     def _attend_to_messages(self) -> None:
         """Hear and answer ground stations; in real time a little between any two steps."""
@@ -144,7 +146,7 @@ class Autopilot:
         if not self._vehicle.running:
             return 2**62
         if self._more_to_do:
-            return int(self._state["step"]) + 1
+            return self._hot.step + 1
         due_us = self._vehicle.next_telemetry_us()
         if not self._in_real_time:  # nothing can be late: save turns
             due_us = -(-due_us // _TURN_US) * _TURN_US
@@ -154,22 +156,22 @@ class Autopilot:
     def _in_real_time(self) -> bool:
         """Whether simulated time runs by the clock, so that a control step can be late."""
         running, lockstep = dialect.FTC_SIM_FLAGS_RUNNING, dialect.FTC_SIM_FLAGS_LOCKSTEP
-        return bool(self._state["flags"] & (running | lockstep) == running)
+        return bool(self._hot.flags & (running | lockstep) == running)
 
     def _silence(self) -> str | None:
-        heard_s = float(self._state["heard_s"])
+        heard_s = self._hot.heard_s
         limit_s = self._config.silence_timeout_s
         if heard_s > 0.0 and time.monotonic() - heard_s > limit_s:
             return f"the plant has been silent for {limit_s:g} s at {self._vehicle.time_s:.3f} s"
         return None
 
     def _hear_simulator(self) -> None:
-        datagram = self._link.received[: int(self._state["received"])].tobytes()
+        datagram = self._hot.received()
         message = parse(datagram)
         if message is None:
-            self._link.drops[SIMULATOR, -drop_reason(datagram)] += 1
+            self._hot.drops[SIMULATOR, -drop_reason(datagram)] += 1
         elif (message.get_srcSystem(), message.get_srcComponent()) != self._simulator:
-            self._link.drops[SIMULATOR, -DropReason.STRANGER] += 1
+            self._hot.drops[SIMULATOR, -DropReason.STRANGER] += 1
         else:
             self._vehicle.receive_from_simulator(message, time.monotonic())
 
@@ -177,15 +179,15 @@ class Autopilot:
         """Work on datagrams of ground stations, `most` at most; whether more may be there."""
         for _ in range(most):
             try:
-                datagram, sender = self._gcs.recvfrom(_LONGEST_FRAME + 1)
+                datagram, sender = self._gcs.recvfrom(MAX_FRAME_SIZE + 1)
             except (BlockingIOError, ConnectionRefusedError):
                 return False
             if sender not in self._ground_stations:
-                self._link.drops[GCS, -DropReason.STRANGER] += 1
+                self._hot.drops[GCS, -DropReason.STRANGER] += 1
                 continue
             message = self._gcs_signing.accept(datagram)
             if isinstance(message, DropReason):
-                self._link.drops[GCS, -message] += 1
+                self._hot.drops[GCS, -message] += 1
             elif isinstance(message, dialect.MAVLink_setup_signing_message):
                 words = self._gcs_signing.set_key(message, sender[0], self._vehicle.modes.armed)
                 if words is not None:
@@ -197,7 +199,9 @@ class Autopilot:
 
     def _speak(self, most: int | None = None) -> None:
         for message in self._vehicle.simulator_messages():
-            _send(self._plant, sign_bytes(self._link.plant_signer, self._to_plant.pack(message)))
+            _send(
+                self._plant, sign_bytes(self._link.simulator.signer, self._to_plant.pack(message))
+            )
         for station, address in enumerate(self._ground_stations):
             for message in self._vehicle.gcs_messages(station, most):
                 frame = self._gcs_signing.sign(self._to_gcs[station].pack(message))

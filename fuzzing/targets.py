@@ -15,6 +15,7 @@ import numpy as np
 
 from ftc_autopilot import link as autopilot_link
 from ftc_autopilot.control.controllers import controller_step
+from ftc_autopilot.formation_link import receive_neighbour_states
 from ftc_autopilot.process import Autopilot
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
@@ -26,6 +27,7 @@ from mavlink_defs.endpoint import UdpAddress as Endpoint
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import new_link_signer
 from mavlink_defs.framing.signing import PLANT_LINK
 from sitl_plant import link as plant_link
@@ -107,7 +109,7 @@ class AutopilotTarget:
         self._link, self._controllers = self._autopilot._link, self._autopilot._controllers
         self._steps = 0
         self._arm()
-        self._link.measured[0]["velocity"] = (40.0, 0.0, 0.5)
+        self._link.simulator.measured[0]["velocity"] = (40.0, 0.0, 0.5)
         self._link.state["flags"], self._link.state["heard_s"] = 0, time.monotonic()
         self.step()
 
@@ -117,15 +119,15 @@ class AutopilotTarget:
         self._link.state["flags"] &= _LOCKSTEP
         self._link.state["heard_s"] = time.monotonic()
         if self._is_formation:
-            autopilot_link._take_neighbour_states(
-                self._formation.fileno(), self._link, self._controllers, 0
+            receive_neighbour_states(
+                self._formation.fileno(), self._link.formation, self._controllers, 0
             )
             return
         fds = self._own.fileno(), self._formation.fileno()
         outcome = autopilot_link.run(*fds, self._link, self._controllers, 0.0, 2**62)
-        if outcome == autopilot_link.SERVICE:
+        if outcome == Outcome.SERVICE:
             self._autopilot._hear_simulator()
-        elif outcome == autopilot_link.RESTARTED:
+        elif outcome == Outcome.RESTARTED:
             self._autopilot._vehicle.restart()
             self._arm()
         self._autopilot._hear_ground_stations(1)
@@ -153,7 +155,7 @@ class AutopilotTarget:
     def state(self) -> bytes:
         """All that an invalid datagram must leave as it is."""
         vehicle, state = self._autopilot._vehicle, self._link.state[0]
-        names = ("step", "pending_usec", "repeated", "edge_changes")
+        names = ("step", "pending_usec", "repeated")
         words = repr((
             vehicle.modes.mode, vehicle.modes.armed, vehicle.telemetry[0]._intervals_us,
             vehicle._mission.server.items, [p.get() for p in vehicle._params._parameters],
@@ -161,9 +163,10 @@ class AutopilotTarget:
         return (
             b"".join(array.tobytes() for array in self._controllers)
             + b"".join(state[name].tobytes() for name in names)
-            + self._link.pending.tobytes()
-            + self._link.heard_step.tobytes()
-            + self._link.measured.tobytes()
+            + self._link.formation.state["edge_changes"].tobytes()
+            + self._link.formation.pending.tobytes()
+            + self._link.formation.heard_step.tobytes()
+            + self._link.simulator.measured.tobytes()
             + words.encode()
         )
 
@@ -201,9 +204,9 @@ class PlantTarget:
         self._link.heard_s[:] = self._link.state["sent_s"] = time.monotonic()
         self._gcs_signing.sendto(datagram, self._sock.getsockname())
         outcome = plant_link.run(self._sock.fileno(), self._link, self._fleet, 0.0)
-        if outcome == plant_link.SERVICE:
+        if outcome == Outcome.SERVICE:
             self._plant._serve()
-        assert outcome in {plant_link.SERVICE, plant_link.TICK}, outcome
+        assert outcome in {Outcome.SERVICE, Outcome.TICK}, outcome
         _drain(self._peer)
 
     def fly(self, steps: int) -> np.ndarray:

@@ -3,14 +3,13 @@
 import contextlib
 import errno
 import os
-import platform
 import sys
-from importlib.metadata import version
 from typing import Annotated, NoReturn
 
 import typer
 
 from gcs.commands import (
+    config,
     control,
     dashboard,
     fault,
@@ -31,7 +30,6 @@ from gcs.commands import (
 )
 from gcs.commands.station import ConnectOption
 from gcs.errors import BadInput, GcsError, Interrupted
-from gcs.station.signing_key import keyed
 from gcs.stopping import stop_as_ctrl_c
 from mavlink_defs.config.models import ConfigError
 
@@ -54,6 +52,9 @@ app = typer.Typer(
 
 def _show_versions(wanted: bool) -> None:
     if wanted:
+        import platform
+        from importlib.metadata import version
+
         typer.echo(f"ftc-sitl {version('ftc-sitl')}")
         typer.echo(f"Python {platform.python_version()}")
         for package in ("pymavlink", "numba"):
@@ -88,21 +89,22 @@ def gcs(
         typer.echo(context.get_help())
 
 
-app.command(epilog=fly.EPILOG)(keyed(fly.fly))
+app.command(epilog=fly.EPILOG)(fly.fly)
 app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)
 app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)
 app.command(epilog=new.EPILOG)(new.new)
-app.command(epilog=up.EPILOG)(keyed(up.up))
-app.command(epilog=status.EPILOG)(keyed(status.status))
-app.command(epilog=control.START_EPILOG)(keyed(control.start))
-app.command(epilog=control.ARM_EPILOG)(keyed(control.arm))
-app.command(epilog=control.DISARM_EPILOG)(keyed(control.disarm))
-app.command(epilog=control.MODE_EPILOG)(keyed(control.mode))
+app.command(epilog=up.EPILOG)(up.up)
+app.command(epilog=config.EPILOG)(config.config)
+app.command(epilog=status.EPILOG)(status.status)
+app.command(epilog=control.START_EPILOG)(control.start)
+app.command(epilog=control.ARM_EPILOG)(control.arm)
+app.command(epilog=control.DISARM_EPILOG)(control.disarm)
+app.command(epilog=control.MODE_EPILOG)(control.mode)
 app.add_typer(fault.app, name="fault")
 app.add_typer(profile.app, name="profile")
 app.add_typer(param.app, name="param")
-app.command(epilog=record.EPILOG)(keyed(record.record))
+app.command(epilog=record.EPILOG)(record.record)
 app.command(epilog=log.EPILOG)(log.log)
 app.command(epilog=key.EPILOG)(key.key)
 app.command(epilog=wire.EPILOG)(wire.wire)

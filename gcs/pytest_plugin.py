@@ -16,12 +16,12 @@ import pytest
 if TYPE_CHECKING:
     from gcs.testing.fixtures import FlightMode
     from gcs.testing.flying import TestFleet
-    from gcs.testing.results import Flight
+    from gcs.testing.results import FlightResult
 
 __all__: list[str] = []
 
 _MARK = "ftc_scenario"
-_FLIGHTS: pytest.StashKey[dict[str, Flight]] = pytest.StashKey()
+_FLIGHTS: pytest.StashKey[dict[str, FlightResult]] = pytest.StashKey()
 _FLEETS: pytest.StashKey[list[TestFleet]] = pytest.StashKey()
 
 
@@ -44,7 +44,7 @@ class Fly(Protocol):
         speed: float | None = None,
         mode: FlightMode = "wire",
         **changes: Any,
-    ) -> Flight:
+    ) -> FlightResult:
         """Fly a scenario to its end; see `ftc_fly`."""
 
 
@@ -106,7 +106,7 @@ def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
         speed: float | None = None,
         mode: FlightMode = "wire",
         **changes: Any,
-    ) -> Flight:
+    ) -> FlightResult:
         scenario = read_scenario(_found(request, path), changes)
         key = f"{mode} {speed} {scenario.model_dump_json()}"
         if key not in flights:
@@ -117,7 +117,7 @@ def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 
 @pytest.fixture
-def ftc_flight(request: pytest.FixtureRequest, ftc_fly: Fly) -> Flight:
+def ftc_flight(request: pytest.FixtureRequest, ftc_fly: Fly) -> FlightResult:
     """The flight of ``@pytest.mark.ftc_scenario``, when it is over."""
     path, options = _marked(request)
     with _plainly():

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gcs.errors import BadInput
-from gcs.figures.flown import Flight
+from gcs.figures.flown import PlottedFlight
 from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import save
 from gcs.reports.markdown import html_of
@@ -119,9 +119,9 @@ def _draw(
     on_step: Callable[[str], None],
 ) -> None:
     folder.mkdir()
-    one = Flight("scenario 1", scenarios["scenario1"], recordings["scenario1"])
+    one = PlottedFlight("scenario 1", scenarios["scenario1"], recordings["scenario1"])
     compared, modes = (
-        [Flight(label, scenarios[file], recordings[file]) for file, label in labels.items()]
+        [PlottedFlight(label, scenarios[file], recordings[file]) for file, label in labels.items()]
         for labels in (CONTROLLERS, MODES)
     )
     drawings: dict[str, Callable[[], Figure]] = {

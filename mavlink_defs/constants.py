@@ -1,8 +1,12 @@
-"""Identities on the wire that several packages share."""
+"""Numbers and names on the wire that several packages share."""
+
+from typing import Literal, TypeAlias, get_args
 
 from mavlink_defs.dialect import FTC_ACTUATOR_THROTTLE, MAV_COMP_ID_USER1
 
-__all__ = ["N_CHANNELS", "SIMULATOR_COMPONENT", "THROTTLE"]
+__all__ = ["ACTUATORS", "AUTO", "FORCE_DISARM", "FORMATION_BASE_PORT", "GCS_PORT", "GUIDED",
+           "HUB_PORT", "LAST_SYSTEM", "LOITER", "MODE_NAMES", "N_CHANNELS", "PLANT_PORT",
+           "SIMULATOR_COMPONENT", "STATUSTEXT_SIZE", "THROTTLE", "Actuator"]  # fmt: skip
 
 N_CHANNELS = 4
 """Actuator channels, in the order of FTC_ACTUATOR: aileron, elevator, rudder, throttle."""
@@ -12,3 +16,29 @@ THROTTLE = FTC_ACTUATOR_THROTTLE
 
 SIMULATOR_COMPONENT = MAV_COMP_ID_USER1
 """Component id of an aircraft inside the plant; its system id is the UAV's."""
+
+Actuator: TypeAlias = Literal["aileron", "elevator", "rudder", "throttle"]
+
+ACTUATORS: tuple[Actuator, ...] = get_args(Actuator)
+"""Names of the actuator channels, in the order of FTC_ACTUATOR."""
+
+LAST_SYSTEM = 250
+"""Largest system id of a UAV."""
+
+GCS_PORT = 14550
+"""UDP port that ground stations bind, unless a scenario says otherwise; so are those below."""
+HUB_PORT = 14555
+"""Of the hub of `gcs up`."""
+PLANT_PORT = 14560
+FORMATION_BASE_PORT = 14600
+"""UAV i binds this plus i."""
+
+AUTO, LOITER, GUIDED = 10, 12, 15
+"""custom_mode numbers of ArduPlane."""
+MODE_NAMES = {AUTO: "AUTO", LOITER: "LOITER", GUIDED: "GUIDED"}
+
+FORCE_DISARM = 21196.0
+"""Parameter 2 of MAV_CMD_COMPONENT_ARM_DISARM that disarms in flight."""
+
+STATUSTEXT_SIZE = 50
+"""Characters that one STATUSTEXT holds; one that is full says that another one follows."""

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterator
-from typing import Literal, Self
+from typing import Self
 
 from pydantic import model_validator
 
 from mavlink_defs.config.models import Model, Problem, Problems
 from mavlink_defs.config.quantity import quantity
-from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
+from mavlink_defs.constants import ACTUATORS, Actuator
+from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault
 
 __all__ = ["FaultSpec"]
 
@@ -20,7 +21,7 @@ class FaultSpec(Model):
     UAV it acts is not part of it, and its window may be left open.
     """
 
-    actuator: Literal["aileron", "elevator", "rudder", "throttle"]
+    actuator: Actuator
     effectiveness: float | None = quantity(
         "", ge=0.0, le=1.0, default=None, doc="What is left of the command; 1 unless stuck."
     )

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
-from mavlink_defs.dialect import FTC_ACTUATOR_THROTTLE, MAVLink_ftc_fault_message
+from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.dialect import MAVLink_ftc_fault_message
 from mavlink_defs.float32 import decimal_of_float32
 
 __all__ = [
-    "ACTUATORS",
     "MAX_FAULTS",
     "MAX_FREQUENCY_HZ",
     "Fault",
@@ -23,9 +23,6 @@ __all__ = [
     "fault_from_params",
     "fault_to_params",
 ]
-
-ACTUATORS = ("aileron", "elevator", "rudder", "throttle")
-"""Names, in the order of FTC_ACTUATOR."""
 
 MAX_FREQUENCY_HZ = 500.0
 
@@ -73,12 +70,12 @@ class Fault:
         start_s: float, end_s: float,
     ) -> Self:  # fmt: skip
         """Return the fault whose `value` is given in rad, or N for the throttle."""
-        value = value if actuator == FTC_ACTUATOR_THROTTLE else math.degrees(value)
+        value = value if actuator == THROTTLE else math.degrees(value)
         return cls(actuator, effectiveness, value, frequency_hz, start_s, end_s)
 
     def to_si(self) -> tuple[int, float, float, float, float, float]:
         """Return the arguments of `from_si`, value [rad, or N for the throttle]."""
-        throttle = self.actuator == FTC_ACTUATOR_THROTTLE
+        throttle = self.actuator == THROTTLE
         value = self.value if throttle else math.radians(self.value)
         return (
             self.actuator, self.effectiveness, value, self.frequency_hz, self.start_s, self.end_s,
@@ -170,7 +167,7 @@ def fault_from_params(params: Sequence[float], limits: FaultLimits) -> Fault:
 
 
 def _check_value(actuator: int, effectiveness: float, value: float, limits: FaultLimits) -> None:
-    if actuator != FTC_ACTUATOR_THROTTLE:
+    if actuator != THROTTLE:
         _check(3, "Value", value, (-limits.surface_deg, limits.surface_deg), "deg")
     elif effectiveness == 0.0:  # stuck: the value is the thrust itself
         _check(3, "Value", value, (0.0, limits.thrust_n), "N")

@@ -17,6 +17,8 @@ from mavlink_defs.config.models import (
     unknown_key,
 )
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.faults import FaultLimits
+from mavlink_defs.profile import AirspeedLimits
 
 __all__ = [
     "Aircraft", "Coefficients", "Disturbance", "Inertia", "InitialState", "PlantConfig",
@@ -96,6 +98,16 @@ class Aircraft(Model):
             text = f"expected > airspeed_min_m_s = {low!r} m/s, got {high!r}"
             raise Problems([(("airspeed_max_m_s",), text)])
         return self
+
+    @property
+    def airspeed_limits(self) -> AirspeedLimits:
+        """Airspeeds that it can be asked for."""
+        return AirspeedLimits(self.airspeed_min_m_s, self.airspeed_max_m_s)
+
+    @property
+    def fault_limits(self) -> FaultLimits:
+        """Largest magnitudes that its actuators can take."""
+        return FaultLimits(self.surface_limit_deg, self.thrust_limit_n)
 
 
 _Factor = Annotated[float, quantity("", doc="True value by nominal value.")]

@@ -1,8 +1,8 @@
 """The plant's side of the simulator link: the compiled loop between datagrams and physics.
 
-`run` moves simulated time on while it can, and comes back to Python only when a datagram is
-not one of the hot path's, when it is time to look around, or when the flight is over. Python
-code (`sitl_plant.process`) never runs while a step is half done.
+`run` advances simulated time while it can, and returns to Python only for a datagram that is not
+hot, when the deadline passes, or when the flight is over. Python code (`sitl_plant.process`)
+never runs while a step is half done.
 
 Lockstep: a step is ready when each autopilot has answered the state with FTC_STEP_DONE; a
 state without an answer is sent again. Real time: a step is ready when the wall clock says so,
@@ -18,12 +18,10 @@ from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import (
     ACTUATORS_SIZE,
-    FOREIGN,
     ID_ACTUATORS,
     ID_SIM_STATE,
     ID_STEP_DONE,
     OUT_OF_RANGE,
-    SIGNED,
     STEP_DONE_SIZE,
     STRANGER,
     UNEXPECTED,
@@ -31,7 +29,8 @@ from mavlink_defs.framing.codec import (
     pack,
     system_of,
 )
-from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame, verify_frame
+from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
+from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import PLANT_LINK
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import (
@@ -46,13 +45,7 @@ from mavlink_defs.runtime.native import (
 )
 from sitl_plant.fleet import PlantState, fly, observe, receive_controls
 
-__all__ = ["LOST", "OVER", "SERVICE", "TICK", "PlantLink", "new_link", "run", "send_states"]
-
-# what `run` comes back with
-SERVICE = 1  # link.received holds a datagram of state["received"] bytes that is not hot
-TICK = 2  # the time until which it should run has come
-OVER = 3  # state["last_step"] is reached
-LOST = 4  # aircraft state["lost"] left the model's range of validity
+__all__ = ["PlantLink", "Record", "new_link", "run", "send_states"]
 
 _RESEND_S = 0.05
 _MAX_LAG_S = 0.1
@@ -75,8 +68,15 @@ LINK_STATE = np.dtype(
 )
 
 
+class Record(NamedTuple):
+    """What is recorded of each step; no steps: nothing is."""
+
+    states: np.ndarray  # (steps, n, 12)
+    applied: np.ndarray  # (steps, n, 4)
+
+
 class PlantLink(NamedTuple):
-    """Sockets, peers and time of a plant of n aircraft."""
+    """Peers, time and buffers of a plant of n aircraft."""
 
     state: np.ndarray  # (1,), dtype LINK_STATE
     systems: np.ndarray  # (n,), system id of each aircraft
@@ -91,9 +91,8 @@ class PlantLink(NamedTuple):
     sender: np.ndarray  # (ADDRESS_SIZE,), where it came from
     step_done: np.ndarray  # views of `received`
     actuators: np.ndarray
-    states: np.ndarray  # (steps, n, 12), recorded; no steps: nothing is recorded
-    applied: np.ndarray  # (steps, n, 4), recorded
-    link_signer: LinkSigner
+    record: Record
+    signer: LinkSigner
 
 
 def new_link(
@@ -104,7 +103,7 @@ def new_link(
     record: bool,
     link_signer: LinkSigner | None = None,
 ) -> PlantLink:
-    """The link of a plant that has not heard of any autopilot.
+    """Return the link of a plant that has not heard of any autopilot.
 
     Args:
         systems: System id of each aircraft.
@@ -124,22 +123,21 @@ def new_link(
     received = codec.new_buffer()
     rows = last_step if record else 0
     return PlantLink(
-        state,
-        np.array(systems),
-        np.zeros(n, np.int64),
-        np.zeros((n, ADDRESS_SIZE), np.uint8),
-        np.zeros(n),
-        np.full(n, -1),
-        np.zeros(n, np.int64),
-        np.zeros(codec.DROPS_SIZE, np.int64),
-        codec.new_buffer(),
-        received,
-        np.zeros(ADDRESS_SIZE, np.uint8),
-        codec.payload_view(received, codec.STEP_DONE),
-        codec.payload_view(received, codec.ACTUATORS),
-        np.zeros((rows, n, 12)),
-        np.zeros((rows, n, N_CHANNELS)),
-        link_signer or new_link_signer(b"", PLANT_LINK),
+        state=state,
+        systems=np.array(systems),
+        known=np.zeros(n, np.int64),
+        addresses=np.zeros((n, ADDRESS_SIZE), np.uint8),
+        heard_s=np.zeros(n),
+        done=np.full(n, -1),
+        sequences=np.zeros(n, np.int64),
+        drops=np.zeros(codec.DROPS_SIZE, np.int64),
+        sent=codec.new_buffer(),
+        received=received,
+        sender=np.zeros(ADDRESS_SIZE, np.uint8),
+        step_done=codec.payload_view(received, codec.STEP_DONE),
+        actuators=codec.payload_view(received, codec.ACTUATORS),
+        record=Record(states=np.zeros((rows, n, 12)), applied=np.zeros((rows, n, N_CHANNELS))),
+        signer=link_signer or new_link_signer(b"", PLANT_LINK),
     )
 
 
@@ -166,51 +164,51 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
             link.sequences[i],
         )  # fmt: skip
         link.sequences[i] += 1
-        length = sign_frame(link.link_signer, link.sent, length)
+        length = sign_frame(link.signer, link.sent, length)
         send_to(fd, link.sent, length, link.addresses[i])
     state["sent_s"] = monotonic_s()
 
 
 @compiled
-def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> int:
-    """Move simulated time on, if it runs, until something needs Python.
+def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
+    """Advance simulated time, if it runs, until something needs Python.
 
     Args:
         fd: The plant's socket; its receive timeout bounds how late `until_s` is noticed.
         link: The link.
         fleet: The fleet.
-        until_s: Wall-clock time, as `monotonic_s` gives it, at which to come back [s].
+        until_s: Wall-clock time, as `monotonic_s` gives it, at which to return [s].
 
     Returns:
         SERVICE, TICK, OVER or LOST.
     """
-    state = link.state[0]
+    state, record = link.state[0], link.record
     while True:
         running = state["flags"] & FTC_SIM_FLAGS_RUNNING
         if running and state["waiting"] == 0:
             send_states(fd, link, fleet, False)
             state["waiting"] = 1
         outcome = _wait(fd, link, fleet, until_s)
-        if outcome != 0:
+        if outcome != Outcome.NONE:
             return outcome
         step = state["step"]
-        if step < len(link.states):
-            link.states[step] = fleet.states
+        if step < len(record.states):
+            record.states[step] = fleet.states
         lost = fly(fleet, step, state["step_us"])
-        if step < len(link.applied):
-            link.applied[step] = fleet.applied
+        if step < len(record.applied):
+            record.applied[step] = fleet.applied
         state["step"] = step + 1
         state["waiting"] = 0
         if lost >= 0:
             state["lost"] = lost
-            return LOST
+            return Outcome.LOST
         if state["step"] >= state["last_step"]:
-            return OVER
+            return Outcome.OVER
 
 
 @compiled
-def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> int:
-    """Receive until the step is ready (0), or Python is needed (SERVICE, TICK)."""
+def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
+    """Receive until the step is ready (NONE), or Python is needed (SERVICE, TICK)."""
     state = link.state[0]
     running = state["flags"] & FTC_SIM_FLAGS_RUNNING
     real_time = running and state["speed"] > 0.0
@@ -220,29 +218,29 @@ def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> int:
             sleep_until(min(due_s, until_s))
             length = receive_from_now(fd, link.received, link.sender)
             if length < 0 and monotonic_s() >= due_s:
-                return 0
+                return Outcome.NONE
         else:
             if running and _all_done(link):
-                return 0
+                return Outcome.NONE
             if running:
                 length = receive_from_soon(fd, link.received, link.sender)
             else:
                 length = receive_from(fd, link.received, link.sender)
-        if length >= 0 and _take(link, fleet, length):
+        if length >= 0 and _receive(link, fleet, length) == NOT_HOT:
             state["received"] = length
-            return SERVICE
+            return Outcome.SERVICE
         now_s = monotonic_s()
         if running and not real_time and now_s - state["sent_s"] > _RESEND_S:
             send_states(fd, link, fleet, True)
         if now_s >= until_s:
             if running and not real_time and _all_done(link):
-                return 0
-            return TICK
+                return Outcome.NONE
+            return Outcome.TICK
 
 
 @compiled
 def _due_s(link: PlantLink) -> float:
-    """Wall-clock time at which the present step ends; a machine too slow shifts the origin."""
+    """Return when the present step ends [s, wall time]; a machine too slow shifts the origin."""
     state = link.state[0]
     periods = state["step"] + 1 - state["origin_step"]
     due_s = state["origin_s"] + periods * state["step_us"] / 1e6 / state["speed"]
@@ -264,20 +262,19 @@ def _all_done(link: PlantLink) -> bool:
 
 
 @compiled
-def _take(link: PlantLink, fleet: PlantState, length: int) -> bool:
-    """Work on a received datagram; True if it is for Python."""
-    code = verify_frame(link.link_signer, link.received, length)
-    if code in (FOREIGN, SIGNED):
-        return True
-    problem = code if code < 0 else _take_hot(link, fleet, code)
-    if problem < 0:
-        link.drops[-problem] += 1
-    return False
+def _receive(link: PlantLink, fleet: PlantState, length: int) -> int:
+    """Work on a received datagram if it is hot; return what `take` says of it."""
+    message_id = take(link.signer, link.received, length, link.drops)
+    if message_id not in (NOT_HOT, DROPPED):
+        problem = _follow(link, fleet, message_id)
+        if problem != 0:
+            link.drops[-problem] += 1
+    return message_id
 
 
 @compiled
-def _take_hot(link: PlantLink, fleet: PlantState, message_id: int) -> int:
-    """Work on a checked hot message; one of DROP_REASONS if it is not to be followed, else 0."""
+def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
+    """Follow a checked hot message; return 0, or the code of DROP_REASONS if it is refused."""
     i = _index_of_sender(link)
     if i < 0:
         return STRANGER
@@ -297,7 +294,7 @@ def _take_hot(link: PlantLink, fleet: PlantState, message_id: int) -> int:
 
 @compiled
 def _index_of_sender(link: PlantLink) -> int:
-    """Index of the aircraft whose registered autopilot sent the datagram, or -1."""
+    """Return the index of the aircraft whose registered autopilot sent the datagram, or -1."""
     system = system_of(link.received)
     for i in range(len(link.systems)):
         if link.systems[i] == system and link.known[i] == 1:

@@ -37,24 +37,17 @@ from mavlink_defs.endpoint import (
     parse_address,
     set_receive_timeout,
 )
-from mavlink_defs.faults import FaultLimits
 from mavlink_defs.framing.codec import drop_counts
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import LinkSigner, load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.files import save_arrays
 from mavlink_defs.runtime.shutdown import on_stop
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
-from sitl_plant.link import (
-    LOST,
-    OVER,
-    SERVICE,
-    new_link,
-    run,
-    send_states,
-)
+from sitl_plant.link import new_link, run, send_states
 from sitl_plant.plant import describe_loss, time_s
 from sitl_plant.service import AircraftService
 
@@ -93,7 +86,7 @@ class Plant:
                 SIMULATOR_COMPONENT,
                 self._fleet.faults[i],
                 self._fleet.applied[i],
-                FaultLimits(uav.aircraft.surface_limit_deg, uav.aircraft.thrust_limit_n),
+                uav.aircraft.fault_limits,
             )
             for i, uav in enumerate(config.uavs)
         ]
@@ -108,14 +101,14 @@ class Plant:
 
     def fly(self) -> str | None:
         """Serve the link until the flight is over; the reason if it ended before its end."""
-        loss, outcome = None, 0
+        loss, outcome = None, Outcome.NONE
         while not self.stopping:
             outcome = run(self._fd, self._link, self._fleet, time.monotonic() + _TICK_S)
-            if outcome == SERVICE:
+            if outcome == Outcome.SERVICE:
                 self._serve()
-            elif outcome == OVER:
+            elif outcome == Outcome.OVER:
                 break
-            elif outcome == LOST:
+            elif outcome == Outcome.LOST:
                 i = int(self._state["lost"])
                 why = describe_loss(self._fleet.states[i])
                 loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
@@ -127,7 +120,7 @@ class Plant:
             self._report_drops()
         if self._running:
             self.wall_s = time.monotonic() - self._begin_s
-        self._say_goodbye(lost=outcome == LOST)
+        self._say_goodbye(lost=outcome == Outcome.LOST)
         return loss
 
     @property
@@ -139,8 +132,8 @@ class Plant:
         """Everything recorded, by name."""
         steps = int(self._state["step"])
         return {
-            "states": self._link.states[:steps],
-            "applied": self._link.applied[:steps],
+            "states": self._link.record.states[:steps],
+            "applied": self._link.record.applied[:steps],
             "steps": steps,
             "wall_s": self.wall_s,
             "lag_s": float(self._state["lag_s"]),
@@ -184,7 +177,7 @@ class Plant:
 
     def _send(self, i: int, message: MAVLink_message) -> None:
         host = address_of(self._link.addresses[i])
-        frame = sign_bytes(self._link.link_signer, self._speakers[i].pack(message))
+        frame = sign_bytes(self._link.signer, self._speakers[i].pack(message))
         with contextlib.suppress(OSError):  # losses are the microservices' business
             self._sock.sendto(frame, (host.host, host.port))
 

@@ -9,14 +9,9 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import (
-    ACTUATORS,
-    Fault,
-    FaultLimits,
-    InvalidParam,
-    fault_from_params,
-)
+from mavlink_defs.faults import Fault, FaultLimits, InvalidParam, fault_from_params
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.command import CommandMessage, CommandServer, command_params
 from mavlink_defs.services.machine import SystemId

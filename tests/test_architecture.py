@@ -34,7 +34,7 @@ USERS_OF_THE_SYSTEM = SHELLS | {
     "gcs.figures.style",
     "gcs.fleet.in_process",
     "gcs.fleet.precompile",
-    "gcs.sweeps.grid",
+    "gcs.sweeps.flying",
     "gcs.tui.operations",
     "mavlink_defs.capture.tlog",
     "mavlink_defs.dialect",

@@ -7,7 +7,7 @@ import numpy as np
 from ftc_autopilot.control.controller import NO_INTERVAL
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.reference import wrap
-from ftc_autopilot.link import AutopilotLink
+from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
@@ -19,8 +19,8 @@ __all__ = ["ControllerMessages"]
 class ControllerMessages:
     """Makes messages from what the controller computed last."""
 
-    def __init__(self, link: AutopilotLink, controllers: Controllers) -> None:
-        self._link, self._controllers = link, controllers
+    def __init__(self, hot: HotState, controllers: Controllers) -> None:
+        self._hot, self._controllers = hot, controllers
 
     def tracking(self) -> MAVLink_message:
         """FTC_TRACKING."""
@@ -34,10 +34,9 @@ class ControllerMessages:
 
     def events(self) -> MAVLink_message:
         """FTC_EVENTS."""
-        controller, clock = self._controllers.states[0], self._link.state[0]
+        controller = self._controllers.states[0]
         intervals = [
-            min(int(steps) * int(clock["step_us"]), NO_INTERVAL)
-            for steps in controller["min_interval"]
+            min(int(steps) * self._hot.step_us, NO_INTERVAL) for steps in controller["min_interval"]
         ]
         return dialect.MAVLink_ftc_events_message(
             time_boot_ms=self._time_ms,
@@ -45,8 +44,8 @@ class ControllerMessages:
             events=list(map(int, controller["events"])),
             min_interval_us=intervals,
             messages=int(controller["messages"]),
-            repeats=list(map(int, clock["repeated"])),
-            edge_changes=int(clock["edge_changes"]),
+            repeats=self._hot.repeated,
+            edge_changes=self._hot.edge_changes,
         )
 
     def adaptation(self) -> MAVLink_message:
@@ -59,12 +58,12 @@ class ControllerMessages:
 
     def drops(self) -> MAVLink_message:
         """FTC_DROPS."""
-        links = map(drop_counts, self._link.drops)  # in the order of the fields
+        links = map(drop_counts, self._hot.drops)  # in the order of the fields
         return dialect.MAVLink_ftc_drops_message(self._time_ms, *links)
 
     @property
     def _time_ms(self) -> int:
-        return int(self._link.measured[0]["time_usec"]) // 1000 % 2**32
+        return self._hot.time_us // 1000 % 2**32
 
 
 def _degrees(values: np.ndarray) -> list[float]:

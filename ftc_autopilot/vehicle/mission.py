@@ -3,8 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from ftc_autopilot.vehicle.modes import AUTO, Modes, Say
+from ftc_autopilot.vehicle.modes import Modes, Say
 from mavlink_defs import dialect
+from mavlink_defs.constants import AUTO
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.profile import check_mission
 from mavlink_defs.services.machine import SystemId

@@ -11,21 +11,17 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controller import restart_law
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.link import AutopilotLink
+from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
-from mavlink_defs.profile import AirspeedLimits, items_to_segments
+from mavlink_defs.constants import AUTO, FORCE_DISARM, GUIDED, LOITER, MODE_NAMES
+from mavlink_defs.profile import items_to_segments
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["AUTO", "GUIDED", "LOITER", "MODE_NAMES", "Modes", "Say"]
-
-AUTO, LOITER, GUIDED = 10, 12, 15
-"""custom_mode numbers of ArduPlane."""
-MODE_NAMES = {AUTO: "AUTO", LOITER: "LOITER", GUIDED: "GUIDED"}
+__all__ = ["Modes", "Say"]
 
 Say = Callable[[int, str], None]
 """Announces a text, with its MAV_SEVERITY."""
 
-_FORCE_DISARM = 21196.0
 _ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 
 
@@ -39,14 +35,12 @@ class Modes:
     """
 
     def __init__(
-        self, config: AutopilotConfig, link: AutopilotLink, controllers: Controllers, say: Say
+        self, config: AutopilotConfig, hot: HotState, controllers: Controllers, say: Say
     ) -> None:
         self.mode = LOITER
         self.armed = False
-        self.airspeeds = AirspeedLimits(
-            config.aircraft.airspeed_min_m_s, config.aircraft.airspeed_max_m_s
-        )
-        self._link, self._controllers, self._say = link, controllers, say
+        self.airspeeds = config.aircraft.airspeed_limits
+        self._hot, self._controllers, self._say = hot, controllers, say
         self._guidance = controllers.guidance[0]
         self._autopilot = config.mav_autopilot
 
@@ -55,12 +49,12 @@ class Modes:
     @property
     def running(self) -> bool:
         """Whether simulated time runs."""
-        return bool(self._link.state[0]["flags"] & dialect.FTC_SIM_FLAGS_RUNNING)
+        return self._hot.running
 
     @property
     def status(self) -> int:
         """MAV_STATE: BOOT until the simulator is heard."""
-        if self._link.state[0]["heard_s"] == 0.0:
+        if self._hot.heard_s == 0.0:
             return dialect.MAV_STATE_BOOT
         return dialect.MAV_STATE_ACTIVE if self.armed else dialect.MAV_STATE_STANDBY
 
@@ -122,7 +116,7 @@ class Modes:
     def jump_to(self, seq: int) -> None:
         """Let a started mission go on with item seq, as if its segment began now."""
         if self.started and 1 <= seq != self.current_item():
-            self._guidance["start_step"] = int(self._link.state[0]["step"]) - self._steps_to(seq)
+            self._guidance["start_step"] = self._hot.step - self._steps_to(seq)
 
     # commands: params are those of the MAV_CMD
 
@@ -139,8 +133,10 @@ class Modes:
                 self._set_armed(True)
                 self._enter(self.mode)
         elif self.armed:
-            if self.running and params[1] != _FORCE_DISARM:
-                return self._refuse("Disarm: refused in flight; force it with param 2 = 21196")
+            if self.running and params[1] != FORCE_DISARM:
+                return self._refuse(
+                    f"Disarm: refused in flight; force it with param 2 = {FORCE_DISARM:g}"
+                )
             self._set_armed(False)
         return _ACCEPTED
 
@@ -154,7 +150,7 @@ class Modes:
             return self._refuse("Mission start: no profile uploaded")
         if self.running and not self.armed:
             return self._refuse("Mission start: not armed")
-        first = int(self._link.state[0]["step"]) + 1 if self.running else 0
+        first = self._hot.step + 1 if self.running else 0
         self._guidance["start_step"] = first - (self._steps_to(seq) if seq > 1 else 0)
         self._enter(AUTO)
         return _ACCEPTED
@@ -162,7 +158,8 @@ class Modes:
     def set_mode(self, mode: float) -> int:
         """MAV_CMD_DO_SET_MODE; `mode` is the custom_mode."""
         if mode not in MODE_NAMES:
-            return self._refuse(f"Mode {mode:g}: must be AUTO (10), LOITER (12), GUIDED (15)")
+            names = ", ".join(f"{name} ({number})" for number, name in MODE_NAMES.items())
+            return self._refuse(f"Mode {mode:g}: must be {names}")
         if mode == AUTO and not self.has_profile:
             return self._refuse("Mode AUTO: no profile uploaded")
         self._enter(int(mode))
@@ -209,20 +206,19 @@ class Modes:
 
     def _elapsed_s(self) -> float:
         """Time since the start of the mission [s]."""
-        clock = self._link.state[0]
-        steps = int(clock["step"]) - int(self._guidance["start_step"])
-        return steps * int(clock["step_us"]) / 1e6
+        steps = self._hot.step - int(self._guidance["start_step"])
+        return steps * self._hot.step_us / 1e6
 
     def _steps_to(self, seq: int) -> int:
         """Steps from the start of the mission to the segment of an item."""
         start_s = float(self._controllers.profiles[0]["start"][seq - 1])
-        return math.ceil(start_s * 1e6 / int(self._link.state[0]["step_us"]))
+        return math.ceil(start_s * 1e6 / self._hot.step_us)
 
     def _enter(self, mode: int) -> None:
         """Change the mode; whatever does not fly the profile goes on level and straight."""
         self._guidance["auto"] = int(mode == AUTO and self.started)
         if not self._guidance["auto"]:
-            state = self._link.measured[0]
+            state = self._hot.measured
             speed = math.hypot(*map(float, state["velocity"]))
             airspeed = min(max(speed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)
             self._guidance["command"] = (airspeed, 0.0, 0.0, float(state["attitude"][2]))

@@ -20,7 +20,7 @@ from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.schedule import Schedule
-from ftc_autopilot.link import AutopilotLink
+from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
 from mavlink_defs.services.param_server import (
@@ -87,7 +87,7 @@ class Tunable:
 
 
 def parameters_of(
-    config: AutopilotConfig, link: AutopilotLink, controllers: Controllers
+    config: AutopilotConfig, hot: HotState, controllers: Controllers
 ) -> list[Parameter]:
     """Give all parameters of a vehicle: its trigger's, its law's, and some that only tell."""
     records, kind = controllers.parameters, config.controller.kind
@@ -98,10 +98,10 @@ def parameters_of(
     ]
 
     def clock_s() -> float:
-        clock, start = link.state[0], int(controllers.guidance[0]["start_step"])
+        start = int(controllers.guidance[0]["start_step"])
         if start == NOT_STARTED:
             return 0.0
-        return max(int(clock["step"]) - start, 0) * int(clock["step_us"]) / 1e6
+        return max(hot.step - start, 0) * hot.step_us / 1e6
 
     def put_at_the_start(tunable: Tunable, value: float) -> None:
         if controllers.states[0]["steps"] > 0:

@@ -11,7 +11,7 @@ import numpy as np
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.geography import Origin, Place, place_of
-from ftc_autopilot.link import AutopilotLink
+from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
@@ -29,8 +29,8 @@ _GIVEN_IMU = 0b111111  # HIGHRES_IMU.fields_updated: accelerations and rates
 class StateMessages:
     """Makes messages of position, attitude, motion and actuators."""
 
-    def __init__(self, link: AutopilotLink, controllers: Controllers, origin: Origin) -> None:
-        self._link, self._controllers, self._origin = link, controllers, origin
+    def __init__(self, hot: HotState, controllers: Controllers, origin: Origin) -> None:
+        self._hot, self._controllers, self._origin = hot, controllers, origin
 
     # time and place
 
@@ -173,12 +173,11 @@ class StateMessages:
 
     @property
     def _state(self) -> np.void:
-        state: np.void = self._link.measured[0]
-        return state
+        return self._hot.measured
 
     @property
     def _time_us(self) -> int:
-        return int(self._state["time_usec"])
+        return self._hot.time_us
 
     def _yaw(self) -> float:
         return float(self._state["attitude"][2])

@@ -10,11 +10,12 @@ from functools import partial
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
-from ftc_autopilot.link import GCS, PLANT, AutopilotLink, reset_link
+from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.link import GCS, PLANT
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.mission import Mission
-from ftc_autopilot.vehicle.modes import AUTO, GUIDED, LOITER, MODE_NAMES, Modes
+from ftc_autopilot.vehicle.modes import Modes
 from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.state_messages import StateMessages, home_item
 from ftc_autopilot.vehicle.status_messages import StatusMessages
@@ -27,7 +28,7 @@ from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
 from mavlink_defs.services.responder import Responder
 
-__all__ = ["AUTO", "GUIDED", "LOITER", "MODE_NAMES", "Vehicle"]
+__all__ = ["Vehicle"]
 
 _HEARTBEAT_S = 1.0
 _REQUESTS = {  # commands that ask for one message
@@ -39,11 +40,9 @@ _REQUESTS = {  # commands that ask for one message
 class Vehicle:
     """The services of one autopilot, between the steps of its control loop."""
 
-    def __init__(
-        self, config: AutopilotConfig, link: AutopilotLink, controllers: Controllers
-    ) -> None:
+    def __init__(self, config: AutopilotConfig, hot: HotState, controllers: Controllers) -> None:
         own = SystemId(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
-        self._own, self._link, self._controllers = own, link, controllers
+        self._own, self._hot, self._controllers = own, hot, controllers
         self._stations = range(len(config.gcs))
         self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
         self._asking = 0  # the ground station whose message is being worked on
@@ -54,17 +53,17 @@ class Vehicle:
         self._edges = controllers.weights[0] > 0.0
         self._edge_changes = 0
 
-        self.modes = Modes(config, link, controllers, self.say)
+        self.modes = Modes(config, hot, controllers, self.say)
         self._mission = Mission(own, self.modes, home_item(config.origin), self.say)
         makers = makers_of(
-            StateMessages(link, controllers, config.origin),
-            ControllerMessages(link, controllers),
+            StateMessages(hot, controllers, config.origin),
+            ControllerMessages(hot, controllers),
             StatusMessages(config),
         )
         makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
         self.telemetry = [Telemetry(makers) for _ in self._stations]
         self._params = ParamServer(
-            own, parameters_of(config, link, controllers), bytewise=config.identity == "generic"
+            own, parameters_of(config, hot, controllers), bytewise=config.identity == "generic"
         )
         self._commands = Commands(own, self._handlers())
         self._courtesy = Responder(own)
@@ -80,7 +79,7 @@ class Vehicle:
             station: Number of the station in `AutopilotConfig.gcs`.
         """
         if not is_for(message, self._own):
-            self._link.drops[GCS, -DropReason.OTHER_TARGET] += 1
+            self._hot.drops[GCS, -DropReason.OTHER_TARGET] += 1
             return
         match message:
             case dialect.MAVLink_set_attitude_target_message():
@@ -105,7 +104,7 @@ class Vehicle:
                 self._tell([message], self._commands.asking)
             case dialect.MAVLink_ftc_drops_message():
                 for reason, count in zip(DropReason, message.plant, strict=True):
-                    self._link.drops[PLANT, -reason] = count
+                    self._hot.drops[PLANT, -reason] = count
         self._commands.receive_from_simulator(message, now)
         self._collect()
 
@@ -125,8 +124,8 @@ class Vehicle:
             self._tell([self.modes.heartbeat()])
             self._simulator_outbox.append(self.modes.heartbeat())
         self._report_edges()
-        if self._link.state[0]["heard_s"] > 0.0:
-            time_us = int(self._link.measured[0]["time_usec"])
+        if self._hot.heard_s > 0.0:
+            time_us = self._hot.time_us
             clock_us = time_us if self.running else round(now * 1e6)
             for station, telemetry in enumerate(self.telemetry):
                 self._gcs_outboxes[station][:0] = telemetry.due(clock_us, most)
@@ -134,7 +133,7 @@ class Vehicle:
 
     def restart(self) -> None:
         """Forget the flight when the plant was started again: disarm and wait to be armed."""
-        reset_link(self._link)
+        self._hot.reset()
         reset_controllers(self._controllers)
         self.modes.restart()
         self._mission.restart()
@@ -190,7 +189,7 @@ class Vehicle:
     @property
     def time_s(self) -> float:
         """Simulation time of the last state [s]."""
-        return float(self._link.measured[0]["time_usec"]) * 1e-6
+        return self._hot.time_us * 1e-6
 
     # inside
 
@@ -258,12 +257,12 @@ class Vehicle:
 
     def _report_edges(self) -> None:
         """Announce every neighbour that was dropped or taken up again."""
-        if self._link.state[0]["edge_changes"] == self._edge_changes:
+        if self._hot.edge_changes == self._edge_changes:
             return
-        self._edge_changes = int(self._link.state[0]["edge_changes"])
+        self._edge_changes = self._hot.edge_changes
         edges = self._controllers.weights[0] > 0.0
         for d in (edges != self._edges).nonzero()[0]:
             event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
-            text = f"neighbour {self._link.neighbours[d]} {event}"
+            text = f"neighbour {self._hot.neighbours[d]} {event}"
             self.say(dialect.MAV_SEVERITY_WARNING, text)
         self._edges = edges

@@ -4,14 +4,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from gcs.commands.station import (
-    EXIT_STATUS,
-    ConnectOption,
-    JsonOption,
-    Station,
-    TimeoutOption,
-    UavOption,
-)
+from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.station.vehicle import Vehicle
 
 __all__ = ["ARM_EPILOG", "DISARM_EPILOG", "MODE_EPILOG", "START_EPILOG", "arm", "disarm", "mode",
@@ -46,29 +39,23 @@ Examples:
 {EXIT_STATUS}"""
 
 
-def arm(
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
-) -> None:
+@station_command
+def arm(station: Station) -> None:
     """Arm vehicles. Simulated time begins when every vehicle of the fleet is armed."""
 
     async def action(vehicle: Vehicle) -> str:
         await vehicle.arm()
         return f"UAV {vehicle.system} armed"
 
-    Station(uav, connect, timeout, as_json).act(action)
+    station.act(action)
 
 
+@station_command
 def disarm(
+    station: Station,
     force: Annotated[
         bool, typer.Option("--force", help="In flight, too: the controller stops, no thrust.")
     ] = False,
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Disarm vehicles; in flight they refuse unless forced."""
 
@@ -76,33 +63,27 @@ def disarm(
         await vehicle.disarm(force)
         return f"UAV {vehicle.system} disarmed"
 
-    Station(uav, connect, timeout, as_json).act(action)
+    station.act(action)
 
 
-def start(
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
-) -> None:
+@station_command
+def start(station: Station) -> None:
     """Start to fly the profile: at once in flight, else when simulated time begins."""
 
     async def action(vehicle: Vehicle) -> str:
         await vehicle.start_mission()
         return f"UAV {vehicle.system} started its mission"
 
-    Station(uav, connect, timeout, as_json).act(action)
+    station.act(action)
 
 
+@station_command
 def mode(
+    station: Station,
     name: Annotated[
         Literal["auto", "loiter", "guided"],
         typer.Argument(metavar="MODE", help="auto, loiter or guided"),
     ],
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Change the mode: fly the profile, hold level and straight, or follow set-points."""
 
@@ -110,4 +91,4 @@ def mode(
         await vehicle.set_mode(name.upper())
         return f"UAV {vehicle.system} in mode {name.upper()}"
 
-    Station(uav, connect, timeout, as_json).act(action)
+    station.act(action)

@@ -1,6 +1,7 @@
 """``gcs`` alone: the operator's dashboard."""
 
 import asyncio
+import os
 import signal
 import sys
 import time
@@ -8,11 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from gcs.commands.station import run_interruptible
+from gcs.commands.station import SIGNING_KEY_VARIABLE, run_interruptible
 from gcs.errors import BadInput
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
-from gcs.station.signing_key import signing_key
 
 if TYPE_CHECKING:
     from gcs.tui.app import Dashboard
@@ -58,7 +58,8 @@ def refuse_options(context: typer.Context) -> None:
 
 def dashboard(connect: str | None, theme: str) -> None:
     """Show the vehicles at a connection until the operator leaves."""
-    connection = choose_connection(connect)
+    signing_key = os.environ.get(SIGNING_KEY_VARIABLE) or None
+    connection = choose_connection(connect, signing_key)
     from gcs.tui.app import Dashboard
     from gcs.tui.view import LiveSource
 
@@ -71,7 +72,7 @@ def dashboard(connect: str | None, theme: str) -> None:
             inquire=True,
             private=True,
             own=own,
-            signing_key=signing_key(),
+            signing_key=signing_key,
         ) as client:
             live.attach(client)
             await run_dashboard(Dashboard(live, theme))

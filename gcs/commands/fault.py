@@ -2,34 +2,26 @@
 
 import math
 from dataclasses import replace
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated
 
 import typer
 from pydantic import ValidationError
 
-from gcs.commands.station import (
-    EXIT_STATUS,
-    ConnectOption,
-    JsonOption,
-    Station,
-    TimeoutOption,
-    UavOption,
-)
+from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput, NoAnswer
-from gcs.station.signing_key import keyed
 from gcs.station.status import fault_dict
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.config.models import problems_of
+from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.faults import Fault
 
 __all__ = ["app"]
 
 app = typer.Typer(help="Set, clear and list actuator faults.", no_args_is_help=True)
 
-_Actuator: TypeAlias = Literal["aileron", "elevator", "rudder", "throttle"]
 _NAMES = "aileron, elevator, rudder or throttle"
 _OPTIONS = {key: f"--{key.replace('_', '-')}" for key in FaultSpec.model_fields}
 
@@ -57,9 +49,10 @@ Examples:
 
 
 @app.command(name="set", epilog=_SET_EPILOG)
-@keyed
+@station_command
 def set_(
-    actuator: Annotated[_Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
+    station: Station,
+    actuator: Annotated[Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
     effectiveness: Annotated[
         float | None, typer.Option(help="What is left of the command, 0 to 1.")
     ] = None,
@@ -79,10 +72,6 @@ def set_(
     for_s: Annotated[
         float | None, typer.Option(help="Duration [s of simulated time], instead of --end-s.")
     ] = None,
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Set an actuator fault: applied = effectiveness · commanded + bias, or a stuck value.
 
@@ -112,20 +101,17 @@ def set_(
         await vehicle.set_fault(timed)
         return f"UAV {vehicle.system}: {describe_fault(timed)}"
 
-    Station(uav, connect, timeout, as_json).act(action)
+    station.act(action)
 
 
 @app.command(epilog=_CLEAR_EPILOG)
-@keyed
+@station_command
 def clear(
+    station: Station,
     actuator: Annotated[
-        _Actuator | None,
+        Actuator | None,
         typer.Option(metavar="ACTUATOR", help=f"Only this one's ({_NAMES}); all by default."),
     ] = None,
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Clear faults: active, past and future ones."""
 
@@ -133,17 +119,12 @@ def clear(
         await vehicle.clear_faults(None if actuator is None else ACTUATORS.index(actuator))
         return f"UAV {vehicle.system}: faults of {actuator or 'all actuators'} cleared"
 
-    Station(uav, connect, timeout, as_json).act(action)
+    station.act(action)
 
 
 @app.command(name="list", epilog=_LIST_EPILOG)
-@keyed
-def list_(
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
-) -> None:
+@station_command
+def list_(station: Station) -> None:
     """List the faults that vehicles have, past and future ones too."""
 
     async def action(vehicle: Vehicle) -> str:
@@ -157,7 +138,7 @@ def list_(
         faults = [fault_dict(fault, time_s) for fault in vehicle.state.faults or ()]
         return {"time_s": time_s, "faults": faults}
 
-    Station(uav, connect, timeout, as_json).act(action, data)
+    station.act(action, data)
 
 
 async def _time_s(vehicle: Vehicle) -> float:

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from gcs.commands.common import console_of, flight_progress, warm_up
+from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.scenario.model import Scenario, load_scenario
 from gcs.station.signing_key import signed, warn_if_exposed
@@ -34,7 +35,9 @@ vehicle refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 
 
 
 def fly(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", metavar="SCENARIO")],
+    scenario: Annotated[
+        Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
+    ],
     out: Annotated[
         Path | None,
         typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default."),
@@ -58,6 +61,7 @@ def fly(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
     ] = False,
+    signing_key: SigningKeyOption = None,
 ) -> None:
     """Fly a scenario to its end and write down everything.
 
@@ -73,7 +77,7 @@ def fly(
     from gcs.fleet.processes import check_ports
     from gcs.results.run_folder import make_run_folder
 
-    loaded = signed(load_scenario(scenario))
+    loaded = signed(load_scenario(scenario), signing_key)
     if in_process and loaded.links.impairments is not None:
         text = "links.impairments are about the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")

@@ -1,20 +1,13 @@
 """``gcs param list|get|set``: parameters of vehicles."""
 
+from functools import partial
 from typing import Annotated, Any
 
 import typer
 
-from gcs.commands.station import (
-    EXIT_STATUS,
-    ConnectOption,
-    JsonOption,
-    Station,
-    TimeoutOption,
-    UavOption,
-)
+from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.station.notifications import enum_name
 from gcs.station.param_metadata import known_quantity
-from gcs.station.signing_key import keyed
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.services.param import Param
 
@@ -47,13 +40,8 @@ Examples:
 
 
 @app.command(name="list", epilog=_LIST_EPILOG)
-@keyed
-def list_(
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 30.0,
-    as_json: JsonOption = False,
-) -> None:
+@partial(station_command, timeout_s=30.0)
+def list_(station: Station) -> None:
     """List all parameters."""
     found: dict[int, tuple[Param, ...]] = {}
 
@@ -64,17 +52,14 @@ def list_(
     def data(vehicle: Vehicle) -> dict[str, Any]:
         return {"params": [_param_dict(param) for param in found[vehicle.system]]}
 
-    Station(uav, connect, timeout, as_json).act(action, data)
+    station.act(action, data)
 
 
 @app.command(epilog=_GET_EPILOG)
-@keyed
+@station_command
 def get(
+    station: Station,
     name: _Name,
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Read one parameter."""
     found: dict[int, Param] = {}
@@ -83,21 +68,17 @@ def get(
         found[vehicle.system] = await vehicle.get_param(name)
         return _words(vehicle, found[vehicle.system])
 
-    station = Station(uav, connect, timeout, as_json)
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
 
 @app.command(  # a negative value is not an option
     name="set", epilog=_SET_EPILOG, context_settings={"ignore_unknown_options": True}
 )
-@keyed
+@station_command
 def set_(
+    station: Station,
     name: _Name,
     value: Annotated[float, typer.Argument(metavar="VALUE")],
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Set one parameter; the vehicle checks its range."""
     found: dict[int, Param] = {}
@@ -106,7 +87,6 @@ def set_(
         found[vehicle.system] = await vehicle.set_param(name, value)
         return _words(vehicle, found[vehicle.system])
 
-    station = Station(uav, connect, timeout, as_json)
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
 

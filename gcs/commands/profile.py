@@ -1,5 +1,6 @@
 """``gcs profile upload|download|check``: reference profiles of vehicles and of files."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,18 +9,9 @@ from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from gcs.commands.common import console_of
-from gcs.commands.station import (
-    EXIT_STATUS,
-    ConnectOption,
-    JsonOption,
-    Station,
-    TimeoutOption,
-    UavOption,
-    print_json,
-)
+from gcs.commands.station import EXIT_STATUS, Station, print_json, station_command
 from gcs.errors import BadInput, CommandRefused
 from gcs.scenario.profile_file import load_profile, profile_yaml
-from gcs.station.signing_key import keyed
 from gcs.station.status import segment_dict
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -60,18 +52,17 @@ refused to tell, 4 no answer from one.
 
 
 @app.command(epilog=_UPLOAD_EPILOG)
-@keyed
+@partial(station_command, timeout_s=30.0)
 def upload(
+    station: Station,
     file: _File,
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 30.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Upload a profile. It is in force at once; one that is refused leaves the old in force."""
     segments = load_profile(file)
     console = console_of()
-    progress = Progress(console=console, transient=True, disable=as_json or not console.is_terminal)
+    progress = Progress(
+        console=console, transient=True, disable=station.as_json or not console.is_terminal
+    )
     tasks: dict[int, TaskID] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -83,20 +74,17 @@ def upload(
         return f"UAV {vehicle.system} holds {_count(segments)} of {file}"
 
     with progress:
-        Station(uav, connect, timeout, as_json).act(action, lambda _: {"segments": len(segments)})
+        station.act(action, lambda _: {"segments": len(segments)})
 
 
 @app.command(epilog=_DOWNLOAD_EPILOG)
-@keyed
+@partial(station_command, timeout_s=30.0)
 def download(
+    station: Station,
     out: Annotated[
         Path | None,
         typer.Option(help="Write a profile file; the vehicles must hold the same profile."),
     ] = None,
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 30.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Print the profiles that vehicles hold, as YAML (one document for each different one)."""
     held: dict[int, tuple[Segment, ...]] = {}
@@ -109,30 +97,27 @@ def download(
         return {"profile": [segment_dict(segment) for segment in held[vehicle.system]]}
 
     try:
-        Station(uav, connect, timeout, as_json).act(action, data)
+        station.act(action, data)
     finally:
         if out is not None and held:
             _write(out, held)
-        elif held and not as_json:
+        elif held and not station.as_json:
             print("---\n".join(map(profile_yaml, dict.fromkeys(held.values()))), end="")
 
 
 @app.command(epilog=_CHECK_EPILOG)
-@keyed
+@partial(station_command, timeout_s=30.0)
 def check(
+    station: Station,
     file: _File,
     held: Annotated[
         bool, typer.Option("--held", help="Also compare with what the vehicles hold.")
     ] = False,
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 30.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Check a profile file and show it; with --held compare it with what vehicles hold."""
     segments = load_profile(file)
     if not held:
-        if as_json:
+        if station.as_json:
             print_json({"file": str(file), "profile": [segment_dict(s) for s in segments]})
         else:
             console_of(stderr=False).print(_table(segments), f"{file}: {_count(segments)}, good")
@@ -145,7 +130,7 @@ def check(
             raise CommandRefused(text, dialect.MAV_MISSION_ERROR)
         return f"UAV {vehicle.system} holds {file}"
 
-    Station(uav, connect, timeout, as_json).act(action)
+    station.act(action)
 
 
 def _count(segments: tuple[Segment, ...]) -> str:

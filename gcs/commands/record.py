@@ -9,12 +9,17 @@ from typing import Annotated
 
 import typer
 
-from gcs.commands.station import ConnectOption, JsonOption, TimeoutOption, print_json
+from gcs.commands.station import (
+    ConnectOption,
+    JsonOption,
+    SigningKeyOption,
+    TimeoutOption,
+    print_json,
+)
 from gcs.commands.station import run_interruptible as run
 from gcs.errors import BadInput, NoAnswer
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
-from gcs.station.signing_key import signing_key
 from gcs.stopping import stop_signals
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
@@ -44,6 +49,7 @@ def record(
     connect: ConnectOption = None,
     timeout: TimeoutOption = 10.0,
     as_json: JsonOption = False,
+    signing_key: SigningKeyOption = None,
 ) -> None:
     """Record every frame that vehicles send, with its time, until Ctrl-C.
 
@@ -53,7 +59,7 @@ def record(
     path = file or Path(f"gcs-{now}.tlog")
     if path.exists():
         raise BadInput(f"{path} exists already", "choose another file, or remove it")
-    messages = run(_record(path, for_s, connect, timeout))
+    messages = run(_record(path, for_s, connect, timeout, signing_key))
     total = sum(messages.values())
     if as_json:
         print_json({"file": str(path), "messages": {str(k): n for k, n in messages.items()}})
@@ -63,7 +69,11 @@ def record(
 
 
 async def _record(
-    path: Path, for_s: float | None, connect: str | None, timeout_s: float
+    path: Path,
+    for_s: float | None,
+    connect: str | None,
+    timeout_s: float,
+    signing_key: str | None,
 ) -> dict[int, int]:
     counts: Counter[int] = Counter()
 
@@ -73,7 +83,7 @@ async def _record(
     stop = asyncio.Event()
     for number in stop_signals():
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
-    connection = choose_connection(connect)
+    connection = choose_connection(connect, signing_key)
     try:
         tlog = TlogWriter(path)
     except OSError as problem:
@@ -85,7 +95,7 @@ async def _record(
             on_message=count,
             private=True,
             own=own_identity(),
-            signing_key=signing_key(),
+            signing_key=signing_key,
         ) as client:
             if await client.until(lambda: bool(counts) or stop.is_set(), timeout_s):
                 await client.until(stop.is_set, math.inf if for_s is None else for_s)

@@ -14,6 +14,8 @@ Examples:
 - gcs scenarios | grep rudder
 
 A name can stand wherever a scenario file can: gcs fly paper/scenario1
+
+Exit status: 0 listed.
 """
 
 

@@ -5,6 +5,8 @@ one's outcome: what went well on standard output, the rest on standard error.
 """
 
 import asyncio
+import functools
+import inspect
 import json
 from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass, field
@@ -15,12 +17,12 @@ import typer
 from gcs.errors import BadInput, CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
-from gcs.station.signing_key import signing_key
 from gcs.station.vehicle import Vehicle
+from mavlink_defs.constants import GCS_PORT, HUB_PORT
 
 __all__ = [
-    "EXIT_STATUS", "ConnectOption", "JsonOption", "Station", "TimeoutOption", "UavOption",
-    "print_json", "run_interruptible",
+    "EXIT_STATUS", "SIGNING_KEY_VARIABLE", "ConnectOption", "JsonOption", "SigningKeyOption",
+    "Station", "TimeoutOption", "print_json", "run_interruptible", "station_command",
 ]  # fmt: skip
 
 EXIT_STATUS = """
@@ -28,7 +30,10 @@ Exit status: 0 accepted by all, 2 bad input, 3 refused by one, 4 no answer from 
 vehicle heard).
 """
 
-UavOption = Annotated[
+SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
+"""Environment variable with the path of a key file."""
+
+_UavOption = Annotated[
     str | None,
     typer.Option("--uav", metavar="IDS", help="System ids, such as 1,3; all heard by default."),
 ]
@@ -39,7 +44,7 @@ ConnectOption = Annotated[
         metavar="ADDRESS",
         envvar="FTC_SITL_CONNECT",
         help="udpin:HOST:PORT or udpout:HOST:PORT. Without it: the hub of `gcs up` "
-        "(udpout:127.0.0.1:14555) if there is one, else udpin:127.0.0.1:14550.",
+        f"(udpout:127.0.0.1:{HUB_PORT}) if there is one, else udpin:127.0.0.1:{GCS_PORT}.",
     ),
 ]
 TimeoutOption = Annotated[
@@ -47,6 +52,24 @@ TimeoutOption = Annotated[
     typer.Option("--timeout", min=0.1, metavar="S", help="How long to wait for a vehicle [s]."),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")]
+SigningKeyOption = Annotated[
+    str | None,
+    typer.Option(
+        "--signing-key",
+        metavar="FILE",
+        envvar=SIGNING_KEY_VARIABLE,
+        help="Sign, and refuse unsigned frames, with this key (of `gcs key`).",
+    ),
+]
+
+_SHARED: tuple[tuple[str, Any, Any], ...] = (
+    ("uav", _UavOption, None),
+    ("connect", ConnectOption, None),
+    ("timeout", TimeoutOption, 10.0),
+    ("as_json", JsonOption, False),
+    ("signing_key", SigningKeyOption, None),
+)
+"""Options of all commands that talk to vehicles, in the order of the fields of `Station`."""
 
 T = TypeVar("T")
 
@@ -74,6 +97,7 @@ class Station:
     connect: str | None
     timeout_s: float
     as_json: bool
+    signing_key: str | None
 
     def act(
         self,
@@ -117,7 +141,7 @@ class Station:
             BadInput: An option cannot be used.
             NoAnswer: No vehicle was heard, or one of the chosen was not.
         """
-        systems, connection = _systems(self.uavs), choose_connection(self.connect)
+        systems, connection = _systems(self.uavs), choose_connection(self.connect, self.signing_key)
 
         async def connected() -> T:
             async with Client(
@@ -125,7 +149,7 @@ class Station:
                 own=own_identity(),
                 inquire=inquire,
                 private=private,
-                signing_key=signing_key(),
+                signing_key=self.signing_key,
             ) as client:
                 try:
                     vehicles = await client.discover(self.timeout_s, systems)
@@ -154,6 +178,32 @@ class Station:
             words = f"UAV {uav} did not answer within {self.timeout_s:g} s"
             return _Outcome(uav, "no answer", words, NoAnswer.exit_status)
         return _Outcome(uav, "accepted", words, data=data(vehicle))
+
+
+def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Callable[..., None]:
+    """Return a command with the options that all which talk to vehicles share, behind its own.
+
+    Args:
+        command: Gets the shared options as its argument `station`.
+        timeout_s: Default of ``--timeout`` [s].
+    """
+
+    @functools.wraps(command)
+    def with_options(**options: Any) -> None:
+        shared = [options.pop(name) for name, _, _ in _SHARED]
+        command(station=Station(*shared), **options)
+
+    own = dict(inspect.signature(command).parameters)
+    del own["station"]
+    shared = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation,
+                          default=timeout_s if name == "timeout" else default)
+        for name, annotation, default in _SHARED
+    ]  # fmt: skip
+    parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in (*own.values(), *shared)]
+    with_options.__dict__["__signature__"] = inspect.Signature(parameters)  # typer reads both
+    with_options.__annotations__ = {p.name: p.annotation for p in parameters}
+    return with_options
 
 
 def run_interruptible(work: Coroutine[Any, Any, T]) -> T:

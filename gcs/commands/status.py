@@ -9,14 +9,7 @@ from rich.console import Group
 from rich.live import Live
 
 from gcs.commands.common import console_of
-from gcs.commands.station import (
-    ConnectOption,
-    JsonOption,
-    Station,
-    TimeoutOption,
-    UavOption,
-    print_json,
-)
+from gcs.commands.station import Station, print_json, station_command
 from gcs.errors import CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, status_dict
@@ -49,30 +42,27 @@ _WANTED = (
 )
 
 
+@station_command
 def status(
+    station: Station,
     watch: Annotated[
         bool, typer.Option("--watch", help="Go on, once a second, until Ctrl-C.")
     ] = False,
-    uav: UavOption = None,
-    connect: ConnectOption = None,
-    timeout: TimeoutOption = 10.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Show link, mode, attitude, events, savings and faults of every vehicle."""
-    station = Station(uav, connect, timeout, as_json)
 
     async def once(client: Client, vehicles: list[Vehicle]) -> None:
         await asyncio.gather(*(_ask(client, vehicle) for vehicle in vehicles))
-        _show(client, vehicles, as_json)
+        _show(client, vehicles, station.as_json)
 
     async def on_and_on(client: Client, vehicles: list[Vehicle]) -> None:
         def chosen() -> list[Vehicle]:
-            return vehicles if uav is not None else list(client.vehicles.values())
+            return vehicles if station.uavs is not None else list(client.vehicles.values())
 
         console = console_of(stderr=False)
-        if as_json or not console.is_terminal:
+        if station.as_json or not console.is_terminal:
             while True:
-                _show(client, chosen(), as_json)
+                _show(client, chosen(), station.as_json)
                 await asyncio.sleep(_REFRESH_S)
         with Live(console=console, auto_refresh=False) as live:
             while True:

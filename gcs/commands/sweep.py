@@ -15,7 +15,8 @@ from gcs.commands.common import console_of, warm_up
 from gcs.errors import GcsError, Interrupted
 
 if TYPE_CHECKING:
-    from gcs.sweeps.grid import Result, Run
+    from gcs.sweeps.folder import Result
+    from gcs.sweeps.grid import Run
 
 __all__ = ["EPILOG", "sweep"]
 
@@ -29,13 +30,14 @@ Examples:
 - gcs sweep my.yaml --set 'controller.K1=[40, 40, 40], [50, 50, 50]' --jobs 2
 
 Exit status: 0 the sweep is complete (lost flights and impossible values are results too),
-1 a run could not be computed or written, 2 bad input, 130 Ctrl-C; the same command goes on.
+1 a run could not be computed or written, 2 bad input, 70 a defect of ftc-sitl, 130 Ctrl-C; the
+same command goes on.
 """
 
 
 def sweep(
     scenarios: Annotated[
-        list[Path], typer.Argument(help="Scenario files (YAML).", metavar="SCENARIO")
+        list[Path], typer.Argument(help="Scenarios: files, or bundled ones.", metavar="SCENARIO")
     ],
     settings: Annotated[
         list[str] | None,
@@ -70,7 +72,9 @@ def sweep(
     gets table.csv (every UAV), table.md, and sweep.png and sweep.svg: saving against IAE.
     """
     from gcs.reports.sweep import choose_uav
-    from gcs.sweeps.grid import default_folder, known_results, open_folder, parse_axes, plan
+    from gcs.sweeps.axes import parse_axes
+    from gcs.sweeps.folder import default_folder, known_results, open_folder
+    from gcs.sweeps.grid import plan
 
     console = console_of(quiet=quiet)
     axes = parse_axes(settings or [])
@@ -90,6 +94,9 @@ def sweep(
         ) from None
     failed = [result for result in results if result.outcome == "failed"]
     if failed:
+        for result in failed:
+            if result.defect is not None:
+                raise result.defect
         raise GcsError(
             f"{len(failed)} of {len(results)} runs could not be computed: {failed[0].reason}",
             "the same command tries them again",
@@ -98,7 +105,8 @@ def sweep(
 
 def _fly(runs: list["Run"], folder: Path, jobs: int, console: Console) -> list["Result"]:
     """Give each run its result, in order; what was not flown before is flown now."""
-    from gcs.sweeps.grid import fly_runs, known_results, result_of
+    from gcs.sweeps.flying import fly_runs
+    from gcs.sweeps.folder import known_results, result_of
 
     flights = _flights(runs)
     flown = known_results(flights, folder)

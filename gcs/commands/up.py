@@ -11,11 +11,12 @@ import typer
 from rich.console import Console
 
 from gcs.commands.common import console_of, warm_up
+from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario.model import Scenario, load_scenario
-from gcs.station.connection import HUB_PORT
 from gcs.station.signing_key import signed, warn_if_exposed
 from gcs.stopping import stop_signals
+from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
 
 __all__ = ["EPILOG", "up"]
@@ -33,7 +34,9 @@ something, 4 a vehicle did not answer.
 
 
 def up(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (YAML).", metavar="SCENARIO")],
+    scenario: Annotated[
+        Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
+    ],
     out: Annotated[
         Path | None,
         typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default."),
@@ -60,6 +63,7 @@ def up(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print addresses as one line of JSON when it is up.")
     ] = False,
+    signing_key: SigningKeyOption = None,
 ) -> None:
     """Start a fleet that flies on until it is told to stop (Ctrl-C).
 
@@ -74,7 +78,7 @@ def up(
     from gcs.fleet.processes import check_ports, on_free_ports
     from gcs.results.run_folder import make_run_folder
 
-    loaded = signed(load_scenario(scenario))
+    loaded = signed(load_scenario(scenario), signing_key)
     hub = UdpAddress(loaded.links.host, hub_port)
     if not free:
         check_ports(loaded, hub)

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console, Group
@@ -19,7 +19,9 @@ from gcs.wire.capture_files import count_file
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay import Relay, Route
 from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
+from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.config.models import parse, validate
+from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
 from mavlink_defs.runtime.shutdown import on_stop
 
@@ -67,7 +69,8 @@ def wire(
         list[str] | None,
         typer.Option(
             help="Name the link whose fixed end has this UDP port; may be repeated. "
-            "Without it: gcs 14550, plant 14560, formation 14601-14850.",
+            f"Without it: gcs {GCS_PORT}, plant {PLANT_PORT}, formation "
+            f"{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}.",
             metavar="NAME=PORT",
         ),
     ] = None,
@@ -111,14 +114,14 @@ def wire(
     if csv is not None:
         _save_csv(report, csv)
     if as_json:
-        print(json.dumps(report, indent=2))
+        print(json.dumps(report.to_json(), indent=2))
     else:
         console_of(stderr=False).print(*wire_tables(report), sep="\n")
-    if file is not None and not report["messages"]:
+    if file is not None and not report.messages:
         raise GcsError(f"{file}: no MAVLink 2 frame of the dialect")
 
 
-def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) -> dict[str, Any]:
+def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) -> TapReport:
     console = console_of()
     for route in routes:
         console.print(f"{route.link}: relaying {route.listen} to {route.target}", soft_wrap=True)
@@ -165,7 +168,7 @@ def _impairment(text: str) -> Impairment:
     return validate("--impair", parse("--impair", f"{{{text.replace('=', ': ')}}}"), Impairment)
 
 
-def _save_csv(report: dict[str, Any], path: Path) -> None:
+def _save_csv(report: TapReport, path: Path) -> None:
     try:
         with path.open("w", newline="") as output:
             write_csv(report, output)

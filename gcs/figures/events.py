@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.figures.flown import Flight
+from gcs.figures.flown import PlottedFlight
 from gcs.figures.style import (
     GREY,
     SMALL,
@@ -31,7 +31,7 @@ _RAMP = ("#74B4DE", "#0072B2", "#00273D")  # for few to many events
 _TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
-def fig7(flight: Flight) -> "Figure":
+def fig7(flight: PlottedFlight) -> "Figure":
     """Draw the time between two events of a channel: channels in rows, UAVs in columns."""
     names, ids = flight.names, flight.recording.uav_ids
     figure = new_figure(7.4)
@@ -62,7 +62,7 @@ def fig7(flight: Flight) -> "Figure":
     return figure
 
 
-def fig8(flight: Flight) -> "Figure":
+def fig8(flight: PlottedFlight) -> "Figure":
     """Draw when each channel of each UAV had events; the more at a time, the darker."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
@@ -105,7 +105,7 @@ def fig8(flight: Flight) -> "Figure":
     return figure
 
 
-def fig9(flight: Flight, printed: Mapping[int, Mapping[str, int]]) -> "Figure":
+def fig9(flight: PlottedFlight, printed: Mapping[int, Mapping[str, int]]) -> "Figure":
     """Draw how many events each channel of each UAV had, beside what the paper prints.
 
     Args:

@@ -9,13 +9,13 @@ from gcs.results.quantities import PAPER_ORDER, in_degrees
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["Flight", "Window", "fault_windows", "literal", "wrapped"]
+__all__ = ["FaultWindow", "PlottedFlight", "fault_windows", "literal", "wrapped"]
 
 
 @dataclass(frozen=True)
-class Window:
+class FaultWindow:
     """Time in which faults act [s], and what they are."""
 
     start_s: float
@@ -29,7 +29,7 @@ def literal(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class Flight:
+class PlottedFlight:
     """A flight and what to call it in a legend, such as the controller."""
 
     label: str
@@ -96,7 +96,7 @@ def wrapped(channels: np.ndarray) -> np.ndarray:
     return np.column_stack([channels[:, 0], (channels[:, 1:] + 180.0) % 360.0 - 180.0])
 
 
-def fault_windows(flights: Sequence[Flight], uav_id: int | None = None) -> list[Window]:
+def fault_windows(flights: Sequence[PlottedFlight], uav_id: int | None = None) -> list[FaultWindow]:
     """When faults act in some of the flights, on one UAV or on any, in order of time.
 
     Faults that act at the same time share a window; if they are not the same, it only says
@@ -112,7 +112,7 @@ def fault_windows(flights: Sequence[Flight], uav_id: int | None = None) -> list[
                 found = faults.setdefault((fault.start_s, end_s), {})
                 found[_text(fault, names[fault.uav])] = names[fault.uav]
     return [
-        Window(start_s, end_s, f"{_summary(found)}, {start_s:g} s to {end_s:g} s")
+        FaultWindow(start_s, end_s, f"{_summary(found)}, {start_s:g} s to {end_s:g} s")
         for (start_s, end_s), found in sorted(faults.items())
     ]
 

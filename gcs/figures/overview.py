@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.figures.flown import Flight
+from gcs.figures.flown import PlottedFlight
 from gcs.figures.style import (
     draw_curve,
     draw_legend,
@@ -19,7 +19,7 @@ from gcs.figures.tracking import draw_tracking
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.runtime.files import naming
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def draw_flight(recording: Recording, scenario: Scenario, path: Path) -> None:
     Rows: airspeed and attitude of all UAVs against the filtered reference (dashed); held
     actuator commands; intervals between two events of a channel. Fault windows are shaded.
     """
-    flight = Flight(scenario.name, scenario, recording)
+    flight = PlottedFlight(scenario.name, scenario, recording)
     figure = new_figure(6.6)
     axes = figure.subplots(3, 4, sharex=True)
     draw_tracking(axes[0], flight)
@@ -52,7 +52,7 @@ def draw_flight(recording: Recording, scenario: Scenario, path: Path) -> None:
         figure.savefig(path, dpi=150)
 
 
-def _draw_command(axis: "Axes", flight: Flight, channel: str) -> None:
+def _draw_command(axis: "Axes", flight: PlottedFlight, channel: str) -> None:
     c = ACTUATORS.index(channel)
     for i in range(len(flight.names)):
         held = flight.recording.signals["held"][:, i, c]
@@ -62,7 +62,7 @@ def _draw_command(axis: "Axes", flight: Flight, channel: str) -> None:
     axis.set_ylabel("thrust [N]" if channel == "throttle" else f"{channel} [deg]")
 
 
-def _draw_intervals(axis: "Axes", flight: Flight, channel: str) -> None:
+def _draw_intervals(axis: "Axes", flight: PlottedFlight, channel: str) -> None:
     for i in range(len(flight.names)):
         times = flight.event_times(i, channel)
         intervals = 1e3 * np.diff(times)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from gcs.figures.flown import Flight, fault_windows
+from gcs.figures.flown import PlottedFlight, fault_windows
 from mavlink_defs.runtime.files import naming
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "GREY", "REFERENCE", "SMALL", "STYLES", "Flight", "Style", "decimated", "draw_curve",
+    "GREY", "REFERENCE", "SMALL", "STYLES", "PlottedFlight", "Style", "decimated", "draw_curve",
     "draw_legend", "frame", "letter", "mark_loss", "new_figure", "note", "save", "shade_faults",
     "style", "tidy",
 ]  # fmt: skip
@@ -143,13 +143,13 @@ def _number(value: float) -> str:
     return text.replace("-", "−")
 
 
-def shade_faults(axis: "Axes", flights: Sequence[Flight], uav_id: int | None = None) -> None:
+def shade_faults(axis: "Axes", flights: Sequence[PlottedFlight], uav_id: int | None = None) -> None:
     """Shade the time in which faults act, on one UAV or on any, and name them."""
     for window in fault_windows(flights, uav_id):
         axis.axvspan(window.start_s, window.end_s, color=_SHADE, lw=0, zorder=-1, label=window.text)
 
 
-def mark_loss(axis: "Axes", flight: Flight) -> None:
+def mark_loss(axis: "Axes", flight: PlottedFlight) -> None:
     """Mark the end of a flight that was lost."""
     if flight.recording.loss is not None:
         t = flight.recording.duration_s

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.figures.flown import literal
 from gcs.figures.style import GREY, SMALL, STYLES, new_figure, save, tidy
-from gcs.reports.sweep import Axis, axes_of, position, uav_of
+from gcs.reports.sweep import Dimension, dimensions_of, position, uav_of
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
-from gcs.sweeps.grid import Result, Run
+from gcs.sweeps.folder import Result
+from gcs.sweeps.grid import Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,15 +24,15 @@ _COLOURS = [style.colour for style in (*STYLES[1:], STYLES[0])]  # the lightest 
 _SHAPES = "os^Dv<>Ph*"
 _MOST_ROWS = 12
 _WIDE = 8.0  # ratio of largest to smallest IAE from which on its axis is logarithmic
-_NONE: Axis = ("", [""])
+_NONE: Dimension = ("", [""])
 
 
 @dataclass(frozen=True)
 class _Styles:
     """How a run's place in the grid is shown: an axis as colours, one as markers, or `_NONE`."""
 
-    colours: Axis
-    markers: Axis
+    colours: Dimension
+    markers: Dimension
 
     def colour(self, value: str) -> Any:
         from matplotlib import colormaps
@@ -85,7 +86,9 @@ def draw_sweep(results: Sequence[Result], uav_id: int | None, folder: Path) -> N
 
 def _arrange(results: Sequence[Result]) -> tuple[_Styles, list[tuple[str, list[Result]]]]:
     """Share the axes out between colours, markers and rows; a row is its name and its results."""
-    left = sorted((axis for axis in axes_of(results) if len(axis[1]) > 1), key=lambda a: -len(a[1]))
+    left = sorted(
+        (axis for axis in dimensions_of(results) if len(axis[1]) > 1), key=lambda a: -len(a[1])
+    )
     fit = (axis for axis in left if _is_numeric(axis) or len(axis[1]) <= len(_COLOURS))
     colours = next(fit, _NONE)
     markers = next((axis for axis in left if axis is not colours), _NONE)
@@ -99,7 +102,7 @@ def _arrange(results: Sequence[Result]) -> tuple[_Styles, list[tuple[str, list[R
     return _Styles(colours, markers), list(rows.items())
 
 
-def _is_numeric(axis: Axis) -> bool:
+def _is_numeric(axis: Dimension) -> bool:
     try:
         return all(math.isfinite(float(value)) for value in axis[1])
     except ValueError:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.figures.flown import Flight, fault_windows
+from gcs.figures.flown import PlottedFlight, fault_windows
 from gcs.figures.style import (
     REFERENCE,
     draw_curve,
@@ -45,7 +45,7 @@ class _Curves:
     values: np.ndarray
 
 
-def fig6(flight: Flight) -> "Figure":
+def fig6(flight: PlottedFlight) -> "Figure":
     """Draw how all UAVs track airspeed and attitude.
 
     Panels: responses (a) to (d), tracking errors (e) to (h), synchronisation errors (i) to (l).
@@ -67,14 +67,14 @@ def fig6(flight: Flight) -> "Figure":
     return figure
 
 
-def draw_tracking(axes: Sequence["Axes"], flight: Flight) -> None:
+def draw_tracking(axes: Sequence["Axes"], flight: PlottedFlight) -> None:
     """Draw the responses of all UAVs, and the reference, into four panels."""
     t = flight.recording.time_s
     responses = [_Curves(name, t, flight.response(i)) for i, name in enumerate(flight.names)]
     _draw_responses(axes, responses, _Curves("reference", t, flight.reference()))
 
 
-def fig10(flights: Sequence[Flight], uav_id: int = 3) -> "Figure":
+def fig10(flights: Sequence[PlottedFlight], uav_id: int = 3) -> "Figure":
     """Draw how one UAV tracks under several controllers.
 
     Panels: responses (a) to (d), tracking errors (e) to (h), framed as in `fig6`.
@@ -82,7 +82,7 @@ def fig10(flights: Sequence[Flight], uav_id: int = 3) -> "Figure":
     return _compare(flights, uav_id, None)
 
 
-def fig11(flights: Sequence[Flight], uav_id: int = 3) -> "Figure":
+def fig11(flights: Sequence[PlottedFlight], uav_id: int = 3) -> "Figure":
     """Draw how one UAV tracks under several faults.
 
     Panels: responses (a) to (d), tracking errors while the faults act (e) to (h).
@@ -96,7 +96,7 @@ def fig11(flights: Sequence[Flight], uav_id: int = 3) -> "Figure":
 
 
 def _compare(
-    flights: Sequence[Flight], uav_id: int, seen_s: tuple[float, float] | None
+    flights: Sequence[PlottedFlight], uav_id: int, seen_s: tuple[float, float] | None
 ) -> "Figure":
     """Compare flights of one UAV; their errors in the times from and to [s], or in all."""
     figure = new_figure(4.9)
@@ -160,7 +160,7 @@ def _during(curves: Sequence[_Curves], start_s: float, end_s: float) -> list[_Cu
 
 
 def _finish(
-    figure: "Figure", axes: np.ndarray, flights: Sequence[Flight], uav_id: int | None = None
+    figure: "Figure", axes: np.ndarray, flights: Sequence[PlottedFlight], uav_id: int | None = None
 ) -> None:
     for k, axis in enumerate(axes.flat):
         letter(axis, k)
@@ -171,5 +171,5 @@ def _finish(
     figure.align_ylabels()
 
 
-def _duration_s(flights: Sequence[Flight]) -> float:
+def _duration_s(flights: Sequence[PlottedFlight]) -> float:
     return max(flight.scenario.duration_s for flight in flights)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs.figures.flown import Flight
+from gcs.figures.flown import PlottedFlight
 from gcs.figures.style import SMALL, draw_legend, new_figure, style
 from sitl_plant.rigid_body import R1
 
@@ -30,7 +30,7 @@ _GLYPH = np.array(
 """An aircraft in body axes, in half spans."""
 
 
-def fig5(flight: Flight, times_s: Sequence[float] = (0.0, 15.0, 24.0)) -> "Figure":
+def fig5(flight: PlottedFlight, times_s: Sequence[float] = (0.0, 15.0, 24.0)) -> "Figure":
     """Draw the UAVs' paths over the ground, and the aircraft's attitude at some times [s].
 
     The axes' scales differ, so that turn and climb are seen; aircraft are drawn far too large,
@@ -84,7 +84,7 @@ def _limits(paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return low - room, high + room
 
 
-def _moments(flight: Flight, times_s: Sequence[float]) -> list[tuple[int, str]]:
+def _moments(flight: PlottedFlight, times_s: Sequence[float]) -> list[tuple[int, str]]:
     """Step and name of each time that was flown, and of the flight's end if it was lost."""
     steps = len(flight.recording.states)
     moments = [

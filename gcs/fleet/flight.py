@@ -80,7 +80,7 @@ async def fly_over_udp(
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
                     if relay.via:
-                        report = json.dumps(relay.report(), indent=2)
+                        report = json.dumps(relay.report().to_json(), indent=2)
                         write_text(folder / "wire.json", report + "\n")
     return collect(scenario, fleet, "real_time" if speed else "lockstep")
 

@@ -13,6 +13,7 @@ from typing import TypeAlias
 from mavlink_defs import dialect
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import drop_reason, parse
+from mavlink_defs.framing.header import FrameHeader
 from mavlink_defs.framing.signing import Signer
 
 __all__ = ["MAX_STATIONS", "PATIENCE_S", "Hub"]
@@ -23,7 +24,6 @@ MAX_STATIONS = 256
 """Ground stations served at a time; more are turned away."""
 
 _Peer: TypeAlias = tuple[str, int]
-_MIN_FRAME = 12
 
 
 class Hub:
@@ -62,16 +62,17 @@ class Hub:
             return self._drop(wrong.words)
         alive = {peer: at for peer, at in self._stations.items() if now - at <= PATIENCE_S}
         self._stations = alive
-        if self._is_of_vehicle(datagram):
-            known = self._vehicles.get(datagram[5])
+        header = FrameHeader.read(datagram)
+        if header is not None and self._is_of_vehicle(header):
+            known = self._vehicles.get(header.system)
             if known != sender:
                 if parse(datagram) is None:
                     return self._drop(drop_reason(datagram).words)
                 if not self._is_of_this_machine(sender):
                     return self._drop(DropReason.STRANGER.words)
-                self._vehicles[datagram[5]] = sender
+                self._vehicles[header.system] = sender
                 if known is not None:
-                    self.moved.append(datagram[5])
+                    self.moved.append(header.system)
             return list(alive)
         message = parse(datagram)
         if message is None:
@@ -99,11 +100,7 @@ class Hub:
     def _is_of_this_machine(self, sender: _Peer) -> bool:
         return sender[0] == self._host or ip_address(sender[0]).is_loopback
 
-    def _is_of_vehicle(self, datagram: bytes) -> bool:
+    def _is_of_vehicle(self, header: FrameHeader) -> bool:
         """Look at the header only: most of what passes is telemetry from where it came before."""
-        return (
-            len(datagram) >= _MIN_FRAME
-            and datagram[0] == dialect.PROTOCOL_MARKER_V2
-            and datagram[5] in self._systems
-            and datagram[6] == dialect.MAV_COMP_ID_AUTOPILOT1
-        )
+        autopilot = dialect.MAV_COMP_ID_AUTOPILOT1
+        return header.system in self._systems and header.component == autopilot

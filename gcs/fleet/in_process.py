@@ -20,8 +20,8 @@ from ftc_autopilot.control.reference import profile_record
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
-from mavlink_defs.faults import FaultLimits, fault_from_params, fault_to_params
-from mavlink_defs.profile import AirspeedLimits, items_to_segments, segments_to_items
+from mavlink_defs.faults import fault_from_params, fault_to_params
+from mavlink_defs.profile import items_to_segments, segments_to_items
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
@@ -88,15 +88,13 @@ def _brief(
 ) -> None:
     """Give profile and faults the values that they would have after crossing the wire."""
     aircraft = scenario.aircraft
-    airspeeds = AirspeedLimits(aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s)
     items = segments_to_items(scenario.segments(), 0, 0)
-    controllers.profiles[:] = profile_record(items_to_segments(items, airspeeds))
+    controllers.profiles[:] = profile_record(items_to_segments(items, aircraft.airspeed_limits))
     controllers.guidance["active"] = 1
     controllers.guidance["auto"] = 1
     controllers.guidance["start_step"] = 0
-    limits = FaultLimits(aircraft.surface_limit_deg, aircraft.thrust_limit_n)
     for uav_id, fault in scenario.fault_commands():
-        received = fault_from_params(fault_to_params(fault), limits)
+        received = fault_from_params(fault_to_params(fault), aircraft.fault_limits)
         add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)
 
 

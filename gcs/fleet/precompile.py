@@ -4,6 +4,7 @@ import socket
 
 from ftc_autopilot import link as autopilot_link
 from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.fleet.in_process import fly_in_process
@@ -52,6 +53,6 @@ def _call_everything(scenario: Scenario) -> None:
         controllers = new_controllers([autopilot])
         own = autopilot_link.new_link(autopilot.id, autopilot.neighbours, plant.step_us, 1.0, 1)
         autopilot_link.run(fd, fd, own, controllers, 0.0, 0)
-        telemetry = Vehicle(autopilot, own, controllers).telemetry[0]
+        telemetry = Vehicle(autopilot, HotState(own), controllers).telemetry[0]
         for message_id in (*DEFAULT_INTERVALS_US, *PRIVATE_INTERVALS_S):
             telemetry.make(message_id)

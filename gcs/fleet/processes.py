@@ -235,9 +235,7 @@ class FleetProcesses:
 
     def _configure(self) -> None:
         """Write what each process is told."""
-        plant = self._scenario.plant_config(self._speed)
-        if self._endless:
-            plant = plant.model_copy(update={"duration_s": None, "wait_for_restart": True})
+        plant = self._scenario.plant_config(self._speed, endless=self._endless)
         dump(plant, self._folder / f"{_PLANT}.yaml")
         for uav in self._scenario.uavs:
             config = through(self._scenario.autopilot_config(uav.id), self._via)

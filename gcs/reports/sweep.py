@@ -16,11 +16,21 @@ from gcs.errors import BadInput
 from gcs.reports.formatting import milliseconds, percent
 from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
 from gcs.results.summary import UavSummary
-from gcs.sweeps.grid import Result, Run, label
+from gcs.sweeps.axes import label
+from gcs.sweeps.folder import Result
+from gcs.sweeps.grid import Run
 from mavlink_defs.runtime.files import naming, write_text
 
-__all__ = ["Axis", "axes_of", "choose_uav", "position", "terminal_table", "uav_of",
-           "write_csv", "write_markdown"]  # fmt: skip
+__all__ = [
+    "Dimension",
+    "choose_uav",
+    "dimensions_of",
+    "position",
+    "terminal_table",
+    "uav_of",
+    "write_csv",
+    "write_markdown",
+]  # fmt: skip
 
 _TERMINAL_ROWS = 50
 _WIDEST_VALUE = 14  # characters of the terminal
@@ -85,7 +95,7 @@ def _uav_columns(uav: UavSummary) -> list[Any]:
 
 def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) -> None:
     """Write the main columns for one UAV as a Markdown table."""
-    names = [name for name, _ in axes_of(results)]
+    names = [name for name, _ in dimensions_of(results)]
     iae = [f"IAE {quantity} [{IAE_UNITS[quantity]}]" for quantity in QUANTITIES]
     head = [*names, "outcome", "saving", *iae, "events", "smallest interval", "reason"]
     lines = [_title(uav_id), "", _markdown_row(head), _markdown_row(["---"] * len(head))]
@@ -120,10 +130,10 @@ def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
         pad_edge=False,
         collapse_padding=True,
     )
-    names = [name for name, _ in axes_of(results)]
+    names = [name for name, _ in dimensions_of(results)]
     short = [name.rpartition(".")[2] for name in names]
     headings = short if len(set(short)) == len(short) else names
-    for heading, (_, labels) in zip(headings, axes_of(results), strict=True):
+    for heading, (_, labels) in zip(headings, dimensions_of(results), strict=True):
         width = min(max(map(len, labels)), _WIDEST_VALUE)
         table.add_column(heading, justify="right", overflow="fold", min_width=width)
     table.add_column("saving", justify="right", no_wrap=True)
@@ -182,13 +192,13 @@ def uav_of(result: Result, uav_id: int | None) -> UavSummary | None:
     return result.summary.uav(uav_id)
 
 
-Axis: TypeAlias = tuple[str, list[str]]
+Dimension: TypeAlias = tuple[str, list[str]]
 """A column of the tables, a dimension of the plot: its name, and labels of its values."""
 
 _FILE = "scenario"
 
 
-def axes_of(results: Sequence[Result]) -> list[Axis]:
+def dimensions_of(results: Sequence[Result]) -> list[Dimension]:
     """The keys that were swept; the files too if there are several."""
     names = [*results[0].run.values, _FILE]
     axes = [(name, list(dict.fromkeys(position(r.run, name) for r in results))) for name in names]

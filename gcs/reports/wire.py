@@ -2,140 +2,144 @@
 
 import csv
 from collections.abc import Sequence
-from typing import Any, TextIO
+from typing import TextIO
 
 from rich.table import Table
+
+from gcs.reports.formatting import milliseconds, percent
+from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["wire_tables", "write_csv"]
 
 _COLUMNS = ("kind", "link", "direction", "system", "component", "name", "count", "bytes",
             "rate_hz", "periodic", "saving")  # fmt: skip
-_DROPPED = {"lost": "lost", "outage": "in outages", "duplicated": "doubled",
-            "reordered": "overtaken", "damaged": "damaged",
-            "undeliverable": "undeliverable"}  # fmt: skip
+_OUTCOMES = {"lost": "lost", "outage": "in outages", "duplicated": "doubled",
+             "reordered": "overtaken", "damaged": "damaged",
+             "undeliverable": "undeliverable"}  # fmt: skip
 
 
-def wire_tables(report: dict[str, Any], live: bool = False) -> list[Table | str]:
-    """Give what `gcs wire` prints: transmissions per actuator channel, links, messages, totals.
+def wire_tables(report: TapReport, live: bool = False) -> list[Table | str]:
+    """Return what `gcs wire` prints: transmissions per actuator channel, links, messages, totals.
 
     Args:
-        report: From `Tap.report` or `Relay.report`.
-        live: Rates of the last second instead of the mean.
+        report: From a tap or a relay.
+        live: Rates at the time of the report instead of the mean.
     """
-    tables: list[Table | str] = [_transmissions(report)] if report["uavs"] else []
+    tables: list[Table | str] = [_transmissions(report)] if report.uavs else []
     tables += [_links(report, live), _messages(report, live)]
-    datagrams = sum(link["datagrams"] for link in report["links"])
-    total = f"{datagrams} datagrams, {sum(link['bytes'] for link in report['links'])} bytes"
-    total += f" in {report['span_s']:.1f} s"
-    if report["saving"] is not None:
-        total += f"; saved {_percent(report['saving'])} of periodic transmissions"
+    datagrams = sum(link.datagrams for link in report.links)
+    total = f"{datagrams} datagrams, {sum(link.bytes for link in report.links)} bytes"
+    total += f" in {report.span_s:.1f} s"
+    if report.saving is not None:
+        total += f"; saved {percent(report.saving)} of periodic transmissions"
     return [*tables, total]
 
 
-def write_csv(report: dict[str, Any], file: TextIO) -> None:
+def write_csv(report: TapReport, file: TextIO) -> None:
     """Write one row per message stream, actuator channel, and reason to drop a datagram.
 
     Column `kind` tells them apart: "message", "channel" and "dropped".
     """
     writer = csv.DictWriter(file, _COLUMNS)
     writer.writeheader()
-    for row in report["messages"]:
+    for row in report.messages:
         writer.writerow(
             {
                 "kind": "message",
-                **{key: row[key] for key in ("link", "direction", "system", "component", "bytes")},
-                "name": row["message"],
-                "count": row["frames"],
-                "rate_hz": row["mean_hz"],
+                "link": row.link,
+                "direction": row.direction,
+                "system": row.system,
+                "component": row.component,
+                "name": row.message,
+                "count": row.frames,
+                "bytes": row.bytes,
+                "rate_hz": row.mean_hz,
             }
         )
-    for uav in report["uavs"]:
-        for name, channel in uav["channels"].items():
+    for uav in report.uavs:
+        for name, channel in uav.channels.items():
             writer.writerow(
                 {
                     "kind": "channel",
-                    "link": uav["link"],
-                    "system": uav["system"],
+                    "link": uav.link,
+                    "system": uav.system,
                     "name": name,
-                    "count": channel["events"],
-                    "periodic": uav["periods"],
-                    "saving": channel["saving"],
+                    "count": channel.events,
+                    "periodic": uav.periods,
+                    "saving": channel.saving,
                 }
             )
-    for link in report["links"]:
-        for reason, count in link["dropped"].items():
-            where = {"link": link["link"], "direction": link["direction"]}
+    for link in report.links:
+        for reason, count in link.dropped.items():
+            where = {"link": link.link, "direction": link.direction}
             writer.writerow({"kind": "dropped", **where, "name": reason, "count": count})
 
 
-def _links(report: dict[str, Any], live: bool) -> Table:
-    fates = {(f["link"], f["direction"]): f for f in report.get("fates", ())}
+def _links(report: TapReport, live: bool) -> Table:
+    outcomes = {(fate.link, fate.direction): fate.counts for fate in report.fates or ()}
     table = _table("Links", ["link", "!datagrams", "!bytes", "!1/s", "!bytes/s", "remarks"])
-    for row in report["links"]:
-        fate = fates.get((row["link"], row["direction"]), {})
-        remarks = [f"{n} {reason}" for reason, n in row["dropped"].items()]
-        remarks += [f"{fate[key]} {word}" for key, word in _DROPPED.items() if fate.get(key)]
-        span_s = report["span_s"]
-        rates = (row["rate_hz"], row["bytes_per_s"])
+    for row in report.links:
+        counts = outcomes.get((row.link, row.direction), {})
+        remarks = [f"{n} {reason}" for reason, n in row.dropped.items()]
+        remarks += [f"{counts[key]} {text}" for key, text in _OUTCOMES.items() if counts.get(key)]
+        rates: tuple[float | None, float | None] = (row.rate_hz, row.bytes_per_s)
         if not live:
-            rates = (_rate(row["datagrams"], span_s), _rate(row["bytes"], span_s))
-        numbers = (str(row["datagrams"]), str(row["bytes"]), _number(rates[0]), _number(rates[1]))
+            rates = (_rate(row.datagrams, report.span_s), _rate(row.bytes, report.span_s))
+        numbers = (str(row.datagrams), str(row.bytes), _number(rates[0]), _number(rates[1]))
         table.add_row(_way(row), *numbers, ", ".join(remarks))
     return table
 
 
-def _messages(report: dict[str, Any], live: bool) -> Table:
+def _messages(report: TapReport, live: bool) -> Table:
     headings = ["link", "sender", "message", "!frames", "!bytes", "!1/s"]
-    signed = any(row["signed"] for row in report["messages"])
+    signed = any(row.signed for row in report.messages)
     table = _table("Messages, by system/component", [*headings, *["!signed"] * signed])
     before = None
-    for row in report["messages"]:
+    for row in report.messages:
         way = _way(row)
         if before not in {None, way}:
             table.add_section()
         table.add_row(
             way if way != before else "",
-            f"{row['system']}/{row['component']}",
-            row["message"],
-            str(row["frames"]),
-            str(row["bytes"]),
-            _number(row["rate_hz"] if live else row["mean_hz"]),
-            *[str(row["signed"])] * signed,
+            f"{row.system}/{row.component}",
+            row.message,
+            str(row.frames),
+            str(row.bytes),
+            _number(row.rate_hz if live else row.mean_hz),
+            *[str(row.signed)] * signed,
         )
         before = way
     return table
 
 
-def _transmissions(report: dict[str, Any]) -> Table:
+def _transmissions(report: TapReport) -> Table:
     headings = ["link", "UAV", "channel", "!sent", "!periodic", "!saved", "!min. interval",
                 "!repeats"]  # fmt: skip
     table = _table("Actuator transmissions against periodic sending", headings)
-    if any(uav["reported"] for uav in report["uavs"]):
+    if any(uav.reported for uav in report.uavs):
         table.caption = "* not seen, but reported by the autopilot (FTC_EVENTS)"
-    for uav in report["uavs"]:
-        periods = uav["periods"]
-        note = "*" if uav["reported"] else ""
-        for i, (name, channel) in enumerate(uav["channels"].items()):
-            shortest = channel["min_interval_s"]
+    for uav in report.uavs:
+        note = "*" if uav.reported else ""
+        for i, (name, channel) in enumerate(uav.channels.items()):
             table.add_row(
-                uav["link"] if i == 0 else "",
-                f"{uav['system']}{note}" if i == 0 else "",
+                uav.link if i == 0 else "",
+                f"{uav.system}{note}" if i == 0 else "",
                 name,
-                str(channel["events"]),
-                "-" if periods is None else str(periods),
-                _percent(channel["saving"]),
-                "-" if shortest is None else f"{1e3 * shortest:g} ms",
+                str(channel.events),
+                "-" if uav.periods is None else str(uav.periods),
+                percent(channel.saving),
+                milliseconds(channel.min_interval_s),
             )
-        sent = sum(channel["events"] for channel in uav["channels"].values())
-        periodic = "-" if periods is None else str(periods * len(uav["channels"]))
-        saved, repeats = _percent(uav["saving"]), str(uav["repeats"])
-        table.add_row("", "", "all", str(sent), periodic, saved, "", repeats, style="bold")
+        periodic = "-" if uav.periods is None else str(uav.periods * len(ACTUATORS))
+        saved, repeats = percent(uav.saving), str(uav.repeats)
+        table.add_row("", "", "all", str(uav.events), periodic, saved, "", repeats, style="bold")
         table.add_section()
     return table
 
 
-def _way(row: dict[str, Any]) -> str:
-    return f"{row['direction']} {row['link']}"
+def _way(row: LinkReport | StreamReport) -> str:
+    return f"{row.direction} {row.link}"
 
 
 def _table(title: str, headings: Sequence[str]) -> Table:
@@ -154,7 +158,3 @@ def _rate(count: int, span_s: float) -> float | None:
 
 def _number(x: float | None) -> str:
     return "-" if x is None else f"{x:.1f}" if x < 100.0 else f"{x:.0f}"
-
-
-def _percent(share: float | None) -> str:
-    return "-" if share is None else f"{100.0 * share:.2f} %"

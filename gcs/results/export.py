@@ -8,7 +8,7 @@ import numpy as np
 from gcs.results.quantities import TRACKED_KEYS, in_degrees
 from gcs.results.recording import Recording
 from gcs.results.summary import event_table
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.runtime.files import naming
 
 __all__ = ["CSV_PERIOD_S", "export_flight"]

@@ -10,7 +10,7 @@ from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees, integrat
 from gcs.results.recording import Mode, Recording
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.transmissions import saving
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["ChannelSummary", "FlightSummary", "UavSummary", "event_table", "summarise"]
 

@@ -67,17 +67,20 @@ class Scenario(Model):
     origin: Origin = Origin()
     identity: Identity = "ardupilot"
 
-    def plant_config(self, speed: float | None = None) -> PlantConfig:
+    def plant_config(self, speed: float | None = None, *, endless: bool = False) -> PlantConfig:
         """What the plant is told.
 
         Args:
             speed: Real-time factor; None for lockstep.
+            endless: Fly on whatever the scenario's duration is, and wait for autopilots that fell
+                silent.
         """
         aircraft = true_aircraft(self.aircraft, self.uncertainty)
         return PlantConfig(
             step_us=self.step_us,
-            duration_s=self.duration_s,
+            duration_s=None if endless else self.duration_s,
             speed=speed,
+            wait_for_restart=endless,
             bind=self.links.address(self.links.plant_port),
             signing_key=self.links.signing_key,
             disturbance=self.disturbance,

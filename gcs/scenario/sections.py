@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import HostPort, Loc, Model, Port, Problem, Problems, SystemId
 from mavlink_defs.config.quantity import quantity
+from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.profile import Segment
@@ -102,9 +103,11 @@ class Links(Model):
     """Addresses and ports; everything binds `host`."""
 
     host: str = "127.0.0.1"
-    gcs_port: Port = 14550
-    plant_port: Port = 14560
-    formation_base_port: Port = Field(default=14600, description="UAV i binds this plus i.")
+    gcs_port: Port = GCS_PORT
+    plant_port: Port = PLANT_PORT
+    formation_base_port: Port = Field(
+        default=FORMATION_BASE_PORT, description="UAV i binds this plus i."
+    )
     plant_relay: HostPort | None = Field(
         default=None, description="Where autopilots send instead of to the plant itself."
     )

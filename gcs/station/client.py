@@ -17,7 +17,7 @@ import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Collection, Coroutine, Iterable
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from gcs.errors import BadInput, NoAnswer, bad_endpoint
 from gcs.station.fleet_state import FleetState
@@ -40,6 +40,10 @@ _HEARTBEAT_S = 1.0
 _DISCOVERY_S = 1.2  # every vehicle sends a HEARTBEAT within a second
 _NEWS_KEPT = 2000
 _SHARE_HINT = "go through the hub of `gcs up` with --connect udpout:HOST:PORT"
+
+
+E = TypeVar("E")  # events of a machine
+F = TypeVar("F")  # the last one
 
 
 class Client(asyncio.DatagramProtocol):
@@ -247,12 +251,12 @@ class Client(asyncio.DatagramProtocol):
     async def run(
         self,
         turn: tuple[int, str],
-        machine: Machine[Any],
+        machine: Machine[E],
         start: Callable[[float], None],
-        finished: type,
-        on_event: Callable[[Any], None] | None = None,
+        finished: type[F],
+        on_event: Callable[[E], None] | None = None,
         stop: Callable[[float], None] | None = None,
-    ) -> Any:
+    ) -> F:
         """Start a machine when its turn comes and drive it until an event of type `finished`.
 
         Args:
@@ -264,9 +268,9 @@ class Client(asyncio.DatagramProtocol):
             on_event: Called with its other events.
             stop: Called with the time if the caller loses patience.
         """
-        future: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+        future: asyncio.Future[F] = asyncio.get_running_loop().create_future()
 
-        def deliver(event: Any) -> None:
+        def deliver(event: E) -> None:
             if isinstance(event, finished) and not future.done():
                 future.set_result(event)
             elif on_event is not None:

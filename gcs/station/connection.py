@@ -3,7 +3,8 @@
 import os
 
 from gcs.errors import BadInput
-from gcs.station.signing_key import signing_key, warn_if_exposed
+from gcs.station.signing_key import warn_if_exposed
+from mavlink_defs.constants import GCS_PORT, HUB_PORT
 from mavlink_defs.endpoint import (
     Connection,
     EndpointError,
@@ -13,18 +14,20 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["GCS_PORT", "HUB_PORT", "choose_connection", "own_identity"]
-
-GCS_PORT = 14550
-HUB_PORT = 14555
+__all__ = ["choose_connection", "own_identity"]
 
 _HOST = "127.0.0.1"
 _SYSTEM = 255
 _FIRST_COMPONENT, _COMPONENTS = 25, 75  # MAV_COMP_ID_USER1 to USER75
 
 
-def choose_connection(wanted: str | None) -> Connection:
-    """What the user asked for; else the hub of ``gcs up`` if there is one, else the GCS port.
+def choose_connection(wanted: str | None, signing_key: str | None = None) -> Connection:
+    """Return the user's; else that of the hub of ``gcs up`` if there is one, else of the GCS port.
+
+    Args:
+        wanted: What the user asked for; None: nothing.
+        signing_key: Key file that the connection is used with; a port that can be reached from
+            other machines is warned of in another way without one.
 
     Raises:
         BadInput: It is no connection.
@@ -35,7 +38,7 @@ def choose_connection(wanted: str | None) -> Connection:
         except EndpointError as problem:
             raise BadInput(f"--connect: {problem}") from problem
         if connection.direction == "in":
-            warn_if_exposed(connection.address, signing_key() is not None)
+            warn_if_exposed(connection.address, signing_key is not None)
         return connection
     hub = UdpAddress(_HOST, HUB_PORT)
     if someone_listens(hub):

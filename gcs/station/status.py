@@ -7,7 +7,8 @@ from typing import Any
 from rich.table import Table
 
 from gcs.station.vehicle_state import VehicleState
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 
 __all__ = ["drop_lines", "fault_dict", "fleet_table", "segment_dict", "status_dict"]
@@ -101,20 +102,20 @@ def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[
     """
     dropped: dict[str, Mapping[str, Mapping[str, int]]] = {"here": {"": here}}
     for state in states:
-        links = dict(state.drops or {})
+        drops = dict(state.drops or {})
         dropped["by the plant"] = {
-            "": links.pop("plant", dropped.get("by the plant", {}).get("", {}))
+            "": drops.pop("plant", dropped.get("by the plant", {}).get("", {}))
         }
-        dropped[f"by UAV {state.system}"] = {f"{link} link ": n for link, n in links.items()}
+        dropped[f"by UAV {state.system}"] = {f"{link} link ": n for link, n in drops.items()}
     lines = []
-    for who, doors in dropped.items():
-        words = [
-            f"{door}{', '.join(f'{n} {reason}' for reason, n in reasons.items())}"
-            for door, reasons in doors.items()
+    for who, links in dropped.items():
+        counts = [
+            f"{link}{', '.join(f'{n} {reason}' for reason, n in reasons.items())}"
+            for link, reasons in links.items()
             if reasons
         ]
-        if words:
-            lines.append(f"dropped {who}: {'; '.join(words)}")
+        if counts:
+            lines.append(f"dropped {who}: {'; '.join(counts)}")
     return lines
 
 

@@ -6,12 +6,13 @@ said no; the text has its reason), or `NoAnswer` (it said nothing, after several
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
 from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
-from gcs.station.vehicle_state import MODES, VehicleState
+from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
+from mavlink_defs.constants import FORCE_DISARM, MODE_NAMES
 from mavlink_defs.faults import Fault, fault_to_params
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
@@ -51,7 +52,9 @@ PRIVATE_INTERVALS_S = {
 }
 """Private messages that vehicles stream on demand, and how often they are to come [s]."""
 
-_FORCE = 21196.0
+
+E = TypeVar("E")  # events of a machine
+F = TypeVar("F")  # the last one
 
 
 class Runner(Protocol):
@@ -70,12 +73,12 @@ class Runner(Protocol):
     async def run(
         self,
         turn: tuple[int, str],
-        machine: Machine[Any],
+        machine: Machine[E],
         start: Callable[[float], None],
-        finished: type,
-        on_event: Callable[[Any], None] | None = None,
+        finished: type[F],
+        on_event: Callable[[E], None] | None = None,
         stop: Callable[[float], None] | None = None,
-    ) -> Any:
+    ) -> F:
         """Start a machine when its turn comes and drive it until an event of type `finished`."""
         ...
 
@@ -105,8 +108,8 @@ class Vehicle:
         done, reasons = await self._run(
             "command",
             self._commands,
+            lambda now: self._commands.send(message, now),
             CommandFinished,
-            start=lambda now: self._commands.send(message, now),
             stop=self._commands.cancel,
         )
         self._judge(what, done.result, ok, "MAV_RESULT", reasons)
@@ -117,7 +120,7 @@ class Vehicle:
 
     async def disarm(self, force: bool = False) -> None:
         """Disarm; in flight only by `force`, which cuts the thrust."""
-        params = (0.0, _FORCE if force else 0.0)
+        params = (0.0, FORCE_DISARM if force else 0.0)
         await self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, params)
 
     async def start_mission(self) -> None:
@@ -126,7 +129,7 @@ class Vehicle:
 
     async def set_mode(self, mode: str) -> None:
         """Change the mode: "AUTO", "LOITER" or "GUIDED"."""
-        number = {name: number for number, name in MODES.items()}[mode]
+        number = {name: number for number, name in MODE_NAMES.items()}[mode]
         custom = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         await self.command(dialect.MAV_CMD_DO_SET_MODE, (custom, number))
 
@@ -164,13 +167,12 @@ class Vehicle:
     async def list_faults(self) -> tuple[Fault, ...]:
         """Ask for its faults; `state.faults` holds them from then on."""
         machine = FaultLister(self._own, self._address)
-        done, reasons = await self._run("command", machine, FaultsListed)
+        done, reasons = await self._run("command", machine, machine.start, FaultsListed)
         ok = dialect.MAV_RESULT_ACCEPTED
-        faults: tuple[Fault, ...] = done.faults
-        known = faults if done.result == ok else None
+        known = done.faults if done.result == ok else None
         self._runner.emit(self.state.learn_faults(known, self._now()))
         self._judge("the request for its faults", done.result, ok, "MAV_RESULT", reasons)
-        return faults
+        return done.faults
 
     async def ask_what_is_due(self) -> None:
         """Ask for faults and profile if `state` wants notifications of them.
@@ -200,7 +202,12 @@ class Vehicle:
         items = segments_to_items(segments, *self._address)
         machine = MissionUploader(self._own, self._address, items)
         done, reasons = await self._run(
-            "mission", machine, MissionFinished, progress, stop=lambda _: machine.cancel()
+            "mission",
+            machine,
+            machine.start,
+            MissionFinished,
+            progress,
+            stop=lambda _: machine.cancel(),
         )
         ok = dialect.MAV_MISSION_ACCEPTED
         self._judge("the upload of a profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
@@ -212,7 +219,12 @@ class Vehicle:
         """
         machine = MissionDownloader(self._own, self._address)
         done, reasons = await self._run(
-            "mission", machine, MissionFinished, progress, stop=lambda _: machine.cancel()
+            "mission",
+            machine,
+            machine.start,
+            MissionFinished,
+            progress,
+            stop=lambda _: machine.cancel(),
         )
         ok = dialect.MAV_MISSION_ACCEPTED
         segments: tuple[Segment, ...] | None = None
@@ -235,10 +247,9 @@ class Vehicle:
     async def list_params(self, progress: Progress | None = None) -> tuple[Param, ...]:
         """Ask for all parameters."""
         machine = ParamLister(self._own, self._address)
-        done, _ = await self._run("param", machine, ParamFinished, progress)
+        done, _ = await self._run("param", machine, machine.start, ParamFinished, progress)
         self._judge_param("its parameters", done)
-        params: tuple[Param, ...] = done.params
-        return params
+        return done.params
 
     async def get_param(self, name: str) -> Param:
         """Ask for one parameter.
@@ -250,10 +261,9 @@ class Vehicle:
             machine = ParamReader(self._own, self._address, name)
         except ValueError as problem:
             raise BadInput(f"parameter: {problem}") from problem
-        done, _ = await self._run("param", machine, ParamFinished)
+        done, _ = await self._run("param", machine, machine.start, ParamFinished)
         self._judge_param(name, done)
-        param: Param = done.params[0]
-        return param
+        return done.params[0]
 
     async def set_param(self, name: str, value: float) -> Param:
         """Set one parameter; gives what the vehicle holds then.
@@ -266,10 +276,9 @@ class Vehicle:
             expected = "a whole number" if known.is_integer else "a finite number"
             raise BadInput(f"{name} of UAV {self.system}: expected {expected}, got {value:g}")
         machine = ParamSetter(self._own, self._address, Param(name, value, known.type))
-        done, _ = await self._run("param", machine, ParamFinished)
+        done, _ = await self._run("param", machine, machine.start, ParamFinished)
         self._judge_param(f"{name} = {value:g}", done)
-        param: Param = done.params[0]
-        return param
+        return done.params[0]
 
     # inside
 
@@ -279,21 +288,21 @@ class Vehicle:
     async def _run(
         self,
         service: str,
-        machine: Any,
-        finished: type,
+        machine: Machine[E],
+        start: Callable[[float], None],
+        finished: type[F],
         progress: Progress | None = None,
-        start: Callable[[float], None] | None = None,
         stop: Callable[[float], None] | None = None,
-    ) -> tuple[Any, list[str]]:
-        """Run a machine; gives its last event, and what the vehicle complained of meanwhile."""
+    ) -> tuple[F, list[str]]:
+        """Run a machine; return its last event, and the vehicle's complaints meanwhile."""
         heard = 0
 
         def begin(now: float) -> None:
             nonlocal heard
             heard = self.state.texts_heard
-            (start or machine.start)(now)
+            start(now)
 
-        def on_event(event: Any) -> None:
+        def on_event(event: E) -> None:
             if progress is not None and isinstance(event, MissionProgress | ParamProgress):
                 progress(event.done, event.total)
 

@@ -12,18 +12,18 @@ from gcs.station.event_counts import EventCounts
 from gcs.station.history import History
 from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
 from mavlink_defs import dialect
+from mavlink_defs.constants import ACTUATORS, MODE_NAMES
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.faults import Fault
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.profile import Segment
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
 
-__all__ = ["LOST_S", "MODES", "VehicleState", "describe_fault"]
+__all__ = ["LOST_S", "VehicleState", "describe_fault"]
 
 LOST_S = 2.0
 """Silence after which the link to a vehicle counts as lost."""
-MODES = {10: "AUTO", 12: "LOITER", 15: "GUIDED"}
 """Modes that our vehicles know, by custom_mode."""
 
 _RATE_WINDOW_S = 2.0
@@ -264,12 +264,6 @@ class VehicleState:
         return tuple(f for f in self.faults or () if f.start_s < time_s <= f.end_s)
 
     @property
-    def past_faults(self) -> tuple[Fault, ...]:
-        """The faults whose window is over."""
-        time_s = self.time_s or 0.0
-        return tuple(f for f in self.faults or () if f.end_s < time_s)
-
-    @property
     def drops(self) -> dict[str, dict[str, int]] | None:
         """Datagrams that it and the plant dropped, by link and reason; None before it told."""
         message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_DROPS)
@@ -399,4 +393,4 @@ def _window(fault: Fault) -> str:
 
 
 def _mode_name(heartbeat: Any) -> str:
-    return MODES.get(heartbeat.custom_mode, str(heartbeat.custom_mode))
+    return MODE_NAMES.get(heartbeat.custom_mode, str(heartbeat.custom_mode))

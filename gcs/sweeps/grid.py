@@ -1,59 +1,33 @@
-"""Sweeps: one in-process flight for every point of a grid of values, on all cores.
+"""The grid of a sweep: one run for every combination of the axes' values.
 
-A sweep is a folder that can be gone back to::
-
-    sweep.json          what was asked for; by it a folder is known as a sweep
-    runs/DIGEST.json    one flown run: its values, its whole scenario, its summary
-
-A run's digest covers its scenario with all defaults and the code that flies it. What has a
-file is not flown again; a file appears under its name only when it is complete, so an end in
-any manner costs no more than the flights that were in the air.
+A run's digest covers its scenario with all defaults and the code that flies it.
 """
 
 import functools
 import hashlib
 import itertools
 import json
-import re
-import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-import numba
-import numpy as np
-import yaml
-
-from gcs.errors import BadInput, GcsError
-from gcs.fleet.in_process import fly_in_process
-from gcs.results.summary import FlightSummary, summarise
+from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from gcs.sweeps.axes import Axis
 from mavlink_defs.config.inherit import PlaceError, with_values
-from mavlink_defs.config.models import ConfigError, Problem, ProblemKind, repeated
-from mavlink_defs.config.yaml_text import parse_yaml
+from mavlink_defs.config.models import ConfigError, Problem, ProblemKind
+from mavlink_defs.runtime.jit import source_digest
 
-__all__ = ["Axis", "Result", "Run", "default_folder", "fly_runs", "identity", "known_results",
-           "label", "open_folder", "parse_axes", "plan", "result_of"]  # fmt: skip
+__all__ = ["Run", "identity", "plan"]
 
-_MARK = "sweep.json"
-_PART = ".part"  # ends the name of a file that is being written
 _ROOT = Path(__file__).parents[2]
 _SOURCES = (
     "mavlink_defs/**/*.py", "mavlink_defs/*.xml", "sitl_plant/**/*.py", "ftc_autopilot/**/*.py",
     "gcs/fleet/in_process.py", "gcs/results/*.py", "gcs/scenario/*.py",
 )  # fmt: skip
 """What makes a summary out of a scenario, below `_ROOT`."""
-
-
-@dataclass(frozen=True)
-class Axis:
-    """A key of the scenario, as in ``trigger.b2_deg`` or ``faults[0].uav``, and its values."""
-
-    key: str
-    values: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -77,66 +51,6 @@ class Run:
     problems: tuple[Problem, ...] = ()
     misplaced: tuple[Problem, ...] = ()
     digest: str = ""
-
-
-@dataclass(frozen=True)
-class Result:
-    """What came of a run.
-
-    Attributes:
-        run: The run.
-        outcome: Flown to its end; lost on the way; not a scenario; not flown for another reason.
-        reason: Why it was not flown to its end; else empty.
-        summary: Of the part that was flown; None if nothing was.
-    """
-
-    run: Run
-    outcome: Literal["completed", "lost", "invalid", "failed"]
-    reason: str = ""
-    summary: FlightSummary | None = None
-
-
-class _Stopped(Exception):  # noqa: N818 - nothing is wrong
-    """The sweep ends before this flight does."""
-
-
-def parse_axes(texts: Iterable[str]) -> list[Axis]:
-    """Read axes written as ``KEY=VALUE,VALUE``; the values are YAML, as in a list in brackets.
-
-    Raises:
-        BadInput: A text is not of this form, or a key or a value is given twice.
-    """
-    axes: list[Axis] = []
-    for text in texts:
-        axis = _parse_axis(text)
-        if axis.key in (other.key for other in axes):
-            raise BadInput(
-                f"--set {axis.key} is given twice", "give all its values at once, with commas"
-            )
-        axes.append(axis)
-    return axes
-
-
-def _parse_axis(text: str) -> Axis:
-    key, _, listed = (part.strip() for part in text.partition("="))
-    try:
-        values = parse_yaml(f"[{listed}]")
-        labels = [label(value) for value in values]
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError):
-        labels = []
-    if not key or not labels:
-        raise BadInput(
-            f"--set is {text!r}, expected KEY=VALUE,VALUE,...",
-            "as in --set trigger.b2_deg=0.5,1 or --set 'controller.K1=[40, 40, 40], [50, 50, 50]'",
-        )
-    for _, problem in repeated(labels):
-        raise BadInput(f"--set {key}: {problem}", "leave one of them out")
-    return Axis(key, tuple(values))
-
-
-def label(value: Any) -> str:
-    """A value on one line: a text as it is, anything else as JSON."""
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def plan(files: Sequence[Path], axes: Sequence[Axis]) -> list[Run]:
@@ -187,137 +101,11 @@ def _shared(groups: Iterable[tuple[Problem, ...]]) -> list[Problem]:
 
 
 def identity(scenario: Scenario) -> str:
-    """Digest of all that a flight's summary depends on: the scenario and the code."""
+    """Return a digest of all that a flight's summary depends on: the scenario and the code."""
     tree = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
     return hashlib.sha256(f"{_code_digest()} {tree}".encode()).hexdigest()[:16]
 
 
 @functools.cache
 def _code_digest() -> str:
-    digest = hashlib.sha256(f"{numba.__version__} {np.__version__}".encode())
-    for source in sorted(path for pattern in _SOURCES for path in _ROOT.glob(pattern)):
-        digest.update(source.name.encode() + source.read_bytes())
-    return digest.hexdigest()
-
-
-def default_folder(files: Sequence[Path], axes: Sequence[Axis]) -> Path:
-    """A folder below `runs` that is the same whenever the same sweep is asked for."""
-    digest = hashlib.sha256(json.dumps(_request(files, axes)).encode()).hexdigest()[:8]
-    name = re.sub(r"[^\w.-]+", "-", files[0].stem)
-    return Path("runs") / f"sweep-{name}-{digest}"
-
-
-def _request(files: Sequence[Path], axes: Sequence[Axis]) -> dict[str, Any]:
-    return {"scenarios": [str(f) for f in files], "set": {axis.key: axis.values for axis in axes}}
-
-
-def open_folder(folder: Path, files: Sequence[Path], axes: Sequence[Axis]) -> None:
-    """Make the folder of a sweep, or go back to one; its finished runs stay.
-
-    Raises:
-        BadInput: It holds something else, or cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        names = {path.name for path in folder.iterdir()}
-        if names - {_MARK + _PART} and _MARK not in names:
-            raise BadInput(
-                f"the folder {folder} holds something that is not a sweep",
-                "choose another with --out, or remove it",
-            )
-        _write(folder / _MARK, _request(files, axes))
-        (folder / "runs").mkdir(exist_ok=True)
-    except OSError as problem:
-        raise BadInput(
-            f"cannot make the folder {folder}: {problem.strerror}", "choose another with --out"
-        ) from problem
-
-
-def known_results(runs: Iterable[Run], folder: Path) -> dict[str, Result]:
-    """The results of runs that were flown before, by digest."""
-    known: dict[str, Result] = {}
-    for run in runs:
-        try:
-            kept = json.loads(_path(run, folder).read_bytes())
-            known[run.digest] = _flown(run, FlightSummary.from_json(kept["summary"]))
-        except (OSError, ValueError, KeyError, TypeError):  # not flown, or the file is damaged
-            continue
-    return known
-
-
-def result_of(run: Run, flown: dict[str, Result]) -> Result:
-    """The result of one point of the grid, given those of all flights by digest."""
-    if run.scenario is None:
-        return Result(run, "invalid", "; ".join(map(str, run.problems)))
-    return replace(flown[run.digest], run=run)  # two points may mean the same flight
-
-
-def fly_runs(
-    runs: Iterable[Run], folder: Path, jobs: int, on_result: Callable[[Result], None]
-) -> None:
-    """Fly runs, several at a time, and keep the result of each as soon as it is there.
-
-    Threads do: the compiled loop leaves the interpreter to the others. A flight that cannot be
-    computed becomes a failed result, which is not kept, so that it is tried again next time.
-    When this function is left early, it waits for the flights in the air to stop.
-
-    Args:
-        runs: Runs with a scenario.
-        folder: Folder that `open_folder` has made.
-        jobs: How many fly at a time; each needs memory for its recording.
-        on_result: Called with each result, in the caller's thread.
-
-    Raises:
-        GcsError: A result cannot be written.
-    """
-    stop = threading.Event()
-    with ThreadPoolExecutor(jobs) as pool:
-        futures = [pool.submit(_fly, run, folder, stop) for run in runs]
-        try:
-            for future in as_completed(futures):
-                on_result(future.result())
-        finally:
-            stop.set()
-            pool.shutdown(cancel_futures=True)
-
-
-def _fly(run: Run, folder: Path, stop: threading.Event) -> Result:
-    def go_on(_time_s: float, _events: np.ndarray) -> None:
-        if stop.is_set():
-            raise _Stopped
-
-    assert run.scenario is not None
-    try:
-        summary = summarise(fly_in_process(run.scenario, go_on), run.scenario)
-    except _Stopped:
-        raise
-    except Exception as problem:
-        return Result(run, "failed", f"{type(problem).__name__}: {problem}")
-    kept = {
-        "file": str(run.file),
-        "set": run.values,
-        "summary": summary.to_json(),
-        "scenario": run.scenario.model_dump(mode="json"),
-    }
-    try:
-        _write(_path(run, folder), kept)
-    except OSError as problem:
-        raise GcsError(f"cannot write to {folder}: {problem.strerror}") from problem
-    return _flown(run, summary)
-
-
-def _flown(run: Run, summary: FlightSummary) -> Result:
-    if summary.loss is None:
-        return Result(run, "completed", summary=summary)
-    return Result(run, "lost", summary.loss, summary)
-
-
-def _path(run: Run, folder: Path) -> Path:
-    return folder / "runs" / f"{run.digest}.json"
-
-
-def _write(path: Path, tree: dict[str, Any]) -> None:
-    """Write a file that is either there as a whole or not at all."""
-    part = path.with_name(path.name + _PART)
-    part.write_text(json.dumps(tree, indent=1) + "\n")
-    part.replace(path)
+    return source_digest(sorted(path for pattern in _SOURCES for path in _ROOT.glob(pattern)))

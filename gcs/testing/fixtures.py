@@ -10,7 +10,7 @@ from gcs.fleet.precompile import compile_everything
 from gcs.fleet.processes import on_free_ports
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from gcs.testing.flying import TestFleet
-from gcs.testing.results import Flight
+from gcs.testing.results import FlightResult
 from mavlink_defs.config.inherit import PlaceError, with_values
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import UdpAddress
@@ -64,12 +64,12 @@ def launch(scenario: Scenario, folder: Path, speed: float | None) -> TestFleet:
     return on_free_ports(scenario.model_copy(update={"links": links}), opened)
 
 
-def fly(scenario: Scenario, folder: Path, speed: float | None, mode: FlightMode) -> Flight:
+def fly(scenario: Scenario, folder: Path, speed: float | None, mode: FlightMode) -> FlightResult:
     """Fly a scenario to its end, or until it is lost; arguments as of `launch`."""
     if mode == "in_process":
         if speed is not None or scenario.links.impairments is not None:
             raise BadInput("speed and links.impairments are about processes; mode is 'in_process'")
-        return Flight(scenario, fly_in_process(scenario))
+        return FlightResult(scenario, fly_in_process(scenario))
     if mode != "wire":
         raise BadInput(f"mode: expected 'wire' or 'in_process', got {mode!r}")
     fleet = launch(scenario, folder, speed)

@@ -21,8 +21,8 @@ from gcs.fleet.relays import relay_of
 from gcs.results.recording import Mode
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
-from gcs.testing.results import Flight
-from gcs.testing.step_gate import Gate
+from gcs.testing.results import FlightResult
+from gcs.testing.step_gate import StepGate
 from gcs.testing.uav import FlyingUav
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.endpoint import Connection, UdpAddress
@@ -59,12 +59,12 @@ class TestFleet:
         self.scenario, self.folder = scenario, folder
         self._speed = speed
         self._ids = [uav.id for uav in scenario.uavs]
-        self._gate = Gate(self._ids, closed=speed is None)
+        self._gate = StepGate(self._ids, closed=speed is None)
         self._relay = relay_of(scenario, self._gate)
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="client", daemon=True)
         self._stack = contextlib.ExitStack()
-        self._flight: Flight | None = None
+        self._flight: FlightResult | None = None
 
     def open(self) -> None:
         """Start everything; profile and faults are on board then, and nobody is armed.
@@ -130,8 +130,8 @@ class TestFleet:
             return tap.events(system, channel)
 
     def wire(self) -> dict[str, Any]:
-        """Everything that the tap has counted so far: `mavlink_defs.capture.tap.Tap.report`."""
-        return self._relay.report()
+        """Return everything that the tap has counted so far, as in wire.json."""
+        return self._relay.report().to_json()
 
     # time
 
@@ -186,13 +186,13 @@ class TestFleet:
                 raise AssertionError(f"{text} at {self.time_s:.3f} s")
             self.run_until(min(self.time_s + every_s, begin_s + within_s))
 
-    def run_to_end(self) -> Flight:
+    def run_to_end(self) -> FlightResult:
         """Fly until the scenario's end, or until an aircraft is lost."""
         self._gate.open()
         self._wait(lambda: False)
         return self.end()
 
-    def end(self) -> Flight:
+    def end(self) -> FlightResult:
         """End the flight now; what it was until then.
 
         Raises:
@@ -206,7 +206,7 @@ class TestFleet:
             self._fleet.wait(_END_TIMEOUT_S if over else 0.0)
             mode: Mode = "real_time" if self._speed else "lockstep"
             recording = collect(self.scenario, self._fleet, mode)
-            self._flight = Flight(self.scenario, recording, self.wire(), self.folder)
+            self._flight = FlightResult(self.scenario, recording, self._relay.report(), self.folder)
         return self._flight
 
     # inside

@@ -5,20 +5,22 @@ they are the events that the controllers recorded.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from gcs.results.quantities import QUANTITIES, UNITS, in_degrees
 from gcs.results.recording import Recording
-from gcs.results.summary import UavSummary, summarise
+from gcs.results.summary import ChannelSummary, UavSummary, summarise
 from gcs.scenario.model import Scenario
+from mavlink_defs.capture.tap_report import ChannelReport, TapReport
 from mavlink_defs.capture.transmissions import saving
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["Channel", "Errors", "Flight", "UavFlight"]
+__all__ = ["Channel", "Errors", "FlightResult", "UavFlight"]
 
 
 class Errors(NamedTuple):
@@ -91,7 +93,7 @@ class UavFlight:
     """
 
     def __init__(
-        self, recording: Recording, i: int, summary: UavSummary, wire: dict[str, Any] | None
+        self, recording: Recording, i: int, summary: UavSummary, wire: TapReport | None
     ) -> None:
         self.id = summary.id
         self.summary = asdict(summary)
@@ -99,22 +101,23 @@ class UavFlight:
         self.heading_lost_at_s = summary.heading_lost_at_s
         self.missing_steps = summary.missing_steps
         self._time_s, self._errors = recording.time_s, recording.error("reference")[:, i]
-        self.messages: int = summary.actuator_messages if wire is None else wire.get("messages", 0)
+        counted: Mapping[str, ChannelSummary | ChannelReport] = {}
+        self.messages = 0
+        if wire is None:
+            counted, self.messages = summary.channels, summary.actuator_messages
+        elif (seen := wire.uav("plant", self.id)) is not None:
+            counted, self.messages = seen.channels, seen.messages
         events = recording.signals["events"][:, i]
         steps = summary.active_steps
         self.channels = {}
         for c, name in enumerate(ACTUATORS):
-            claimed = summary.channels[name]
-            if wire is None:
-                sent, min_interval_s = claimed.events, claimed.min_interval_s
-            else:
-                seen = wire.get("channels", {}).get(name, {})
-                sent, min_interval_s = seen.get("events", 0), seen.get("min_interval_s")
+            claimed, channel = summary.channels[name], counted.get(name)
+            sent = channel.events if channel else 0
             self.channels[name] = Channel(
                 self.id,
                 name,
                 sent,
-                min_interval_s,
+                channel.min_interval_s if channel else None,
                 saving(sent, steps, channels=1),
                 recording.time_s[events & (1 << c) > 0],
                 claimed.events,
@@ -194,14 +197,14 @@ class UavFlight:
         return self._time_s[here], in_degrees(np.abs(self._errors[here]))
 
 
-class Flight:
+class FlightResult:
     """One flight that is over.
 
     Attributes:
         scenario: As it was flown.
         recording: Everything at full rate; arrays are read-only.
         summary: The content of `summary.json`.
-        wire: `Tap.report` of what was counted between autopilots and plant; None in process.
+        wire: The content of wire.json, counted between autopilots and plant; None in process.
         folder: Configuration, words and tlog of the processes; None in process.
         saving: Share of the periodic sender's transmissions that were not sent.
         completed: Whether it was flown until the scenario's end.
@@ -212,24 +215,20 @@ class Flight:
         self,
         scenario: Scenario,
         recording: Recording,
-        wire: dict[str, Any] | None = None,
+        wire: TapReport | None = None,
         folder: Path | None = None,
     ) -> None:
         for array in (recording.states, recording.applied, recording.signals, recording.repeats):
             array.flags.writeable = False
         self.scenario, self.recording = scenario, recording
-        self.wire, self.folder = wire, folder
+        self.wire = None if wire is None else wire.to_json()
+        self.folder = folder
         summary = summarise(recording, scenario)
         self.summary = summary.to_json()
         self.loss = recording.loss
         self.completed = summary.completed
-        counted = {uav["system"]: uav for uav in wire["uavs"]
-                   if uav["link"] == "plant"} if wire is not None else None  # fmt: skip
         self.uavs = {
-            uav.id: UavFlight(
-                recording, i, uav, None if counted is None else counted.get(uav.id, {})
-            )
-            for i, uav in enumerate(summary.uavs)
+            uav.id: UavFlight(recording, i, uav, wire) for i, uav in enumerate(summary.uavs)
         }
         sent = sum(uav.sent for uav in self.uavs.values())
         steps = sum(uav.active_steps for uav in summary.uavs)

@@ -10,12 +10,12 @@ from collections.abc import Collection
 
 from mavlink_defs import dialect
 
-__all__ = ["Gate"]
+__all__ = ["StepGate"]
 
 _DONE = dialect.MAVLink_ftc_step_done_message
 
 
-class Gate:
+class StepGate:
     """The gate of one fleet; closed before the first step.
 
     Args:

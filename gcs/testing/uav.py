@@ -9,8 +9,9 @@ from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.config.models import problems_of
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 from mavlink_defs.services.param import Param
 

@@ -14,7 +14,7 @@ from ftc_autopilot.control.schedule import Schedule
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["WIRE_ROUNDING", "dwell_times", "in_force"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from gcs.theory.equality import ROUNDING, Equality
 from gcs.theory.ground_truth import Known
 from gcs.theory.lyapunov import Subsystem
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["Certificate", "Hypotheses", "Judgement", "Rate", "Slack", "Verdict", "judge"]
 

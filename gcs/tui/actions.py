@@ -1,9 +1,9 @@
 """The actions that work on every panel, as wishes."""
 
 from gcs.station.vehicle import Vehicle
-from gcs.station.vehicle_state import MODES
 from gcs.tui.formatting import ids
 from gcs.tui.requests import Choice, VehicleAction
+from mavlink_defs.constants import MODE_NAMES
 
 __all__ = ["arm", "change_mode", "disarm", "start_mission"]
 
@@ -51,5 +51,5 @@ def change_mode(systems: tuple[int, ...]) -> VehicleAction:
         await vehicle.set_mode(choice)
         return f"mode {choice}"
 
-    choices = tuple(Choice(mode, mode) for mode in MODES.values())
+    choices = tuple(Choice(mode, mode) for mode in MODE_NAMES.values())
     return VehicleAction("mode", systems, act, question=f"Mode of {ids(systems)}?", choices=choices)

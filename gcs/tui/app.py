@@ -10,11 +10,10 @@ from textual.app import App, ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.events import Resize
 from textual.screen import Screen
-from textual.widget import Widget
 from textual.widgets import Footer, TabbedContent, TabPane
 
 from gcs.tui.actions import arm, change_mode, disarm, start_mission
-from gcs.tui.cached_static import Line
+from gcs.tui.cached_static import CachedStatic
 from gcs.tui.dialogs import Help, Question
 from gcs.tui.events import EventsPanel
 from gcs.tui.faults import FaultsPanel, clear_all, repeat
@@ -32,7 +31,7 @@ from gcs.tui.replay_bar import ReplayBar
 from gcs.tui.requests import Choice, Refresh, VehicleAction
 from gcs.tui.status_bar import StatusBar
 from gcs.tui.themes import DARK, LIGHT
-from gcs.tui.view import FleetView, Source
+from gcs.tui.view import FleetView, Panel, Source
 
 __all__ = ["MIN_SIZE", "REFRESH_S", "Dashboard"]
 
@@ -85,7 +84,7 @@ class Dashboard(App[None]):
         if self.playback is not None:
             yield ReplayBar()
         yield Footer(compact=True)
-        yield Line(id="too-small")
+        yield CachedStatic(id="too-small")
 
     def on_mount(self) -> None:
         """Start the timer."""
@@ -99,7 +98,7 @@ class Dashboard(App[None]):
         small = width < MIN_SIZE[0] or height < MIN_SIZE[1]
         self.screen.set_class(small, "-too-small")
         text = f"this terminal has {width}×{height} characters,\nthe dashboard needs 80×24"
-        self.query_one("#too-small", Line).say(text)
+        self.query_one("#too-small", CachedStatic).say(text)
         self.call_after_refresh(self.refresh_view, force=True)
 
     # data
@@ -114,12 +113,13 @@ class Dashboard(App[None]):
         if self.view.look() or force or self.operations.going_on:
             self.query_one(StatusBar).show_view(self.view, self.operations.going_on)
             if (panel := self._panel) is not None:
-                panel.show_view(self.view)  # type: ignore[attr-defined]
+                panel.show_view(self.view)
 
     @property
-    def _panel(self) -> Widget | None:
+    def _panel(self) -> Panel | None:
         pane = self.query_one(TabbedContent).active_pane
-        return None if pane is None else next(iter(pane.children), None)
+        widgets = () if pane is None else pane.children
+        return next((widget for widget in widgets if isinstance(widget, Panel)), None)
 
     @on(Refresh)
     @on(TabbedContent.TabActivated)

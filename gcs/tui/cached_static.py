@@ -4,10 +4,10 @@ from typing import Any
 
 from textual.widgets import Static
 
-__all__ = ["Line"]
+__all__ = ["CachedStatic"]
 
 
-class Line(Static):
+class CachedStatic(Static):
     """A Static for texts that are set often; its size is fixed unless it is told to `grow`."""
 
     def __init__(self, text: str = "", grow: bool = False, **kwargs: Any) -> None:

@@ -40,7 +40,7 @@ _SEVERITIES = tuple(
 
 
 class EventLog(Grid):
-    """The event_log, newest last, as far as it passes the filter."""
+    """The events that pass the filter, newest last."""
 
     def __init__(self, short: bool = False, **kwargs: Any) -> None:
         super().__init__("nothing has happened yet", follow=True, **kwargs)
@@ -89,6 +89,10 @@ class EventsPanel(Vertical):
         Binding("escape", "leave", "back to the log", show=False),
     ]
 
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self._systems: tuple[int, ...] = ()  # that the filter offers
+
     def compose(self) -> ComposeResult:
         """Lay out filters and log."""
         with Horizontal(classes="filters"):
@@ -104,12 +108,12 @@ class EventsPanel(Vertical):
 
     def show_view(self, view: FleetView) -> None:
         """Take in what is new."""
-        of = self.query_one("#of", Select)
-        options = [("all", 0), *((str(i), i) for i in view.systems)]
-        if getattr(of, "known", None) != options:
-            chosen = of.value if of.value in dict(options).values() else 0
-            of.set_options(options)
-            of.value, of.known = chosen, options  # type: ignore[attr-defined]
+        if view.systems != self._systems:
+            self._systems = view.systems
+            of: Select[int] = self.query_one("#of", Select)
+            chosen = of.value if of.value in view.systems else 0
+            of.set_options([("all", 0), *((str(i), i) for i in view.systems)])
+            of.value = chosen
         self.query_one(EventLog).show_view(view)
 
     def action_search(self) -> None:

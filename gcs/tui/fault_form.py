@@ -13,10 +13,11 @@ from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.widgets import Button, Input, Select, Static
 
-from gcs.tui.cached_static import Line
+from gcs.tui.cached_static import CachedStatic
 from mavlink_defs.config.models import problems_of
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.faults import ACTUATORS, MAX_FREQUENCY_HZ, Fault
+from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault
 
 __all__ = ["ALL", "FaultForm", "read_fault"]
 
@@ -111,9 +112,9 @@ class FaultForm(Vertical):
                 _FIELDS, ("effectiveness", "bias °", "frequency Hz", "start s", "end s"),
                 strict=True,
             ):  # fmt: skip
-                yield Line(label, id=f"label-{name}")
+                yield CachedStatic(label, id=f"label-{name}")
                 yield Input(placeholder=_HINTS[name], id=name, compact=True)
-        yield Line(grow=True, id="form-says")
+        yield CachedStatic(grow=True, id="form-says")
         with Horizontal(classes="buttons"):
             yield Button("Set fault", "primary", id="set", compact=True)
 
@@ -158,11 +159,13 @@ class FaultForm(Vertical):
     def _check(self, complain: bool = False) -> None:
         stuck = self._chosen("fault-kind") == "stuck"
         unit = "N" if self._chosen("actuator") == "throttle" else "°"
-        self.query_one("#label-value", Line).say(f"{'stuck at' if stuck else 'bias'} {unit}")
+        self.query_one("#label-value", CachedStatic).say(
+            f"{'stuck at' if stuck else 'bias'} {unit}"
+        )
         self.query_one("#effectiveness", Input).disabled = stuck
         read = self.read
         touched = any(self.query_one(f"#{name}", Input).value for name in _FIELDS)
-        says = self.query_one("#form-says", Line)
+        says = self.query_one("#form-says", CachedStatic)
         says.say("\n".join(read.problems) if touched or complain is True else "")
         self.query_one("#set", Button).disabled = read.fault is None
 

@@ -9,14 +9,15 @@ from textual.containers import Horizontal, Vertical
 
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import describe_fault
-from gcs.tui.cached_static import Line
+from gcs.tui.cached_static import CachedStatic
 from gcs.tui.fault_form import ALL, FaultForm
 from gcs.tui.fault_history import FaultRecord
 from gcs.tui.formatting import Cell, clock, ids
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.requests import VehicleAction
 from gcs.tui.view import FleetView
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.faults import Fault
 
 __all__ = ["FaultList", "FaultsPanel", "clear_all", "repeat"]
 
@@ -81,7 +82,7 @@ class FaultsPanel(Horizontal):
         yield FaultForm(id="fault-form", classes="panel")
         with Vertical():
             yield FaultList(id="fault-list", classes="panel")
-            yield Line(id="fault-details", classes="panel")
+            yield CachedStatic(id="fault-details", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
         """Show vehicles and faults."""
@@ -90,7 +91,7 @@ class FaultsPanel(Horizontal):
         form.disabled = not view.source.can_act
         faults = self.query_one(FaultList)
         faults.show_view(view)
-        details = self.query_one("#fault-details", Line)
+        details = self.query_one("#fault-details", CachedStatic)
         record = faults.chosen
         details.border_title = "Details"
         details.say("" if record is None else _details(record))
@@ -128,7 +129,7 @@ class FaultsPanel(Horizontal):
     @on(Grid.Moved)
     def _moved(self) -> None:
         record = self.query_one(FaultList).chosen
-        self.query_one("#fault-details", Line).say(_details(record) if record else "")
+        self.query_one("#fault-details", CachedStatic).say(_details(record) if record else "")
 
 
 def set_fault(systems: tuple[int, ...], fault: Fault) -> VehicleAction:

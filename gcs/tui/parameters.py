@@ -11,7 +11,7 @@ from textual.widgets import Input
 
 from gcs.station.param_metadata import known_quantity
 from gcs.station.vehicle import Vehicle
-from gcs.tui.cached_static import Line
+from gcs.tui.cached_static import CachedStatic
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.requests import Outcome, Refresh, VehicleAction
@@ -48,18 +48,18 @@ class ParametersPanel(Vertical):
     def compose(self) -> ComposeResult:
         """Lay out search, list and field."""
         with Horizontal(classes="filters"):
-            yield Line(grow=True, id="param-about")
+            yield CachedStatic(grow=True, id="param-about")
             yield Input(placeholder="/ search", id="param-search", compact=True)
         yield Grid(id="params", classes="panel")
         with Horizontal(classes="filters", id="param-edit"):
-            yield Line(grow=True, id="param-name")
+            yield CachedStatic(grow=True, id="param-name")
             yield Input(placeholder="enter on a line, then the new value", id="param-value",
                         compact=True)  # fmt: skip
 
     def show_view(self, view: FleetView) -> None:
         """Show the parameters of the selected vehicle; ask for them the first time."""
         self._view, system = view, view.selected
-        self.query_one("#param-about", Line).say(
+        self.query_one("#param-about", CachedStatic).say(
             "no vehicle yet" if system is None else f"UAV {system}"
         )
         if system is not None and view.source.can_act and system not in self._asked:
@@ -117,7 +117,7 @@ class ParametersPanel(Vertical):
 
     @on(Grid.Activated)
     def _edit(self, event: Grid.Activated) -> None:
-        self.query_one("#param-name", Line).say(f"{event.key} =")
+        self.query_one("#param-name", CachedStatic).say(f"{event.key} =")
         self.query_one("#param-value").focus()
 
     @on(Input.Submitted, "#param-value")

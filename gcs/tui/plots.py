@@ -7,7 +7,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Container, Vertical
 from textual_plotext import PlotextPlot
 
-from gcs.tui.cached_static import Line
+from gcs.tui.cached_static import CachedStatic
 from gcs.tui.curves import (
     Palette,
     draw_formation,
@@ -114,7 +114,7 @@ class PlotsPanel(Vertical):
 
     def compose(self) -> ComposeResult:
         """Lay out the plots."""
-        yield Line(markup=True, id="plots-about", classes="about")
+        yield CachedStatic(markup=True, id="plots-about", classes="about")
         with Container(id="charts"):
             for name in _NAMES:
                 chart = Chart(name, classes="panel chart")
@@ -161,7 +161,7 @@ class PlotsPanel(Vertical):
         at = f"paused at {seconds(self._until_s)} s" if self.paused else "live"
         uav = f"UAV {view.selected}" if view.selected is not None else "no vehicle yet"
         single = f" · {self._chosen + 1}/{len(_NAMES)} (← →)" if self._is_single else ""
-        self.query_one("#plots-about", Line).say(
+        self.query_one("#plots-about", CachedStatic).say(
             f"[b]{uav}[/b] \\[ ] · [$primary]━ actual[/] [$accent]━ reference[/] · "
             f"last {self.span_s:g} s + - · {at} p{single}"
         )

@@ -13,7 +13,7 @@ from textual.widgets import DirectoryTree, Input
 from gcs.scenario.profile_file import load_profile
 from gcs.station.vehicle import Progress, Vehicle
 from gcs.station.vehicle_state import VehicleState
-from gcs.tui.cached_static import Line
+from gcs.tui.cached_static import CachedStatic
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
@@ -99,7 +99,7 @@ class ProfilesPanel(Horizontal):
             yield files
             yield Holdings(id="holdings", classes="panel")
         with Vertical():
-            yield Line(grow=True, id="profile-says")
+            yield CachedStatic(grow=True, id="profile-says")
             yield ProfileTable(id="profile-table", classes="panel")
             yield ProfilePlot(id="profile-plot", classes="panel")
 
@@ -122,7 +122,7 @@ class ProfilesPanel(Horizontal):
 
     def load(self, path: Path) -> None:
         """Show the profile of a file, or say what is wrong with it."""
-        says = self.query_one("#profile-says", Line)
+        says = self.query_one("#profile-says", CachedStatic)
         try:
             self.segments, self._file = load_profile(path), path
         except ConfigError as problem:

@@ -5,7 +5,7 @@
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol, runtime_checkable
 
 from gcs.station.fleet_state import FleetState
 from gcs.station.notifications import Notification
@@ -14,7 +14,7 @@ from gcs.station.vehicle_state import VehicleState
 from gcs.tui.event_log import EventLog
 from gcs.tui.fault_history import FaultHistory
 
-__all__ = ["SILENT_S", "FleetView", "LiveSource", "Source", "Station"]
+__all__ = ["SILENT_S", "FleetClient", "FleetView", "LiveSource", "Panel", "Source"]
 
 SILENT_S = 1.5
 """Silence after which a vehicle is shown as silent; its notification comes later [s]."""
@@ -22,7 +22,7 @@ SILENT_S = 1.5
 _AGEING_S = 0.5
 
 
-class Station(Protocol):
+class FleetClient(Protocol):
     """What the dashboard needs of a client."""
 
     @property
@@ -81,15 +81,21 @@ class LiveSource:
         self.title = title
         self.event_log, self.fault_history = EventLog(), FaultHistory(identity)
         self._epoch = epoch
-        self._station: Any = None
+        self._client: FleetClient | None = None
 
-    def attach(self, station: Station) -> None:
-        """Tell it the client."""
-        self._station = station
+    def attach(self, client: FleetClient) -> None:
+        """Take the data from this client."""
+        self._client = client
+
+    @property
+    def _attached(self) -> FleetClient:
+        if self._client is None:
+            raise RuntimeError("attach a client before the data are read")
+        return self._client
 
     def receive(self, notifications: Notification) -> None:
         """Take in notifications of the client."""
-        state = self.fleet.vehicles.get(notifications.system) if self._station else None
+        state = self.fleet.vehicles.get(notifications.system) if self._client else None
         at = self.since_1970(notifications.at)
         self.event_log.receive(notifications, at, state.time_s if state else None)
         self.fault_history.receive(notifications, at)
@@ -97,12 +103,11 @@ class LiveSource:
     @property
     def fleet(self) -> FleetState:
         """What is known of the vehicles."""
-        fleet: FleetState = self._station.fleet
-        return fleet
+        return self._attached.fleet
 
     def now(self) -> float:
         """The client's clock [s]."""
-        return float(self._station.now())
+        return self._attached.now()
 
     def since_1970(self, at: float) -> float:
         """A time of the client's clock as time since 1970 [s]."""
@@ -110,8 +115,7 @@ class LiveSource:
 
     def vehicle(self, system: int) -> Vehicle:
         """What can be asked of a vehicle."""
-        vehicle: Vehicle = self._station.vehicle(system)
-        return vehicle
+        return self._attached.vehicle(system)
 
 
 class FleetView:
@@ -193,3 +197,11 @@ class FleetView:
         at = systems.index(self.selected) if self.selected is not None else 0
         order = (*self.states[at:], *self.states[:at])
         return next((state.system for state in order if wanted(state)), None)
+
+
+@runtime_checkable
+class Panel(Protocol):
+    """A widget that shows the vehicles."""
+
+    def show_view(self, view: FleetView) -> None:
+        """Draw what has changed."""

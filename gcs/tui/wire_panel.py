@@ -6,7 +6,7 @@ from gcs.station.event_counts import EventCounts
 from gcs.tui.formatting import Cell, count, number, percent, sparkline
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.view import FleetView
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["WirePanel"]
 

@@ -2,20 +2,19 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 from gcs.errors import BadInput
 from mavlink_defs import dialect
 from mavlink_defs.capture.pcap import PcapCutOff, PcapError, is_pcap, read_pcap
 from mavlink_defs.capture.tap import LinkNames, Tap
+from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.capture.tlog import TlogCutOff, TlogError, read_frames
+from mavlink_defs.constants import LAST_SYSTEM
 
 __all__ = ["count_file"]
 
-_LAST_VEHICLE = 250  # system ids above belong to ground stations
 
-
-def count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[dict[str, Any], str]:
+def count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]:
     """Count what a file holds; its first bytes tell what it is.
 
     Args:
@@ -24,7 +23,7 @@ def count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[dict[str, Any], 
         names: How to name the links of a capture. Those of a telemetry log are "gcs".
 
     Returns:
-        A report as of `Tap.report`, and what the user should know about it or "".
+        The report, and what the user should know about it or "".
 
     Raises:
         BadInput: The file cannot be read, or is something else.
@@ -51,22 +50,20 @@ def count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[dict[str, Any], 
     return tap.report(), ""
 
 
-def _report(path: Path) -> dict[str, Any] | None:
-    """The report in a wire.json; None if the file is something else."""
+def _report(path: Path) -> TapReport | None:
+    """Return the report in a wire.json; None if the file is something else."""
     with path.open("rb") as file:
         if file.read(1) != b"{":
             return None
     try:
-        report = json.loads(path.read_bytes())
+        return TapReport.from_json(json.loads(path.read_bytes()))
     except ValueError:
         return None
-    keys = {"span_s", "links", "messages", "uavs", "saving"}
-    return report if keys <= report.keys() else None
 
 
 def _direction(frame: bytes) -> str:
     """Direction of a logged frame, seen from the ground station."""
     version_2 = frame[0] == dialect.PROTOCOL_MARKER_V2
     system, component = frame[5:7] if version_2 else frame[3:5]
-    ground = system > _LAST_VEHICLE or component == dialect.MAV_COMP_ID_MISSIONPLANNER
+    ground = system > LAST_SYSTEM or component == dialect.MAV_COMP_ID_MISSIONPLANNER
     return "from" if ground else "to"

@@ -1,17 +1,12 @@
 """A Wireshark dissector for the dialect, in Lua, as pymavlink's generator makes it."""
 
-import contextlib
-import os
-import shutil
-import tempfile
-from pathlib import Path
-
-import mavlink_defs
+from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
+from mavlink_defs.mavgen import generate
 
 __all__ = ["lua_dissector"]
 
-_INCLUDED = ("common.xml", "standard.xml", "minimal.xml")
-_PORTS = "14550,14560,14601-14850"  # the defaults of a scenario's links
+_PORTS = f"{GCS_PORT},{PLANT_PORT},{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}"
+"""The defaults of a scenario's links."""
 
 
 def lua_dissector(ports: tuple[int, ...] = ()) -> str:
@@ -20,21 +15,7 @@ def lua_dissector(ports: tuple[int, ...] = ()) -> str:
     Args:
         ports: UDP ports that carry our messages, besides the defaults of a scenario's links.
     """
-    import pymavlink
-    from pymavlink.generator import mavgen
-
-    shipped = Path(pymavlink.__file__).parent / "dialects" / "v20"
-    with tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)  # the generator wants included definitions beside the including one
-        for name in _INCLUDED:
-            shutil.copy(shipped / name, work / name)
-        shutil.copy(Path(mavlink_defs.__file__).parent / "ftc.xml", work / "ftc.xml")
-        options = mavgen.Opts(str(work / "ftc.lua"), "2.0", language="WLua", validate=False)
-        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
-            made = mavgen.mavgen(options, [str(work / "ftc.xml")])
-        if not made:
-            raise RuntimeError("pymavlink's generator refused ftc.xml")
-        lua = (work / "ftc.lua").read_text()
+    lua = generate("WLua", validate=False)
     ours = ",".join([_PORTS, *map(str, ports)])
     return f"""{lua}
 -- links of ftc-sitl

@@ -17,12 +17,13 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, Self
 
 from mavlink_defs.capture.impairment import Impairer, Impairment
 from mavlink_defs.capture.tap import Tap
+from mavlink_defs.capture.tap_report import OutcomeReport, TapReport
 from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, resolve
 
 __all__ = ["Relay", "Route"]
@@ -146,12 +147,11 @@ class Relay:
         listening = (UdpAddress(*front.sock.getsockname()) for front in self._fronts)
         return {str(f.route.target): str(at) for f, at in zip(self._fronts, listening, strict=True)}
 
-    def report(self) -> dict[str, Any]:
-        """What `Tap.report` says, and as "fates" what became of each direction's datagrams."""
+    def report(self) -> TapReport:
+        """Return the tap's report, with what became of each direction's datagrams."""
         with self._lock:
             report = self._tap.report(time.monotonic() - self._start_s)
-            report["fates"] = self._fates()
-        return report
+            return replace(report, fates=self._fates())
 
     @contextlib.contextmanager
     def counting(self) -> Iterator[Tap]:
@@ -159,17 +159,14 @@ class Relay:
         with self._lock:
             yield self._tap
 
-    def _fates(self) -> list[dict[str, Any]]:
+    def _fates(self) -> tuple[OutcomeReport, ...]:
         fates: dict[tuple[str, str], Counter[str]] = {}
         for way in (way for front in self._fronts for way in (front.to, front.back)):
             fate = fates.setdefault((way.link, way.direction), Counter())
             fate["undeliverable"] += way.undeliverable
             if way.impairer is not None:
                 fate.update(vars(way.impairer.fate), delivered=way.impairer.fate.delivered)
-        return [
-            {"link": link, "direction": direction, **fate}
-            for (link, direction), fate in sorted(fates.items())
-        ]
+        return tuple(OutcomeReport(*key, dict(fate)) for key, fate in sorted(fates.items()))
 
     def _run(self) -> None:
         while not self._closing.is_set():

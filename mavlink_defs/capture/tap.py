@@ -10,23 +10,24 @@ one per channel and control period, and FTC_SIM_STATE tells how many periods the
 """
 
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from mavlink_defs import dialect
+from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport, UavReport
 from mavlink_defs.capture.transmissions import Transmissions, reported, saving
+from mavlink_defs.constants import ACTUATORS, FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import UdpAddress
-from mavlink_defs.faults import ACTUATORS
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import frame_size, parse
 
 __all__ = ["DEFAULT_PORTS", "LinkNames", "Stream", "Tap"]
 
 DEFAULT_PORTS: Mapping[int, str] = {
-    14550: "gcs",
-    14560: "plant",
-    **dict.fromkeys(range(14601, 14851), "formation"),
+    GCS_PORT: "gcs",
+    PLANT_PORT: "plant",
+    **{FORMATION_BASE_PORT + uav: "formation" for uav in range(1, LAST_SYSTEM + 1)},
 }
 """Ports of fixed ends where a scenario does not say otherwise, and their links."""
 
@@ -161,42 +162,38 @@ class Tap:
         shortest = None if uav is None else uav.min_interval_us[ACTUATORS.index(channel)]
         return None if shortest is None else shortest / 1e6
 
-    def report(self, now_s: float | None = None) -> dict[str, Any]:
-        """Everything counted, as plain data for JSON.
+    def report(self, now_s: float | None = None) -> TapReport:
+        """Return everything counted.
 
         Args:
             now_s: When rates are wanted, not before the last datagram [s]; None: at that one.
         """
         now = self._last_s if now_s is None else now_s
         span_s = self._last_s - (self._first_s or 0.0) if self._flows else 0.0
-        uavs = self._uav_figures()
-        return {
-            "span_s": span_s,
-            "links": [_flow(key, flow, now) for key, flow in sorted(self._flows.items())],
-            "messages": [
+        uavs = self._uav_reports()
+        return TapReport(
+            span_s=span_s,
+            links=tuple(_flow(key, flow, now) for key, flow in sorted(self._flows.items())),
+            messages=tuple(
                 _count(key, count, now, span_s) for key, count in sorted(self._counts.items())
-            ],
-            "uavs": uavs,
-            "saving": _total_saving(uavs),
-        }
+            ),
+            uavs=uavs,
+            saving=_total_saving(uavs),
+        )
 
-    def _uav_figures(self) -> list[dict[str, Any]]:
-        """What is counted; for UAVs whose transmissions were not seen, what they report."""
+    def _uav_reports(self) -> tuple[UavReport, ...]:
+        """Return what is counted; for UAVs whose transmissions were not seen, what they report."""
         found = [
-            (link, system, False, uav.figures(self._period_us))
-            for (link, system), uav in self._uavs.items()
+            uav.report(link, system, self._period_us) for (link, system), uav in self._uavs.items()
         ]
-        counted = {system for _, system, _, figures in found if figures["messages"]}
+        counted = {uav.system for uav in found if uav.messages}
         found += [
-            (link, system, True, reported(message))
+            reported(link, message)
             for (link, system), message in self._reports.items()
             if system not in counted
         ]
-        return [
-            {"link": link, "system": system, "reported": reported, **figures}
-            for link, system, reported, figures in sorted(found, key=lambda row: row[:2])
-            if figures["messages"]
-        ]
+        found.sort(key=lambda uav: (uav.link, uav.system))
+        return tuple(uav for uav in found if uav.messages)
 
     def _count_frame(self, time_s: float, link: str, direction: str, frame: bytes) -> None:
         system, component = frame[5], frame[6]
@@ -246,37 +243,36 @@ def _name(message_id: int) -> str:
     return str(dialect.mavlink_map[message_id].msgname)
 
 
-def _total_saving(uavs: list[dict[str, Any]]) -> float | None:
-    """The saving of all UAVs together; what is counted here goes before what they report."""
-    known = [uav for uav in uavs if uav["periods"] is not None]
-    counted = [uav for uav in known if not uav["reported"]] or known
-    events = sum(channel["events"] for uav in counted for channel in uav["channels"].values())
-    return saving(events, sum(uav["periods"] for uav in counted))
+def _total_saving(uavs: Sequence[UavReport]) -> float | None:
+    """Return the saving of all UAVs; what is counted here goes before what they report."""
+    known = [uav for uav in uavs if uav.periods is not None]
+    counted = [uav for uav in known if not uav.reported] or known
+    periods = sum(uav.periods or 0 for uav in counted)
+    return saving(sum(uav.events for uav in counted), periods)
 
 
-def _flow(key: tuple[str, str], flow: Flow, now_s: float) -> dict[str, Any]:
-    rate_hz, bytes_s = flow.rate.at(now_s)
-    return {
-        "link": key[0],
-        "direction": key[1],
-        "datagrams": flow.datagrams,
-        "bytes": flow.bytes,
-        "rate_hz": rate_hz,
-        "bytes_per_s": bytes_s,
-        "dropped": dict(flow.dropped),
-    }
+def _flow(key: tuple[str, str], flow: Flow, now_s: float) -> LinkReport:
+    rate_hz, bytes_per_s = flow.rate.at(now_s)
+    return LinkReport(
+        *key,
+        datagrams=flow.datagrams,
+        bytes=flow.bytes,
+        rate_hz=rate_hz,
+        bytes_per_s=bytes_per_s,
+        dropped=dict(flow.dropped),
+    )
 
 
-def _count(stream: Stream, count: Count, now_s: float, span_s: float) -> dict[str, Any]:
-    return {
-        **stream._asdict(),
-        "message": _name(stream.message_id),
-        "frames": count.frames,
-        "bytes": count.bytes,
-        "signed": count.signed,
-        "rate_hz": count.rate.at(now_s)[0],
-        "mean_hz": count.frames / span_s if span_s > 0.0 else None,
-    }
+def _count(stream: Stream, count: Count, now_s: float, span_s: float) -> StreamReport:
+    return StreamReport(
+        *stream,
+        message=_name(stream.message_id),
+        frames=count.frames,
+        bytes=count.bytes,
+        signed=count.signed,
+        rate_hz=count.rate.at(now_s)[0],
+        mean_hz=count.frames / span_s if span_s > 0.0 else None,
+    )
 
 
 def _words(data: bytes, reason: DropReason) -> str:

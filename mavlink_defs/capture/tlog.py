@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import BinaryIO, Self
 
 from mavlink_defs import dialect
+from mavlink_defs.framing.header import CRC_SIZE, V2_MAGIC, FrameHeader
 from mavlink_defs.runtime.files import naming
 
 __all__ = ["TlogCutOff", "TlogError", "TlogWriter", "read_frames", "read_tlog"]
@@ -121,12 +122,10 @@ def _read_record(file: BinaryIO, path: Path) -> tuple[int, bytes] | None:
     if len(head) < _TIME.size + 3:
         raise cut_off
     magic, payload_size, flags = head[_TIME.size :]
-    if magic == dialect.PROTOCOL_MARKER_V2:
-        size = dialect.HEADER_LEN_V2 + payload_size + 2
-        if flags & dialect.MAVLINK_IFLAG_SIGNED:
-            size += dialect.MAVLINK_SIGNATURE_BLOCK_LEN
+    if magic == V2_MAGIC:
+        size = FrameHeader(payload_size, flags).frame_size
     elif magic == dialect.PROTOCOL_MARKER_V1:
-        size = dialect.HEADER_LEN_V1 + payload_size + 2
+        size = dialect.HEADER_LEN_V1 + payload_size + CRC_SIZE
     else:
         raise TlogError(f"{path}: no MAVLink frame at byte {start + _TIME.size}")
     rest = file.read(size - 3)

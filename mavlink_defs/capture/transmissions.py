@@ -6,10 +6,10 @@ in the first, all had one. A message in which no channel had one is a repeat.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
+from mavlink_defs.capture.tap_report import ChannelReport, UavReport
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_events_message
-from mavlink_defs.faults import ACTUATORS
 
 __all__ = ["Transmissions", "reported", "saving"]
 
@@ -69,10 +69,25 @@ class Transmissions:
             return None
         return (self._span_us[1] - self._span_us[0]) // period_us + 1
 
-    def figures(self, period_us: int | None) -> dict[str, Any]:
-        """Everything counted, compared with periodic sending, as plain data; as `periods`."""
+    def report(self, link: str, system: int, period_us: int | None) -> UavReport:
+        """Return everything counted, compared with periodic sending.
+
+        Args:
+            link: Where it was counted.
+            system: System id of the UAV.
+            period_us: As of `periods`.
+        """
         periods = self.periods(period_us)
-        return _figures(periods, self.messages, self.repeats, self.events, self.min_interval_us)
+        return UavReport(
+            link=link,
+            system=system,
+            reported=False,
+            periods=periods,
+            saving=saving(sum(self.events), periods),
+            messages=self.messages,
+            repeats=self.repeats,
+            channels=_channels(periods, self.events, self.min_interval_us),
+        )
 
     @property
     def _counted_steps(self) -> int:
@@ -80,8 +95,8 @@ class Transmissions:
         return self._steps_before + last - first + 1
 
 
-def reported(message: MAVLink_ftc_events_message) -> dict[str, Any]:
-    """The same figures as an autopilot's own FTC_EVENTS has them.
+def reported(link: str, message: MAVLink_ftc_events_message) -> UavReport:
+    """Return the same as an autopilot's own FTC_EVENTS has it.
 
     A difference: repeats are events sent again here, and messages that carry nothing else when
     they are counted.
@@ -89,7 +104,16 @@ def reported(message: MAVLink_ftc_events_message) -> dict[str, Any]:
     shortest = [
         us if n > 1 else None for us, n in zip(message.min_interval_us, message.events, strict=True)
     ]
-    return _figures(message.steps, message.messages, sum(message.repeats), message.events, shortest)
+    return UavReport(
+        link=link,
+        system=message.get_srcSystem(),
+        reported=True,
+        periods=message.steps,
+        saving=saving(sum(message.events), message.steps),
+        messages=message.messages,
+        repeats=sum(message.repeats),
+        channels=_channels(message.steps, message.events, shortest),
+    )
 
 
 def saving(events: int, periods: int | None, channels: int = len(ACTUATORS)) -> float | None:
@@ -106,24 +130,14 @@ def saving(events: int, periods: int | None, channels: int = len(ACTUATORS)) -> 
     return 1.0 - events / (periods * channels) if periods else None
 
 
-def _figures(
-    periods: int | None,
-    messages: int,
-    repeats: int,
-    events: Sequence[int],
-    min_interval_us: Sequence[int | None],
-) -> dict[str, Any]:
+def _channels(
+    periods: int | None, events: Sequence[int], min_interval_us: Sequence[int | None]
+) -> dict[str, ChannelReport]:
     return {
-        "periods": periods,
-        "saving": saving(sum(events), periods),
-        "messages": messages,
-        "repeats": repeats,
-        "channels": {
-            name: {
-                "events": n,
-                "saving": saving(n, periods, channels=1),
-                "min_interval_s": None if us is None else us / 1e6,
-            }
-            for name, n, us in zip(ACTUATORS, events, min_interval_us, strict=True)
-        },
+        name: ChannelReport(
+            events=n,
+            saving=saving(n, periods, channels=1),
+            min_interval_s=None if us is None else us / 1e6,
+        )
+        for name, n, us in zip(ACTUATORS, events, min_interval_us, strict=True)
     }

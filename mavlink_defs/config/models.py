@@ -37,6 +37,7 @@ from pydantic_core import ErrorDetails
 
 from mavlink_defs.config.quantity import describe, whole
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
+from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.runtime.files import write_text
 
@@ -136,7 +137,7 @@ HostPort = Annotated[str, AfterValidator(_normal_address)]
 
 Port = Annotated[int, whole("", ge=1, le=65535, doc="UDP port.")]
 
-SystemId = Annotated[int, whole("", ge=1, le=250, doc="UAV number, its MAVLink system id.")]
+SystemId = Annotated[int, whole("", ge=1, le=LAST_SYSTEM, doc="UAV number, its MAVLink system id.")]
 
 
 def load(path: Path | str, model: type[M]) -> M:

@@ -30,6 +30,21 @@ import numpy as np
 
 from mavlink_defs import dialect
 from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.header import (
+    COMPONENT,
+    CRC_SIZE,
+    FLAGS,
+    HEADER_SIZE,
+    MAGIC,
+    MAX_FRAME_SIZE,
+    MESSAGE_ID,
+    PAYLOAD_SIZE,
+    SEQUENCE,
+    SIGNATURE_SIZE,
+    SIGNED_FLAG,
+    SYSTEM,
+    V2_MAGIC,
+)
 from mavlink_defs.runtime.jit import compiled
 
 __all__ = ["ACTUATORS", "ACTUATORS_SIZE", "BUFFER_SIZE", "DROPS_SIZE", "FOREIGN", "ID_ACTUATORS",
@@ -39,12 +54,7 @@ __all__ = ["ACTUATORS", "ACTUATORS_SIZE", "BUFFER_SIZE", "DROPS_SIZE", "FOREIGN"
            "component_of", "drop_counts", "expand", "identify", "new_buffer", "pack",
            "payload_dtype", "payload_view", "sequence_of", "system_of"]  # fmt: skip
 
-BUFFER_SIZE = 280  # the longest MAVLink 2 frame: 10 header, 255 payload, 2 CRC, 13 signature
-_MAGIC = 0xFD
-_HEADER_SIZE = 10
-_CRC_SIZE = 2
-_SIGNATURE_SIZE = 13
-_FLAG_SIGNED = 1
+BUFFER_SIZE = MAX_FRAME_SIZE
 
 # What `check` answers instead of a message id for a good frame that pymavlink is to decode.
 FOREIGN = -1
@@ -129,7 +139,7 @@ def payload_view(datagram: np.ndarray, dtype: np.dtype[np.void]) -> np.ndarray:
 
     Valid after `check` has returned this message's id and `expand` has been called.
     """
-    return datagram[_HEADER_SIZE : _HEADER_SIZE + dtype.itemsize].view(dtype)
+    return datagram[HEADER_SIZE : HEADER_SIZE + dtype.itemsize].view(dtype)
 
 
 def drop_counts(drops: np.ndarray) -> list[int]:
@@ -169,26 +179,26 @@ def pack(
     size = source.size
     while size > 1 and source[size - 1] == 0:  # MAVLink 2: trailing zeros are not sent
         size -= 1
-    datagram[0] = _MAGIC
-    datagram[1] = size
-    datagram[2] = 0
-    datagram[3] = 0
-    datagram[4] = sequence & 0xFF
-    datagram[5] = system_id
-    datagram[6] = component_id
-    datagram[7] = message_id & 0xFF
-    datagram[8] = (message_id >> 8) & 0xFF
-    datagram[9] = message_id >> 16
+    datagram[MAGIC] = V2_MAGIC
+    datagram[PAYLOAD_SIZE] = size
+    datagram[FLAGS] = 0
+    datagram[FLAGS + 1] = 0  # compatibility flags
+    datagram[SEQUENCE] = sequence & 0xFF
+    datagram[SYSTEM] = system_id
+    datagram[COMPONENT] = component_id
+    datagram[MESSAGE_ID] = message_id & 0xFF
+    datagram[MESSAGE_ID + 1] = (message_id >> 8) & 0xFF
+    datagram[MESSAGE_ID + 2] = message_id >> 16
     for i in range(size):
-        datagram[_HEADER_SIZE + i] = source[i]
+        datagram[HEADER_SIZE + i] = source[i]
     add_checksum(datagram)
-    return _HEADER_SIZE + size + _CRC_SIZE
+    return HEADER_SIZE + size + CRC_SIZE
 
 
 @compiled
 def add_checksum(datagram: np.ndarray) -> None:
     """Write the checksum of a hot message that stands in a datagram buffer."""
-    end = _HEADER_SIZE + _byte(datagram, 1)
+    end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
     crc = _checksum(datagram, end, _crc_extra(_message_id(datagram)))
     datagram[end] = crc & 0xFF
     datagram[end + 1] = crc >> 8
@@ -209,18 +219,18 @@ def check(datagram: np.ndarray, length: int) -> int:
     """
     if length < 1:
         return DropReason.TRUNCATED
-    if datagram[0] != _MAGIC:
+    if datagram[MAGIC] != V2_MAGIC:
         return DropReason.BAD_MAGIC
-    if length < _HEADER_SIZE + _CRC_SIZE:
+    if length < HEADER_SIZE + CRC_SIZE:
         return DropReason.TRUNCATED
-    flags = _byte(datagram, 2)
-    if flags > _FLAG_SIGNED:
+    flags = _byte(datagram, FLAGS)
+    if flags > SIGNED_FLAG:
         return DropReason.BAD_FLAGS
-    end = _HEADER_SIZE + _byte(datagram, 1)
-    whole = end + _CRC_SIZE + (_SIGNATURE_SIZE if flags == _FLAG_SIGNED else 0)
+    end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
+    whole = end + CRC_SIZE + (SIGNATURE_SIZE if flags == SIGNED_FLAG else 0)
     if length != whole:
         return DropReason.TRUNCATED if length < whole else DropReason.BAD_LENGTH
-    if flags == _FLAG_SIGNED:
+    if flags == SIGNED_FLAG:
         return SIGNED
     return identify(datagram)
 
@@ -231,7 +241,7 @@ def identify(datagram: np.ndarray) -> int:
 
     For frames whose signature has been checked; `check` does it for unsigned ones.
     """
-    end = _HEADER_SIZE + _byte(datagram, 1)
+    end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
     message_id = _message_id(datagram)
     extra = _crc_extra(message_id)
     if extra < 0:
@@ -252,26 +262,26 @@ def expand(datagram: np.ndarray, payload_size: int) -> None:
         datagram: Buffer whose frame `check` has accepted.
         payload_size: Size of the message's whole payload [bytes], ``ACTUATORS_SIZE`` and so on.
     """
-    for i in range(_HEADER_SIZE + _byte(datagram, 1), _HEADER_SIZE + payload_size):
+    for i in range(HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE), HEADER_SIZE + payload_size):
         datagram[i] = 0
 
 
 @compiled
 def sequence_of(datagram: np.ndarray) -> int:
     """Sequence number of a checked frame, 0 to 255."""
-    return _byte(datagram, 4)
+    return _byte(datagram, SEQUENCE)
 
 
 @compiled
 def system_of(datagram: np.ndarray) -> int:
     """Sender's system id of a checked frame."""
-    return _byte(datagram, 5)
+    return _byte(datagram, SYSTEM)
 
 
 @compiled
 def component_of(datagram: np.ndarray) -> int:
     """Sender's component id of a checked frame."""
-    return _byte(datagram, 6)
+    return _byte(datagram, COMPONENT)
 
 
 @compiled
@@ -281,7 +291,8 @@ def _byte(datagram: np.ndarray, i: int) -> int:
 
 @compiled
 def _message_id(datagram: np.ndarray) -> int:
-    return _byte(datagram, 7) + (_byte(datagram, 8) << 8) + (_byte(datagram, 9) << 16)
+    low, middle = _byte(datagram, MESSAGE_ID), _byte(datagram, MESSAGE_ID + 1)
+    return low + (middle << 8) + (_byte(datagram, MESSAGE_ID + 2) << 16)
 
 
 @compiled

@@ -5,13 +5,17 @@ from collections.abc import Callable
 from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import STATUSTEXT_SIZE
 from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.header import (
+    CRC_SIZE,
+    MAGIC,
+    SIGNED_FLAG,
+    V2_MAGIC,
+    FrameHeader,
+)
 
 __all__ = ["FramePacker", "drop_reason", "frame_size", "parse", "text_chunks"]
-
-_TEXT_SIZE = 50  # of one STATUSTEXT
-_CRC = 2  # bytes
-_SHORTEST = dialect.HEADER_LEN_V2 + _CRC
 
 
 class FramePacker:
@@ -65,21 +69,21 @@ def frame_size(data: bytes) -> tuple[int, DropReason | None]:
     """
     if not data:
         return 0, DropReason.TRUNCATED
-    if data[0] != dialect.PROTOCOL_MARKER_V2:
+    if data[MAGIC] != V2_MAGIC:
         return 0, DropReason.BAD_MAGIC
-    if len(data) < _SHORTEST:
+    header = FrameHeader.read(data)
+    if header is None:
         return 0, DropReason.TRUNCATED
-    end, flags = dialect.HEADER_LEN_V2 + data[1], data[2]
-    if flags > dialect.MAVLINK_IFLAG_SIGNED:
+    if header.flags > SIGNED_FLAG:
         return 0, DropReason.BAD_FLAGS
-    size = end + _CRC + (dialect.MAVLINK_SIGNATURE_BLOCK_LEN if flags else 0)
+    end, size = header.crc_offset, header.frame_size
     if len(data) < size:
         return 0, DropReason.TRUNCATED
-    message = dialect.mavlink_map.get(int.from_bytes(data[7:10], "little"))
+    message = dialect.mavlink_map.get(header.message_id)
     if message is None:
         return 0, DropReason.UNEXPECTED
     crc = mcrf4xx(data[1:end] + bytes([message.crc_extra]))
-    if crc != int.from_bytes(data[end : end + _CRC], "little"):
+    if crc != int.from_bytes(data[end : end + CRC_SIZE], "little"):
         return 0, DropReason.BAD_CRC
     return size, None
 
@@ -94,10 +98,10 @@ def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink
             to 1, since 0 means a text of one chunk.
     """
     raw = text.encode("ascii", "replace")
-    chunks = [raw[i : i + _TEXT_SIZE] for i in range(0, len(raw), _TEXT_SIZE)] or [b""]
+    chunks = [raw[i : i + STATUSTEXT_SIZE] for i in range(0, len(raw), STATUSTEXT_SIZE)] or [b""]
     if len(chunks) == 1:
         return [dialect.MAVLink_statustext_message(severity, chunks[0])]
-    if len(chunks[-1]) == _TEXT_SIZE:
+    if len(chunks[-1]) == STATUSTEXT_SIZE:
         chunks.append(b"")  # a chunk without a zero byte says that another one follows
     number = identity % 65535 + 1
     return [

@@ -17,6 +17,7 @@ from mavlink_defs.framing.codec import (
     new_buffer,
 )
 from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.header import COMPONENT, FLAGS, MESSAGE_ID, SIGNED_FLAG, SYSTEM
 from mavlink_defs.framing.sha256 import signature
 from mavlink_defs.framing.signing import (
     EPOCH_S,
@@ -95,7 +96,7 @@ def sign_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> in
     """
     if link_signer.key.size == 0:
         return length
-    datagram[2] |= 1
+    datagram[FLAGS] |= SIGNED_FLAG
     add_checksum(datagram)
     return _append(link_signer, datagram, length)
 
@@ -120,9 +121,15 @@ def verify_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> 
         return code
     if code == SIGNED:
         return _verify(link_signer, datagram, length)
-    if code == FOREIGN and datagram[7] == _RADIO_STATUS and datagram[8] == datagram[9] == 0:
+    if code == FOREIGN and _is_radio_status(datagram):
         return FOREIGN
     return DropReason.UNSIGNED if code >= FOREIGN else code
+
+
+@compiled
+def _is_radio_status(datagram: np.ndarray) -> bool:
+    high = datagram[MESSAGE_ID + 1] | datagram[MESSAGE_ID + 2]
+    return bool(datagram[MESSAGE_ID] == _RADIO_STATUS and high == 0)
 
 
 @compiled
@@ -138,7 +145,7 @@ def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     stamp = 0
     for k in range(_STAMP):
         stamp |= int(np.int64(datagram[length - _HASH - _STAMP + k])) << (8 * k)
-    stream = 256 * np.int64(datagram[5]) + np.int64(datagram[6])
+    stream = 256 * np.int64(datagram[SYSTEM]) + np.int64(datagram[COMPONENT])
     newest, now = link_signer.newest[stream], _now(link_signer, 0)
     if newest == 0:
         newest = now - WINDOW - 1

@@ -22,6 +22,16 @@ from fastcrc.crc16 import mcrf4xx
 from mavlink_defs import dialect
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import frame_size
+from mavlink_defs.framing.header import (
+    COMPONENT,
+    CRC_SIZE,
+    FLAGS,
+    HEADER_SIZE,
+    MESSAGE_ID,
+    SIGNATURE_SIZE,
+    SIGNED_FLAG,
+    SYSTEM,
+)
 
 __all__ = ["EPOCH_S", "FORMATION_LINK", "KEY_SIZE", "PLANT_LINK", "UNSIGNED_ALLOWED", "WINDOW",
            "Signer", "SigningError", "flagged", "is_ahead", "load_signer", "make_key", "new_time",
@@ -39,9 +49,7 @@ on the others."""
 UNSIGNED_ALLOWED = frozenset({dialect.MAVLINK_MSG_ID_RADIO_STATUS})
 """Messages that are taken unsigned: radios send them, and have no key."""
 
-_SIGNATURE = dialect.MAVLINK_SIGNATURE_BLOCK_LEN
 _HASH = 6  # bytes
-_CRC = 2
 _PRIVATE = 0o600
 
 
@@ -145,10 +153,11 @@ def open_time(path: Path | str) -> np.ndarray:
 
 def flagged(frame: bytes) -> bytearray:
     """An unsigned frame that the dialect knows, up to its signature: flag set, checksum right."""
-    body = bytearray(frame[:-_CRC])
-    body[2] |= dialect.MAVLINK_IFLAG_SIGNED
-    extra = dialect.mavlink_map[int.from_bytes(body[7:10], "little")].crc_extra
-    return body + mcrf4xx(bytes(body[1:]) + bytes([extra])).to_bytes(_CRC, "little")
+    body = bytearray(frame[:-CRC_SIZE])
+    body[FLAGS] |= SIGNED_FLAG
+    message_id = int.from_bytes(body[MESSAGE_ID:HEADER_SIZE], "little")
+    extra = dialect.mavlink_map[message_id].crc_extra
+    return body + mcrf4xx(bytes(body[1:]) + bytes([extra])).to_bytes(CRC_SIZE, "little")
 
 
 class Signer:
@@ -207,14 +216,15 @@ class Signer:
             return wrong
         if size != len(frame):
             return DropReason.BAD_LENGTH
-        if not frame[2] & dialect.MAVLINK_IFLAG_SIGNED:
-            allowed = int.from_bytes(frame[7:10], "little") in UNSIGNED_ALLOWED
+        if not frame[FLAGS] & SIGNED_FLAG:
+            message_id = int.from_bytes(frame[MESSAGE_ID:HEADER_SIZE], "little")
+            allowed = message_id in UNSIGNED_ALLOWED
             return None if allowed else DropReason.UNSIGNED
-        link = frame[-_SIGNATURE]
+        link = frame[-SIGNATURE_SIZE]
         if not secrets.compare_digest(self._hash(frame[:-_HASH]), frame[-_HASH:]):
             return DropReason.WRONG_SIGNATURE
-        stamp = int.from_bytes(frame[-_SIGNATURE + 1 : -_HASH], "little")
-        stream, now = (link, frame[5], frame[6]), self._now()
+        stamp = int.from_bytes(frame[-SIGNATURE_SIZE + 1 : -_HASH], "little")
+        stream, now = (link, frame[SYSTEM], frame[COMPONENT]), self._now()
         newest = self._newest.get(stream, now - WINDOW - 1)
         if stamp <= newest or link in {PLANT_LINK, FORMATION_LINK} - {self._link}:
             return DropReason.REPLAYED

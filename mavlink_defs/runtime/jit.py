@@ -16,7 +16,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -25,7 +25,7 @@ import numpy as np
 
 from mavlink_defs.config.models import ConfigError, Problem
 
-__all__ = ["cache_is_cold", "compiled", "mark_cache_warm", "not_cached"]
+__all__ = ["cache_is_cold", "compiled", "mark_cache_warm", "not_cached", "source_digest"]
 
 _F = TypeVar("_F", bound=Callable[..., object])
 
@@ -79,18 +79,22 @@ def mark_cache_warm() -> None:
             shutil.rmtree(other, ignore_errors=True)
 
 
+def source_digest(sources: Iterable[Path], place: str = "") -> str:
+    """Return a digest of source files, a place, and the versions of numba and numpy."""
+    digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {place}".encode())
+    for source in sources:
+        digest.update(source.name.encode() + source.read_bytes())
+    return digest.hexdigest()
+
+
 def _find_cache_folder() -> Path:
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     base = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(home) / "ftc-sitl")
     root = Path(__file__).resolve().parents[2]
-    digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {root}".encode())
-    for package in _PACKAGES:
-        for source in sorted((root / package).rglob("*.py")):
-            text = source.read_bytes()
-            if b"@compiled" in text:
-                digest.update(source.name.encode() + text)
-    digest.update((root / "mavlink_defs" / "ftc.xml").read_bytes())
-    return base / f"core-{digest.hexdigest()[:16]}"
+    sources = (path for package in _PACKAGES for path in sorted((root / package).rglob("*.py")))
+    compiled_sources = [path for path in sources if b"@compiled" in path.read_bytes()]
+    digest = source_digest([*compiled_sources, root / "mavlink_defs" / "ftc.xml"], str(root))
+    return base / f"core-{digest[:16]}"
 
 
 def _find_obstacle() -> OSError | None:

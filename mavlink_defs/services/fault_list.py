@@ -7,8 +7,9 @@ for again.
 from dataclasses import dataclass
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_fault_message, MAVLink_message
-from mavlink_defs.faults import ACTUATORS, Fault
+from mavlink_defs.faults import Fault
 from mavlink_defs.services.command import CommandClient, CommandFinished
 from mavlink_defs.services.machine import Machine, SystemId
 

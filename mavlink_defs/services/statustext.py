@@ -5,14 +5,13 @@ No socket and no clock. Chunks may be lost, doubled and out of order; what was l
 
 from dataclasses import dataclass, field
 
+from mavlink_defs.constants import STATUSTEXT_SIZE
 from mavlink_defs.dialect import MAVLink_statustext_message
 
 __all__ = ["PATIENCE_S", "Text", "TextAssembler"]
 
 PATIENCE_S = 1.0
 """How long missing chunks are waited for."""
-
-_CHUNK_SIZE = 50  # a chunk without a zero byte says that another one follows
 
 
 @dataclass(frozen=True)
@@ -31,13 +30,13 @@ class _Pieces:
 
     def is_complete(self) -> bool:
         last = max(self.chunks)
-        return len(self.chunks) == last + 1 and len(self.chunks[last]) < _CHUNK_SIZE
+        return len(self.chunks) == last + 1 and len(self.chunks[last]) < STATUSTEXT_SIZE
 
     def text(self) -> Text:
         parts: list[str] = []
         for i in range(max(self.chunks) + 1):
             parts.append(self.chunks.get(i, "…"))
-        if len(parts[-1]) == _CHUNK_SIZE:
+        if len(parts[-1]) == STATUSTEXT_SIZE:
             parts.append("…")
         return Text(self.severity, "".join(parts))
 

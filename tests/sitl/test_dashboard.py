@@ -19,7 +19,7 @@ from textual.widgets import Input, Select, TabbedContent
 from gcs.station.client import Client
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.app import Dashboard
-from gcs.tui.cached_static import Line
+from gcs.tui.cached_static import CachedStatic
 from gcs.tui.events import EventLog, EventsPanel
 from gcs.tui.faults import FaultList
 from gcs.tui.fleet_table import FleetTable
@@ -158,7 +158,7 @@ def test_a_fault_goes_from_the_form_to_the_plant_and_is_cleared(fleet: Up) -> No
             await someone.choose("vehicle", 2)
             await someone.choose("actuator", "elevator")
             await someone.write("effectiveness", "1.5")
-            says = someone.app.query_one("#form-says", Line).says
+            says = someone.app.query_one("#form-says", CachedStatic).says
             assert "effectiveness: expected [0, 1], got 1.5" in says
             assert someone.app.query_one("#set").disabled
             # what the aircraft cannot do it refuses, and that is reported

@@ -55,6 +55,18 @@ def test_scenario(ftc_fleet):
     pass
 """
 
+BUNDLED = """
+import pytest
+
+@pytest.mark.ftc_scenario("paper/scenario1", mode="in_process", duration_s=0.05)
+def test_by_name(ftc_flight):
+    ftc_flight.assert_completed()
+
+@pytest.mark.ftc_scenario("paper/scenario7")
+def test_unknown(ftc_flight):
+    pass
+"""
+
 FOR_EVER = """
 import time
 
@@ -129,6 +141,14 @@ def test_a_wrong_expectation_says_what_came_instead_and_where(project: Path) -> 
         r"my\.yaml: duration_s: expected \(0, 86400\] s, got -1\n(?!\nDuring)",
     ):
         assert re.search(line, output), (line, output)
+
+
+def test_bundled_scenarios_have_names(project: Path) -> None:
+    (project / "test_bundled.py").write_text(BUNDLED)
+    status, output = run(project)
+    assert status == 1
+    assert "1 passed, 1 error" in output, output
+    assert "paper/scenario7: no such file, and no bundled scenario of that name" in output
 
 
 def test_nothing_is_left_of_an_interrupted_test(project: Path) -> None:

@@ -20,7 +20,7 @@ from flying import (
 from gcs.scenario.model import Scenario
 from gcs.testing.fixtures import launch
 from gcs.testing.flying import TestFleet
-from gcs.testing.results import Flight
+from gcs.testing.results import FlightResult
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import read_tlog
 
@@ -100,7 +100,9 @@ def test_a_flight_whose_end_the_autopilots_do_not_see_is_not_completed(tmp_path:
 
 
 @pytest.fixture(scope="module")
-def rearmed(scenario1: Scenario, tmp_path_factory: pytest.TempPathFactory) -> tuple[Flight, Any]:
+def rearmed(
+    scenario1: Scenario, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[FlightResult, Any]:
     """A flight of which UAV 2 is disarmed from 1 s to 2 s, and the last FTC_EVENTS of UAV 2."""
     scenario = scenario1.model_copy(update={"duration_s": 6.0, "faults": ()})
     fleet: TestFleet = launch(scenario, tmp_path_factory.mktemp("rearmed"), None)
@@ -118,7 +120,7 @@ def rearmed(scenario1: Scenario, tmp_path_factory: pytest.TempPathFactory) -> tu
     return flight, told
 
 
-def test_while_disarmed_the_measured_state_is_recorded(rearmed: tuple[Flight, Any]) -> None:
+def test_while_disarmed_the_measured_state_is_recorded(rearmed: tuple[FlightResult, Any]) -> None:
     recording = rearmed[0].recording
     uav = recording.signals[:, 1]
     truth = recording.response[:, 1]
@@ -135,7 +137,7 @@ def test_while_disarmed_the_measured_state_is_recorded(rearmed: tuple[Flight, An
     assert (uav["held"][disarmed, :3] == uav["held"][1000, :3]).all()
 
 
-def test_summary_and_telemetry_count_the_same_periods(rearmed: tuple[Flight, Any]) -> None:
+def test_summary_and_telemetry_count_the_same_periods(rearmed: tuple[FlightResult, Any]) -> None:
     flight, told = rearmed
     uav = flight.uav(2).summary
     assert (uav["active_steps"], uav["missing_steps"]) == (5000, 0) == (told.steps, 0)
@@ -148,7 +150,7 @@ def test_summary_and_telemetry_count_the_same_periods(rearmed: tuple[Flight, Any
     assert flight.saving == pytest.approx(flight.summary["saving"])
 
 
-def test_a_rearmed_uav_starts_from_where_it_is(rearmed: tuple[Flight, Any]) -> None:
+def test_a_rearmed_uav_starts_from_where_it_is(rearmed: tuple[FlightResult, Any]) -> None:
     recording = rearmed[0].recording
     uav, truth = recording.signals[:, 1], recording.response[:, 1]
     again = 2001

@@ -9,20 +9,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ftc_autopilot import link
+from ftc_autopilot import formation_link, link
 from ftc_autopilot.control.controller import restart_law
 from ftc_autopilot.control.controllers import new_controllers, reset_controllers
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.link import (
-    FORMATION,
-    OVER,
-    RESTARTED,
-    SERVICE,
-    TICK,
-    new_link,
-    reset_link,
-    run,
-)
+from ftc_autopilot.link import FORMATION, new_link, reset_link, run
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
@@ -31,6 +22,7 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.framing import codec
+from mavlink_defs.framing.hot_link import Outcome
 
 UAV, NEIGHBOUR = 2, 1  # follower 1 has one neighbour, the leader
 LOCKSTEP = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
@@ -67,7 +59,7 @@ class Rig:
 
     def state(
         self, step: int, flags: int = LOCKSTEP, applied_usec: int | None = None, run: int = 7
-    ) -> int:
+    ) -> Outcome:
         """Send a state; by default the plant has applied all that it was sent."""
         flown = self.controllers.states[0]["steps"] > 0
         sent = int(self.controllers.actuators[0]["time_usec"]) if flown else -1
@@ -82,7 +74,7 @@ class Rig:
         self.plant.sendto(datagram[:length].tobytes(), self.own.getsockname())
         return self.run()
 
-    def run(self) -> int:
+    def run(self) -> Outcome:
         fds = self.own.fileno(), self.formation.fileno()
         return run(*fds, self.link, self.controllers, time.monotonic(), 2**62)
 
@@ -125,7 +117,7 @@ def rig(scenario1: Scenario) -> Iterator[Rig]:
 
 def test_a_lockstep_step_is_answered_with_actuators_then_step_done(rig: Rig) -> None:
     rig.send_neighbour_state(0)
-    assert rig.state(0) == TICK
+    assert rig.state(0) == Outcome.TICK
     assert rig.heard(rig.plant) == [codec.ID_ACTUATORS, codec.ID_STEP_DONE]
     assert set(rig.heard(rig.neighbour)) == {codec.ID_NEIGHBOUR}
 
@@ -272,7 +264,7 @@ def test_a_state_of_another_run_is_not_worked_on(rig: Rig, flags: int) -> None:
     rig.heard(rig.plant)
     rig.heard(rig.neighbour)
     for step in (0, 3):
-        assert rig.state(step, flags, run=8 + step) == RESTARTED
+        assert rig.state(step, flags, run=8 + step) == Outcome.RESTARTED
     assert rig.heard(rig.plant) == rig.heard(rig.neighbour) == []
     assert rig.controllers.states[0]["steps"] == 3
 
@@ -287,14 +279,17 @@ def test_after_a_reset_nothing_is_left_of_the_flight(scenario1: Scenario, rig: R
     reset_controllers(fresh.controllers)  # its guidance, too, is set again by the modes
     for name, array in rig.controllers._asdict().items():
         assert array.tobytes() == getattr(fresh.controllers, name).tobytes(), name
-    for name in ("heard_step", "pending_step", "misses", "signals"):
-        assert getattr(rig.link, name).tobytes() == getattr(fresh.link, name).tobytes(), name
-    for name in ("step", "pending_usec", "pending_s", "repeated", "edge_changes"):
+    assert rig.link.signals.tobytes() == fresh.link.signals.tobytes()
+    formation, expected = rig.link.formation, fresh.link.formation
+    for name in ("heard_step", "pending_step", "misses"):
+        assert getattr(formation, name).tobytes() == getattr(expected, name).tobytes(), name
+    assert formation.state["edge_changes"] == expected.state["edge_changes"]
+    for name in ("step", "pending_usec", "pending_s", "repeated"):
         assert rig.link.state[name].tobytes() == fresh.link.state[name].tobytes(), name
     fresh.close()
 
 
-def test_a_step_uses_the_words_of_the_step_before_however_early_newer_ones_come(rig: Rig) -> None:
+def test_a_step_uses_states_of_the_step_before_even_if_newer_ones_have_arrived(rig: Rig) -> None:
     for step in range(3):
         rig.send_neighbour_state(step, airspeed=40.0 + step)
     rig.state(0)
@@ -306,21 +301,21 @@ def test_a_step_uses_the_words_of_the_step_before_however_early_newer_ones_come(
     assert rig.controllers.neighbour_states[0, 0]["airspeed"] == 41.0
 
 
-def test_a_silent_neighbour_is_dropped_and_taken_up_again(rig: Rig) -> None:
+def test_a_silent_neighbour_is_dropped_and_restored(rig: Rig) -> None:
     rig.send_neighbour_state(0)
     for step in range(TIMEOUT_STEPS + 1):
         rig.state(step, FTC_SIM_FLAGS_RUNNING)
     assert rig.controllers.weights[0, 0] == 1.0
     rig.state(TIMEOUT_STEPS + 1, FTC_SIM_FLAGS_RUNNING)
     assert rig.controllers.weights[0, 0] == 0.0
-    assert rig.link.state[0]["edge_changes"] == 1
+    assert rig.link.formation.state[0]["edge_changes"] == 1
     rig.send_neighbour_state(TIMEOUT_STEPS + 1)
     rig.state(TIMEOUT_STEPS + 2, FTC_SIM_FLAGS_RUNNING)
     assert rig.controllers.weights[0, 0] == 1.0
-    assert rig.link.state[0]["edge_changes"] == 2
+    assert rig.link.formation.state[0]["edge_changes"] == 2
 
 
-def test_a_neighbour_s_word_from_another_address_is_dropped_and_counted(rig: Rig) -> None:
+def test_a_neighbour_state_from_another_address_is_dropped_and_counted(rig: Rig) -> None:
     rig.send_neighbour_state(0, sock=rig.plant)
     rig.state(0, FTC_SIM_FLAGS_RUNNING)
     assert rig.link.drops[FORMATION, -codec.STRANGER] == 1
@@ -330,16 +325,16 @@ def test_a_neighbour_s_word_from_another_address_is_dropped_and_counted(rig: Rig
     assert rig.controllers.weights[0, 0] == 1.0
 
 
-def test_a_word_of_a_step_that_is_far_away_is_no_early_word(rig: Rig) -> None:
+def test_a_state_of_a_far_later_step_is_not_kept_as_pending(rig: Rig) -> None:
     """As they lie in the socket when the plant, and so the count of steps, was started again."""
     rig.send_neighbour_state(1)
     rig.send_neighbour_state(25_000)
     rig.state(0, FTC_SIM_FLAGS_RUNNING)
     assert rig.link.drops[FORMATION, -codec.OUT_OF_RANGE] == 1
-    assert rig.link.pending_step[0] == 1
+    assert rig.link.formation.pending_step[0] == 1
 
 
-def test_words_of_strangers_and_words_that_are_no_numbers_are_ignored(rig: Rig) -> None:
+def test_states_of_strangers_and_states_that_are_not_finite_are_ignored(rig: Rig) -> None:
     rig.send_neighbour_state(0, system=77)
     rig.send_neighbour_state(0, airspeed=math.nan)
     rig.state(0, FTC_SIM_FLAGS_RUNNING)
@@ -349,13 +344,13 @@ def test_words_of_strangers_and_words_that_are_no_numbers_are_ignored(rig: Rig) 
 def test_noise_changes_nothing_and_is_counted(rig: Rig) -> None:
     for noise in (b"", b"noise", bytes(300), b"\xfd" + bytes(11)):
         rig.plant.sendto(noise, rig.own.getsockname())
-        assert rig.run() in {TICK, SERVICE}
+        assert rig.run() in {Outcome.TICK, Outcome.SERVICE}
     assert rig.link.state[0]["step"] == -1
     assert rig.link.drops.sum() >= 3
 
 
 def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:
-    assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED) == OVER
+    assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED) == Outcome.OVER
     assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
 
 
@@ -374,18 +369,18 @@ def test_disarmed_in_flight_thrust_goes_to_zero_once(rig: Rig) -> None:
     assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
 
 
-def test_lockstep_takes_up_its_only_neighbour_again_after_lost_words(rig: Rig) -> None:
+def test_lockstep_uses_its_only_neighbour_again_after_a_lost_state(rig: Rig) -> None:
     rig.send_neighbour_state(0)
     rig.state(0)
     rig.state(1)
-    rig.state(2)  # the word of step 1 is lost
-    assert rig.link.misses[0] == 1  # waited for in vain
+    rig.state(2)  # the state of step 1 is lost
+    assert rig.link.formation.misses[0] == 1  # waited for in vain
     rig.send_neighbour_state(2)
     rig.state(3)
     assert rig.controllers.neighbour_states[0, 0]["step"] == 2
 
 
-def test_a_word_that_is_there_is_taken_however_late_the_process_is(
+def test_a_state_in_the_socket_is_taken_even_if_the_process_is_late(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A busy machine may let more time pass between two lines than the wait takes."""
@@ -394,18 +389,19 @@ def test_a_word_that_is_there_is_taken_however_late_the_process_is(
     for step in (0, 1):
         rig.send_neighbour_state(step)
     seconds = itertools.count()
-    monkeypatch.setattr(link, "monotonic_s", lambda: next(seconds))
-    collect = getattr(link._collect_neighbour_states, "py_func", link._collect_neighbour_states)
-    collect(rig.formation.fileno(), rig.link, rig.controllers, 2, True)
+    monkeypatch.setattr(formation_link, "monotonic_s", lambda: next(seconds))
+    compiled = formation_link.collect_neighbour_states
+    collect = getattr(compiled, "py_func", compiled)
+    collect(rig.formation.fileno(), rig.link.formation, rig.controllers, 2, True)
     assert rig.controllers.neighbour_states[0, 0]["step"] == 1
-    assert rig.link.misses[0] == 0
+    assert rig.link.formation.misses[0] == 0
 
 
-def test_lockstep_does_not_wait_for_ever_but_hears_a_neighbour_that_is_back(rig: Rig) -> None:
+def test_lockstep_stops_waiting_but_hears_a_neighbour_that_is_back(rig: Rig) -> None:
     rig.send_neighbour_state(0)
     for step in range(TIMEOUT_STEPS + 2):
         rig.state(step)
-    assert rig.link.misses[0] == 5  # steps that waited, of more than 250
+    assert rig.link.formation.misses[0] == 5  # steps that waited, of more than 250
     assert rig.controllers.weights[0, 0] == 0.0
     rig.send_neighbour_state(TIMEOUT_STEPS + 1)
     rig.state(TIMEOUT_STEPS + 2)

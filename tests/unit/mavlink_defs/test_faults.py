@@ -8,15 +8,9 @@ from hypothesis import strategies as st
 from lossy_network import GCS, over_the_wire
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_command_long_message
-from mavlink_defs.faults import (
-    ACTUATORS,
-    Fault,
-    FaultLimits,
-    InvalidParam,
-    fault_from_params,
-    fault_to_params,
-)
+from mavlink_defs.faults import Fault, FaultLimits, InvalidParam, fault_from_params, fault_to_params
 from mavlink_defs.services.command import command_params
 
 LIMITS = FaultLimits(surface_deg=25.0, thrust_n=4000.0)

@@ -9,8 +9,9 @@ import pytest
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import UdpAddress, bind_udp
+from mavlink_defs.framing.hot_link import Outcome
 from sitl_plant.fleet import PlantState, new_plant_state
-from sitl_plant.link import OVER, PlantLink, _due_s, new_link, run
+from sitl_plant.link import PlantLink, _due_s, new_link, run
 
 STEPS = 5
 
@@ -38,7 +39,7 @@ def test_a_plant_that_fell_behind_shifts_its_schedule_once(
 ) -> None:
     origin_s = time.monotonic() - 1e4
     link = running(speed=1.0, origin_s=origin_s)
-    assert run(sock.fileno(), link, fleet, time.monotonic() + 1e3) == OVER
+    assert run(sock.fileno(), link, fleet, time.monotonic() + 1e3) == Outcome.OVER
     clock = link.state[0]
     assert clock["step"] == STEPS
     assert clock["lag_s"] >= 1e4 - STEPS / 1e3

@@ -8,6 +8,7 @@ import pytest
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, new_controllers
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.schedule import scheduled
+from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.link import new_link
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario, load_scenario
@@ -28,8 +29,8 @@ class Bench:
     def __init__(self, scenario: Scenario) -> None:
         config = scenario.autopilot_config(2)
         self.controllers: Controllers = new_controllers([config])
-        self.link = new_link(2, config.neighbours, config.step_us, 0.25, 0)
-        found = parameters_of(config, self.link, self.controllers)
+        self.hot = HotState(new_link(2, config.neighbours, config.step_us, 0.25, 0))
+        found = parameters_of(config, self.hot, self.controllers)
         self.parameters = {parameter.name: parameter for parameter in found}
 
     def __getitem__(self, name: str) -> Parameter:
@@ -96,7 +97,7 @@ def test_what_is_set_is_flown(bench: Bench) -> None:
 def test_a_schedule_is_read_as_it_is_now_and_set_for_good(bench: Bench) -> None:
     table = bench.controllers.parameters[0]["trigger"]["a2_n"]
     bench.controllers.guidance[0]["start_step"] = 1000
-    bench.link.state[0]["step"] = 16_000
+    bench.hot.step = 16_000
     assert bench["TRIG_A2_N"].get() == 1.0  # from 14 s on
     bench.controllers.guidance[0]["start_step"] = NOT_STARTED
     assert bench["TRIG_A2_N"].get() == 0.5

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import common
 
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.geography import Origin, place_of
+from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.link import new_link
 from ftc_autopilot.vehicle.status_messages import VERSION
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
@@ -29,14 +30,14 @@ class Bench:
     def __init__(self, scenario: Scenario) -> None:
         config = scenario.autopilot_config(3)
         self.controllers = new_controllers([config])
-        self.link = new_link(3, config.neighbours, config.step_us, 0.25, 0)
-        state = self.link.measured[0]
+        self.hot = HotState(new_link(3, config.neighbours, config.step_us, 0.25, 0))
+        state = self.hot.measured
         state["position"] = (1000.0, 0.0, -120.0)
         state["velocity"] = (40.0, 0.0, 0.0)
         state["attitude"] = (0.0, math.radians(10.0), math.radians(45.0))
         state["time_usec"] = 5_000_000
         self.controllers.actuators[0]["controls"][:4] = (0.5, -1.0, 1.0, 0.25)
-        self.vehicle = Vehicle(config, self.link, self.controllers)
+        self.vehicle = Vehicle(config, self.hot, self.controllers)
         (self.telemetry,) = self.vehicle.telemetry
         self.speaker = FramePacker(3, 1)
 
@@ -109,15 +110,15 @@ def test_version(bench: Bench) -> None:
 
 @pytest.mark.parametrize("value", [0.0, math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9])
 def test_no_state_is_too_strange_to_be_told(value: float, bench: Bench) -> None:
-    arrays = (
-        bench.link.measured,
-        bench.controllers.signals,
-        bench.controllers.states,
-        bench.controllers.actuators,
+    records = (
+        bench.hot.measured,
+        bench.controllers.signals[0],
+        bench.controllers.states[0],
+        bench.controllers.actuators[0],
     )
     with np.errstate(all="ignore"):
-        for array in arrays:
-            _fill(array[0], value)
+        for record in records:
+            _fill(record, value)
         every = [i for i in range(60_000) if bench.telemetry.request((float(i), 0.0)) is not None]
         assert len(every) > 22
         for message_id in every:
@@ -261,12 +262,12 @@ def test_after_a_standstill_all_are_made_in_turn_and_none_is_made_up_for(bench: 
 
 
 def test_answers_and_telemetry_wait_for_their_turn_and_none_is_forgotten(bench: Bench) -> None:
-    bench.link.state["heard_s"] = 1.0
-    bench.link.state["flags"] = dialect.FTC_SIM_FLAGS_RUNNING
+    bench.hot.heard_s = 1.0
+    bench.hot.flags = dialect.FTC_SIM_FLAGS_RUNNING
     bench.vehicle.receive(dialect.MAVLink_param_request_list_message(3, 1), 0.0)
     said: list[Any] = []
     for ms in range(1000):
-        bench.link.measured[0]["time_usec"] = ms * STEP_US
+        bench.hot.measured["time_usec"] = ms * STEP_US
         bench.vehicle.tick(ms / 1e3, most=2)
         messages = bench.vehicle.gcs_messages(most=2)
         assert len(messages) <= 2

@@ -1,73 +1,15 @@
 """The vehicle's services, message by message: no socket, no sleep."""
 
 import math
-from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 import pytest
+from vehicle_bench import ACCEPTED, ARM, DENIED, START, UAV, Bench, of_type
 
-from ftc_autopilot.control.controllers import Controllers, new_controllers
-from ftc_autopilot.link import AutopilotLink, new_link
-from ftc_autopilot.vehicle.vehicle import AUTO, GUIDED, LOITER, Vehicle
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
-from mavlink_defs.constants import SIMULATOR_COMPONENT
+from mavlink_defs.constants import AUTO, GUIDED, LOITER, SIMULATOR_COMPONENT
 from mavlink_defs.framing.frames import FramePacker, parse
-from mavlink_defs.profile import segments_to_items
-
-GCS = FramePacker(255, 190)
-UAV = 1
-
-
-class Bench:
-    """A vehicle whose aircraft flies at 40 m/s to the North, and a ground station."""
-
-    def __init__(self, scenario: Scenario, heard: bool = True, stations: int = 1) -> None:
-        config = scenario.autopilot_config(UAV)
-        config = config.model_copy(update={"gcs": config.gcs * stations})
-        self.controllers: Controllers = new_controllers([config])
-        self.link: AutopilotLink = new_link(UAV, config.neighbours, config.step_us, 0.25, 0)
-        self.link.measured[0]["velocity"] = (40.0, 0.0, 0.0)
-        self.link.state["heard_s"] = float(heard)
-        self.vehicle = Vehicle(config, self.link, self.controllers)
-        self.now = 0.0
-
-    def run(self, flags: int = dialect.FTC_SIM_FLAGS_RUNNING) -> None:
-        self.link.state["flags"] = flags
-
-    def say(self, message: Any, station: int = 0) -> list[Any]:
-        """Send a message as a ground station; what the vehicle answers it."""
-        self.now += 0.01
-        received = parse(GCS.pack(message))
-        assert received is not None
-        self.vehicle.receive(received, self.now, station)
-        return self.vehicle.gcs_messages(station)
-
-    def command(self, number: int, *params: float, station: int = 0) -> int:
-        seven = (*params, *[0.0] * 7)[:7]
-        message = dialect.MAVLink_command_long_message(UAV, 1, number, 0, *seven)
-        answers = self.say(message, station)
-        (ack,) = of_type(answers, "COMMAND_ACK")
-        assert ack.command == number
-        return int(ack.result)
-
-    def upload(self, scenario: Scenario) -> int:
-        items = segments_to_items(scenario.segments(), UAV, 1)
-        answers = self.say(dialect.MAVLink_mission_count_message(UAV, 1, len(items), 0))
-        while requests := of_type(answers, "MISSION_REQUEST_INT"):
-            answers = self.say(items[requests[0].seq])
-        (ack,) = of_type(answers, "MISSION_ACK")
-        return int(ack.type)
-
-
-def of_type(messages: Iterable[Any], name: str) -> list[Any]:
-    return [message for message in messages if message.get_type() == name]
-
-
-ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
-START = dialect.MAV_CMD_MISSION_START
-ACCEPTED, DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 
 
 def test_arming_waits_for_the_simulator(scenario1: Scenario) -> None:
@@ -103,7 +45,7 @@ def test_a_mission_started_in_flight_begins_with_the_next_step(scenario1: Scenar
     bench.upload(scenario1)
     bench.command(ARM, 1.0)
     bench.run()
-    bench.link.state["step"] = 500
+    bench.hot.step = 500
     bench.command(START)
     assert bench.controllers.guidance[0]["start_step"] == 501
 
@@ -123,7 +65,7 @@ def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
     bench.upload(scenario1)
     bench.command(START)
     bench.run()
-    bench.link.state["step"] = 4001
+    bench.hot.step = 4001
     bench.vehicle.tick(bench.now)
     said = bench.vehicle.gcs_messages()
     assert [m.seq for m in of_type(said, "MISSION_ITEM_REACHED")] == [1]
@@ -136,10 +78,10 @@ def test_setting_the_current_item_jumps_in_the_profile(scenario1: Scenario) -> N
     bench.upload(scenario1)
     bench.command(START)
     bench.run()
-    bench.link.state["step"] = 1000
+    bench.hot.step = 1000
     bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 3))
     assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
-    bench.link.state["step"] = 1001
+    bench.hot.step = 1001
     bench.vehicle.tick(bench.now)
     assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
     assert not of_type(bench.vehicle.gcs_messages(), "MISSION_ITEM_REACHED")
@@ -177,8 +119,8 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     bench.command(ARM, 1.0)
     bench.command(START)
     bench.run()
-    bench.link.state["step"] = 20_000
-    bench.link.state["edge_changes"] = 2
+    bench.hot.step = 20_000
+    bench.hot.edge_changes = 2
     bench.controllers.weights[0] = 1.0
     bench.vehicle.tick(bench.now)
     bench.vehicle.gcs_messages()
@@ -263,7 +205,7 @@ def test_telemetry_keeps_its_interval_in_simulated_time(scenario1: Scenario) -> 
     bench.run()
     counts = 0
     for step in range(0, 1001, 20):
-        bench.link.measured[0]["time_usec"] = step * 1000
+        bench.hot.measured["time_usec"] = step * 1000
         bench.vehicle.tick(0.0)
         counts += len(of_type(bench.vehicle.gcs_messages(), "ATTITUDE"))
     assert counts == 11
@@ -274,7 +216,7 @@ def test_a_dropped_neighbour_is_announced(scenario1: Scenario) -> None:
     bench.controllers.weights[0] = np.array([1.0, 1.0])
     bench.vehicle._edges = bench.controllers.weights[0] > 0.0
     bench.controllers.weights[0, 1] = 0.0
-    bench.link.state["edge_changes"] = 1
+    bench.hot.edge_changes = 1
     bench.vehicle.tick(0.0)
     texts = [m.text for m in of_type(bench.vehicle.gcs_messages(), "STATUSTEXT")]
     assert any("neighbour 3 silent, edge dropped" in str(text) for text in texts)
@@ -325,7 +267,7 @@ def test_a_jump_is_told_as_the_item_it_leads_to(scenario1: Scenario) -> None:
     bench.upload(scenario1)
     bench.command(START)
     bench.run()
-    bench.link.state["step"] = 1000
+    bench.hot.step = 1000
     bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 2))
     bench.vehicle.tick(bench.now)
     told = of_type(bench.vehicle.gcs_messages(), "MISSION_CURRENT")
@@ -352,7 +294,7 @@ def test_mission_current_tells_the_state_of_the_mission(scenario1: Scenario) -> 
     assert told() == (dialect.MISSION_STATE_ACTIVE, 1, 3)
     bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, LOITER)
     assert told() == (dialect.MISSION_STATE_PAUSED, 2, 3)
-    bench.link.state["step"] = 20_000
+    bench.hot.step = 20_000
     assert told()[0] == dialect.MISSION_STATE_COMPLETE
 
 

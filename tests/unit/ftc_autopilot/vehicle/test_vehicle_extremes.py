@@ -4,11 +4,11 @@ import math
 from typing import Any
 
 import pytest
+from vehicle_bench import Bench
 
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
-from tests.unit.ftc_autopilot.vehicle.test_vehicle import Bench
 
 UAV = 1
 GCS = FramePacker(255, 190)

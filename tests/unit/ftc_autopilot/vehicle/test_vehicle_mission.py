@@ -2,11 +2,12 @@
 
 from typing import Any
 
-from ftc_autopilot.vehicle.vehicle import AUTO, LOITER
+from vehicle_bench import START, UAV, Bench, of_type
+
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
+from mavlink_defs.constants import AUTO, LOITER
 from mavlink_defs.profile import segments_to_items
-from tests.unit.ftc_autopilot.vehicle.test_vehicle import START, UAV, Bench, of_type
 
 
 def test_items_that_were_not_flown_are_not_reached(scenario1: Scenario) -> None:
@@ -16,7 +17,7 @@ def test_items_that_were_not_flown_are_not_reached(scenario1: Scenario) -> None:
     bench.run()
 
     def fly_to(step: int) -> list[Any]:
-        bench.link.state["step"] = step
+        bench.hot.step = step
         bench.vehicle.tick(bench.now)
         return bench.vehicle.gcs_messages()
 
@@ -44,7 +45,7 @@ def test_a_profile_uploaded_in_flight_says_what_is_flown(scenario1: Scenario) ->
         "to fly it from its start, start the mission again",
     }
     for step, text in texts.items():
-        bench.link.state["step"] = step
+        bench.hot.step = step
         items = segments_to_items(scenario1.segments(), UAV, 1)
         bench.say(dialect.MAVLink_mission_count_message(UAV, 1, count, 0))
         said = [m for item in items for m in bench.say(item)]

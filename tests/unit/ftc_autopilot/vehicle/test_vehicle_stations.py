@@ -1,11 +1,12 @@
 """What a vehicle tells which ground station."""
 
+from vehicle_bench import ACCEPTED, UAV, Bench, of_type
+
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.profile import segments_to_items
-from tests.unit.ftc_autopilot.vehicle.test_vehicle import ACCEPTED, UAV, Bench, of_type
 
 EVENTS = dialect.MAVLINK_MSG_ID_FTC_EVENTS
 REQUEST, SET_INTERVAL = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL
@@ -78,6 +79,6 @@ def test_one_of_two_stations_with_one_id_uploads(scenario1: Scenario) -> None:
 def test_time_is_simulated_time_in_every_answer(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     bench.now = 5000.0
-    bench.link.measured[0]["time_usec"] = 1_250_000
+    bench.hot.measured["time_usec"] = 1_250_000
     (answer,) = of_type(bench.say(dialect.MAVLink_timesync_message(0, 77)), "TIMESYNC")
     assert (answer.tc1, answer.ts1) == (1_250_000_000, 77)

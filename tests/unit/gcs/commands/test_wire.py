@@ -110,6 +110,7 @@ def test_a_capture_cut_off_is_counted_as_far_as_it_goes(gcs, tmp_path: Path) -> 
         (["nowhere.pcap"], "nowhere.pcap cannot be read"),
         (["text"], "text is no capture"),
         (["strange.json"], "strange.json is no capture"),
+        (["damaged.json"], "damaged.json is no capture"),
         (["--relay", "here"], "expected LISTEN=TARGET"),
         (["--relay", "127.0.0.1:9=no.such.host.invalid:8"], "no.such.host.invalid"),
         ([*RELAY, "--impair", "loss=2"], "loss: expected [0, 1], got 2"),
@@ -126,6 +127,8 @@ def test_bad_input_is_named(gcs, tmp_path, monkeypatch, arguments: list[str], wo
     some_flight(tmp_path / "a.pcap")
     (tmp_path / "text").write_text("neither this nor that")
     (tmp_path / "strange.json").write_text('{"links": []}')
+    damaged = {"span_s": 1, "links": 3, "messages": [], "uavs": [], "saving": None}
+    (tmp_path / "damaged.json").write_text(json.dumps(damaged))
     status, out, err = gcs("wire", *arguments)
     assert (status, out) == (2, "")
     assert words in err

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from ftc_autopilot.control.controller import no_signals
-from gcs.figures.flown import Flight, fault_windows
+from gcs.figures.flown import PlottedFlight, fault_windows
 from gcs.figures.overview import draw_flight
 from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import STYLES, decimated, draw_curve, frame, new_figure, save
@@ -25,7 +25,7 @@ from gcs.results.quantities import PAPER_ORDER, QUANTITIES
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 
-Draw: TypeAlias = Callable[[Flight], Figure]
+Draw: TypeAlias = Callable[[PlottedFlight], Figure]
 
 DURATION_S = 2.5
 FAULT = "fault: rudder of follower 2 at 90 %, 1.2 s to 1.4 s"
@@ -44,18 +44,18 @@ OVER_TIME = ["fig6", "fig7", "fig8", "fig10", "fig11"]
 
 
 @pytest.fixture(scope="module")
-def flight(scenario1: Scenario) -> Flight:
+def flight(scenario1: Scenario) -> PlottedFlight:
     fault = scenario1.faults[0].model_copy(update={"start_s": 1.2, "end_s": 1.4})
     short = scenario1.model_copy(update={"duration_s": DURATION_S, "faults": (fault,)})
-    return Flight("proposed", short, fly_in_process(short))
+    return PlottedFlight("proposed", short, fly_in_process(short))
 
 
 @pytest.fixture(scope="module")
-def drawn(flight: Flight) -> dict[str, Figure]:
+def drawn(flight: PlottedFlight) -> dict[str, Figure]:
     return {name: draw(flight) for name, draw in DRAW.items()}
 
 
-def lost_after(flight: Flight, steps: int) -> Flight:
+def lost_after(flight: PlottedFlight, steps: int) -> PlottedFlight:
     recording = flight.recording
     short = replace(
         recording,
@@ -140,7 +140,7 @@ def test_the_fault_is_shaded_while_it_acts(drawn: dict[str, Figure], name: str) 
 
 @pytest.mark.parametrize("name", ["fig6", "fig10", "fig11"])
 def test_the_reference_is_dashed_and_the_curves_are_the_flight(
-    drawn: dict[str, Figure], flight: Flight, name: str
+    drawn: dict[str, Figure], flight: PlottedFlight, name: str
 ) -> None:
     top = panels(drawn[name])[:4]
     name, i = ("follower 1", 1) if name == "fig6" else ("proposed", 2)
@@ -156,7 +156,7 @@ def test_styles_differ_without_colour() -> None:
     assert len({style.colour for style in STYLES}) == len(STYLES)
 
 
-def test_trajectories_have_units_times_and_paths(flight: Flight) -> None:
+def test_trajectories_have_units_times_and_paths(flight: PlottedFlight) -> None:
     [axis] = fig5(flight, times_s=(0.0, 1.0, 99.0)).axes
     labels = [axis.get_xlabel(), axis.get_ylabel(), axis.get_zlabel()]  # type: ignore[attr-defined]
     assert labels == ["north [m]", "east [m]", "altitude [m]"]
@@ -168,7 +168,9 @@ def test_trajectories_have_units_times_and_paths(flight: Flight) -> None:
     )
 
 
-def test_intervals_are_those_between_events(drawn: dict[str, Figure], flight: Flight) -> None:
+def test_intervals_are_those_between_events(
+    drawn: dict[str, Figure], flight: PlottedFlight
+) -> None:
     axis = panels(drawn["fig7"])[4]  # aileron of follower 1
     at = np.flatnonzero(flight.recording.signals["events"][:, 1] & 1)
     np.testing.assert_allclose(np.asarray(axis.lines[0].get_ydata()), np.diff(at))
@@ -176,13 +178,13 @@ def test_intervals_are_those_between_events(drawn: dict[str, Figure], flight: Fl
     assert axis.get_title("right").startswith(f"{len(at)} events, median")
 
 
-def test_no_event_gets_lost_between_bins(drawn: dict[str, Figure], flight: Flight) -> None:
+def test_no_event_gets_lost_between_bins(drawn: dict[str, Figure], flight: PlottedFlight) -> None:
     for i, axis in enumerate(panels(drawn["fig8"])):
         shown = [int(np.ma.asarray(image.get_array()).filled(0).sum()) for image in axis.images]
         assert shown == flight.event_counts(i)
 
 
-def test_bars_carry_their_numbers(drawn: dict[str, Figure], flight: Flight) -> None:
+def test_bars_carry_their_numbers(drawn: dict[str, Figure], flight: PlottedFlight) -> None:
     for i, axis in enumerate(drawn["fig9"].axes):
         printed = PRINTED.get(flight.recording.uav_ids[i], {})
         numbers = [*flight.event_counts(i), *printed.values()]
@@ -191,7 +193,7 @@ def test_bars_carry_their_numbers(drawn: dict[str, Figure], flight: Flight) -> N
     assert legend(fig9(flight, {})) == ["proposed"]
 
 
-def test_errors_under_faults_are_shown_about_their_time(flight: Flight) -> None:
+def test_errors_under_faults_are_shown_about_their_time(flight: PlottedFlight) -> None:
     axes = panels(fig11([flight]))
     assert axes[0].get_xlim() == (0.0, DURATION_S)
     assert axes[4].get_xlim() == pytest.approx((0.2, 2.4))
@@ -199,7 +201,7 @@ def test_errors_under_faults_are_shown_about_their_time(flight: Flight) -> None:
 
 @pytest.mark.parametrize("steps", [0, 700])
 @pytest.mark.parametrize("name", DRAW)
-def test_a_lost_flight_draws_and_says_so(flight: Flight, name: str, steps: int) -> None:
+def test_a_lost_flight_draws_and_says_so(flight: PlottedFlight, name: str, steps: int) -> None:
     lost = lost_after(flight, steps)
     figure = DRAW[name](lost)
     said = [*legend(figure), *(text.get_text() for text in figure.axes[0].texts)]
@@ -239,7 +241,7 @@ def test_a_line_breaks_where_the_angle_wraps() -> None:
     np.testing.assert_array_equal(shown, [170.0, 179.0, np.nan, -172.0, -160.0])
 
 
-def with_missing(flight: Flight, begin: int, end: int) -> Flight:
+def with_missing(flight: PlottedFlight, begin: int, end: int) -> PlottedFlight:
     """The same flight, of which UAV 2's autopilot missed some steps."""
     signals = flight.recording.signals.copy()
     signals[begin:end, 1] = no_signals(end - begin)
@@ -247,7 +249,9 @@ def with_missing(flight: Flight, begin: int, end: int) -> Flight:
 
 
 @pytest.mark.parametrize("name", DRAW)
-def test_missing_steps_are_counted_in_every_figure_of_one_flight(flight: Flight, name: str) -> None:
+def test_missing_steps_are_counted_in_every_figure_of_one_flight(
+    flight: PlottedFlight, name: str
+) -> None:
     figure = DRAW[name](with_missing(flight, 1000, 1500))
     said = [*legend(figure), *(text.get_text() for axis in figure.axes for text in axis.texts)]
     said += [label for axis in figure.axes for label in (axis.get_ylabel(), axis.get_xlabel())]
@@ -255,7 +259,7 @@ def test_missing_steps_are_counted_in_every_figure_of_one_flight(flight: Flight,
         assert any("follower 1 (500 steps missing)" in text for text in said)
 
 
-def test_missing_steps_are_gaps_except_in_the_true_response(flight: Flight) -> None:
+def test_missing_steps_are_gaps_except_in_the_true_response(flight: PlottedFlight) -> None:
     axes = panels(fig6(with_missing(flight, 1000, 1500)))
     for axis in axes:
         t, shown = map(np.asarray, line(axis, "follower 1 (500 steps missing)").get_data())
@@ -265,7 +269,7 @@ def test_missing_steps_are_gaps_except_in_the_true_response(flight: Flight) -> N
         assert np.isfinite(shown[(t < 0.995) | (t > 1.505)]).all()
 
 
-def test_a_flight_without_any_signal_is_drawn(flight: Flight, tmp_path: Path) -> None:
+def test_a_flight_without_any_signal_is_drawn(flight: PlottedFlight, tmp_path: Path) -> None:
     signals = np.stack([no_signals(len(flight.recording.states))] * 3, axis=1)
     recording = replace(flight.recording, signals=signals)
     for draw in DRAW.values():
@@ -300,7 +304,7 @@ def test_what_leaves_a_panel_is_noted() -> None:
          "aileron of leader stuck at −3°, 2 Hz"),
     ],
 )  # fmt: skip
-def test_faults_in_words(flight: Flight, fault: dict[str, object], text: str) -> None:
+def test_faults_in_words(flight: PlottedFlight, fault: dict[str, object], text: str) -> None:
     found = ScenarioFault.model_validate({"uav": 1, "start_s": 1.0, **fault})
     late = found.model_copy(update={"start_s": 10.0})
     scenario = flight.scenario.model_copy(update={"faults": (found, late)})
@@ -309,7 +313,7 @@ def test_faults_in_words(flight: Flight, fault: dict[str, object], text: str) ->
     assert (window.start_s, window.end_s) == (1.0, DURATION_S)
 
 
-def test_different_faults_at_one_time_share_a_window(flight: Flight) -> None:
+def test_different_faults_at_one_time_share_a_window(flight: PlottedFlight) -> None:
     other = flight.scenario.faults[0].model_copy(update={"actuator": "aileron"})
     scenario = flight.scenario.model_copy(update={"faults": (other,)})
     [window] = fault_windows([flight, replace(flight, scenario=scenario)])
@@ -317,7 +321,9 @@ def test_different_faults_at_one_time_share_a_window(flight: Flight) -> None:
 
 
 @pytest.mark.parametrize("name", ["fig5", "fig8", "fig9"])
-def test_files_are_the_same_each_time_and_small(flight: Flight, name: str, tmp_path: Path) -> None:
+def test_files_are_the_same_each_time_and_small(
+    flight: PlottedFlight, name: str, tmp_path: Path
+) -> None:
     files = []
     for folder in (tmp_path / "a", tmp_path / "b"):
         save(DRAW[name](flight), folder, name)
@@ -330,7 +336,7 @@ def test_files_are_the_same_each_time_and_small(flight: Flight, name: str, tmp_p
     assert len(svg) < 1_500_000
 
 
-def test_the_overview_is_an_image(flight: Flight, tmp_path: Path) -> None:
+def test_the_overview_is_an_image(flight: PlottedFlight, tmp_path: Path) -> None:
     lost = lost_after(flight, 700)
     draw_flight(lost.recording, lost.scenario, tmp_path / "flight.png")
     assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")

@@ -9,7 +9,7 @@ import pytest
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import with_values
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.faults import ACTUATORS
+from mavlink_defs.constants import ACTUATORS
 
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
 FILES = sorted(SCENARIOS.rglob("*.yaml"))

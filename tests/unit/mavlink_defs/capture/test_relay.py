@@ -66,7 +66,7 @@ def test_both_ways_and_who_is_who_is_kept() -> None:
         assert (a.recv(4096), b.recv(4096)) == (b"for 1", b"for 2")
         with relay.counting() as tap:
             assert tap.frames("HEARTBEAT", system=1) == 2
-        report = relay.report()
+        report = relay.report().to_json()
     links = {(row["link"], row["direction"]): row["datagrams"] for row in report["links"]}
     assert links == {("plant", "to"): 3, ("plant", "from"): 2}
     assert report["links"][0]["dropped"] == {"not MAVLink 2": 2}
@@ -80,7 +80,7 @@ def test_between_two_fixed_ends_each_is_heard_from_where_it_is_answered() -> Non
                 source.sendto(heartbeat(1), front_of(relay, target))
                 assert target.recvfrom(4096) == (heartbeat(1), front_of(relay, source))
             links = {(row["link"], row["direction"]): row["datagrams"]
-                     for row in relay.report()["links"]}  # fmt: skip
+                     for row in relay.report().to_json()["links"]}  # fmt: skip
     assert links == {("formation", "to"): 3}
 
 
@@ -90,7 +90,7 @@ def test_loss_is_counted_and_what_is_not_lost_arrives() -> None:
         for i in range(200):
             peer.sendto(i.to_bytes(2), front_of(relay, end))
         arrived = drain(end)
-        (fate,) = [f for f in relay.report()["fates"] if f["direction"] == "to"]
+        (fate,) = [f for f in relay.report().to_json()["fates"] if f["direction"] == "to"]
     assert fate["taken"] == 200
     assert fate["delivered"] == len(arrived) == 200 - fate["lost"]
     assert 60 < len(arrived) < 140
@@ -149,7 +149,7 @@ def test_an_error_about_the_datagram_before_loses_none(monkeypatch) -> None:
         peer.sendto(b"x", front_of(relay, end))
         assert drain(end) == [b"x"]
         assert not errors
-        assert [fate["undeliverable"] for fate in relay.report()["fates"]] == [0, 0]
+        assert [fate["undeliverable"] for fate in relay.report().to_json()["fates"]] == [0, 0]
 
 
 def test_a_port_in_use_is_refused_and_nothing_stays_open() -> None:

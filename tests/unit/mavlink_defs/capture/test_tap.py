@@ -1,7 +1,9 @@
 """The tap against an independent count of what was put in."""
 
 import itertools
+import json
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,8 +12,9 @@ from hypothesis import strategies as st
 
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
+from mavlink_defs.capture.tap_report import OutcomeReport, TapReport
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.endpoint import UdpAddress
-from mavlink_defs.faults import ACTUATORS
 from mavlink_defs.framing.frames import FramePacker, frame_size
 
 RUNNING = dialect.FTC_SIM_FLAGS_RUNNING
@@ -48,7 +51,9 @@ def state(step: int, system: int = 1, flags: int = RUNNING, run: int = 7) -> byt
 
 
 def uav_of(tap: Tap, system: int = 1, link: str = "plant") -> dict:
-    (uav,) = [u for u in tap.report()["uavs"] if (u["system"], u["link"]) == (system, link)]
+    (uav,) = [
+        u for u in tap.report().to_json()["uavs"] if (u["system"], u["link"]) == (system, link)
+    ]
     return uav
 
 
@@ -63,7 +68,7 @@ def test_frames_and_bytes_are_counted_by_link_direction_sender_and_message(sent)
         key = (link, direction, system, component, message.get_type())
         frames[key] += 1
         sizes[key] += len(datagram)
-    rows = tap.report()["messages"]
+    rows = tap.report().to_json()["messages"]
     keys = [(r["link"], r["direction"], r["system"], r["component"], r["message"]) for r in rows]
     assert dict(zip(keys, [r["frames"] for r in rows], strict=True)) == frames
     assert dict(zip(keys, [r["bytes"] for r in rows], strict=True)) == sizes
@@ -71,7 +76,7 @@ def test_frames_and_bytes_are_counted_by_link_direction_sender_and_message(sent)
     assert tap.frames("HEARTBEAT", link="gcs") == sum(
         n for key, n in frames.items() if key[0] == "gcs" and key[4] == "HEARTBEAT"
     )
-    assert sum(link["bytes"] for link in tap.report()["links"]) == sizes.total()
+    assert sum(link["bytes"] for link in tap.report().to_json()["links"]) == sizes.total()
 
 
 @given(st.lists(st.tuples(*[st.sampled_from([0.0, 0.25, -0.5])] * 4), min_size=1, max_size=40))
@@ -92,7 +97,7 @@ def test_a_channel_transmits_when_its_value_changes(commands) -> None:
     assert uav["messages"] == len(commands)
     assert uav["repeats"] == sum(old == new for old, new in pairs)
     assert uav["periods"] == len(commands)
-    assert uav["saving"] == tap.report()["saving"] == 1 - sent / (4 * len(commands))
+    assert uav["saving"] == tap.report().to_json()["saving"] == 1 - sent / (4 * len(commands))
 
 
 def test_systems_links_and_flights_do_not_disturb_each_other() -> None:
@@ -147,7 +152,9 @@ def test_what_autopilots_report_stands_in_for_what_is_not_seen() -> None:
     assert uav["saving"] == pytest.approx(1 - 10 / 400)
     assert [c["min_interval_s"] for c in uav["channels"].values()] == [None, 5e-4, 6e-4, 7e-4]
     tap.count(0.0, "plant", "to", actuators(0, (0.0,) * 4))
-    assert [(u["link"], u["reported"]) for u in tap.report()["uavs"]] == [("plant", False)]
+    assert [(u["link"], u["reported"]) for u in tap.report().to_json()["uavs"]] == [
+        ("plant", False)
+    ]
 
 
 def test_rates_are_over_a_sliding_window() -> None:
@@ -155,13 +162,13 @@ def test_rates_are_over_a_sliding_window() -> None:
     frame = FramePacker(1, 1).pack(HEARTBEAT)
     for k in range(100):
         tap.count(k * 0.1, "gcs", "to", frame)
-    (row,) = tap.report(9.9)["messages"]
+    (row,) = tap.report(9.9).to_json()["messages"]
     assert row["rate_hz"] == pytest.approx(10.0)
     assert row["mean_hz"] == pytest.approx(10.0, rel=0.02)
-    (link,) = tap.report(10.9)["links"]
+    (link,) = tap.report(10.9).to_json()["links"]
     assert link["rate_hz"] == pytest.approx(5.0, abs=0.5)
     assert link["bytes_per_s"] == pytest.approx(link["rate_hz"] * len(frame))
-    assert tap.report(20.0)["links"][0]["rate_hz"] == 0.0
+    assert tap.report(20.0).to_json()["links"][0]["rate_hz"] == 0.0
 
 
 def damaged(frame: bytes) -> dict[str, bytes]:
@@ -188,7 +195,7 @@ def test_what_is_no_frame_is_counted_by_reason() -> None:
         assert why is not None
         words = {"empty": "truncated", "MAVLink 1": "not MAVLink 2"}.get(reason, reason)
         assert why.words == words
-    (link,) = tap.report()["links"]
+    (link,) = tap.report().to_json()["links"]
     assert link["dropped"] == dict.fromkeys(wrong, 1)
     assert (link["datagrams"], tap.frames()) == (len(wrong), 0)
 
@@ -198,7 +205,7 @@ def test_a_datagram_may_hold_several_frames() -> None:
     tap = Tap()
     tap.count(0.0, "gcs", "to", frame * 3 + b"rest")
     assert tap.frames("HEARTBEAT") == 3
-    assert tap.report()["links"][0]["dropped"] == {"not MAVLink 2": 1}
+    assert tap.report().to_json()["links"][0]["dropped"] == {"not MAVLink 2": 1}
 
 
 def test_signed_frames_are_counted() -> None:
@@ -208,7 +215,7 @@ def test_signed_frames_are_counted() -> None:
     tap = Tap()
     tap.count(0.0, "gcs", "to", bytes(HEARTBEAT.pack(signing)))
     tap.count(0.0, "gcs", "to", FramePacker(1, 1).pack(HEARTBEAT))
-    (row,) = tap.report()["messages"]
+    (row,) = tap.report().to_json()["messages"]
     assert (row["frames"], row["signed"]) == (2, 1)
 
 
@@ -217,7 +224,7 @@ def test_no_datagram_is_too_odd(noise: bytes, tail: bytes) -> None:
     tap = Tap()
     for datagram in (noise, b"\xfd" + noise, state(3) + tail, actuators(0, (0.0,) * 4) + tail):
         tap.count(0.0, "plant", "to", datagram)
-    assert sum(link["datagrams"] for link in tap.report()["links"]) == 4
+    assert sum(link["datagrams"] for link in tap.report().to_json()["links"]) == 4
 
 
 @given(messages | st.just(HEARTBEAT), senders)
@@ -247,3 +254,24 @@ def test_links_are_named_by_the_port_of_their_fixed_end() -> None:
     assert link == "127.0.0.1:40123 / 127.0.0.1:50000"
     assert {direction, names.of(other, peer)[1]} == {"to", "from"}
     assert names.of(other, peer)[0] == link
+
+
+def test_a_report_comes_back_from_its_json() -> None:
+    tap = Tap()
+    tap.count(0.0, "gcs", "from", b"nothing of ours")
+    for k in range(5):
+        tap.count(k / 10, "plant", "to", actuators(1000 * k, (float(k), 0.0, k / 2, 1.0)))
+    counted = tap.report()
+    fates = (OutcomeReport("plant", "to", {"undeliverable": 1, "lost": 3}),)
+    for report in (counted, replace(counted, fates=fates)):
+        tree = json.loads(json.dumps(report.to_json()))
+        assert TapReport.from_json(tree) == report
+        assert json.dumps(TapReport.from_json(tree).to_json()) == json.dumps(tree)
+
+
+@pytest.mark.parametrize(
+    "change", [{"links": 3}, {"span_s": "long"}, {"uavs": [{}]}, {"fates": [1]}, {"saving": []}]
+)
+def test_what_is_no_report_is_refused(change: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="TapReport"):
+        TapReport.from_json(Tap().report().to_json() | change)

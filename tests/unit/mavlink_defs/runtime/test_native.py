@@ -25,7 +25,7 @@ from mavlink_defs.runtime import native
 
 PROBE = """
 import numpy as np
-from mavlink_defs import native
+from mavlink_defs.runtime import native
 from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, set_receive_timeout
 with bind_udp(UdpAddress("127.0.0.1", 0), "probe") as server:
     port = server.getsockname()[1]

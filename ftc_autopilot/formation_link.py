@@ -1,0 +1,299 @@
+"""The formation link: own states to the neighbours, their states into the control step.
+
+A step uses neighbour states of the step before. A state of a later step is kept as pending until
+its turn comes, so that it does not matter which neighbour is faster.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_autopilot.config import Neighbour
+from ftc_autopilot.control.controllers import Controllers
+from mavlink_defs.dialect import MAV_COMP_ID_AUTOPILOT1
+from mavlink_defs.endpoint import parse_address, sockaddr
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.codec import (
+    ID_NEIGHBOUR,
+    NEIGHBOUR_SIZE,
+    NOT_NEWER,
+    OUT_OF_RANGE,
+    STRANGER,
+    UNEXPECTED,
+    expand,
+    pack,
+    system_of,
+)
+from mavlink_defs.framing.hot_link import DROPPED, take
+from mavlink_defs.framing.hot_signing import LinkSigner, sign_frame
+from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.native import (
+    ADDRESS_SIZE,
+    monotonic_s,
+    receive_from_now,
+    receive_from_soon,
+    same_address,
+    send_to,
+)
+
+__all__ = [
+    "FormationLink",
+    "collect_neighbour_states",
+    "new_formation_link",
+    "receive_neighbour_states",
+    "reset_formation_link",
+    "send_own_state",
+]
+
+_NEIGHBOUR_WAIT_S = 0.05
+"""How long a lockstep step waits for a neighbour state on its way [s], over a slow relay, say."""
+_NEIGHBOUR_MISSES = 5
+"""Steps in a row that miss a neighbour's state before later steps stop waiting for it."""
+_NEVER_HEARD = -1
+
+FORMATION_STATE = np.dtype(
+    [
+        ("sequence", "i8"),  # frames sent
+        ("timeout_steps", "i8"),  # silence after which a neighbour is dropped
+        ("edge_changes", "i8"),  # neighbours dropped or restored
+    ]
+)
+
+
+class FormationLink(NamedTuple):
+    """Neighbours, their states that are not in use yet, counters and buffers."""
+
+    state: np.ndarray  # (1,), dtype FORMATION_STATE
+    system: int
+    neighbours: np.ndarray  # (degree,), system ids
+    addresses: np.ndarray  # (degree, ADDRESS_SIZE), their sockaddr
+    weights: np.ndarray  # (degree,), a_ij as configured
+    heard_step: np.ndarray  # (degree,), step of each neighbour's state in use
+    pending: np.ndarray  # (degree,), dtype NEIGHBOUR: its state of a step that is not over here
+    pending_step: np.ndarray  # (degree,), the step of that state
+    misses: np.ndarray  # (degree,), steps in a row that waited for its state in vain
+    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated code of DROP_REASONS
+    sent: np.ndarray  # datagram buffer
+    received: np.ndarray  # datagram buffer
+    neighbour_state: np.ndarray  # view of `received`
+    sender: np.ndarray  # (ADDRESS_SIZE,), where it came from
+    signer: LinkSigner
+
+
+def new_formation_link(
+    system: int,
+    neighbours: Sequence[Neighbour],
+    timeout_steps: int,
+    drops: np.ndarray,
+    signer: LinkSigner,
+) -> FormationLink:
+    """Return a formation link on which no neighbour was heard.
+
+    Args:
+        system: Own system id.
+        neighbours: Neighbours with addresses and weights.
+        timeout_steps: Steps of silence after which a neighbour is dropped.
+        drops: Counts datagrams dropped, shape (DROPS_SIZE,).
+        signer: Signs the link.
+    """
+    degree = len(neighbours)
+    addresses = np.zeros((degree, ADDRESS_SIZE), np.uint8)
+    for d, neighbour in enumerate(neighbours):
+        addresses[d] = sockaddr(parse_address(neighbour.address))
+    state = np.zeros(1, FORMATION_STATE)
+    state["timeout_steps"] = timeout_steps
+    received = codec.new_buffer()
+    link = FormationLink(
+        state=state,
+        system=system,
+        neighbours=np.array([neighbour.id for neighbour in neighbours], np.int64),
+        addresses=addresses,
+        weights=np.array([neighbour.weight for neighbour in neighbours], np.float64),
+        heard_step=np.zeros(degree, np.int64),
+        pending=np.zeros(degree, codec.NEIGHBOUR),
+        pending_step=np.zeros(degree, np.int64),
+        misses=np.zeros(degree, np.int64),
+        drops=drops,
+        sent=codec.new_buffer(),
+        received=received,
+        neighbour_state=codec.payload_view(received, codec.NEIGHBOUR),
+        sender=np.zeros(ADDRESS_SIZE, np.uint8),
+        signer=signer,
+    )
+    reset_formation_link(link)
+    return link
+
+
+def reset_formation_link(link: FormationLink) -> None:
+    """Forget the neighbours' states; frames and drops are counted on."""
+    link.state["edge_changes"] = 0
+    link.heard_step[:] = link.pending_step[:] = _NEVER_HEARD
+    link.misses[:] = 0
+
+
+@compiled
+def send_own_state(fd: int, link: FormationLink, controllers: Controllers) -> None:
+    """Send the own state, as `announce` or `controller_step` left it, to every neighbour.
+
+    Args:
+        fd: Socket bound to the own formation port.
+        link: The link.
+        controllers: The controllers of one UAV.
+    """
+    if len(link.neighbours) == 0:
+        return
+    state = link.state[0]
+    length = pack(
+        link.sent, controllers.own_states, ID_NEIGHBOUR, link.system, MAV_COMP_ID_AUTOPILOT1,
+        state["sequence"],
+    )  # fmt: skip
+    state["sequence"] += 1
+    length = sign_frame(link.signer, link.sent, length)
+    for d in range(len(link.neighbours)):
+        send_to(fd, link.sent, length, link.addresses[d])
+
+
+@compiled
+def collect_neighbour_states(
+    fd: int, link: FormationLink, controllers: Controllers, step: int, lockstep: bool
+) -> None:
+    """Update the neighbour states in use before a step, and drop or restore edges.
+
+    Lockstep receives no more than the step needs, and waits for that.
+
+    Args:
+        fd: Socket bound to the own formation port, with a short receive timeout.
+        link: The link.
+        controllers: The controllers of one UAV; neighbour states and weights are updated.
+        step: Step that is about to be made.
+        lockstep: Whether simulated time waits for this step.
+    """
+    newest = max(step - 1, 0)  # the first step uses the states before the start
+    for d in range(len(link.neighbours)):
+        if link.heard_step[d] < link.pending_step[d] <= newest:
+            controllers.neighbour_states[0, d] = link.pending[d]
+            link.heard_step[d] = link.pending_step[d]
+    if not lockstep or _some_given_up(link):
+        receive_neighbour_states(fd, link, controllers, newest)
+    if lockstep and _some_missing(link, newest):
+        end_s = monotonic_s() + _NEIGHBOUR_WAIT_S
+        while _some_missing(link, newest):
+            length = receive_from_soon(fd, link.received, link.sender)
+            if length >= 0:
+                _take_neighbour_state(link, controllers, length, newest)
+            elif monotonic_s() >= end_s:
+                break
+        for d in range(len(link.neighbours)):
+            if link.heard_step[d] < newest:
+                link.misses[d] += 1
+    _update_edges(link, controllers, step)
+
+
+@compiled
+def receive_neighbour_states(
+    fd: int, link: FormationLink, controllers: Controllers, newest: int
+) -> None:
+    """Take all datagrams that wait in the socket.
+
+    Args:
+        fd: Socket bound to the own formation port.
+        link: The link.
+        controllers: The controllers of one UAV; neighbour states are updated.
+        newest: Last step whose states are for use; those of later steps become pending.
+    """
+    while True:
+        length = receive_from_now(fd, link.received, link.sender)
+        if length < 0:
+            return
+        _take_neighbour_state(link, controllers, length, newest)
+
+
+@compiled
+def _update_edges(link: FormationLink, controllers: Controllers, step: int) -> None:
+    """Set the weight of each neighbour: as configured, or 0 after `timeout_steps` of silence."""
+    state = link.state[0]
+    for d in range(len(link.neighbours)):
+        heard = link.heard_step[d] != _NEVER_HEARD
+        fresh = heard and step - link.heard_step[d] <= state["timeout_steps"]
+        weight = link.weights[d] if fresh else 0.0
+        if weight != controllers.weights[0, d]:
+            controllers.weights[0, d] = weight
+            if step > 0:  # the first states are no change
+                state["edge_changes"] += 1
+
+
+@compiled
+def _some_missing(link: FormationLink, newest: int) -> bool:
+    for d in range(len(link.neighbours)):
+        if link.misses[d] < _NEIGHBOUR_MISSES and link.heard_step[d] < newest:
+            return True
+    return False
+
+
+@compiled
+def _some_given_up(link: FormationLink) -> bool:
+    for d in range(len(link.neighbours)):
+        if link.misses[d] >= _NEIGHBOUR_MISSES:
+            return True
+    return False
+
+
+@compiled
+def _take_neighbour_state(
+    link: FormationLink, controllers: Controllers, length: int, newest: int
+) -> None:
+    message_id = take(link.signer, link.received, length, link.drops)
+    if message_id == DROPPED:
+        return
+    problem = UNEXPECTED
+    if message_id == ID_NEIGHBOUR:
+        expand(link.received, NEIGHBOUR_SIZE)
+        problem = _keep_neighbour_state(link, controllers, newest)
+    if problem != 0:
+        link.drops[-problem] += 1
+
+
+@compiled
+def _keep_neighbour_state(link: FormationLink, controllers: Controllers, newest: int) -> int:
+    """Keep the received state: in use if its step is over here, pending if not.
+
+    Returns:
+        0, or the code of DROP_REASONS for which the state was not kept.
+    """
+    d = _index_of_sender(link)
+    if d < 0:
+        return STRANGER
+    received = link.neighbour_state[0]
+    step = int(received["step"])
+    if not _is_finite(received) or step > newest + link.state[0]["timeout_steps"]:
+        return OUT_OF_RANGE
+    link.misses[d] = 0
+    if step > newest:
+        link.pending[d] = received
+        link.pending_step[d] = step
+        return 0
+    if step < link.heard_step[d]:
+        return NOT_NEWER
+    controllers.neighbour_states[0, d] = received
+    link.heard_step[d] = step
+    return 0
+
+
+@compiled
+def _index_of_sender(link: FormationLink) -> int:
+    """Return the index of the neighbour that sent the datagram from its own address, or -1."""
+    system = system_of(link.received)
+    for d in range(len(link.neighbours)):
+        if link.neighbours[d] == system and same_address(link.addresses[d], link.sender):
+            return d
+    return -1
+
+
+@compiled
+def _is_finite(neighbour_state: np.void) -> bool:
+    """Return whether a state holds finite numbers only: a NaN would spread in the formation."""
+    total = neighbour_state["airspeed"] + neighbour_state["airspeed_rate"]
+    for i in range(3):
+        total += neighbour_state["attitude"][i] + neighbour_state["attitude_rate"][i]
+    return bool(np.isfinite(total))

@@ -1,0 +1,86 @@
+"""What the services of a vehicle read of the compiled loop, and all that they write to it."""
+
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from ftc_autopilot.link import AutopilotLink, reset_link
+from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
+
+__all__ = ["HotState"]
+
+T = TypeVar("T")
+
+
+class _Field(Generic[T]):
+    """A number of a record, by the attribute's name."""
+
+    def __init__(self, record: str, read: Callable[[Any], T]) -> None:
+        self._record, self._read = record, read
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, hot: "HotState", owner: type) -> T:
+        return self._read(getattr(hot, self._record)[self._name])
+
+    def __set__(self, hot: "HotState", value: T) -> None:
+        getattr(hot, self._record)[self._name] = value
+
+
+def _ints(values: np.ndarray) -> list[int]:
+    return [int(value) for value in values]
+
+
+class HotState:
+    """A typed view of an `AutopilotLink`; between two steps it may be read and written.
+
+    Attributes:
+        step: Last running step worked on, -1 if none.
+        step_us: Control period [µs].
+        flags: FTC_SIM_FLAGS of the last state.
+        heard_s: Wall-clock time of the last state [s], 0 if none.
+        repeated: Events sent again, by channel.
+        sequence: Frames sent to the plant.
+        edge_changes: Neighbours dropped or restored.
+        measured: Last state, dtype `mavlink_defs.framing.codec.SIM_STATE`.
+        neighbours: System ids of the neighbours.
+        drops: Datagrams dropped, by link (GCS, FORMATION, SIMULATOR, PLANT of
+            `ftc_autopilot.link`) and negated code of DROP_REASONS.
+    """
+
+    step = _Field("_link", int)
+    step_us = _Field("_link", int)
+    flags = _Field("_link", int)
+    heard_s = _Field("_link", float)
+    repeated = _Field("_link", _ints)
+    sequence = _Field("_link", int)
+    edge_changes = _Field("_formation", int)
+
+    def __init__(self, link: AutopilotLink) -> None:
+        self._both = link
+        self._link: np.void = link.state[0]
+        self._formation: np.void = link.formation.state[0]
+        self.measured: np.void = link.simulator.measured[0]
+        self.neighbours = _ints(link.formation.neighbours)
+        self.drops = link.drops
+
+    @property
+    def time_us(self) -> int:
+        """Simulation time of the last state [µs]."""
+        return int(self.measured["time_usec"])
+
+    @property
+    def running(self) -> bool:
+        """Whether simulated time runs."""
+        return bool(self.flags & FTC_SIM_FLAGS_RUNNING)
+
+    def reset(self) -> None:
+        """Forget the flight, as `reset_link` does."""
+        reset_link(self._both)
+
+    def received(self) -> bytes:
+        """Return the datagram for which the loop returned `Outcome.SERVICE`."""
+        buffer = self._both.simulator.received
+        return bytes(buffer[: int(self._link["received"])])

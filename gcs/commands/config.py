@@ -1,0 +1,108 @@
+"""``gcs config``: configuration files for the processes of a fleet on several hosts."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ftc_autopilot.config import AutopilotConfig
+from gcs.commands.common import console_of, warm_up
+from gcs.commands.station import SigningKeyOption
+from gcs.errors import BadInput
+from gcs.scenario.model import Scenario, load_scenario
+from gcs.station.signing_key import signed
+from mavlink_defs.config.models import dump
+from mavlink_defs.endpoint import EndpointError, parse_address
+from sitl_plant.config import PlantConfig
+
+__all__ = ["EPILOG", "config"]
+
+EPILOG = """
+Examples:
+
+- gcs config paper/scenario1 --out fleet --host plant=10.0.0.1 --host gcs=10.0.0.9
+  --host uav1=10.0.0.1 --host uav2=10.0.0.2 --host uav3=10.0.0.2
+
+Exit status: 0 written, 1 a file cannot be written, 2 bad input.
+"""
+
+
+def config(
+    scenario: Annotated[
+        Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the files; those of the same names are replaced.")
+    ],
+    host: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Address of the host of `plant`, `gcs` or a UAV (`uav1`); links.host of the "
+            "scenario for the others.",
+            metavar="NAME=HOST",
+        ),
+    ] = None,
+    signing_key: SigningKeyOption = None,
+) -> None:
+    """Write the configuration of each process of a fleet that spans several hosts.
+
+    The folder gets plant.yaml, and uav1.yaml and so on. Run the same command on every host: it
+    also compiles the numeric core there. Then start one process per file by hand: nothing here
+    starts them. The plant flies in real time until it is stopped.
+    """
+    loaded = signed(load_scenario(scenario), signing_key)
+    if loaded.links.impairments is not None:
+        text = "links.impairments need the relays of `gcs fly` and `gcs up`"
+        raise BadInput(text, "take them out of the scenario")
+    hosts = _hosts(loaded, host or [])
+    moved = _moved_addresses(loaded, hosts)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        text = f"cannot make the folder {out}: {problem.strerror}"
+        raise BadInput(text, "choose another with --out") from None
+    dump(_plant(loaded, moved), out / "plant.yaml")
+    for uav in loaded.uavs:
+        dump(_autopilot(loaded, uav.id, moved), out / f"uav{uav.id}.yaml")
+    warm_up(loaded, console_of())
+    for name, address in hosts.items():
+        program = {"plant": "sitl-plant", "gcs": "gcs"}.get(name, "ftc-autopilot")
+        station = f"--connect udpin:{address}:{loaded.links.gcs_port}"
+        typer.echo(f"on {address}: {program} {station if name == 'gcs' else out / f'{name}.yaml'}")
+
+
+def _hosts(scenario: Scenario, options: Iterable[str]) -> dict[str, str]:
+    """Return the host of each process by its name, given the ``--host`` options."""
+    names = ["plant", *(f"uav{uav.id}" for uav in scenario.uavs), "gcs"]
+    hosts = dict.fromkeys(names, scenario.links.host)
+    for option in options:
+        name, _, host = option.partition("=")
+        if name not in names:
+            raise BadInput(f"--host is {option!r}, expected NAME=HOST, NAME of {', '.join(names)}")
+        try:
+            hosts[name] = parse_address(f"{host}:1").host
+        except EndpointError:
+            text = f"--host is {option!r}, expected an IPv4 address or a host name after the ="
+            raise BadInput(text) from None
+    return hosts
+
+
+def _moved_addresses(scenario: Scenario, hosts: Mapping[str, str]) -> dict[str, str]:
+    """Return where each address of the scenario's one host is when there are several."""
+    links = scenario.links
+    ports = {"plant": links.plant_port, "gcs": links.gcs_port}
+    ports |= {f"uav{uav.id}": links.formation_base_port + uav.id for uav in scenario.uavs}
+    return {links.address(port): f"{hosts[name]}:{port}" for name, port in ports.items()}
+
+
+def _plant(scenario: Scenario, moved: Mapping[str, str]) -> PlantConfig:
+    plant = scenario.plant_config(speed=1.0, endless=True)
+    return plant.model_copy(update={"bind": moved[plant.bind]})
+
+
+def _autopilot(scenario: Scenario, uav_id: int, moved: Mapping[str, str]) -> AutopilotConfig:
+    from gcs.fleet.relays import through
+
+    autopilot = through(scenario.autopilot_config(uav_id), moved)
+    return autopilot.model_copy(update={"formation_bind": moved[autopilot.formation_bind]})

@@ -1,0 +1,61 @@
+"""Axes of a sweep: keys of the scenario and the values that they take."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from gcs.errors import BadInput
+from mavlink_defs.config.models import repeated
+from mavlink_defs.config.yaml_text import parse_yaml
+
+__all__ = ["Axis", "label", "parse_axes"]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A key of the scenario, as in ``trigger.b2_deg`` or ``faults[0].uav``, and its values."""
+
+    key: str
+    values: tuple[Any, ...]
+
+
+def parse_axes(texts: Iterable[str]) -> list[Axis]:
+    """Read axes written as ``KEY=VALUE,VALUE``; the values are YAML, as in a list in brackets.
+
+    Raises:
+        BadInput: A text is not of this form, or a key or a value is given twice.
+    """
+    axes: list[Axis] = []
+    for text in texts:
+        axis = _parse_axis(text)
+        if axis.key in (other.key for other in axes):
+            raise BadInput(
+                f"--set {axis.key} is given twice", "give all its values at once, with commas"
+            )
+        axes.append(axis)
+    return axes
+
+
+def _parse_axis(text: str) -> Axis:
+    key, _, listed = (part.strip() for part in text.partition("="))
+    try:
+        values = parse_yaml(f"[{listed}]")
+        labels = [label(value) for value in values]
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError):
+        labels = []
+    if not key or not labels:
+        raise BadInput(
+            f"--set is {text!r}, expected KEY=VALUE,VALUE,...",
+            "as in --set trigger.b2_deg=0.5,1 or --set 'controller.K1=[40, 40, 40], [50, 50, 50]'",
+        )
+    for _, problem in repeated(labels):
+        raise BadInput(f"--set {key}: {problem}", "leave one of them out")
+    return Axis(key, tuple(values))
+
+
+def label(value: Any) -> str:
+    """A value on one line: a text as it is, anything else as JSON."""
+    return value if isinstance(value, str) else json.dumps(value)

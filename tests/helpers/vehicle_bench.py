@@ -1,0 +1,64 @@
+"""A vehicle with all its services, and a ground station, message by message."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from ftc_autopilot.control.controllers import Controllers, new_controllers
+from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.link import new_link
+from ftc_autopilot.vehicle.vehicle import Vehicle
+from gcs.scenario.model import Scenario
+from mavlink_defs import dialect
+from mavlink_defs.framing.frames import FramePacker, parse
+from mavlink_defs.profile import segments_to_items
+
+GCS = FramePacker(255, 190)
+UAV = 1
+ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
+START = dialect.MAV_CMD_MISSION_START
+ACCEPTED, DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
+
+
+class Bench:
+    """A vehicle whose aircraft flies at 40 m/s to the North, and a ground station."""
+
+    def __init__(self, scenario: Scenario, heard: bool = True, stations: int = 1) -> None:
+        config = scenario.autopilot_config(UAV)
+        config = config.model_copy(update={"gcs": config.gcs * stations})
+        self.controllers: Controllers = new_controllers([config])
+        self.hot = HotState(new_link(UAV, config.neighbours, config.step_us, 0.25, 0))
+        self.hot.measured["velocity"] = (40.0, 0.0, 0.0)
+        self.hot.heard_s = float(heard)
+        self.vehicle = Vehicle(config, self.hot, self.controllers)
+        self.now = 0.0
+
+    def run(self, flags: int = dialect.FTC_SIM_FLAGS_RUNNING) -> None:
+        self.hot.flags = flags
+
+    def say(self, message: Any, station: int = 0) -> list[Any]:
+        """Send a message as a ground station; what the vehicle answers it."""
+        self.now += 0.01
+        received = parse(GCS.pack(message))
+        assert received is not None
+        self.vehicle.receive(received, self.now, station)
+        return self.vehicle.gcs_messages(station)
+
+    def command(self, number: int, *params: float, station: int = 0) -> int:
+        seven = (*params, *[0.0] * 7)[:7]
+        message = dialect.MAVLink_command_long_message(UAV, 1, number, 0, *seven)
+        answers = self.say(message, station)
+        (ack,) = of_type(answers, "COMMAND_ACK")
+        assert ack.command == number
+        return int(ack.result)
+
+    def upload(self, scenario: Scenario) -> int:
+        items = segments_to_items(scenario.segments(), UAV, 1)
+        answers = self.say(dialect.MAVLink_mission_count_message(UAV, 1, len(items), 0))
+        while requests := of_type(answers, "MISSION_REQUEST_INT"):
+            answers = self.say(items[requests[0].seq])
+        (ack,) = of_type(answers, "MISSION_ACK")
+        return int(ack.type)
+
+
+def of_type(messages: Iterable[Any], name: str) -> list[Any]:
+    return [message for message in messages if message.get_type() == name]

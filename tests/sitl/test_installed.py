@@ -1,0 +1,230 @@
+"""The package as pip installs it: wheel and sdist are built, and the wheel flies anywhere.
+
+The flights run without the compiler: an installation of its own would have to compile the numeric
+core first, which takes a minute.
+"""
+
+import shutil
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from email.parser import HeaderParser
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numba
+import pytest
+from flying import assert_one_message, environment, summary_of
+
+from gcs.reproduce import FILES
+
+pytestmark = pytest.mark.sitl
+
+ROOT = Path(__file__).parents[2]
+TIMEOUT_S = 300.0
+NOT_SOURCES = shutil.ignore_patterns(
+    ".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "build", "dist", "runs"
+)
+
+
+def build(source: Path, dist: Path, *targets: str) -> None:
+    """Run the build backend with what is installed here, as ``--no-build-isolation`` does."""
+    command = [sys.executable, "-m", "hatchling", "build", "-d", dist]
+    for target in targets:
+        command += ["-t", target]
+    done = subprocess.run(
+        command, cwd=source, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def content(wheel: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(wheel) as file:
+        return {name: file.read(name) for name in file.namelist()}
+
+
+@pytest.fixture(scope="module")
+def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Wheel and sdist, built from a copy: a build writes the dialect that other tests read."""
+    source, dist = tmp_path_factory.mktemp("source") / "copy", tmp_path_factory.mktemp("dist")
+    shutil.copytree(ROOT, source, ignore=NOT_SOURCES)
+    (source / "mavlink_defs" / "dialect.py").unlink()
+    build(source, dist, "sdist", "wheel")
+    return dist
+
+
+@pytest.fixture(scope="module")
+def wheel(dist: Path) -> Path:
+    (wheel,) = dist.glob("*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def programs(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the programs of a virtual environment that holds the wheel."""
+    folder = tmp_path_factory.mktemp("installed")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
+    programs = folder / "bin"
+    subprocess.run(
+        [sys.executable, "-m", "pip", "--python", programs / "python", "install", "--quiet",
+         "--disable-pip-version-check", "--no-compile", "--no-index", "--no-deps", wheel],
+        check=True, timeout=TIMEOUT_S,
+    )  # fmt: skip
+    # the dependencies are those of this environment; its own .pth files, and with them the
+    # project itself, are not read on the way
+    (packages,) = folder.glob("lib/python*/site-packages")
+    dependencies = (path for path in sys.path if path.endswith("-packages"))
+    (packages / "dependencies.pth").write_text("\n".join(dependencies))
+    return programs
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    """An empty folder to start commands from."""
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    return empty
+
+
+def run(
+    programs: Path, folder: Path, *command: str | Path, **changes: str
+) -> subprocess.CompletedProcess[str]:
+    program, *arguments = command
+    return subprocess.run(
+        [programs / program, *arguments],
+        cwd=folder, env=environment(**{"NUMBA_DISABLE_JIT": "1", **changes}),
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TIMEOUT_S, check=False,
+    )  # fmt: skip
+
+
+def run_well(programs: Path, folder: Path, *command: str | Path, **changes: str) -> str:
+    done = run(programs, folder, *command, **changes)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_wheel_says_what_it_is_and_has_what_it_needs(wheel: Path) -> None:
+    files = content(wheel)
+    project: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    (name,) = [name for name in files if name.endswith(".dist-info/METADATA")]
+    metadata = HeaderParser().parsestr(files[name].decode())
+    assert metadata["Version"] == project["version"] == version("ftc-sitl")
+    assert metadata["License-Expression"] == "BSD-3-Clause"
+    assert metadata.get_all("License-File") == ["LICENSE"]
+    assert "ftc-sitl authors" in metadata["Author"]
+    for package in ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs"):
+        sources = {
+            path.relative_to(ROOT).as_posix()
+            for path in (ROOT / package).rglob("*")
+            if path.is_file() and "__pycache__" not in path.parts
+        }
+        assert {name for name in files if name.startswith(f"{package}/")} >= sources
+        assert f"{package}/py.typed" in files
+    bundled = {name.partition("bundled_scenarios/")[2]: files[name] for name in files
+               if name.startswith("gcs/bundled_scenarios/")}  # fmt: skip
+    scenarios = ROOT / "scenarios"
+    assert bundled == {
+        path.relative_to(scenarios).as_posix(): path.read_bytes()
+        for path in scenarios.rglob("*.yaml")
+    }
+
+
+def test_the_sdist_builds_the_same_wheel(dist: Path, wheel: Path, tmp_path: Path) -> None:
+    (sdist,) = dist.glob("*.tar.gz")
+    with tarfile.open(sdist) as file:
+        file.extractall(tmp_path, filter="data")
+    (source,) = tmp_path.iterdir()
+    for name in ("LICENSE", "README.md", "Makefile", "requirements.txt", "tests/conftest.py"):
+        assert (source / name).is_file()
+    assert not (source / "mavlink_defs" / "dialect.py").exists()
+    build(source, tmp_path / "dist", "wheel")
+    (again,) = (tmp_path / "dist").iterdir()
+    assert content(again) == content(wheel)
+
+
+def test_it_runs_from_where_it_was_installed(programs: Path, folder: Path) -> None:
+    code = "import gcs, mavlink_defs; print(gcs.__file__, mavlink_defs.__file__)"
+    found = run_well(programs, folder, "python", "-c", code).split()
+    assert all(Path(path).is_relative_to(programs.parent) for path in found)
+
+
+def test_versions(programs: Path, folder: Path) -> None:
+    assert run_well(programs, folder, "gcs", "--version").splitlines() == [
+        f"ftc-sitl {version('ftc-sitl')}",
+        f"Python {sys.version.split()[0]}",
+        f"pymavlink {version('pymavlink')}",
+        f"numba {numba.__version__}",
+    ]
+
+
+def test_bundled_scenarios_are_listed_one_per_line(programs: Path, folder: Path) -> None:
+    rows = run_well(programs, folder, "gcs", "scenarios").splitlines()
+    scenarios = ROOT / "scenarios"
+    names = sorted(
+        str(path.relative_to(scenarios).with_suffix("")) for path in scenarios.rglob("*.yaml")
+    )
+    assert [row.split()[0] for row in rows] == names
+    assert all(len(row.split()) > 3 for row in rows)
+
+
+def test_a_new_scenario_flies_over_udp(programs: Path, folder: Path) -> None:
+    run_well(programs, folder, "gcs", "new", "my.yaml")
+    (folder / "short.yaml").write_text("extends: my.yaml\nduration_s: 0.05\n")
+    run_well(programs, folder, "gcs", "fly", "short.yaml", "--free-ports", "--out", "run")
+    summary = summary_of(folder / "run")
+    assert summary["completed"] is True
+    assert summary["scenario"] == "my"
+    run_well(programs, folder, "gcs", "profile", "check", "my.yaml")
+
+
+def test_a_new_scenario_never_overwrites(programs: Path, folder: Path) -> None:
+    (folder / "my.yaml").write_text("mine")
+    done = run(programs, folder, "gcs", "new", "my.yaml")
+    assert done.returncode == 2
+    assert_one_message(done.stderr)
+    assert "my.yaml exists already" in done.stderr
+    assert (folder / "my.yaml").read_text() == "mine"
+    done = run(programs, folder, "gcs", "new", "no/my.yaml")
+    assert done.returncode == 2
+    assert "cannot write no/my.yaml" in done.stderr
+
+
+def test_a_bundled_scenario_flies_by_its_name(programs: Path, folder: Path) -> None:
+    values = ("--set", "duration_s=0.02", "--quiet", "--out", "swept")
+    run_well(programs, folder, "gcs", "sweep", "paper/scenario1", *values)
+    assert len(list((folder / "swept" / "runs").glob("*.json"))) == 1
+    done = run(programs, folder, "gcs", "fly", "paper/scenario11")
+    assert done.returncode == 2
+    assert_one_message(done.stderr)
+    assert "did you mean paper/scenario1 " in done.stderr
+
+
+def test_the_paper_is_reproduced(programs: Path, folder: Path) -> None:
+    (folder / "short").mkdir()
+    for file in FILES:
+        text = f"extends: paper/{file}\nduration_s: 0.02\n"
+        (folder / "short" / f"{file}.yaml").write_text(text)
+    run_well(programs, folder, "gcs", "reproduce", "--scenarios", "short", "--out", "out")
+    assert (folder / "out" / "report.html").is_file()
+    default = "from gcs.commands.reproduce import reproduce as r; print(r.__defaults__[2])"
+    paper = Path(run_well(programs, folder, "python", "-c", default).strip())
+    assert paper.is_relative_to(programs.parent)
+    assert {f"{file}.yaml" for file in FILES} <= {path.name for path in paper.iterdir()}
+
+
+def test_compiled_code_of_an_installation_has_a_cache_of_its_own(
+    programs: Path, folder: Path
+) -> None:
+    code = "from mavlink_defs.runtime.jit import cache_is_cold; print(cache_is_cold())"
+    changes = {"NUMBA_DISABLE_JIT": "0", "NUMBA_CACHE_DIR": str(folder / "cache")}
+    assert run_well(programs, folder, "python", "-c", code, **changes) == "True\n"
+    (ours,) = (folder / "cache").iterdir()
+    here = subprocess.run(
+        [sys.executable, "-c", code], env=environment(**changes), check=True, capture_output=True
+    )
+    assert here.stdout == b"True\n"
+    assert len(set((folder / "cache").iterdir()) - {ours}) == 1

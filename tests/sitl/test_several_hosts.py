@@ -1,0 +1,155 @@
+"""A fleet on two hosts, started process by process with the files of ``gcs config``.
+
+The hosts are network namespaces of their own, joined by a cable of the kernel's, where root may
+make them; and in any case two addresses of this machine.
+"""
+
+import contextlib
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import yaml
+from flying import (
+    BIN,
+    TIMEOUT_S,
+    arrays_of,
+    assert_one_message,
+    environment,
+    free_links,
+    run,
+    write_scenario,
+)
+
+from gcs.fleet.in_process import fly_in_process
+from gcs.scenario.model import load_scenario
+
+pytestmark = pytest.mark.sitl
+
+STEPS = 300
+
+
+class Host(NamedTuple):
+    """A host, and what stands before a command that is to run on it."""
+
+    address: str
+    prefix: tuple[str, ...] = ()
+
+
+def ip(*arguments: str) -> None:
+    subprocess.run(["ip", *arguments], check=True, capture_output=True, timeout=TIMEOUT_S)
+
+
+@contextlib.contextmanager
+def namespaces() -> Iterator[tuple[Host, Host]]:
+    """Two network namespaces that reach each other, and nothing else."""
+    if os.geteuid() != 0 or shutil.which("ip") is None:
+        pytest.skip("network namespaces need root and iproute2 (scripts/install-test-tools)")
+    names = [f"ftc{os.getpid()}{end}" for end in "ab"]
+    addresses = ["192.0.2.1", "192.0.2.2"]
+    with contextlib.ExitStack() as stack:
+        try:
+            for name in names:
+                ip("netns", "add", name)
+                stack.callback(ip, "netns", "del", name)
+            a, b = names
+            ip("-n", a, "link", "add", "cable", "type", "veth", "peer", "name", "cable", "netns", b)
+            for name, address in zip(names, addresses, strict=True):
+                ip("-n", name, "address", "add", f"{address}/24", "dev", "cable")
+                ip("-n", name, "link", "set", "cable", "up")
+                ip("-n", name, "link", "set", "lo", "up")
+                ip("netns", "exec", name, "true")
+        except subprocess.CalledProcessError as problem:
+            pytest.skip(f"network namespaces are not permitted here: {problem.stderr.decode()}")
+        a, b = (
+            Host(address, ("ip", "netns", "exec", name))
+            for name, address in zip(names, addresses, strict=True)
+        )
+        yield a, b
+
+
+@contextlib.contextmanager
+def loopback() -> Iterator[tuple[Host, Host]]:
+    yield Host("127.0.0.2"), Host("127.0.0.3")
+
+
+@pytest.fixture(params=[namespaces, loopback], ids=lambda made: made.__name__)
+def hosts(request: pytest.FixtureRequest) -> Iterator[tuple[Host, Host]]:
+    with request.param() as hosts:
+        yield hosts
+
+
+@contextlib.contextmanager
+def started(host: Host, *command: str | Path) -> Iterator[subprocess.Popen[str]]:
+    program, *arguments = command
+    popen = subprocess.Popen(
+        [*host.prefix, BIN / program, *arguments],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=environment(),
+    )  # fmt: skip
+    with popen:
+        try:
+            yield popen
+        finally:
+            popen.kill()
+
+
+def test_a_fleet_on_two_hosts_flies_as_on_one(hosts: tuple[Host, Host], tmp_path: Path) -> None:
+    links = free_links()
+    path = write_scenario(tmp_path, duration_s=STEPS / 1000, faults=[], links=links)
+    a, b = hosts
+    where = {"plant": a, "uav1": a, "uav2": b, "uav3": b, "gcs": b}
+    options = [f"--host={name}={host.address}" for name, host in where.items()]
+    fleet = tmp_path / "fleet"
+    assert run("gcs", "config", path, "--out", fleet, *options).returncode == 0
+    plant = yaml.safe_load((fleet / "plant.yaml").read_text())
+    lockstep = {"speed": None, "duration_s": STEPS / 1000}
+    (fleet / "plant.yaml").write_text(yaml.safe_dump(plant | lockstep))
+    record = {name: ["--record", fleet / f"{name}.npz"] for name in where}
+
+    with contextlib.ExitStack() as stack:
+        processes = [stack.enter_context(
+            started(where["plant"], "sitl-plant", fleet / "plant.yaml", *record["plant"])
+        )]  # fmt: skip
+        for name in ("uav1", "uav2", "uav3"):
+            more = [*record[name], "--record-steps", str(STEPS)]
+            popen = started(where[name], "ftc-autopilot", fleet / f"{name}.yaml", *more)
+            processes.append(stack.enter_context(popen))
+        connect = f"udpin:{where['gcs'].address}:{links['gcs_port']}"
+        for words in (["profile", "upload", path], ["start"], ["arm"]):
+            station = ["--uav", "1,2,3", "--connect", connect, "--timeout", str(TIMEOUT_S)]
+            with started(where["gcs"], "gcs", *words, *station) as command:
+                _, problem = command.communicate(timeout=TIMEOUT_S)
+                assert command.returncode == 0, problem
+        for process in processes:
+            _, words = process.communicate(timeout=TIMEOUT_S)
+            assert process.returncode == 0, words
+            assert "dropped" not in words
+
+    expected = fly_in_process(load_scenario(path))
+    assert np.array_equal(arrays_of(fleet / "plant.npz")["states"], expected.states)
+    for i in (1, 2, 3):
+        signals = arrays_of(fleet / f"uav{i}.npz")["signals"]
+        assert signals.tobytes() == expected.signals[:, i - 1].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("option", "expected"),
+    [
+        ("uav9=10.0.0.1", "plant, uav1, uav2, uav3, gcs"),
+        ("plant", "host name after the ="),
+        ("gcs=10.0.0.1:7", "host name after the ="),
+    ],
+)
+def test_a_host_that_cannot_be_is_refused(option: str, expected: str, tmp_path: Path) -> None:
+    done = run("gcs", "config", "paper/scenario1", "--out", tmp_path / "x", "--host", option)
+    assert done.returncode == 2
+    assert_one_message(done.stderr)
+    assert option in done.stderr
+    assert expected in done.stderr
+    assert not (tmp_path / "x").exists()
