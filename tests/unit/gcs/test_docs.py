@@ -149,8 +149,8 @@ def test_message_field_is_documented(field: Field) -> None:
 
 
 def test_every_parameter_is_documented() -> None:
-    numbers = {model: model.model_fields for model in (Trigger, *LAWS.values())}
-    keys = {key for fields in numbers.values() for key in fields} - {"kind", "rbf"}
+    models: tuple[type[BaseModel], ...] = (Trigger, *LAWS.values())
+    keys = {key for model in models for key in model.model_fields} - {"kind", "rbf"}
     assert {"b2_deg", "lambda1", "K1", "rate_p"} <= keys
     assert keys - names_in_code(generated("parameters")) == set()
     assert {"RBF_NEURONS", "K1_ROLL", "TRIG_MODE"} <= names_in_code(generated("parameters"))
