@@ -1,5 +1,5 @@
 # ftc-sitl with its dependencies as locked in requirements.txt: gcs, sitl-plant, ftc-autopilot.
-# docs/how-to/fleets-on-several-hosts.md says how a fleet of containers is started.
+# docs/how-to/several-hosts.md says how a fleet of containers is started.
 
 FROM python:3.12-slim AS build
 WORKDIR /source

@@ -3,16 +3,32 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: fly test bench fuzz lock clean
+.PHONY: fly check test explore docs bench fuzz lock clean
 
 fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
 	$(BIN)/gcs fly scenarios/paper/scenario1.yaml
 
-test: $(READY)  ## everything that must pass: format, lint, types, tests
+check: lint  ## for the daily loop: format, lint, types and the quick tests
+	$(BIN)/pytest -q -n auto --dist worksteal -m "not slow" tests/unit tests/test_architecture.py
+
+test: lint  ## everything that must pass: format, lint, types, all tests; coverage by the unit tests
+	$(BIN)/pytest -n auto --dist worksteal --cov --cov-report=term tests/unit tests/test_architecture.py
+	$(BIN)/pytest -n auto --dist worksteal tests/sitl
+
+.PHONY: lint
+lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/pytest -n auto --dist worksteal
+
+SEED ?= $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
+explore: $(READY)  ## the property tests with new examples, ten times as many; SEED=... repeats a run
+	@echo "make explore SEED=$(SEED) repeats this; failures are kept in .hypothesis/, tried first"
+	$(BIN)/pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile=explore \
+	  --hypothesis-seed=$(SEED) tests/unit
+
+docs: $(READY)  ## the documentation as a site in site/; every warning is an error
+	$(BIN)/mkdocs build --quiet --strict
 
 bench: $(READY)  ## the speed figures of the README
 	$(BIN)/python -m benchmarks
@@ -26,7 +42,7 @@ lock:  ## choose new dependency versions (wants uv on the PATH)
 	  --upgrade --quiet --output-file requirements.txt
 
 clean:  ## remove the environment and everything generated
-	rm -rf .venv build dist mavlink_defs/dialect.py
+	rm -rf .venv build dist site mavlink_defs/dialect.py
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
@@ -35,7 +51,3 @@ $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	touch $@
-
-.PHONY: docs
-docs: $(READY)  ## the documentation as a site in site/; every warning is an error
-	$(BIN)/mkdocs build --quiet --strict

@@ -243,7 +243,7 @@ class StationTarget:
         self.client = Client(Connection("in", parse_address("127.0.0.1:14550")))
         heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
         self._now = 0.0
-        self.client.now = lambda: self._now  # type: ignore[method-assign]
+        self.client.now = lambda: self._now  # type: ignore[method-assign]  # our clock
         self.feed(FramePacker(*self.sender).pack(heartbeat))
 
     def feed(self, datagram: bytes) -> None:

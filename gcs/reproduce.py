@@ -1,4 +1,4 @@
-"""Flying the paper's scenarios and writing everything down in one folder."""
+"""Fly the paper's scenarios and write the report in one folder."""
 
 import csv
 from collections.abc import Callable, Mapping
@@ -47,10 +47,10 @@ STEPS = len(FILES) + len(_CAPTIONS) + 2
 
 
 def load_all(folder: Path) -> dict[str, Scenario]:
-    """The scenarios by file name.
+    """Load the scenarios, by file name.
 
     Raises:
-        BadInput: The folder is not there.
+        BadInput: The folder does not exist.
         ConfigError: A file is missing or wrong.
     """
     if not folder.is_dir():

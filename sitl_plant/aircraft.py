@@ -63,4 +63,4 @@ def aircraft_record(aircraft: Aircraft) -> np.void:
     record["per_rad_s"] = aircraft.rate_derivatives == "per_rad_s"
     record["thrust_limit"] = aircraft.thrust_limit_n
     record["surface_limit"] = np.radians(aircraft.surface_limit_deg)
-    return record[0]  # type: ignore[no-any-return]
+    return record[0]  # type: ignore[no-any-return]  # numpy gives Any

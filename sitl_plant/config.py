@@ -49,10 +49,10 @@ class Inertia(Model):
 class Coefficients(Model):
     """Aerodynamic coefficients and derivatives; angles in rad, names as in Table I."""
 
-    cL0: float = quantity("", doc="Lift at zero angle of attack.")  # noqa: N815
-    cL_alpha: float = quantity("1/rad", doc="Lift by angle of attack.")  # noqa: N815
-    cD0: float = quantity("", ge=0.0, doc="Drag.")  # noqa: N815
-    cY_beta: float = quantity("1/rad", doc="Side force by sideslip.")  # noqa: N815
+    cL0: float = quantity("", doc="Lift at zero angle of attack.")
+    cL_alpha: float = quantity("1/rad", doc="Lift by angle of attack.")
+    cD0: float = quantity("", ge=0.0, doc="Drag.")
+    cY_beta: float = quantity("1/rad", doc="Side force by sideslip.")
     cl0: float = quantity("", doc="Rolling moment.")
     cl_beta: float = quantity("1/rad", doc="Rolling moment by sideslip.")
     cl_p: float = quantity("1/rad", doc="Rolling moment by roll rate.")

@@ -12,10 +12,11 @@ from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.jit import cache_is_cold
 from sitl_plant.aircraft import aircraft_record
 
-pytest_plugins = ["needs", "pytester"]
+pytest_plugins = ["leftovers", "needs", "pytester"]
 
-# the first call of a function compiles it; the same examples in every run
+# the first call of a function compiles it; the same examples in every run, but by `make explore`
 settings.register_profile("ftc-sitl", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("ftc-sitl")
 
 DATA = Path(__file__).parent / "data"

@@ -18,20 +18,20 @@ Edge = tuple[int, int, float]
 
 def adjacency(ids: Sequence[int], edges: Sequence[Edge]) -> np.ndarray:
     """The symmetric matrix A = [a_ij], rows and columns in the order of `ids`."""
-    A = np.zeros((len(ids), len(ids)))  # noqa: N806 - the paper's symbol
+    A = np.zeros((len(ids), len(ids)))
     for first, second, weight in edges:
         i, j = ids.index(first), ids.index(second)
         A[i, j] = A[j, i] = weight
     return A
 
 
-def laplacian(A: np.ndarray) -> np.ndarray:  # noqa: N803 - the paper's symbol
+def laplacian(A: np.ndarray) -> np.ndarray:
     """L = D - A of an adjacency matrix, shape (n, n)."""
-    L: np.ndarray = np.diag(A.sum(axis=1)) - A  # noqa: N806
+    L: np.ndarray = np.diag(A.sum(axis=1)) - A
     return L
 
 
-def check_lemma1(ids: Sequence[int], A: np.ndarray, h: np.ndarray) -> str | None:  # noqa: N803
+def check_lemma1(ids: Sequence[int], A: np.ndarray, h: np.ndarray) -> str | None:
     """Say why L + H is not positive definite; None if it is.
 
     Args:

@@ -5,8 +5,6 @@ as they stand, advance the estimates by one explicit Euler step to t + dt, trigg
 reference filter.
 """
 
-import math
-
 import numpy as np
 
 from ftc_autopilot.config import Controller, Trigger
@@ -34,8 +32,6 @@ __all__ = [
     "parameter_record",
     "restart_law",
 ]
-
-_DEGREE = math.radians(1.0)
 
 NO_INTERVAL = 2**32 - 1
 """Smallest interval of a channel with fewer than two events."""
@@ -184,7 +180,7 @@ def control_step(
     errors = formation_errors(motion, reference, neighbours, weights, parameters["common"])
     thresholds = parameters["trigger"]
     a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
-    b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_deg"], t)[0] * _DEGREE
+    b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_rad"], t)[0]
     now = Instant(t, dt, first, motion, reference, errors, state["held"], a[0])
     demand = evaluate(now, aircraft, parameters, state, signals)
     mask = trigger(

@@ -1,8 +1,11 @@
-"""Parameters as compiled code sees them: records whose fields are those of the models.
+"""Parameters as compiled code sees them: records whose fields are those of the models, in SI units.
 
-Numbers stay in the unit that the field's name says.
+Angles are configured in degrees and converted here, once: a field ``b2_deg`` [deg] of a model is
+``b2_rad`` [rad] in the record.
 """
 
+import math
+import re
 import types
 from typing import Any, Literal, get_args, get_origin
 
@@ -11,17 +14,25 @@ from pydantic import BaseModel
 
 from ftc_autopilot.control.schedule import TABLE, Schedule, schedule_table
 
-__all__ = ["fill", "record_dtype"]
+__all__ = ["fill", "in_si", "record_dtype"]
+
+_DEGREE = math.radians(1.0)
+
+
+def in_si(field: str) -> tuple[str, float]:
+    """Return a model field's name in a record, and the factor of its numbers there."""
+    name = re.sub(r"_deg(?=_|$)", "_rad", field)
+    return name, 1.0 if name == field else _DEGREE
 
 
 def record_dtype(model: type[BaseModel], base: type[BaseModel] = BaseModel) -> np.dtype:
-    """The record that holds the numbers which a model has beyond those of a base class.
+    """Return the record that holds the numbers which a model has beyond those of a base class.
 
     A number is a number, a choice of texts its index, three numbers an array, a schedule its
     table, a model a record. A text without a choice is left out.
     """
     own = {n: f for n, f in model.model_fields.items() if n not in base.model_fields}
-    fields = ((name, _dtype(field.annotation)) for name, field in own.items())
+    fields = ((in_si(name)[0], _dtype(field.annotation)) for name, field in own.items())
     return np.dtype([(name, *dtype) for name, dtype in fields if dtype is not None])
 
 
@@ -45,14 +56,18 @@ def _dtype(annotation: Any) -> tuple[Any, ...] | None:
 
 
 def fill(record: np.void, model: BaseModel) -> None:
-    """Write a model's numbers into a record of `record_dtype` of its class."""
-    for name in record.dtype.names or ():
-        value, annotation = getattr(model, name), type(model).model_fields[name].annotation
+    """Write a model's numbers in SI units into a record of `record_dtype` of its class."""
+    for field, info in type(model).model_fields.items():
+        name, factor = in_si(field)
+        if name not in (record.dtype.names or ()):
+            continue
+        value = getattr(model, field)
         if isinstance(value, Schedule):
             record[name] = schedule_table(value)
+            record[name][:, 1:] *= factor
         elif isinstance(value, BaseModel):
             fill(record[name], value)
         elif isinstance(value, str):
-            record[name] = get_args(annotation).index(value)
+            record[name] = get_args(info.annotation).index(value)
         else:
-            record[name] = value
+            record[name] = np.multiply(value, factor)

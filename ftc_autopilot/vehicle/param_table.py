@@ -19,6 +19,7 @@ from ftc_autopilot.config import AutopilotConfig, Trigger
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.records import in_si
 from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
@@ -58,6 +59,7 @@ class Tunable:
         times: Last instant of each window of the number [s]; one that never ends if it is
             constant. Shape (windows,).
         cells: Where the number stands in a record, in each window, shape (windows, copies).
+        factor: The number in the record is the value times this.
     """
 
     name: str
@@ -66,10 +68,13 @@ class Tunable:
     quantity: Quantity
     times: np.ndarray
     cells: np.ndarray
+    factor: float
 
     def at(self, t: float) -> float:
-        """The value at time t [s]."""
-        return float(self.cells[np.argmax(self.times >= t), 0])
+        """Return the value at time t [s]."""
+        cell = float(self.cells[np.argmax(self.times >= t), 0])
+        # 15 digits are those of the value that was put, without the rounding of the conversion
+        return cell if self.factor == 1.0 else float(f"{cell / self.factor:.15g}")
 
     def put(self, value: float) -> None:
         """Put a value in force, in all windows.
@@ -83,7 +88,7 @@ class Tunable:
         if not (low and high):
             wanted = q.range() if q.range()[0] in "<>" else f"in {q.range()}"
             raise ParamValueError(f"is {value:g}, must be {wanted}")
-        self.cells[:] = value
+        self.cells[:] = value * self.factor
 
 
 def parameters_of(
@@ -139,9 +144,10 @@ def tunables(
         base: The base class.
     """
     for field, info in model.model_fields.items():
-        if field in base.model_fields or field not in (records.dtype.names or ()):
+        in_record, factor = in_si(field)
+        if field in base.model_fields or in_record not in (records.dtype.names or ()):
             continue
-        annotation, places = info.annotation, records[field]
+        annotation, places = info.annotation, records[in_record]
         name = prefix + _SHORTER.get(field, field.upper())
         if isinstance(annotation, type) and issubclass(annotation, Schedule):
             (annotation,) = annotation.__pydantic_generic_metadata__["args"]
@@ -154,11 +160,13 @@ def tunables(
         parts = get_args(annotation) if get_origin(annotation) is tuple else ()
         for column, (part, axis) in enumerate(zip(parts, _axes(len(parts)), strict=True)):
             cells = places[:, column : column + 1]
-            yield Tunable(_cut(name, axis), field, REAL32, _quantity(part, info), times, cells)
+            quantity = _quantity(part, info)
+            yield Tunable(_cut(name, axis), field, REAL32, quantity, times, cells, factor)
         if not parts:
             whole = annotation in {int, bool} or get_origin(annotation) is Literal
             quantity = _quantity(annotation, info)
-            yield Tunable(_cut(name), field, INT32 if whole else REAL32, quantity, times, places)
+            type_ = INT32 if whole else REAL32
+            yield Tunable(_cut(name), field, type_, quantity, times, places, factor)
 
 
 def _quantity(annotation: Any, info: FieldInfo) -> Quantity:

@@ -24,13 +24,13 @@ class FaultWindow:
 
 
 def literal(text: str) -> str:
-    """A user's text, such that matplotlib does not take what stands between $ for a formula."""
+    """Return a user's text with $ escaped, which marks formulas in matplotlib."""
     return text.replace("$", r"\$")
 
 
 @dataclass(frozen=True)
 class PlottedFlight:
-    """A flight and what to call it in a legend, such as the controller."""
+    """A flight and its label in a legend, such as the controller."""
 
     label: str
     scenario: Scenario
@@ -48,41 +48,41 @@ class PlottedFlight:
 
     @property
     def title(self) -> str:
-        """The label, and when the flight was lost, if it was."""
+        """The label, with the time of the loss if the flight was lost."""
         label = literal(self.label)
         return label if self.recording.loss is None else f"{label} ({self.lost})"
 
     @property
     def lost(self) -> str:
-        """When the flight was lost."""
+        """The time at which the flight was lost."""
         return f"lost at {self.recording.duration_s:.2f} s"
 
     def response(self, i: int) -> np.ndarray:
-        """Airspeed [m/s], roll, pitch, yaw [deg, wrapped] of the i-th UAV, shape (steps, 4)."""
+        """Return airspeed [m/s] and wrapped angles [deg] of the i-th UAV, shape (steps, 4)."""
         return wrapped(in_degrees(self.recording.response[:, i]))
 
     def reference(self, i: int = 0) -> np.ndarray:
-        """What the i-th UAV tracks, as `response`; NaN where it has no reference."""
+        """Return the reference of the i-th UAV, as `response`; NaN where it has none."""
         return wrapped(in_degrees(self.recording.signals["reference"][:, i]))
 
     def error(self, i: int) -> np.ndarray:
-        """Tracking errors of the i-th UAV against the reference [m/s, deg], shape (steps, 4).
+        """Return the tracking errors of the i-th UAV [m/s, deg], shape (steps, 4).
 
         NaN where it has no reference.
         """
         return in_degrees(self.recording.signals["error"][:, i])
 
     def sync_error(self, i: int) -> np.ndarray:
-        """Synchronisation errors (31), (32) of the i-th UAV [m/s, deg], shape (steps, 4)."""
+        """Return errors (31), (32) of synchronisation of the i-th UAV [m/s, deg], (steps, 4)."""
         return in_degrees(self.recording.signals["sync_error"][:, i])
 
     def event_times(self, i: int, channel: str) -> np.ndarray:
-        """Times at which a channel of the i-th UAV had an event [s]."""
+        """Return the times at which a channel of the i-th UAV had an event [s]."""
         bit = 1 << ACTUATORS.index(channel)
         return np.flatnonzero(self.recording.signals["events"][:, i] & bit) * self.step_s
 
     def event_counts(self, i: int) -> list[int]:
-        """Events of each channel of the i-th UAV, in the order of `PAPER_ORDER`."""
+        """Return the events of each channel of the i-th UAV, in the order of `PAPER_ORDER`."""
         return [len(self.event_times(i, channel)) for channel in PAPER_ORDER]
 
     @property
@@ -97,10 +97,9 @@ def wrapped(channels: np.ndarray) -> np.ndarray:
 
 
 def fault_windows(flights: Sequence[PlottedFlight], uav_id: int | None = None) -> list[FaultWindow]:
-    """When faults act in some of the flights, on one UAV or on any, in order of time.
+    """Return when faults act in some of the flights, on one UAV or on any, ordered by time.
 
-    Faults that act at the same time share a window; if they are not the same, it only says
-    whom they strike.
+    Faults that act at the same time share a window; if they differ, it only names the UAVs.
     """
     faults: dict[tuple[float, float], dict[str, str]] = {}
     for flight in flights:
@@ -124,7 +123,7 @@ def _summary(found: dict[str, str]) -> str:
 
 
 def _text(fault: ScenarioFault, name: str) -> str:
-    """What a fault does to its actuator, as in ``rudder of leader at 90 % + 1°``."""
+    """Describe a fault and its actuator, as in ``rudder of leader at 90 % + 1°``."""
     text = f"{fault.actuator} of {name}"
     if fault.effectiveness is not None:
         text += f" at {100.0 * fault.effectiveness:g} %"

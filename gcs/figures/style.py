@@ -50,7 +50,7 @@ class Style:
 
     @property
     def line(self) -> dict[str, Any]:
-        """The style of a curve, as arguments of matplotlib."""
+        """The style of a curve, as matplotlib's arguments."""
         return {"color": self.colour, "ls": self.dashes, "lw": self.width}
 
 
@@ -75,12 +75,12 @@ _saving = Lock()
 
 
 def style(i: int) -> Style:
-    """The style of the i-th UAV or controller."""
+    """Return the style of the i-th UAV or controller."""
     return STYLES[i % len(STYLES)]
 
 
 def new_figure(height_in: float, layout: Layout | None = "constrained") -> "Figure":
-    """An empty figure over the width of the page, which lays out its axes itself, or not."""
+    """Return an empty figure of the width of the page, with or without automatic layout."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(WIDTH_IN, height_in), layout=layout)

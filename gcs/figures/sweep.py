@@ -41,7 +41,7 @@ class _Styles:
         return _COLOURS[i] if n <= len(_COLOURS) else colormaps["viridis"](0.95 * i / (n - 1))
 
     def marker(self, value: str) -> dict[str, Any]:
-        """A shape; a number where there are not enough shapes."""
+        """Return a shape; a number where there are not enough shapes."""
         i, n = self.markers[1].index(value), len(self.markers[1])
         if n > len(_SHAPES):
             size = 6 if i < 9 else 10
@@ -49,7 +49,7 @@ class _Styles:
         return {"marker": _SHAPES[i], "markersize": 7, "markeredgewidth": 0.5}
 
     def of(self, run: Run) -> dict[str, Any]:
-        """What matplotlib is told about a run's point."""
+        """Return matplotlib's arguments for a run's point."""
         colour, marker = (position(run, name) for name, _ in (self.colours, self.markers))
         edge = {"markeredgecolor": "white", "alpha": 0.85}
         return {"color": self.colour(colour), **self.marker(marker), **edge}

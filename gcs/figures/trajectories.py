@@ -98,7 +98,7 @@ def _moments(flight: PlottedFlight, times_s: Sequence[float]) -> list[tuple[int,
 
 
 def _aircraft(state: np.ndarray) -> np.ndarray:
-    """An aircraft with the attitude of a state, north, east, up, in units of the box."""
+    """Return an aircraft with the attitude of a state: north, east, up, in units of the box."""
     to_ned = np.array(R1((state[6], state[7], state[8])))
     to_north_east_up = to_ned * [[1.0], [1.0], [-1.0]]
     glyph: np.ndarray = _WING * _GLYPH @ to_north_east_up.T

@@ -1,4 +1,4 @@
-"""A report as Markdown, and the same as one HTML file with its pictures inside."""
+"""Reports as Markdown, and as one HTML file with its pictures inside."""
 
 import base64
 import html
@@ -24,23 +24,23 @@ div.wide { overflow-x: auto; }
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table; the first column to the left, the others to the right."""
+    """Return a Markdown table; the first column is left-aligned, the others right-aligned."""
     rule = ["---", *["---:"] * (len(header) - 1)]
     lines = [header, rule, *rows]
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines) + "\n"
 
 
 def bullets(sentences: Iterable[str]) -> str:
-    """A Markdown list."""
+    """Return a Markdown list."""
     return "".join(f"- {sentence}\n" for sentence in sentences)
 
 
 def html_of(markdown: str, folder: Path) -> str:
-    """The report as one page that needs no other file.
+    """Return the report as one HTML page that needs no other file.
 
     Args:
         markdown: The report; its first line is its title.
-        folder: Where its pictures lie.
+        folder: Folder of its pictures.
     """
     from markdown_it import MarkdownIt
 

@@ -1,4 +1,4 @@
-"""The report of `gcs reproduce`: the paper's tables beside ours, and what differs, in words."""
+"""The report of `gcs reproduce`: the paper's tables beside ours, and where they differ."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -21,7 +21,7 @@ CONTROLLERS = {
     "scenario2_backstepping": "compared controller 2 (backstepping)",
     "scenario2_pid": "PID (not in the paper)",
 }
-"""What is compared, by scenario file, as tables and figures name it."""
+"""Controllers compared, by scenario file, as tables and figures name them."""
 
 MODES = {
     "scenario3_mode1": "mode 1: rudder ρ 0.9",
@@ -34,7 +34,7 @@ MODES = {
 
 @dataclass(frozen=True)
 class Results:
-    """What the report is about.
+    """The data of the report.
 
     Attributes:
         summaries: Of each flight, by scenario file.
@@ -49,17 +49,17 @@ class Results:
     figures: Mapping[str, str]
 
     def iae(self, file: str) -> dict[str, float]:
-        """IAE of follower 2 against the commands, by quantity."""
+        """Return the IAE of follower 2 against the commands, by quantity."""
         iae = self._uav(file, _FOLLOWER_2).iae
         return {name: math.nan if value is None else value for name, value in iae.items()}
 
     def events(self, file: str, uav: int = _FOLLOWER_2) -> dict[str, int]:
-        """Events by channel."""
+        """Return the events by channel."""
         channels = self._uav(file, uav).channels
         return {name: channel.events for name, channel in channels.items()}
 
     def saving(self, file: str) -> float:
-        """Share of transmissions that follower 2 saved."""
+        """Return the share of transmissions that follower 2 saved."""
         share = self._uav(file, _FOLLOWER_2).saving
         return math.nan if share is None else share
 
@@ -68,7 +68,7 @@ class Results:
 
 
 def paper_report(results: Results) -> str:
-    """The whole report as Markdown; figures are expected in `figures/`."""
+    """Return the whole report as Markdown; figures are expected in `figures/`."""
     parts = [
         "# The paper's results, flown again\n",
         _introduction(results),
@@ -182,7 +182,8 @@ def _on_tracking(results: Results) -> Iterator[str]:
     least = min(results.reference_lag.values())
     yield (
         f"The proposed controller's IAEs differ from the paper's by: {listed}. At least "
-        f"{least:.1f} of each of ours is the reference filter, which the paper does not print."
+        f"{least:.1f} of each of our values is due to the reference filter, which the paper does "
+        "not print."
     )
     periodic = results.iae("scenario2_periodic")
     cost = max(abs(ours[q] - periodic[q]) / periodic[q] for q in QUANTITIES)

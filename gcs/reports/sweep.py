@@ -37,7 +37,7 @@ _WIDEST_VALUE = 14  # characters of the terminal
 
 
 def choose_uav(runs: Sequence[Run], wanted: int | None) -> int | None:
-    """The UAV that table.md and the plot are about.
+    """Return the UAV that table.md and the plot show.
 
     Args:
         runs: The grid.
@@ -114,7 +114,7 @@ def _markdown_row(cells: Sequence[str]) -> str:
 
 
 def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
-    """Give what `gcs sweep` prints at the end: less than table.md, for a narrow terminal."""
+    """Return what `gcs sweep` prints at the end: less than table.md, for a narrow terminal."""
     left = len(results) - _TERMINAL_ROWS
     caption = (
         f"{left} more runs in table.md"
@@ -154,7 +154,7 @@ def _title(uav_id: int | None) -> str:
 
 
 def _figures(result: Result, uav_id: int | None) -> list[str]:
-    """Saving, IAEs, events and smallest interval of a complete flight, for people."""
+    """Format saving, IAEs, events and smallest interval of a complete flight."""
     uav = uav_of(result, uav_id)
     if uav is None:
         return ["-"] * (3 + len(QUANTITIES))
@@ -167,7 +167,7 @@ def _figures(result: Result, uav_id: int | None) -> list[str]:
 
 
 def _lost(result: Result, uav_id: int | None) -> tuple[str, str] | None:
-    """What a UAV lost, and how far it came back; None if nothing, or if it did not end."""
+    """Return what a UAV lost, and its final error; None if nothing, or if the flight was lost."""
     uav = uav_of(result, uav_id)
     if uav is None:
         return None
@@ -193,18 +193,18 @@ def uav_of(result: Result, uav_id: int | None) -> UavSummary | None:
 
 
 Dimension: TypeAlias = tuple[str, list[str]]
-"""A column of the tables, a dimension of the plot: its name, and labels of its values."""
+"""A column of the tables and a dimension of the plot: its name, and labels of its values."""
 
 _FILE = "scenario"
 
 
 def dimensions_of(results: Sequence[Result]) -> list[Dimension]:
-    """The keys that were swept; the files too if there are several."""
+    """Return the keys that were swept, and the files if there are several."""
     names = [*results[0].run.values, _FILE]
     axes = [(name, list(dict.fromkeys(position(r.run, name) for r in results))) for name in names]
     return [axis for axis in axes if axis[0] != _FILE or len(axis[1]) > 1]
 
 
 def position(run: Run, name: str) -> str:
-    """Where a run stands on an axis: the label of its value."""
+    """Return the label of a run's value in a dimension."""
     return run.name if name == _FILE else label(run.values.get(name, ""))

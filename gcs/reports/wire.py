@@ -143,7 +143,7 @@ def _way(row: LinkReport | StreamReport) -> str:
 
 
 def _table(title: str, headings: Sequence[str]) -> Table:
-    """A table; a heading that begins with "!" is over numbers."""
+    """Return an empty table; a heading that starts with "!" is right-aligned, for numbers."""
     table = Table(title=title)
     for heading in headings:
         table.add_column(

@@ -27,7 +27,7 @@ def export_flight(recording: Recording, folder: Path) -> None:
     """Write `trajectory.npz`, `trajectory.csv`, `events.npz` and `events.csv`.
 
     The trajectory has states, references, errors, commands and estimates; the inner quantities
-    of the law follow from these, and stand in the run folder of `gcs fly`.
+    of the law follow from these, and are in the run folder of `gcs fly`.
 
     Args:
         recording: The flight.
@@ -38,7 +38,7 @@ def export_flight(recording: Recording, folder: Path) -> None:
     """
     events = event_table(recording)
     with naming(folder / "events.npz"):
-        np.savez_compressed(folder / "events.npz", **events)  # type: ignore[arg-type]
+        np.savez_compressed(folder / "events.npz", **events)  # type: ignore[arg-type]  # no allow_pickle
     _write_events(folder / "events.csv", events)
     arrays = {name: recording.signals[name] for name in _SIGNALS}
     with naming(folder / "trajectory.npz"):
@@ -48,13 +48,13 @@ def export_flight(recording: Recording, folder: Path) -> None:
             time_s=recording.time_s,
             state=recording.states,
             applied=recording.applied,
-            **arrays,  # type: ignore[arg-type]
+            **arrays,  # type: ignore[arg-type]  # no allow_pickle
         )
     _write_trajectory(folder / "trajectory.csv", recording)
 
 
 def _write_events(path: Path, events: dict[str, np.ndarray]) -> None:
-    """The events with names and degrees for people."""
+    """Write the events as CSV, with names and degrees."""
     surface = events["channel"] < 3
     value = np.where(surface, np.degrees(events["value"]), events["value"])
     with naming(path), path.open("w") as file:

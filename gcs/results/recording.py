@@ -1,4 +1,4 @@
-"""What a flight leaves behind, the same for every way to fly it: arrays over steps and UAVs.
+"""The recording of a flight, the same however it was flown: arrays over steps and UAVs.
 
 The plant records the true state of every step. An autopilot records what it computed: nothing
 where no state reached it, and while it is disarmed only what it measures and holds.
@@ -25,9 +25,9 @@ class Recording:
         mode: How it was flown.
         step_us: Control period [µs].
         uav_ids: System ids, length n.
-        states: Shape (steps, n, 12), at the begin of each step; see `sitl_plant.rigid_body.State`.
-        applied: Shape (steps, n, 4), what the actuators did as each period began: aileron,
-            elevator, rudder, thrust.
+        states: Shape (steps, n, 12), at the start of each step; see `sitl_plant.rigid_body.State`.
+        applied: Shape (steps, n, 4), applied at the start of each period: aileron, elevator,
+            rudder, thrust.
         signals: Shape (steps, n), dtype `ftc_autopilot.control.controller.SIGNALS`; NaN where an
             autopilot received no state, and what the law computes also while it is disarmed.
         repeats: Shape (n, 4), events sent again because the plant had not applied them.
@@ -57,13 +57,13 @@ class Recording:
 
     @property
     def missing(self) -> np.ndarray:
-        """At which steps a UAV's autopilot received no state, shape (steps, n)."""
+        """Whether a UAV's autopilot received no state in a step, shape (steps, n)."""
         missing: np.ndarray = np.isnan(self.signals["V"])
         return missing
 
     @property
     def active(self) -> np.ndarray:
-        """At which steps a UAV's law was evaluated, shape (steps, n)."""
+        """Whether a UAV's law was evaluated in a step, shape (steps, n)."""
         active: np.ndarray = np.isfinite(self.signals["command"][..., 0])
         return active
 
@@ -75,7 +75,7 @@ class Recording:
         return np.concatenate([airspeed[..., None], self.states[..., 6:9]], axis=-1)
 
     def error(self, wanted: Literal["command", "reference"]) -> np.ndarray:
-        """True response minus what was wanted, roll and yaw wrapped [m/s, rad], (steps, n, 4).
+        """Return true response minus wanted one, roll and yaw wrapped [m/s, rad], (steps, n, 4).
 
         Over missing steps the last command or reference holds, which the autopilot does not
         advance then; before its first step, that of its first step. NaN while disarmed.
@@ -89,7 +89,7 @@ class Recording:
         return error
 
     def _held_over(self, values: np.ndarray) -> np.ndarray:
-        """Values of an autopilot, shape (steps, n, 4), those of missing steps filled in."""
+        """Return values of an autopilot, shape (steps, n, 4), with missing steps filled in."""
         missing = self.missing
         if not missing.any():
             return values

@@ -1,4 +1,4 @@
-"""The folder that a flight's results go into."""
+"""The folder of a flight's results."""
 
 import errno
 import json
@@ -25,7 +25,7 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
         scenario_name: Part of the name of a new folder.
 
     Raises:
-        BadInput: It holds something already, or cannot be made.
+        BadInput: It is not empty, or cannot be made.
     """
     now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     name = re.sub(r"[^\w.-]+", "-", scenario_name)

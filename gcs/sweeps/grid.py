@@ -27,7 +27,7 @@ _SOURCES = (
     "mavlink_defs/**/*.py", "mavlink_defs/*.xml", "sitl_plant/**/*.py", "ftc_autopilot/**/*.py",
     "gcs/fleet/in_process.py", "gcs/results/*.py", "gcs/scenario/*.py",
 )  # fmt: skip
-"""What makes a summary out of a scenario, below `_ROOT`."""
+"""The sources that turn a scenario into a summary, below `_ROOT`."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Run:
 
     Attributes:
         file: Scenario file.
-        name: What the file is called among those of the sweep.
+        name: Name of the file among those of the sweep.
         values: Values laid over it, by key.
         scenario: The two together; None if they do not make a scenario.
         problems: Why they do not.
@@ -54,9 +54,9 @@ class Run:
 
 
 def plan(files: Sequence[Path], axes: Sequence[Axis]) -> list[Run]:
-    """Make the grid: every combination of the axes' values for every file.
+    """Return the grid: every combination of the axes' values for every file.
 
-    A combination that is no scenario stays in it, with its problems.
+    A combination that is not a valid scenario stays in it, with its problems.
 
     Raises:
         ConfigError: A file cannot be read, or has a problem that no combination mends.
@@ -82,7 +82,7 @@ def plan(files: Sequence[Path], axes: Sequence[Axis]) -> list[Run]:
 
 
 def _checked(run: Run, tree: dict[Any, Any]) -> Run:
-    """A run with its scenario or its problems, given the plain data of its file."""
+    """Return a run with its scenario or its problems, given the plain data of its file."""
     try:
         scenario = scenario_of(run.file, with_values(tree, run.values))
     except PlaceError as error:

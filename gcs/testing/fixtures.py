@@ -1,4 +1,4 @@
-"""Where fleets for tests come from: reading scenarios, choosing ports, flying them once."""
+"""Fleets for tests: read scenarios, choose ports, fly them."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,7 +27,7 @@ def read_scenario(path: Path, changes: Mapping[str, Any]) -> Scenario:
     Args:
         path: Scenario file.
         changes: From top-level keys or places (``trigger.b2_deg``) to values, as `extends`
-            does it: mappings merge, None takes away.
+            does it: mappings merge, None removes.
 
     Raises:
         BadInput: The file or the changes cannot be used; the text has every problem.

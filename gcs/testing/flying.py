@@ -42,8 +42,8 @@ class TestFleet:
 
     Attributes:
         scenario: The scenario, on the ports that it flies on.
-        folder: `flight.tlog`, and `processes/` with configurations and words of all processes.
-        client: The asyncio client; `call` runs what its methods give.
+        folder: `flight.tlog`, and `processes/` with configurations and logs of all processes.
+        client: The asyncio client; `call` runs its coroutines.
     """
 
     __test__ = False  # pytest takes a class of such a name for tests
@@ -67,9 +67,9 @@ class TestFleet:
         self._flight: FlightResult | None = None
 
     def open(self) -> None:
-        """Start everything; profile and faults are on board then, and nobody is armed.
+        """Start everything, upload profile and faults; no UAV is armed.
 
-        Whoever opens a fleet has to `close` it; unless this fails, which leaves nothing behind.
+        The caller has to `close` the fleet, unless this fails, which leaves nothing behind.
 
         Raises:
             GcsError: As of `gcs.fleet.flight.prepare`.
@@ -91,15 +91,15 @@ class TestFleet:
             self._stack = stack.pop_all()
 
     def close(self) -> None:
-        """Stop whatever still runs; none of its processes is left."""
-        self._gate.open()  # processes say goodbye to each other through it
+        """Stop all processes of the fleet."""
+        self._gate.open()  # the processes end their links through it
         self._stack.close()
 
     def __repr__(self) -> str:
         return f"<fleet of {self.scenario.name!r} at {self.time_s:.3f} s>"
 
     def call(self, work: Coroutine[Any, Any, T]) -> T:
-        """Run a coroutine of the client to its end, and give its result."""
+        """Run a coroutine of the client to its end, and return its result."""
         future = asyncio.run_coroutine_threadsafe(work, self._loop)
         try:
             return future.result()
@@ -113,19 +113,19 @@ class TestFleet:
         return {i: self.uav(i) for i in self._ids}
 
     def uav(self, system: int) -> FlyingUav:
-        """One UAV, by its system id; KeyError if there is none."""
+        """Return one UAV, by its system id; KeyError if there is none."""
         return FlyingUav(self.client.vehicle(system), self.call, self.sent)
 
     # the wire
 
     @property
     def time_s(self) -> float:
-        """Simulated time [s], as the tap has seen it; 0 before it runs."""
+        """Simulated time [s], as the tap has seen it; 0 before the flight begins."""
         with self._relay.counting() as tap:
             return tap.simulated_s or 0.0
 
     def sent(self, system: int, channel: str) -> int:
-        """Transmissions of a channel ("rudder") of one UAV so far, as the tap has seen them."""
+        """Return the transmissions of a channel ("rudder") of one UAV, as the tap counted."""
         with self._relay.counting() as tap:
             return tap.events(system, channel)
 
@@ -136,19 +136,19 @@ class TestFleet:
     # time
 
     def begin(self) -> None:
-        """Start the missions and arm everybody: simulated time begins, and stands at 0."""
+        """Start the missions and arm all UAVs: simulated time begins, and stands at 0."""
         for uav in self.uavs.values():
             uav.start()
         for uav in self.uavs.values():
             uav.arm()
 
     def run_until(self, time_s: float) -> None:
-        """Let simulated time pass until the step at a time [s], which is done, but not over.
+        """Let simulated time pass until the step at a time [s] is done.
 
         Raises:
-            BadInput: The scenario ends before, or the time is over.
+            BadInput: The scenario ends before that time, or it has passed.
             FlightLost: An aircraft or a process was lost.
-            NoAnswer: Time does not pass, because not everybody is armed.
+            NoAnswer: Time does not pass, because not every UAV is armed.
         """
         step = round(time_s * 1e6 / self.scenario.step_us)
         if not self.time_s <= step * self.scenario.step_us / 1e6 < self.scenario.duration_s:
@@ -172,10 +172,10 @@ class TestFleet:
     def wait_until(
         self, condition: Callable[[], bool], within_s: float, every_s: float = 0.1
     ) -> None:
-        """Let simulated time pass until a condition is met, looked at now and then [s].
+        """Let simulated time pass until a condition is met; it is checked every `every_s` [s].
 
         Raises:
-            AssertionError: It is not, within this simulated time [s].
+            AssertionError: It is not met within this simulated time [s].
             GcsError: As of `run_until`.
         """
         __tracebackhide__ = True
@@ -193,7 +193,7 @@ class TestFleet:
         return self.end()
 
     def end(self) -> FlightResult:
-        """End the flight now; what it was until then.
+        """End the flight now, and return its result.
 
         Raises:
             FlightLost: It had not begun, or a process left no recording.

@@ -1,6 +1,6 @@
-"""What a flight gives to a test: plain values to assert on, and assertions that say where.
+"""The result of a flight in a test: plain values to assert on, and assertions that say where.
 
-Transmissions are those that the tap saw on the wire. A flight in one process has no wire; there
+Transmissions are those that the tap counted on the wire. A flight in one process has no wire; there
 they are the events that the controllers recorded.
 """
 
@@ -43,7 +43,7 @@ class Channel:
         min_interval_s: Shortest time between two of them [s]; None with fewer than two.
         saving: Share of the periodic sender's transmissions that were not sent.
         times_s: When the controller had an event [s], from its recording.
-        claimed: How many the vehicle says it sent.
+        claimed: How many the vehicle reports to have sent.
         repeats: How many it sent again because the plant had not applied them.
     """
 
@@ -60,7 +60,7 @@ class Channel:
         return f"<{self.name} of UAV {self.uav}: {self.sent} sent>"
 
     def assert_dwell(self, min_s: float) -> None:
-        """No two transmissions are closer than this [s]."""
+        """Assert that no two transmissions are closer than this [s]."""
         __tracebackhide__ = True
         if self.min_interval_s is None or self.min_interval_s >= min_s * (1.0 - 1e-9):
             return
@@ -150,7 +150,7 @@ class UavFlight:
         return self.channels["throttle"]
 
     def max_error(self, after_s: float = 0.0, until_s: float = math.inf) -> Errors:
-        """Largest errors against the filtered reference in a time window [s], both ends included.
+        """Return the largest errors against the filtered reference in a window [s], ends included.
 
         Errors are those of the true state; steps flown disarmed have none. NaN if no step has.
         """
@@ -168,7 +168,7 @@ class UavFlight:
         after_s: float = 0.0,
         until_s: float = math.inf,
     ) -> None:
-        """Errors against the filtered reference stay below bounds in a time window [s]."""
+        """Assert that errors against the filtered reference stay below bounds in a window [s]."""
         __tracebackhide__ = True
         times, errors = self._within(after_s, until_s)
         window = f"after {after_s:g} s" if until_s == math.inf else f"in [{after_s:g}, {until_s:g}]"
@@ -191,7 +191,7 @@ class UavFlight:
             raise AssertionError("\n".join(complaints))
 
     def _within(self, after_s: float, until_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Times and absolute errors in a window, where there are any: m/s, deg."""
+        """Return times and absolute errors [m/s, deg] in a window, where there are any."""
         here = (self._time_s >= after_s) & (self._time_s <= until_s)
         here &= np.isfinite(self._errors).all(axis=1)
         return self._time_s[here], in_degrees(np.abs(self._errors[here]))
@@ -205,7 +205,7 @@ class FlightResult:
         recording: Everything at full rate; arrays are read-only.
         summary: The content of `summary.json`.
         wire: The content of wire.json, counted between autopilots and plant; None in process.
-        folder: Configuration, words and tlog of the processes; None in process.
+        folder: Configurations, logs and tlog of the processes; None in process.
         saving: Share of the periodic sender's transmissions that were not sent.
         completed: Whether it was flown until the scenario's end.
         loss: Why the flight was lost, an aircraft or the link to an autopilot; None if it was not.
@@ -243,11 +243,11 @@ class FlightResult:
         return self.recording.duration_s
 
     def uav(self, system: int) -> UavFlight:
-        """One UAV, by its system id; KeyError if there is none."""
+        """Return one UAV, by its system id; KeyError if there is none."""
         return self.uavs[system]
 
     def assert_completed(self) -> None:
-        """Flown until the scenario's end."""
+        """Assert that the flight reached the scenario's end."""
         __tracebackhide__ = True
         if not self.completed:
             raise AssertionError(
@@ -256,12 +256,12 @@ class FlightResult:
             )
 
     def assert_attitude_kept(self) -> None:
-        """No aircraft was lost; roll and pitch stayed within 90° of the reference."""
+        """Assert that no aircraft was lost, roll and pitch stayed within 90° of the reference."""
         __tracebackhide__ = True
         self._assert_kept({i: uav.attitude_lost_at_s for i, uav in self.uavs.items()}, "attitude")
 
     def assert_heading_kept(self) -> None:
-        """No aircraft was lost; yaw stayed within 90° of the reference."""
+        """Assert that no aircraft was lost, and yaw stayed within 90° of the reference."""
         __tracebackhide__ = True
         self._assert_kept({i: uav.heading_lost_at_s for i, uav in self.uavs.items()}, "heading")
 

@@ -1,4 +1,4 @@
-"""One UAV of a fleet in a test: what can be asked of it, as plain function calls."""
+"""One UAV of a fleet in a test, behind plain function calls."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -19,9 +19,9 @@ __all__ = ["FlyingUav"]
 
 
 class FlyingUav:
-    """What can be asked of one UAV; each call ends with its answer.
+    """One UAV in flight; each call returns when it has answered.
 
-    All raise `gcs.errors.CommandRefused` if it refuses and `NoAnswer` if it says nothing.
+    All raise `gcs.errors.CommandRefused` if it refuses and `NoAnswer` if it does not answer.
 
     Attributes:
         id: Its system id.
@@ -43,11 +43,11 @@ class FlyingUav:
 
     @property
     def state(self) -> VehicleState:
-        """What its telemetry has told so far."""
+        """Its state as of the newest telemetry."""
         return self.vehicle.state
 
     def sent(self, channel: str) -> int:
-        """Transmissions of a channel ("rudder") so far, as the tap has seen them."""
+        """Return the transmissions of a channel ("rudder") so far, as the tap counted them."""
         return self._sent(self.id, channel)
 
     def arm(self) -> None:
@@ -71,7 +71,7 @@ class FlyingUav:
         self._call(self.vehicle.upload(segments))
 
     def download(self) -> tuple[Segment, ...]:
-        """The profile that it holds."""
+        """Download the profile that it holds."""
         segments: tuple[Segment, ...] = self._call(self.vehicle.download())
         return segments
 
@@ -80,12 +80,12 @@ class FlyingUav:
         self._call(self.vehicle.command(number, params))
 
     def get_param(self, name: str) -> Param:
-        """Ask for a parameter."""
+        """Read a parameter."""
         param: Param = self._call(self.vehicle.get_param(name))
         return param
 
     def set_param(self, name: str, value: float) -> Param:
-        """Set a parameter; gives what it holds then."""
+        """Set a parameter, and return it as the UAV then holds it."""
         param: Param = self._call(self.vehicle.set_param(name, value))
         return param
 
@@ -114,6 +114,6 @@ class FlyingUav:
         self._call(self.vehicle.clear_faults(index))
 
     def faults(self) -> tuple[Fault, ...]:
-        """Its faults, past and future ones too."""
+        """Return its faults, including past and future ones."""
         faults: tuple[Fault, ...] = self._call(self.vehicle.list_faults())
         return faults

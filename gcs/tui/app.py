@@ -46,8 +46,8 @@ class Dashboard(App[None]):
 
     TITLE = "ftc-sitl"
     CSS_PATH = "style.tcss"
-    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-medium"), (150, "-wide")]  # noqa: RUF012
-    VERTICAL_BREAKPOINTS = [(0, "-short"), (34, "-tall")]  # noqa: RUF012
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-medium"), (150, "-wide")]  # noqa: RUF012 - as in Textual
+    VERTICAL_BREAKPOINTS = [(0, "-short"), (34, "-tall")]  # noqa: RUF012 - as in Textual
     BINDINGS: ClassVar[list[BindingType]] = list(KEYS)
 
     def __init__(self, source: Source, theme: str = "dark") -> None:
@@ -248,7 +248,12 @@ class Dashboard(App[None]):
 
     def _tell(self, text: str, severity: str) -> None:
         timeout = 10.0 if severity == "error" else 4.0
-        self.notify(text, severity=severity, timeout=timeout, markup=False)  # type: ignore[arg-type]
+        self.notify(
+            text,
+            severity=severity,  # type: ignore[arg-type]  # ours are among Textual's
+            timeout=timeout,
+            markup=False,
+        )
         self.refresh_view(force=True)
 
     def action_arm(self) -> None:

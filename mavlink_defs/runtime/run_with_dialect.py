@@ -63,7 +63,7 @@ def _mend_matplotlib() -> None:
         return axes.plot(x, y, **how)
 
     if not hasattr(Axes, "plot_date"):
-        Axes.plot_date = plot_date  # type: ignore[attr-defined]
+        Axes.plot_date = plot_date  # type: ignore[attr-defined]  # gone from matplotlib
 
 
 if __name__ == "__main__":

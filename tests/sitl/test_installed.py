@@ -10,7 +10,6 @@ import sys
 import tarfile
 import tomllib
 import zipfile
-from collections.abc import Iterator
 from email.parser import HeaderParser
 from importlib.metadata import version
 from pathlib import Path
@@ -33,7 +32,7 @@ NOT_SOURCES = shutil.ignore_patterns(
 
 def build(source: Path, dist: Path, *targets: str) -> None:
     """Run the build backend with what is installed here, as ``--no-build-isolation`` does."""
-    command = [sys.executable, "-m", "hatchling", "build", "-d", dist]
+    command: list[str | Path] = [sys.executable, "-m", "hatchling", "build", "-d", dist]
     for target in targets:
         command += ["-t", target]
     done = subprocess.run(
@@ -83,7 +82,7 @@ def programs(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Iterator[Path]:
+def folder(tmp_path: Path) -> Path:
     """An empty folder to start commands from."""
     empty = tmp_path / "empty"
     empty.mkdir()

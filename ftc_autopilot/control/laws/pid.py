@@ -5,7 +5,6 @@ per body axis for surface deflections, scaled with airspeed; another one holds t
 Nothing here knows of the aircraft's model, of its neighbours, of faults or of a trigger.
 """
 
-import math
 from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -22,8 +21,6 @@ _Gain = Annotated[float, quantity("", ge=0.0, doc="Of roll, pitch or yaw.")]
 _Positive = Annotated[float, quantity("", gt=0.0, doc="Of roll, pitch or yaw.")]
 _Axes: TypeAlias = tuple[_Gain, _Gain, _Gain]
 _PositiveAxes: TypeAlias = tuple[_Positive, _Positive, _Positive]
-
-_DEGREE = math.radians(1.0)
 
 
 class Pid(LawParameters):
@@ -88,7 +85,7 @@ def pid_law(now: Instant, aircraft: np.void, gains: np.void, state: np.void) -> 
 @compiled
 def _rate(e: float, axis: int, gains: np.void) -> float:
     """Euler angle rate that an attitude error asks for, within its limit [rad/s]."""
-    limit: float = gains["rate_limit_deg_s"][axis] * _DEGREE
+    limit: float = gains["rate_limit_rad_s"][axis]
     asked: float = -e / gains["time_constant_s"][axis]
     return min(max(asked, -limit), limit)
 
@@ -110,7 +107,7 @@ def _surface(
     delta: float = -(scaling * gains["rate_ff"][axis] * wanted[axis] + scaling**2 * proportional)
     winds_up = (delta <= -stop and error > 0.0) or (delta >= stop and error < 0.0)
     if not winds_up:
-        limit = gains["integral_limit_deg"][axis] * _DEGREE
+        limit = gains["integral_limit_rad"][axis]
         grown = state["integral"][axis] + dt * gains["rate_i"][axis] * error
         state["integral"][axis] = min(max(grown, -limit), limit)
     return delta

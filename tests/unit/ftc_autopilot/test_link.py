@@ -80,7 +80,7 @@ class Rig:
 
     def no_more_events(self) -> None:
         thresholds = self.controllers.parameters["trigger"]
-        thresholds["a2_n"] = thresholds["b2_deg"] = 1e9
+        thresholds["a2_n"] = thresholds["b2_rad"] = 1e9
 
     def send_neighbour_state(
         self,

@@ -149,7 +149,7 @@ def test_message_field_is_documented(field: Field) -> None:
 
 
 def test_every_parameter_is_documented() -> None:
-    models: tuple[type[BaseModel], ...] = (Trigger, *LAWS.values())
+    models: list[type[BaseModel]] = [Trigger, *LAWS.values()]
     keys = {key for model in models for key in model.model_fields} - {"kind", "rbf"}
     assert {"b2_deg", "lambda1", "K1", "rate_p"} <= keys
     assert keys - names_in_code(generated("parameters")) == set()

@@ -101,7 +101,7 @@ def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, An
         "c": "c_v", "gamma_w1": "gamma_omega1", "gamma_w2": "gamma_omega2",
         "sigma_w1": "sigma_omega1", "sigma_w2": "sigma_omega2", "h_w1": "h_omega1",
         "h_w2": "h_omega2", "eps_w": "eps_omega", "tau_omega_d": "tau_omega_d_s",
-        "tau_delta": "tau_delta_s", "rbf_width": "width", "a2": "a2_n", "b2": "b2_deg",
+        "tau_delta": "tau_delta_s", "rbf_width": "width", "a2": "a2_n", "b2": "b2_rad",
     }  # fmt: skip
     proposed = record["proposed"]
     parts = (record["common"], record["trigger"], proposed, proposed["rbf"])
@@ -113,8 +113,7 @@ def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, An
             assert list(ours[name][0, 1:]) == value
         else:
             number = np.ravel(ours[renamed.get(name, name)])  # of a schedule the first value
-            unit = np.degrees(1.0) if name == "b2" else 1.0
-            assert close(number[1] if len(number) > 1 else number[0], value * unit), name
+            assert close(number[1] if len(number) > 1 else number[0], value), name
 
 
 def test_controller_record_is_flat() -> None:

@@ -1,8 +1,10 @@
 """Parameters of a vehicle: what there is, and that compiled code flies what is set."""
 
+import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, new_controllers
@@ -92,6 +94,15 @@ def test_what_is_set_is_flown(bench: Bench) -> None:
     bench.set("LAMBDA3", 4.0)
     bench.set("TRIG_MODE", 1)
     assert (record["common"]["lambda3"], record["trigger"]["mode"]) == (4.0, 1)
+
+
+@pytest.mark.parametrize("value", [0.0, 0.1, 0.7, 1.1, 29.3, float(np.float32(0.3)), 1e4])
+def test_an_angle_is_set_in_degrees_and_flown_in_radians(bench: Bench, value: float) -> None:
+    table = bench.controllers.parameters[0]["trigger"]["b2_rad"]
+    bench.set("TRIG_B2_DEG", value)
+    assert scheduled(table, 99.0)[0] == value * math.radians(1.0)
+    assert np.float32(bench["TRIG_B2_DEG"].get()) == np.float32(value)
+    assert bench["TRIG_B2_DEG"].get() == pytest.approx(value, rel=1e-14)
 
 
 def test_a_schedule_is_read_as_it_is_now_and_set_for_good(bench: Bench) -> None:

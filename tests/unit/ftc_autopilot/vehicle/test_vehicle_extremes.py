@@ -10,6 +10,8 @@ from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 
+pytestmark = pytest.mark.slow
+
 UAV = 1
 GCS = FramePacker(255, 190)
 LIMITS = {"uint8_t": 2**8, "uint16_t": 2**16, "uint32_t": 2**32, "uint64_t": 2**64,

@@ -1,5 +1,6 @@
 """What the commands refuse before they talk to any vehicle, and what their help holds."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -82,3 +83,8 @@ def test_every_help_has_examples_and_exit_status() -> None:
     for command in found:
         assert "Examples:" in command.epilog, command.name
         assert "Exit status:" in command.epilog, command.name
+
+
+def test_a_key_of_one_command_is_not_left_to_others(tmp_path: Path) -> None:
+    assert "signing key" in complaint("status", "--signing-key", str(tmp_path / "no"), *NOWHERE)
+    assert "FTC_SITL_SIGNING_KEY" not in os.environ

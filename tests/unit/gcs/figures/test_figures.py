@@ -25,6 +25,8 @@ from gcs.results.quantities import PAPER_ORDER, QUANTITIES
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 
+pytestmark = pytest.mark.slow
+
 Draw: TypeAlias = Callable[[PlottedFlight], Figure]
 
 DURATION_S = 2.5
@@ -107,7 +109,7 @@ def test_quantities_have_units(drawn: dict[str, Figure], name: str) -> None:
 @pytest.mark.parametrize("name", OVER_TIME)
 def test_time_has_a_unit(drawn: dict[str, Figure], name: str) -> None:
     axes = panels(drawn[name])
-    last = [axis for axis in axes if axis.get_subplotspec().is_last_row()]  # type: ignore[union-attr]
+    last = [axis for axis in axes if axis.get_subplotspec().is_last_row()]  # type: ignore[union-attr]  # all have one
     assert {axis.get_xlabel() for axis in last} == {"time [s]"}
 
 
@@ -158,10 +160,10 @@ def test_styles_differ_without_colour() -> None:
 
 def test_trajectories_have_units_times_and_paths(flight: PlottedFlight) -> None:
     [axis] = fig5(flight, times_s=(0.0, 1.0, 99.0)).axes
-    labels = [axis.get_xlabel(), axis.get_ylabel(), axis.get_zlabel()]  # type: ignore[attr-defined]
+    labels = [axis.get_xlabel(), axis.get_ylabel(), axis.get_zlabel()]  # type: ignore[attr-defined]  # 3D
     assert labels == ["north [m]", "east [m]", "altitude [m]"]
     assert [text.get_text() for text in axis.texts] == ["0 s", "1 s"]
-    path = np.array(line(axis, "follower 2").get_data_3d())  # type: ignore[attr-defined]
+    path = np.array(line(axis, "follower 2").get_data_3d())  # type: ignore[attr-defined]  # 3D
     np.testing.assert_array_equal(path[:, 0], [-40.0, 40.0, 100.0])
     np.testing.assert_array_equal(
         path[:, -1], flight.recording.states[-1, 2, :3] * [1.0, 1.0, -1.0]

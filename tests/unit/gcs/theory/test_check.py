@@ -28,6 +28,8 @@ from gcs.theory.judgement import Verdict
 from gcs.theory.lyapunov import attitude_subsystem, speed_subsystem
 from gcs.theory.residual import residual_sets
 
+pytestmark = pytest.mark.slow
+
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
 SCENARIO_1 = SCENARIOS / "paper" / "scenario1.yaml"
 DT = 1e-3
@@ -310,7 +312,7 @@ def test_a_rough_flight_holds_every_equality_and_inequality(
             assert part.contradicted == []
             assert part.certificate is not None
             assert part.certificate.finite_difference.satisfied == 1.0
-            assert part.certificate.finite_difference.largest_use < 1.0  # type: ignore[operator]
+            assert part.certificate.finite_difference.largest_use < 1.0  # type: ignore[operator]  # not None
 
 
 def test_what_the_inequalities_give_away_makes_all_of_chi(
@@ -328,7 +330,7 @@ def test_what_the_inequalities_give_away_makes_all_of_chi(
 def test_jumps_are_left_out_and_counted(rough: tuple[Recording, Scenario]) -> None:
     leader, follower, last = (uav.proofs for uav in check_theory(*rough).uavs)
     jumps = [
-        (proofs["speed"].certificate.jumps, proofs["attitude"].certificate.jumps)  # type: ignore[union-attr]
+        (proofs["speed"].certificate.jumps, proofs["attitude"].certificate.jumps)  # type: ignore[union-attr]  # not None
         for proofs in (leader, follower, last)
     ]
     assert jumps[0] == (2, 1)  # the fault comes and goes; K1 switches
@@ -381,7 +383,7 @@ def test_an_error_that_runs_away_is_caught(
     assert part.verdict is Verdict.VIOLATED
     assert "V̇_L ≤ -κ V_L + χ by finite differences" in part.contradicted
     assert part.certificate is not None
-    assert part.certificate.finite_difference.largest_excess > 0.0  # type: ignore[operator]
+    assert part.certificate.finite_difference.largest_excess > 0.0  # type: ignore[operator]  # not None
 
 
 @pytest.mark.parametrize("name", RECORDED)

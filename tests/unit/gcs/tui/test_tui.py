@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
+from waiting import until
 
 from gcs.commands.log import log
 from gcs.errors import BadInput, CommandRefused, NoAnswer
@@ -347,8 +348,8 @@ def test_parameters_are_searched_and_set_after_a_question() -> None:
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
         entries = app.view.source.event_log.entries
         await pilot.press("5")
-        await pilot.pause(0.2)
         grid = app.query_one("#params", Grid)
+        await until(pilot, lambda: "TRG_B1" in grid.text)
         assert grid.text.splitlines()[0].split()[:2] == ["TRG_B1", "0.01"]
         await pilot.press("slash", *"cv", "enter")
         assert len(grid.rows) == 1
@@ -357,13 +358,12 @@ def test_parameters_are_searched_and_set_after_a_question() -> None:
         await pilot.pause()
         assert "from 0.01 to 0.02" in app.export_screenshot().replace("&#160;", " ")
         await pilot.press("enter")
-        await pilot.pause(0.1)
-        assert entries[-1].text == "TRG_B1 is 0.02"
-        assert "TRG_B1 0.02" in grid.text
+        await until(pilot, lambda: entries[-1].text == "TRG_B1 is 0.02")
+        await until(pilot, lambda: "TRG_B1 0.02" in grid.text)
         vehicle.refuses = True
         await pilot.press("enter", *"7", "enter", "enter")
-        await pilot.pause(0.1)
-        assert entries[-1].text == "UAV 1 refused TRG_B1 = 7 (READ_ONLY)"
+        refused = "UAV 1 refused TRG_B1 = 7 (READ_ONLY)"
+        await until(pilot, lambda: entries[-1].text == refused)
         await pilot.press("enter", *"x", "enter")
         assert "TRG_B1 0.02" in grid.text
 
@@ -377,10 +377,13 @@ def test_every_failure_is_told() -> None:
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
         entries = app.view.source.event_log.entries
         await pilot.press("asterisk", "a", "enter")
-        await pilot.pause(0.1)
-        texts = {entry.system: entry.text for entry in entries if entry.kind == "action"}
-        assert "did not answer" in texts[1]
-        assert "has not been heard of" in texts[2]
+
+        def texts() -> dict[int, str]:
+            return {entry.system: entry.text for entry in entries if entry.kind == "action"}
+
+        await until(pilot, lambda: texts().keys() >= {1, 2})
+        assert "did not answer" in texts()[1]
+        assert "has not been heard of" in texts()[2]
 
     at_screen(live(station), work)
 

@@ -23,6 +23,8 @@ from gcs.tui.plots import Chart
 from gcs.tui.profiles import ProfilesPanel
 from mavlink_defs.capture.tlog import read_frames
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[3] / "data" / "dashboard"
 SCENARIO_1 = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
 _FONTS = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)  # links to a font on the internet

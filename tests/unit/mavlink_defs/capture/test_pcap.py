@@ -3,6 +3,7 @@
 import contextlib
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 from capture_writer import Order, link_header, pcap, pcapng, udp_packet
@@ -27,7 +28,8 @@ def read(path: Path, content: bytes) -> list[Packet]:
 
 
 def expected(time_s: float, payload: bytes) -> Packet:
-    return Packet(pytest.approx(time_s, abs=1e-6), UdpAddress(*A), UdpAddress(*B), payload)  # type: ignore[arg-type]
+    time: Any = pytest.approx(time_s, abs=1e-6)
+    return Packet(time, UdpAddress(*A), UdpAddress(*B), payload)
 
 
 @pytest.mark.parametrize("write", [pcap, pcapng])

@@ -235,7 +235,7 @@ def test_text_that_looks_like_something_else_stays_text(file: Path, name: str) -
 
 def test_models_are_frozen() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        Craft(mass_kg=1.0).mass_kg = 2.0  # type: ignore[misc]
+        Craft(mass_kg=1.0).mass_kg = 2.0  # type: ignore[misc]  # it is frozen
 
 
 def test_declaration_can_be_read_back() -> None:

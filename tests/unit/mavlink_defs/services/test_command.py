@@ -411,8 +411,9 @@ def test_any_network_ends_in_one_effect_or_an_explicit_failure(
         number = event.message.param1
         executed[number] += 1
         if math.isfinite(work_s := works_s[int(number)]):
-            finish = lambda: server.finish(event.token, ACCEPTED, now=network.now)  # noqa: E731
-            network.call_at(now + work_s, finish)
+            network.call_at(
+                now + work_s, lambda: server.finish(event.token, ACCEPTED, now=network.now)
+            )
 
     def send_next(event: CommandFinished | CommandProgress, now: float) -> None:
         if isinstance(event, CommandFinished):

@@ -1,0 +1,43 @@
+"""A session of tests ends without a process that it started."""
+
+import contextlib
+import os
+import signal
+import time
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+_VARIABLE = "FTC_SITL_TESTS"
+_GRACE_S = 2.0  # some are about to end
+_PYTHONS_OWN = "multiprocessing.resource_tracker"  # ends with its parent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_process_is_left() -> Iterator[None]:
+    """Mark the environment of all children; fail and kill them if one is still running (Linux)."""
+    with pytest.MonkeyPatch.context() as patch:
+        mark = uuid.uuid4().hex
+        patch.setenv(_VARIABLE, mark)
+        yield
+        end = time.monotonic() + _GRACE_S
+        while (left := _marked(mark)) and time.monotonic() < end:
+            time.sleep(0.02)
+    for pid in left:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    assert not left, f"tests left processes running: {'; '.join(left.values())}"
+
+
+def _marked(mark: str) -> dict[int, str]:
+    """Return the command lines of all processes with the mark in their environment, by id."""
+    found = {}
+    for environ in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if f"{_VARIABLE}={mark}".encode() in environ.read_bytes():
+                command = (environ.parent / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                if command and _PYTHONS_OWN not in command:
+                    found[int(environ.parent.name)] = command
+    return found

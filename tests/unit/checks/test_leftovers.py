@@ -1,0 +1,21 @@
+"""Tests that leave a process behind are found out."""
+
+import pytest
+
+LEAVES_ONE = """
+import os, subprocess, sys
+
+def test_leaves_one():
+    os.spawnl(os.P_NOWAIT, sys.executable, sys.executable, "-c", "import time; time.sleep(60)")
+
+def test_leaves_none():
+    subprocess.run([sys.executable, "-c", ""], check=True)
+"""
+
+
+def test_a_process_that_is_left_is_an_error_and_killed(pytester: pytest.Pytester) -> None:
+    pytester.makeconftest('pytest_plugins = ["leftovers"]')
+    pytester.makepyfile(LEAVES_ONE)
+    result = pytester.runpytest("-p", "no:cacheprovider")
+    assert result.parseoutcomes() == {"passed": 2, "errors": 1}
+    result.stdout.fnmatch_lines(["*tests left processes running: *python* -c import time*"])
