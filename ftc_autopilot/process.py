@@ -93,7 +93,7 @@ class Autopilot:
         loss = None
         plant_fd, formation_fd = self._plant.fileno(), self._formation.fileno()
         while not self.stopping:
-            until_s = time.monotonic() + _TICK_S
+            until_s = min(time.monotonic() + _TICK_S, self._vehicle.deadline())
             outcome = run(
                 plant_fd, formation_fd, self._link, self._controllers, until_s, self._until_step()
             )

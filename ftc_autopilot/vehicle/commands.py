@@ -73,6 +73,11 @@ class Commands:
         self._simulator.handle_timer(now)
         self._work(now)
 
+    def deadline(self) -> float | None:
+        """Return when `handle_timer` is to be called [s]; None if no timer runs."""
+        timers = (self._server.deadline(), self._simulator.deadline())
+        return min((at for at in timers if at is not None), default=None)
+
     def gcs_messages(self) -> list[MAVLink_message]:
         """Hand over what is to be sent to the ground stations."""
         return self._server.messages_to_send()

@@ -47,6 +47,10 @@ class Mission:
         self._follow()
         self._work()
 
+    def deadline(self) -> float | None:
+        """Return when `handle_timer` is to be called [s]; None if no timer runs."""
+        return self.server.deadline()
+
     def messages_to_send(self) -> list[tuple[MAVLink_message, int | None]]:
         """Hand over what is to be sent, and the number of the station; None: to all."""
         messages, self._reached = self._reached + self.server.messages_to_send(), []

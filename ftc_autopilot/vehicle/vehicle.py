@@ -109,7 +109,9 @@ class Vehicle:
         self._collect()
 
     def handle_timer(self, now: float, most: int | None = None) -> None:
-        """Do what is due: timers, heartbeats, mission progress, telemetry. Call it often.
+        """Do what is due: timers, heartbeats, mission progress, telemetry.
+
+        Call it at `deadline`, and when simulated time reaches `next_telemetry_us`.
 
         Args:
             now: Wall-clock time [s].
@@ -130,6 +132,11 @@ class Vehicle:
             for station, telemetry in enumerate(self.telemetry):
                 self._gcs_outboxes[station][:0] = telemetry.due(clock_us, most)
         self._collect()
+
+    def deadline(self) -> float:
+        """Return the wall-clock time of the next timer or heartbeat [s]."""
+        timers = (self._commands.deadline(), self._params.deadline(), self._mission.deadline())
+        return min([self._next_heartbeat, *(at for at in timers if at is not None)])
 
     def restart(self) -> None:
         """Forget the flight when the plant was started again: disarm and wait to be armed."""

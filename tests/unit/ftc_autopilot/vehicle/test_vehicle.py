@@ -1,6 +1,7 @@
 """The vehicle's services, message by message: no socket, no sleep."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -368,3 +369,24 @@ def test_a_generic_autopilot_says_so(scenario1: Scenario) -> None:
     read = dialect.MAVLink_param_request_read_message(UAV, 1, b"SYSID_THISMAV", -1)
     (value,) = of_type(bench.say(read), "PARAM_VALUE")
     assert value.param_value == pytest.approx(1.4e-45)  # the integer 1, byte by byte
+
+
+def test_timers_at_the_deadline_are_enough(scenario1: Scenario) -> None:
+    """Heartbeats keep their rate, and an upload that breaks off is asked for and given up."""
+    bench = Bench(scenario1)
+    bench.vehicle.handle_timer(bench.now)
+    bench.say(dialect.MAVLink_mission_count_message(UAV, 1, 3, 0))
+    said: list[Any] = []
+    beats = []
+    while bench.now < 10.0:
+        at = bench.vehicle.deadline()
+        assert at > bench.now
+        bench.now = at
+        bench.vehicle.handle_timer(at)
+        messages = bench.vehicle.gcs_messages()
+        beats += [at for _ in of_type(messages, "HEARTBEAT")]
+        said += messages
+    assert np.diff(beats) == pytest.approx(1.0)
+    assert len(of_type(said, "MISSION_REQUEST_INT")) >= 4
+    (ack,) = of_type(said, "MISSION_ACK")
+    assert ack.type == dialect.MAV_MISSION_OPERATION_CANCELLED
