@@ -29,7 +29,8 @@ def test_link_and_status(mavproxy: MavProxy) -> None:
     mavproxy.say("link", r"link 1 OK \(\d+ packets.* 0 lost, 0.0% loss")
     mavproxy.say("status", r"HEARTBEAT \{type : 1, autopilot : 3")
     mavproxy.say("long SET_MESSAGE_INTERVAL 53104 200000 0 0 0 0 0", r"INTERVAL: ACCEPTED")
-    mavproxy.say("status", r"FTC_EVENTS \{time_boot_ms : 0")
+    mavproxy.say("watch FTC_EVENTS", r"FTC_EVENTS \{time_boot_ms : 0")
+    mavproxy.say("watch", "")
 
 
 def test_the_vehicle_is_chosen(mavproxy: MavProxy) -> None:
