@@ -1,1 +1,1 @@
-"""The mind: reference, formation, controllers, triggers, and the autopilot process."""
+"""Autopilot: reference, formation, controllers, triggers, and the autopilot process."""

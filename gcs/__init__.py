@@ -1,1 +1,1 @@
-"""The hands and eyes: scenarios, launcher, ground-station client, command line, reports."""
+"""Ground station: scenarios, fleets, MAVLink client, command line, dashboard, reports."""

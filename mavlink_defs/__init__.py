@@ -1,1 +1,1 @@
-"""The wire: dialect, hot-path codec, UDP endpoints and the MAVLink microservices."""
+"""Protocol: dialect, hot-path codec, UDP endpoints and the MAVLink microservices."""

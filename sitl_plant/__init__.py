@@ -1,1 +1,1 @@
-"""The plant: aircraft, aerodynamics, rigid body, actuators with faults, and the plant process."""
+"""Plant: aircraft, aerodynamics, rigid body, actuators with faults, and the plant process."""

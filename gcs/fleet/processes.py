@@ -190,7 +190,7 @@ class FleetProcesses:
         The plant may have ended because the flight was lost, which is its business to record.
 
         Raises:
-            BadInput: A process could not start; its own words say why. PortInUse if its port is
+            BadInput: A process could not start; its log says why. PortInUse if its port is
                 another's.
             FlightLost: An autopilot ended in mid-flight, or the plant without a recording.
         """
@@ -206,7 +206,7 @@ class FleetProcesses:
                 raise FlightLost(f"{process.name}: {process.last_words()}")
 
     def newly_ended(self) -> list[tuple[str, str]]:
-        """Name and last words of each process that has ended since the last call."""
+        """Return name and last log line of each process that has ended since the last call."""
         over = [p for p in self._processes
                 if p.popen.poll() is not None and p.name not in self._ended]  # fmt: skip
         self._ended |= {process.name for process in over}
