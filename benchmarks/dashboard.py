@@ -133,9 +133,13 @@ def telemetry(system: int, now: float, tick: int) -> Iterator[MAVLink_message]:
     if tick % CYCLE == system % CYCLE:
         yield dialect.MAVLink_system_time_message(0, ms)
         yield dialect.MAVLink_heartbeat_message(
-            dialect.MAV_TYPE_FIXED_WING, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
-            dialect.MAV_MODE_FLAG_SAFETY_ARMED | 1, 10, dialect.MAV_STATE_ACTIVE, 3,
-        )  # fmt: skip
+            dialect.MAV_TYPE_FIXED_WING,
+            dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
+            dialect.MAV_MODE_FLAG_SAFETY_ARMED | 1,
+            10,
+            dialect.MAV_STATE_ACTIVE,
+            3,
+        )
 
 
 class Terminal:
@@ -220,8 +224,10 @@ def main() -> None:
     """Measure and print."""
     load = measure()
     worst, middle = max(load.key_ms), statistics.median(load.key_ms)
-    print(f"{VEHICLES} vehicles, {load.messages_per_s:.0f} messages/s: {load.cpu_percent:.0f} % of "
-          f"one core, key to screen {middle:.0f} ms, worst of {KEYS} {worst:.0f} ms")  # fmt: skip
+    print(
+        f"{VEHICLES} vehicles, {load.messages_per_s:.0f} messages/s: {load.cpu_percent:.0f} % of "
+        f"one core, key to screen {middle:.0f} ms, worst of {KEYS} {worst:.0f} ms"
+    )
 
 
 if __name__ == "__main__":

@@ -145,9 +145,13 @@ def send_own_state(fd: int, link: FormationLink, controllers: Controllers) -> No
         return
     state = link.state[0]
     length = pack(
-        link.sent, controllers.own_states, ID_NEIGHBOUR, link.system, MAV_COMP_ID_AUTOPILOT1,
+        link.sent,
+        controllers.own_states,
+        ID_NEIGHBOUR,
+        link.system,
+        MAV_COMP_ID_AUTOPILOT1,
         state["sequence"],
-    )  # fmt: skip
+    )
     state["sequence"] += 1
     length = sign_frame(link.signer, link.sent, length)
     for d in range(len(link.neighbours)):

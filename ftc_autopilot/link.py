@@ -288,9 +288,13 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
 def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: int) -> None:
     state, simulator = link.state[0], link.simulator
     length = pack(
-        simulator.sent, payload, message_id, simulator.system, MAV_COMP_ID_AUTOPILOT1,
+        simulator.sent,
+        payload,
+        message_id,
+        simulator.system,
+        MAV_COMP_ID_AUTOPILOT1,
         state["sequence"],
-    )  # fmt: skip
+    )
     state["sequence"] += 1
     send(plant_fd, simulator.sent, sign_frame(simulator.signer, simulator.sent, length))
 

@@ -73,10 +73,14 @@ class Autopilot:
         self._simulator = (config.id, SIMULATOR_COMPONENT)
         self._controllers = new_controllers([config])
         self._link = new_link(
-            config.id, config.neighbours, config.step_us, config.neighbour_timeout_s, record_steps,
+            config.id,
+            config.neighbours,
+            config.step_us,
+            config.neighbour_timeout_s,
+            record_steps,
             load_link_signer(config.signing_key, PLANT_LINK),
             load_link_signer(config.signing_key, FORMATION_LINK),
-        )  # fmt: skip
+        )
         self._hot = HotState(self._link)
         self._vehicle = Vehicle(config, self._hot, self._controllers)
         component = dialect.MAV_COMP_ID_AUTOPILOT1

@@ -43,8 +43,10 @@ def batch(random: Random, target: Target) -> list[bytes]:
     """Datagrams for one target."""
     datagrams = []
     for _ in range(_BATCH // 4):
-        good = [message_frame(random, random.choice(_IDS), target.sender, target.target)
-                for _ in range(2)]  # fmt: skip
+        good = [
+            message_frame(random, random.choice(_IDS), target.sender, target.target)
+            for _ in range(2)
+        ]
         datagrams += [noise(random), damaged(random, good[0]), *good]
     return datagrams
 

@@ -17,9 +17,19 @@ _HEADER, _CRC, _MAX_PAYLOAD = 10, 2, 255
 _LONGEST_NOISE = 400  # bytes
 _SIZES = {"b": 1, "h": 2, "i": 4, "q": 8}
 _FLOATS = (
-    0.0, -0.0, 1.0, -1.0, float("nan"), float("inf"), float("-inf"),
-    3.4028234663852886e38, -3.4028234663852886e38, 1e-45, 1e9, 180.0,
-)  # fmt: skip
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    float("nan"),
+    float("inf"),
+    float("-inf"),
+    3.4028234663852886e38,
+    -3.4028234663852886e38,
+    1e-45,
+    1e9,
+    180.0,
+)
 _DOUBLES = (*_FLOATS, 1.7976931348623157e308, 5e-324, 1e300)
 _TARGETS = ("target_system", "target_component")
 

@@ -34,8 +34,14 @@ from sitl_plant import link as plant_link
 from sitl_plant.fleet import fly
 from sitl_plant.process import Plant
 
-__all__ = ["AutopilotTarget", "PlantTarget", "StationTarget", "Target", "parse_all_ways",
-           "records_of_tlog"]  # fmt: skip
+__all__ = [
+    "AutopilotTarget",
+    "PlantTarget",
+    "StationTarget",
+    "Target",
+    "parse_all_ways",
+    "records_of_tlog",
+]
 
 UAV = 2
 """The autopilot's system id: it has one neighbour, `NEIGHBOUR`."""
@@ -156,10 +162,15 @@ class AutopilotTarget:
         """All that an invalid datagram must leave as it is."""
         vehicle, state = self._autopilot._vehicle, self._link.state[0]
         names = ("step", "pending_usec", "repeated")
-        words = repr((
-            vehicle.modes.mode, vehicle.modes.armed, vehicle.telemetry[0]._intervals_us,
-            vehicle._mission.server.items, [p.get() for p in vehicle._params._parameters],
-        ))  # fmt: skip
+        words = repr(
+            (
+                vehicle.modes.mode,
+                vehicle.modes.armed,
+                vehicle.telemetry[0]._intervals_us,
+                vehicle._mission.server.items,
+                [p.get() for p in vehicle._params._parameters],
+            )
+        )
         return (
             b"".join(array.tobytes() for array in self._controllers)
             + b"".join(state[name].tobytes() for name in names)
@@ -218,9 +229,15 @@ class PlantTarget:
     def state(self) -> bytes:
         """All that an invalid datagram must leave as it is."""
         services = [service.armed for service in self._plant._services]
-        arrays = (self._fleet.states, self._fleet.controls, self._fleet.faults, self._link.done,
-                  self._fleet.messages["actuator_time_usec"], self._link.known,
-                  self._link.addresses)  # fmt: skip
+        arrays = (
+            self._fleet.states,
+            self._fleet.controls,
+            self._fleet.faults,
+            self._link.done,
+            self._fleet.messages["actuator_time_usec"],
+            self._link.known,
+            self._link.addresses,
+        )
         return b"".join(array.tobytes() for array in arrays) + repr(services).encode()
 
     def drops(self) -> int:
@@ -264,8 +281,10 @@ class StationTarget:
     def state(self) -> bytes:
         """All that an invalid datagram must leave as it is."""
         fleet = self.client.fleet
-        known = {i: (s.heard_at, len(s.texts), s.restarts, {k: id(m) for k, m in s.latest.items()})
-                 for i, s in fleet.vehicles.items()}  # fmt: skip
+        known = {
+            i: (s.heard_at, len(s.texts), s.restarts, {k: id(m) for k, m in s.latest.items()})
+            for i, s in fleet.vehicles.items()
+        }
         return repr((known, fleet.unconfirmed, self.client._peers, len(self.client.log))).encode()
 
     def drops(self) -> int:

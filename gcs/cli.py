@@ -37,8 +37,15 @@ __all__ = ["app", "main"]
 
 _EXIT_CTRL_C = 130  # of typer
 _EXIT_DEFECT = 70
-_NOT_WRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM,
-                 errno.EIO}  # fmt: skip
+_NOT_WRITABLE = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EFBIG,
+    errno.EROFS,
+    errno.EACCES,
+    errno.EPERM,
+    errno.EIO,
+}
 _SPACE = "free some space, or choose a place that can be written; what is there is kept"
 
 app = typer.Typer(

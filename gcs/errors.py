@@ -11,8 +11,16 @@ GcsError            1  something could not be done
 
 from mavlink_defs.endpoint import EndpointError, PortTaken
 
-__all__ = ["BadInput", "CommandRefused", "FlightLost", "GcsError", "Interrupted", "NoAnswer",
-           "PortInUse", "bad_endpoint"]  # fmt: skip
+__all__ = [
+    "BadInput",
+    "CommandRefused",
+    "FlightLost",
+    "GcsError",
+    "Interrupted",
+    "NoAnswer",
+    "PortInUse",
+    "bad_endpoint",
+]
 
 
 class GcsError(Exception):

@@ -4,9 +4,24 @@ from typing import Literal, TypeAlias, get_args
 
 from mavlink_defs.dialect import FTC_ACTUATOR_THROTTLE, MAV_COMP_ID_USER1
 
-__all__ = ["ACTUATORS", "AUTO", "FORCE_DISARM", "FORMATION_BASE_PORT", "GCS_PORT", "GUIDED",
-           "HUB_PORT", "LAST_SYSTEM", "LOITER", "MODE_NAMES", "N_CHANNELS", "PLANT_PORT",
-           "SIMULATOR_COMPONENT", "STATUSTEXT_SIZE", "THROTTLE", "Actuator"]  # fmt: skip
+__all__ = [
+    "ACTUATORS",
+    "AUTO",
+    "FORCE_DISARM",
+    "FORMATION_BASE_PORT",
+    "GCS_PORT",
+    "GUIDED",
+    "HUB_PORT",
+    "LAST_SYSTEM",
+    "LOITER",
+    "MODE_NAMES",
+    "N_CHANNELS",
+    "PLANT_PORT",
+    "SIMULATOR_COMPONENT",
+    "STATUSTEXT_SIZE",
+    "THROTTLE",
+    "Actuator",
+]
 
 N_CHANNELS = 4
 """Actuator channels, in the order of FTC_ACTUATOR: aileron, elevator, rudder, throttle."""

@@ -36,7 +36,7 @@ __all__ = [
     "set_receive_timeout",
     "sockaddr",
     "someone_listens",
-]  # fmt: skip
+]
 
 Direction: TypeAlias = Literal["in", "out"]
 

@@ -66,9 +66,14 @@ class Fault:
 
     @classmethod
     def from_si(
-        cls, actuator: int, effectiveness: float, value: float, frequency_hz: float,
-        start_s: float, end_s: float,
-    ) -> Self:  # fmt: skip
+        cls,
+        actuator: int,
+        effectiveness: float,
+        value: float,
+        frequency_hz: float,
+        start_s: float,
+        end_s: float,
+    ) -> Self:
         """Return the fault whose `value` is given in rad, or N for the throttle."""
         value = value if actuator == THROTTLE else math.degrees(value)
         return cls(actuator, effectiveness, value, frequency_hz, start_s, end_s)
@@ -78,8 +83,13 @@ class Fault:
         throttle = self.actuator == THROTTLE
         value = self.value if throttle else math.radians(self.value)
         return (
-            self.actuator, self.effectiveness, value, self.frequency_hz, self.start_s, self.end_s,
-        )  # fmt: skip
+            self.actuator,
+            self.effectiveness,
+            value,
+            self.frequency_hz,
+            self.start_s,
+            self.end_s,
+        )
 
     def resolved(self, now_s: float) -> Self:
         """Return the fault as set at `now_s` [s]: NaN becomes now or, for the end, infinity."""

@@ -21,9 +21,17 @@ from mavlink_defs.faults import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
 
 __all__ = [
-    "Aircraft", "Coefficients", "Disturbance", "Inertia", "InitialState", "PlantConfig",
-    "PlantUav", "Sinusoid", "Uncertainty", "true_aircraft",
-]  # fmt: skip
+    "Aircraft",
+    "Coefficients",
+    "Disturbance",
+    "Inertia",
+    "InitialState",
+    "PlantConfig",
+    "PlantUav",
+    "Sinusoid",
+    "Uncertainty",
+    "true_aircraft",
+]
 
 
 class Inertia(Model):

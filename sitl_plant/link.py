@@ -160,9 +160,13 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
         fleet.messages[i]["flags"] = state["flags"]
         payload = fleet.messages[i : i + 1]
         length = pack(
-            link.sent, payload, ID_SIM_STATE, link.systems[i], SIMULATOR_COMPONENT,
+            link.sent,
+            payload,
+            ID_SIM_STATE,
+            link.systems[i],
+            SIMULATOR_COMPONENT,
             link.sequences[i],
-        )  # fmt: skip
+        )
         link.sequences[i] += 1
         length = sign_frame(link.signer, link.sent, length)
         send_to(fd, link.sent, length, link.addresses[i])

@@ -28,7 +28,7 @@ __all__ = [
     "sense",
     "step_aircraft",
     "time_s",
-]  # fmt: skip
+]
 
 PITCH_MAX_RAD = math.radians(89.0)
 AIRSPEED_MIN_M_S = 3.0

@@ -39,9 +39,13 @@ class AircraftService:
     """
 
     def __init__(
-        self, system: int, component: int, faults: np.ndarray, applied: np.ndarray,
+        self,
+        system: int,
+        component: int,
+        faults: np.ndarray,
+        applied: np.ndarray,
         limits: FaultLimits,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.armed = False
         self._disarmed_before = False
         self._faults = faults  # the aircraft's row of the fault table

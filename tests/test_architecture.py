@@ -97,8 +97,11 @@ def test_only_shells_import_shells(package: str) -> None:
 
 def test_the_autopilot_knows_the_model_and_not_the_running_plant() -> None:
     for module, path in modules("ftc_autopilot"):
-        used = {name.split(".")[1] for name in imports(path.read_text())
-                if name.startswith("sitl_plant.")}  # fmt: skip
+        used = {
+            name.split(".")[1]
+            for name in imports(path.read_text())
+            if name.startswith("sitl_plant.")
+        }
         assert used <= MODEL, module
 
 

@@ -184,9 +184,16 @@ def control_step(
     now = Instant(t, dt, first, motion, reference, errors, state["held"], a[0])
     demand = evaluate(now, aircraft, parameters, state, signals)
     mask = trigger(
-        demand.delta_hat, demand.T_hat, state["held"], first, thresholds["mode"], a, b, aircraft,
+        demand.delta_hat,
+        demand.T_hat,
+        state["held"],
+        first,
+        thresholds["mode"],
+        a,
+        b,
+        aircraft,
         controls,
-    )  # fmt: skip
+    )
     state["started"] = 1
     state["steps"] += 1
 

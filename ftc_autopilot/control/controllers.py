@@ -34,7 +34,7 @@ __all__ = [
     "controller_step",
     "new_controllers",
     "reset_controllers",
-]  # fmt: skip
+]
 
 NOT_STARTED = -(2**62)
 

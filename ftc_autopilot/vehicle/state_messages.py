@@ -136,9 +136,22 @@ class StateMessages:
         state, unknown = self._state, math.nan
         ax, ay, az, p, q, r = float32s((*state["specific_force"], *state["rates"]))
         return dialect.MAVLink_highres_imu_message(
-            self._time_us, ax, ay, az, p, q, r, unknown, unknown, unknown,
-            unknown, unknown, unknown, unknown, _GIVEN_IMU,
-        )  # fmt: skip
+            self._time_us,
+            ax,
+            ay,
+            az,
+            p,
+            q,
+            r,
+            unknown,
+            unknown,
+            unknown,
+            unknown,
+            unknown,
+            unknown,
+            unknown,
+            _GIVEN_IMU,
+        )
 
     def odometry(self) -> MAVLink_message:
         """ODOMETRY: position in the local frame, velocity and rates in the body's."""
@@ -146,9 +159,22 @@ class StateMessages:
         x, y, z = float32s(state["position"])
         u, v, w, p, q, r = float32s((*state["velocity"], *state["rates"]))
         return dialect.MAVLink_odometry_message(
-            self._time_us, dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_BODY_FRD,
-            x, y, z, self._quaternion(), u, v, w, p, q, r, unknown, unknown,
-        )  # fmt: skip
+            self._time_us,
+            dialect.MAV_FRAME_LOCAL_NED,
+            dialect.MAV_FRAME_BODY_FRD,
+            x,
+            y,
+            z,
+            self._quaternion(),
+            u,
+            v,
+            w,
+            p,
+            q,
+            r,
+            unknown,
+            unknown,
+        )
 
     # actuators
 
@@ -199,9 +225,21 @@ def home_item(origin: Origin) -> dialect.MAVLink_mission_item_int_message:
     """Item 0 of every mission."""
     home = place_of(origin, 0.0, 0.0, 0.0)
     return dialect.MAVLink_mission_item_int_message(
-        0, 0, 0, dialect.MAV_FRAME_GLOBAL, dialect.MAV_CMD_NAV_WAYPOINT, 0, 1,
-        0.0, 0.0, 0.0, 0.0, home.latitude, home.longitude, home.altitude / 1e3,
-    )  # fmt: skip
+        0,
+        0,
+        0,
+        dialect.MAV_FRAME_GLOBAL,
+        dialect.MAV_CMD_NAV_WAYPOINT,
+        0,
+        1,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        home.latitude,
+        home.longitude,
+        home.altitude / 1e3,
+    )
 
 
 def _wrap(angle: float) -> float:

@@ -48,26 +48,53 @@ class StatusMessages:
         version = major << 24 | minor << 16 | patch << 8 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL
         uid2 = f"ftc-sitl UAV {self._system}".encode().ljust(_UID2_SIZE, b"\0")
         return dialect.MAVLink_autopilot_version_message(
-            self._capabilities, version, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0,
-            _UID | self._system, [*uid2],
-        )  # fmt: skip
+            self._capabilities,
+            version,
+            0,
+            0,
+            0,
+            [0] * 8,
+            [0] * 8,
+            [0] * 8,
+            0,
+            0,
+            _UID | self._system,
+            [*uid2],
+        )
 
     @staticmethod
     def sys_status() -> MAVLink_message:
         """SYS_STATUS: everything works, always; faults are the controller's to find out."""
         return dialect.MAVLink_sys_status_message(
-            _SENSORS, _SENSORS, _SENSORS, load=0, voltage_battery=_UNKNOWN_U16,
-            current_battery=_UNKNOWN, battery_remaining=_UNKNOWN, drop_rate_comm=0, errors_comm=0,
-            errors_count1=0, errors_count2=0, errors_count3=0, errors_count4=0,
-        )  # fmt: skip
+            _SENSORS,
+            _SENSORS,
+            _SENSORS,
+            load=0,
+            voltage_battery=_UNKNOWN_U16,
+            current_battery=_UNKNOWN,
+            battery_remaining=_UNKNOWN,
+            drop_rate_comm=0,
+            errors_comm=0,
+            errors_count1=0,
+            errors_count2=0,
+            errors_count3=0,
+            errors_count4=0,
+        )
 
     @staticmethod
     def battery_status() -> MAVLink_message:
         """BATTERY_STATUS: nothing is known of any."""
         return dialect.MAVLink_battery_status_message(
-            0, dialect.MAV_BATTERY_FUNCTION_UNKNOWN, dialect.MAV_BATTERY_TYPE_UNKNOWN,
-            _UNKNOWN_I16, [_UNKNOWN_U16] * 10, _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN,
-        )  # fmt: skip
+            0,
+            dialect.MAV_BATTERY_FUNCTION_UNKNOWN,
+            dialect.MAV_BATTERY_TYPE_UNKNOWN,
+            _UNKNOWN_I16,
+            [_UNKNOWN_U16] * 10,
+            _UNKNOWN,
+            _UNKNOWN,
+            _UNKNOWN,
+            _UNKNOWN,
+        )
 
     @staticmethod
     def ekf_status_report() -> MAVLink_message:

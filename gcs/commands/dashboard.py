@@ -18,8 +18,13 @@ if TYPE_CHECKING:
     from gcs.tui.app import Dashboard
 
 __all__ = [
-    "EPILOG", "ThemeOption", "dashboard", "has_terminal", "refuse_options", "run_dashboard",
-]  # fmt: skip
+    "EPILOG",
+    "ThemeOption",
+    "dashboard",
+    "has_terminal",
+    "refuse_options",
+    "run_dashboard",
+]
 
 EPILOG = """
 Examples:

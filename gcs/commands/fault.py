@@ -84,10 +84,16 @@ def set_(
             raise BadInput(f"--for-s: expected more than 0 s, got {for_s:g}")
         end_s = None if start_s is None else start_s + for_s
     keys = {
-        "actuator": actuator, "effectiveness": effectiveness, "bias_deg": bias_deg,
-        "bias_n": bias_n, "stuck_deg": stuck_deg, "stuck_n": stuck_n,
-        "frequency_hz": frequency_hz, "start_s": start_s, "end_s": end_s,
-    }  # fmt: skip
+        "actuator": actuator,
+        "effectiveness": effectiveness,
+        "bias_deg": bias_deg,
+        "bias_n": bias_n,
+        "stuck_deg": stuck_deg,
+        "stuck_n": stuck_n,
+        "frequency_hz": frequency_hz,
+        "start_s": start_s,
+        "end_s": end_s,
+    }
     try:
         fault = FaultSpec.model_validate(keys).command()
     except ValidationError as error:

@@ -21,9 +21,17 @@ from gcs.station.vehicle import Vehicle
 from mavlink_defs.constants import GCS_PORT, HUB_PORT
 
 __all__ = [
-    "EXIT_STATUS", "SIGNING_KEY_VARIABLE", "ConnectOption", "JsonOption", "SigningKeyOption",
-    "Station", "TimeoutOption", "print_json", "run_interruptible", "station_command",
-]  # fmt: skip
+    "EXIT_STATUS",
+    "SIGNING_KEY_VARIABLE",
+    "ConnectOption",
+    "JsonOption",
+    "SigningKeyOption",
+    "Station",
+    "TimeoutOption",
+    "print_json",
+    "run_interruptible",
+    "station_command",
+]
 
 EXIT_STATUS = """
 Exit status: 0 accepted by all, 2 bad input, 3 refused by one, 4 no answer from one (or no
@@ -196,10 +204,14 @@ def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Ca
     own = dict(inspect.signature(command).parameters)
     del own["station"]
     shared = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation,
-                          default=timeout_s if name == "timeout" else default)
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            annotation=annotation,
+            default=timeout_s if name == "timeout" else default,
+        )
         for name, annotation, default in _SHARED
-    ]  # fmt: skip
+    ]
     parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in (*own.values(), *shared)]
     with_options.__dict__["__signature__"] = inspect.Signature(parameters)  # typer reads both
     with_options.__annotations__ = {p.name: p.annotation for p in parameters}

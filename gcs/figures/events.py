@@ -41,8 +41,16 @@ def fig7(flight: PlottedFlight) -> "Figure":
         times = flight.event_times(i, PAPER_ORDER[row])
         intervals = 1e3 * np.diff(times)
         # thousands of dots: as an image in an SVG
-        axis.plot(times[1:], intervals, ".", ms=2.8, mew=0, color=style(2).colour, alpha=0.6,
-                  rasterized=True)  # fmt: skip
+        axis.plot(
+            times[1:],
+            intervals,
+            ".",
+            ms=2.8,
+            mew=0,
+            color=style(2).colour,
+            alpha=0.6,
+            rasterized=True,
+        )
         axis.set_yscale("log")
         axis.minorticks_off()
         median = f", median {np.median(intervals):.3g} ms" if len(intervals) else ""
@@ -52,8 +60,7 @@ def fig7(flight: PlottedFlight) -> "Figure":
         mark_loss(axis, flight)
         tidy(axis, flight.scenario.duration_s)
     for axis, name in zip(axes[0], names, strict=True):
-        axis.annotate(name, (0.5, 1.0), (0.0, 20.0), "axes fraction", "offset points",
-                      ha="center")  # fmt: skip
+        axis.annotate(name, (0.5, 1.0), (0.0, 20.0), "axes fraction", "offset points", ha="center")
     for axis, channel in zip(axes[:, 0], PAPER_ORDER, strict=True):
         axis.set_ylabel(f"{channel}\ninterval [ms]")
     for axis in axes[-1]:
@@ -80,9 +87,13 @@ def fig8(flight: PlottedFlight) -> "Figure":
             counts = np.histogram(flight.event_times(i, channel), bins)[0]
             shown = np.ma.masked_equal(counts[np.newaxis], 0)
             image = axis.imshow(
-                shown, extent=(bins[0], bins[-1], row + 0.36, row - 0.36), aspect="auto",
-                interpolation="nearest", zorder=2.0, **darkness,
-            )  # fmt: skip
+                shown,
+                extent=(bins[0], bins[-1], row + 0.36, row - 0.36),
+                aspect="auto",
+                interpolation="nearest",
+                zorder=2.0,
+                **darkness,
+            )
         axis.set_ylim(len(PAPER_ORDER) - 0.4, -0.6)
         axis.set_yticks(rows, PAPER_ORDER)
         axis.set_ylabel(names[i])
@@ -122,9 +133,15 @@ def fig9(flight: PlottedFlight, printed: Mapping[int, Mapping[str, int]]) -> "Fi
         axis.bar_label(bars, size=SMALL, padding=1.0)
         known = [k for k, channel in enumerate(PAPER_ORDER) if channel in paper]
         if known:
-            bars = axis.bar(places[known] + 0.21, [paper[PAPER_ORDER[k]] for k in known], 0.4,
-                            color="white", edgecolor=STYLES[1].colour, hatch="////",
-                            label="printed in the paper")  # fmt: skip
+            bars = axis.bar(
+                places[known] + 0.21,
+                [paper[PAPER_ORDER[k]] for k in known],
+                0.4,
+                color="white",
+                edgecolor=STYLES[1].colour,
+                hatch="////",
+                label="printed in the paper",
+            )
             axis.bar_label(bars, size=SMALL, padding=1.0)
         tidy(axis)
         axis.margins(y=0.1)

@@ -66,8 +66,16 @@ def _draw_intervals(axis: "Axes", flight: PlottedFlight, channel: str) -> None:
     for i in range(len(flight.names)):
         times = flight.event_times(i, channel)
         intervals = 1e3 * np.diff(times)
-        axis.plot(times[1:], intervals, ".", ms=2.2, mew=0, color=style(i).colour, alpha=0.6,
-                  rasterized=True)  # fmt: skip
+        axis.plot(
+            times[1:],
+            intervals,
+            ".",
+            ms=2.2,
+            mew=0,
+            color=style(i).colour,
+            alpha=0.6,
+            rasterized=True,
+        )
     axis.set_yscale("log")
     axis.minorticks_off()
     axis.set_ylabel(f"{channel} interval [ms]")

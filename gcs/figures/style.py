@@ -22,10 +22,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "GREY", "REFERENCE", "SMALL", "STYLES", "PlottedFlight", "Style", "decimated", "draw_curve",
-    "draw_legend", "frame", "letter", "mark_loss", "new_figure", "note", "save", "shade_faults",
-    "style", "tidy",
-]  # fmt: skip
+    "GREY",
+    "REFERENCE",
+    "SMALL",
+    "STYLES",
+    "PlottedFlight",
+    "Style",
+    "decimated",
+    "draw_curve",
+    "draw_legend",
+    "frame",
+    "letter",
+    "mark_loss",
+    "new_figure",
+    "note",
+    "save",
+    "shade_faults",
+    "style",
+    "tidy",
+]
 
 WIDTH_IN = 10.0
 """Width of a figure [in]."""
@@ -180,10 +195,14 @@ def draw_legend(figure: "Figure") -> None:
             named.setdefault(label, handle)
     if named:
         figure.legend(
-            list(named.values()), list(named), frameon=False,
+            list(named.values()),
+            list(named),
+            frameon=False,
             loc="outside upper center" if figure.get_layout_engine() else "upper center",
-            ncols=_columns(list(named)), fontsize=SMALL + 1.0, handlelength=2.6,
-        )  # fmt: skip
+            ncols=_columns(list(named)),
+            fontsize=SMALL + 1.0,
+            handlelength=2.6,
+        )
 
 
 def _columns(labels: list[str]) -> int:

@@ -21,12 +21,19 @@ _ABOVE = 0.15  # of a time above the aircraft, in heights of the box
 _POINTS = 500  # of a path
 _GLYPH = np.array(
     [
-        [1.1, 0.0, 0.0], [-0.9, 0.0, 0.0], [np.nan] * 3,  # fuselage
-        [0.2, -1.0, 0.0], [0.2, 1.0, 0.0], [np.nan] * 3,  # wing
-        [-0.8, -0.4, 0.0], [-0.8, 0.4, 0.0], [np.nan] * 3,  # tailplane
-        [-0.7, 0.0, 0.0], [-0.95, 0.0, -0.45],  # fin
+        [1.1, 0.0, 0.0],
+        [-0.9, 0.0, 0.0],
+        [np.nan] * 3,  # fuselage
+        [0.2, -1.0, 0.0],
+        [0.2, 1.0, 0.0],
+        [np.nan] * 3,  # wing
+        [-0.8, -0.4, 0.0],
+        [-0.8, 0.4, 0.0],
+        [np.nan] * 3,  # tailplane
+        [-0.7, 0.0, 0.0],
+        [-0.95, 0.0, -0.45],  # fin
     ]
-)  # fmt: skip
+)
 """An aircraft in body axes, in half spans."""
 
 

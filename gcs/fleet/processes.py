@@ -207,8 +207,9 @@ class FleetProcesses:
 
     def newly_ended(self) -> list[tuple[str, str]]:
         """Return name and last log line of each process that has ended since the last call."""
-        over = [p for p in self._processes
-                if p.popen.poll() is not None and p.name not in self._ended]  # fmt: skip
+        over = [
+            p for p in self._processes if p.popen.poll() is not None and p.name not in self._ended
+        ]
         self._ended |= {process.name for process in over}
         return [(process.name, process.last_words()) for process in over]
 
@@ -246,8 +247,17 @@ class FleetProcesses:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         record = [] if self._endless else ["--record", str(self.recording_of(name))]
         # -P: what lies in the user's current folder is not imported
-        command = [sys.executable, "-P", "-c", f"from {module} import main; main()", str(config),
-                   "--exit-with-parent", str(os.getpid()), *record, *arguments]  # fmt: skip
+        command = [
+            sys.executable,
+            "-P",
+            "-c",
+            f"from {module} import main; main()",
+            str(config),
+            "--exit-with-parent",
+            str(os.getpid()),
+            *record,
+            *arguments,
+        ]
         with log.open("wb") as output:
             popen = subprocess.Popen(
                 command,

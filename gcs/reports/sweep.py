@@ -30,7 +30,7 @@ __all__ = [
     "uav_of",
     "write_csv",
     "write_markdown",
-]  # fmt: skip
+]
 
 _TERMINAL_ROWS = 50
 _WIDEST_VALUE = 14  # characters of the terminal
@@ -67,8 +67,17 @@ def choose_uav(runs: Sequence[Run], wanted: int | None) -> int | None:
 def write_csv(results: Sequence[Result], path: Path) -> None:
     """Write one row for each UAV of each run; one row for a run without a flight."""
     keys = list(results[0].run.values)
-    head = ["run", "scenario", *keys, "outcome", "reason", "duration_s", "saving",
-            "uav", "uav_saving"]  # fmt: skip
+    head = [
+        "run",
+        "scenario",
+        *keys,
+        "outcome",
+        "reason",
+        "duration_s",
+        "saving",
+        "uav",
+        "uav_saving",
+    ]
     head += [f"iae_{quantity}_{IAE_UNITS[quantity].replace(' ', '_')}" for quantity in QUANTITIES]
     head += [f"events_{channel}" for channel in PAPER_ORDER]
     head += ["min_interval_s", "attitude_lost_at_s", "heading_lost_at_s"]

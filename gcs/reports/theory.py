@@ -122,9 +122,17 @@ def _lyapunov(watched: Mapping[str, UavTheory]) -> str:
         shown = "-" if rate.satisfied is None else f"{100 * rate.satisfied:.3g} % of {rate.steps}"
         use, sup, bound = rate.largest_use, found.sup_last_3s, found.ultimate_bound
         rows.append([*row, shown, _number(use), _number(sup), _number(bound)])
-    header = ["V̇_L ≤ -κ V_L + χ", "subsystem", "verdict", "equalities to rounding",
-              "steps at a stop, at ρ = 0", "steps where it held", "largest (V̇_L + κ V_L)/χ",
-              "sup V_L, last 3 s", "bound χ/κ"]  # fmt: skip
+    header = [
+        "V̇_L ≤ -κ V_L + χ",
+        "subsystem",
+        "verdict",
+        "equalities to rounding",
+        "steps at a stop, at ρ = 0",
+        "steps where it held",
+        "largest (V̇_L + κ V_L)/χ",
+        "sup V_L, last 3 s",
+        "bound χ/κ",
+    ]
     return table(header, rows)
 
 
@@ -154,11 +162,16 @@ def _slack(watched: Mapping[str, UavTheory]) -> str:
 
 def _equalities(uav: UavTheory) -> str:
     rows = [
-        [f"{equality.equation} {equality.quantity}", name, str(equality.steps),
-         str(equality.violated), _number(equality.largest)]
+        [
+            f"{equality.equation} {equality.quantity}",
+            name,
+            str(equality.steps),
+            str(equality.violated),
+            _number(equality.largest),
+        ]
         for name, part in uav.proofs.items()
         for equality in part.equalities
-    ]  # fmt: skip
+    ]
     header = ["equality", "subsystem", "steps", "violated", "largest deviation, share of summands"]
     return table(header, rows)
 

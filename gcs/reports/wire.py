@@ -12,11 +12,27 @@ from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["wire_tables", "write_csv"]
 
-_COLUMNS = ("kind", "link", "direction", "system", "component", "name", "count", "bytes",
-            "rate_hz", "periodic", "saving")  # fmt: skip
-_OUTCOMES = {"lost": "lost", "outage": "in outages", "duplicated": "doubled",
-             "reordered": "overtaken", "damaged": "damaged",
-             "undeliverable": "undeliverable"}  # fmt: skip
+_COLUMNS = (
+    "kind",
+    "link",
+    "direction",
+    "system",
+    "component",
+    "name",
+    "count",
+    "bytes",
+    "rate_hz",
+    "periodic",
+    "saving",
+)
+_OUTCOMES = {
+    "lost": "lost",
+    "outage": "in outages",
+    "duplicated": "doubled",
+    "reordered": "overtaken",
+    "damaged": "damaged",
+    "undeliverable": "undeliverable",
+}
 
 
 def wire_tables(report: TapReport, live: bool = False) -> list[Table | str]:
@@ -114,8 +130,16 @@ def _messages(report: TapReport, live: bool) -> Table:
 
 
 def _transmissions(report: TapReport) -> Table:
-    headings = ["link", "UAV", "channel", "!sent", "!periodic", "!saved", "!min. interval",
-                "!repeats"]  # fmt: skip
+    headings = [
+        "link",
+        "UAV",
+        "channel",
+        "!sent",
+        "!periodic",
+        "!saved",
+        "!min. interval",
+        "!repeats",
+    ]
     table = _table("Actuator transmissions against periodic sending", headings)
     if any(uav.reported for uav in report.uavs):
         table.caption = "* not seen, but reported by the autopilot (FTC_EVENTS)"

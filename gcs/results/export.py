@@ -17,9 +17,19 @@ CSV_PERIOD_S = 0.01
 """Rows of trajectory.csv are this far apart [s]; events.csv and the .npz have every step."""
 
 _SIGNALS = (
-    "command", "reference", "error", "sync_error", "demand", "held", "events",
-    "Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega",
-)  # fmt: skip
+    "command",
+    "reference",
+    "error",
+    "sync_error",
+    "demand",
+    "held",
+    "events",
+    "Phi_v",
+    "g_v",
+    "beta_v",
+    "Phi_omega",
+    "beta_omega",
+)
 _ACTUATED = (*(f"{surface}_deg" for surface in ACTUATORS[:3]), "thrust_n")
 
 

@@ -143,9 +143,13 @@ class Scenario(Model):
     @model_validator(mode="after")
     def _sections_fit_together(self) -> "Scenario":
         checks = (
-            self._uav_problems, self._aircraft_problems, self._network_problems,
-            self._profile_problems, self._fault_problems, self._port_problems,
-        )  # fmt: skip
+            self._uav_problems,
+            self._aircraft_problems,
+            self._network_problems,
+            self._profile_problems,
+            self._fault_problems,
+            self._port_problems,
+        )
         Problems.check(problem for check in checks for problem in check())
         return self
 

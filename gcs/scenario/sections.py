@@ -19,9 +19,15 @@ from mavlink_defs.profile import Segment
 from sitl_plant.config import InitialState
 
 __all__ = [
-    "Edge", "Found", "Impairments", "Links", "Network", "ProfileSegment", "ScenarioFault",
+    "Edge",
+    "Found",
+    "Impairments",
+    "Links",
+    "Network",
+    "ProfileSegment",
+    "ScenarioFault",
     "ScenarioUav",
-]  # fmt: skip
+]
 
 Found: TypeAlias = Iterator[Problem | tuple[Loc, str]]
 

@@ -344,11 +344,15 @@ class VehicleState:
             actual = (self.airspeed_m_s, *(self.attitude_deg or nothing[:3]))
         self.history.add(
             (
-                message.time_boot_ms / 1e3, actual, tuple(message.reference),
-                tuple(message.sync_error), self.held or nothing, self.counts.events,
+                message.time_boot_ms / 1e3,
+                actual,
+                tuple(message.reference),
+                tuple(message.sync_error),
+                self.held or nothing,
+                self.counts.events,
                 self.position_m or nothing[:3],
             )
-        )  # fmt: skip
+        )
 
     def _acknowledged(
         self, message: dialect.MAVLink_command_ack_message, now: float

@@ -22,8 +22,15 @@ from gcs.results.summary import FlightSummary
 from gcs.sweeps.axes import Axis
 from gcs.sweeps.grid import Run
 
-__all__ = ["Result", "default_folder", "flown_result", "keep_result", "known_results",
-           "open_folder", "result_of"]  # fmt: skip
+__all__ = [
+    "Result",
+    "default_folder",
+    "flown_result",
+    "keep_result",
+    "known_results",
+    "open_folder",
+    "result_of",
+]
 
 _MARK = "sweep.json"
 _PART = ".part"  # ends the name of a file that is being written

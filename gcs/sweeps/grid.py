@@ -24,9 +24,14 @@ __all__ = ["Run", "identity", "plan"]
 
 _ROOT = Path(__file__).parents[2]
 _SOURCES = (
-    "mavlink_defs/**/*.py", "mavlink_defs/*.xml", "sitl_plant/**/*.py", "ftc_autopilot/**/*.py",
-    "gcs/fleet/in_process.py", "gcs/results/*.py", "gcs/scenario/*.py",
-)  # fmt: skip
+    "mavlink_defs/**/*.py",
+    "mavlink_defs/*.xml",
+    "sitl_plant/**/*.py",
+    "ftc_autopilot/**/*.py",
+    "gcs/fleet/in_process.py",
+    "gcs/results/*.py",
+    "gcs/scenario/*.py",
+)
 """The sources that turn a scenario into a summary, below `_ROOT`."""
 
 

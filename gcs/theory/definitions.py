@@ -37,29 +37,72 @@ def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equ
         same("(11)", "V", V, np.linalg.norm(known.v, axis=1)),
         _stepped("Assumption 4", "V_r", known, V_r, V_r_dot, s["command"][0, 0]),
         same("(31)", "Ṽ", s["error"][:, 0], V, -V_r),
-        heard("(31)", "Ṽ'", V_tp, law.lambda1 * (V - V_r),
-              law.lambda2 * ((V[:, None] - near.V) @ near.weights), cancelled=V_sizes),
+        heard(
+            "(31)",
+            "Ṽ'",
+            V_tp,
+            law.lambda1 * (V - V_r),
+            law.lambda2 * ((V[:, None] - near.V) @ near.weights),
+            cancelled=V_sizes,
+        ),
         same("(33)", "ζ_v", zeta, known.v[:, 0] * lam / (known.mass * V)),
-        heard("(33)", "r_v", s["r_v"], lam * V_r_dot,
-              law.lambda2 * ((near.V_dot - V_r_dot[:, None]) @ near.weights),
-              cancelled=(law.lambda2 * (np.abs(near.V_dot) @ near.weights),)),
-        same("(33)", "α_v", s["alpha_v"], law.c_v * V_tp, lam * nominal,
-             lam * s["Phi_v"] * network, lam * V_tp / (2.0 * law.h_v2**2), cancelled=(drift,)),
-        same("(33)", "B_v", s["B_v"], driven * np.tanh(V_tp * driven / law.eps_v),
-             offset * np.tanh(V_tp * offset / law.eps_v)),
-        same("(33)", "T̂", s["demand"][:, THROTTLE],
-             -(1.0 + in_force(trigger.a1, known.time_s)) * s["B_v"] / zeta),
-        same("(34)", "rate of Φ̂_v", s["Phi_v_dot"],
-             lam * law.gamma_v1 * V_tp * network, -law.sigma_v1 * s["Phi_v"]),
-        same("(35)", "rate of ĝ_v", s["g_v_dot"],
-             law.gamma_v2 * np.abs(V_tp) * zeta, -law.sigma_v2 * s["g_v"]),
-        same("(36)", "rate of β̂_v", s["beta_v_dot"],
-             law.gamma_v3 * V_tp * drive, -law.sigma_v3 * s["beta_v"]),
+        heard(
+            "(33)",
+            "r_v",
+            s["r_v"],
+            lam * V_r_dot,
+            law.lambda2 * ((near.V_dot - V_r_dot[:, None]) @ near.weights),
+            cancelled=(law.lambda2 * (np.abs(near.V_dot) @ near.weights),),
+        ),
+        same(
+            "(33)",
+            "α_v",
+            s["alpha_v"],
+            law.c_v * V_tp,
+            lam * nominal,
+            lam * s["Phi_v"] * network,
+            lam * V_tp / (2.0 * law.h_v2**2),
+            cancelled=(drift,),
+        ),
+        same(
+            "(33)",
+            "B_v",
+            s["B_v"],
+            driven * np.tanh(V_tp * driven / law.eps_v),
+            offset * np.tanh(V_tp * offset / law.eps_v),
+        ),
+        same(
+            "(33)",
+            "T̂",
+            s["demand"][:, THROTTLE],
+            -(1.0 + in_force(trigger.a1, known.time_s)) * s["B_v"] / zeta,
+        ),
+        same(
+            "(34)",
+            "rate of Φ̂_v",
+            s["Phi_v_dot"],
+            lam * law.gamma_v1 * V_tp * network,
+            -law.sigma_v1 * s["Phi_v"],
+        ),
+        same(
+            "(35)",
+            "rate of ĝ_v",
+            s["g_v_dot"],
+            law.gamma_v2 * np.abs(V_tp) * zeta,
+            -law.sigma_v2 * s["g_v"],
+        ),
+        same(
+            "(36)",
+            "rate of β̂_v",
+            s["beta_v_dot"],
+            law.gamma_v3 * V_tp * drive,
+            -law.sigma_v3 * s["beta_v"],
+        ),
         _stepped("(34)", "Φ̂_v", known, s["Phi_v"], s["Phi_v_dot"], law.phi_v0),
         _stepped("(35)", "ĝ_v", known, s["g_v"], s["g_v_dot"], law.g_v0),
         _stepped("(36)", "β̂_v", known, s["beta_v"], s["beta_v_dot"], law.beta_v0),
         *_sent(("(25)", "(26)", "(13)"), known, _THRUST, trigger),
-    ]  # fmt: skip
+    ]
 
 
 def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equality]:
@@ -88,27 +131,62 @@ def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[
     return [
         _stepped("Assumption 4", "ϕ_r", known, phi_r, phi_r_dot, s["command"][0, 1:]),
         same("(32)", "e", e, short_way(phi - phi_r), cancelled=(phi, phi_r)),
-        heard("(32)", "e'", e_prime, law.lambda3 * e, lambda4 * e_sum,
-              cancelled=(lam * phi, lam * phi_r, reports)),
+        heard(
+            "(32)",
+            "e'",
+            e_prime,
+            law.lambda3 * e,
+            lambda4 * e_sum,
+            cancelled=(lam * phi, lam * phi_r, reports),
+        ),
         heard("(57)", "ω_d", s["omega_d"], *omega_d, cancelled=(rate_sizes,)),
         same("(57)", "e_ω", e_omega, known.omega, -s["omega_d"]),
-        _stepped("(57)", "ω_d behind its filter", known, filtered, s["omega_d_dot"],
-                 s["omega_d"][0], cancelled=(s["omega_d"],)),
+        _stepped(
+            "(57)",
+            "ω_d behind its filter",
+            known,
+            filtered,
+            s["omega_d_dot"],
+            s["omega_d"][0],
+            cancelled=(s["omega_d"],),
+        ),
         same("(23)", "ςᵀς", s["basis"], _basis(known, law)),
-        same("(37)", "ζ_ω", zeta, K2 * e_omega, known.drift_omega,
-             (s["Phi_omega"] * network)[:, None] * e_omega, e_omega / (2.0 * law.h_omega2**2),
-             lam * solve(np.swapaxes(known.R2, 1, 2), e_prime), -s["omega_d_dot"]),
-        same("(37)", "δ̂", s["demand"][:, :THROTTLE],
-             -gain[:, None] * np.einsum("kji,kj->ki", known.G, e_omega)),
-        same("(38)", "rate of Φ̂_ω", s["Phi_omega_dot"],
-             law.gamma_omega1 * network * e_sq, -law.sigma_omega1 * s["Phi_omega"]),
-        same("(39)", "rate of β̂_ω", s["beta_omega_dot"],
-             law.gamma_omega2 * (e_omega * zeta).sum(axis=1), -law.sigma_omega2 * s["beta_omega"],
-             cancelled=(law.gamma_omega2 * np.sqrt(e_sq * zeta_sq),)),
+        same(
+            "(37)",
+            "ζ_ω",
+            zeta,
+            K2 * e_omega,
+            known.drift_omega,
+            (s["Phi_omega"] * network)[:, None] * e_omega,
+            e_omega / (2.0 * law.h_omega2**2),
+            lam * solve(np.swapaxes(known.R2, 1, 2), e_prime),
+            -s["omega_d_dot"],
+        ),
+        same(
+            "(37)",
+            "δ̂",
+            s["demand"][:, :THROTTLE],
+            -gain[:, None] * np.einsum("kji,kj->ki", known.G, e_omega),
+        ),
+        same(
+            "(38)",
+            "rate of Φ̂_ω",
+            s["Phi_omega_dot"],
+            law.gamma_omega1 * network * e_sq,
+            -law.sigma_omega1 * s["Phi_omega"],
+        ),
+        same(
+            "(39)",
+            "rate of β̂_ω",
+            s["beta_omega_dot"],
+            law.gamma_omega2 * (e_omega * zeta).sum(axis=1),
+            -law.sigma_omega2 * s["beta_omega"],
+            cancelled=(law.gamma_omega2 * np.sqrt(e_sq * zeta_sq),),
+        ),
         _stepped("(38)", "Φ̂_ω", known, s["Phi_omega"], s["Phi_omega_dot"], law.phi_omega0),
         _stepped("(39)", "β̂_ω", known, s["beta_omega"], s["beta_omega_dot"], law.beta_omega0),
         *_sent(("(29)", "(29)", "(19)"), known, _SURFACES, trigger),
-    ]  # fmt: skip
+    ]
 
 
 def thresholds(known: Known, trigger: Trigger) -> tuple[np.ndarray, np.ndarray]:
@@ -135,8 +213,16 @@ def _stepped(
     before, change = np.roll(value, 1, axis=0), dt * np.roll(rate, 1, axis=0)
     before[0], change[0] = initial, 0.0
     where = _consecutive(known.present)
-    return compare(equation, f"step of {symbol}", value, before, change,
-                   where=where, time_s=known.time_s, cancelled=cancelled)  # fmt: skip
+    return compare(
+        equation,
+        f"step of {symbol}",
+        value,
+        before,
+        change,
+        where=where,
+        time_s=known.time_s,
+        cancelled=cancelled,
+    )
 
 
 def _sent(
@@ -156,14 +242,32 @@ def _sent(
     healthy = ~known.faulty[:, channels]
     trigger_equation, threshold_equation, actuator_equation = equations
     return [
-        compare(trigger_equation, "held command", held, np.where(event, on_wire, before),
-                where=_consecutive(known.present), time_s=known.time_s),
-        compare(threshold_equation, "command beyond the threshold", beyond, np.zeros_like(beyond),
-                where=known.present, time_s=known.time_s, cancelled=(highest + threshold,)),
-        compare(actuator_equation, "applied without a fault",
-                healthy * known.applied[:, channels], healthy * held,
-                where=known.prompt, time_s=known.time_s),
-    ]  # fmt: skip
+        compare(
+            trigger_equation,
+            "held command",
+            held,
+            np.where(event, on_wire, before),
+            where=_consecutive(known.present),
+            time_s=known.time_s,
+        ),
+        compare(
+            threshold_equation,
+            "command beyond the threshold",
+            beyond,
+            np.zeros_like(beyond),
+            where=known.present,
+            time_s=known.time_s,
+            cancelled=(highest + threshold,),
+        ),
+        compare(
+            actuator_equation,
+            "applied without a fault",
+            healthy * known.applied[:, channels],
+            healthy * held,
+            where=known.prompt,
+            time_s=known.time_s,
+        ),
+    ]
 
 
 def _basis(known: Known, law: Proposed) -> np.ndarray:

@@ -143,9 +143,19 @@ def speed_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsystem 
         counted=counted,
         jumps=np.diff(rho) != 0.0,
         equalities=[
-            compare("(41)", "Ṽ' · rate of Ṽ'", V_tp * change, nominal, uncertain, thrust, offset,
-                    -V_tp * s["r_v"], where=known.reported, time_s=known.time_s,
-                    cancelled=(nominal_size,)),
+            compare(
+                "(41)",
+                "Ṽ' · rate of Ṽ'",
+                V_tp * change,
+                nominal,
+                uncertain,
+                thrust,
+                offset,
+                -V_tp * s["r_v"],
+                where=known.reported,
+                time_s=known.time_s,
+                cancelled=(nominal_size,),
+            ),
         ],
         constants={
             "lambda": lam,
@@ -153,7 +163,7 @@ def speed_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsystem 
             **_at_last({"g_v": g, "beta_v": beta}, counted),
             "tau_bar_m_s2": tau.tolist(),
         },
-    )  # fmt: skip
+    )
 
 
 def attitude_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsystem | None:
@@ -234,14 +244,28 @@ def attitude_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsyst
         counted=counted,
         jumps=np.diff(K1, axis=0).any(axis=1) | known.wraps,  # ω_d (57) jumps with K1
         equalities=[
-            compare("(58)", "e'ᵀ · rate of e'", _dot(e_prime, e_change), -e_decay, coupling,
-                    where=known.reported, time_s=known.time_s,
-                    cancelled=(_norm(e_prime) * lam * (_norm(rates) + _norm(s["omega_d"])),)),
-            compare("(59)", "e_ωᵀ · rate of e_ω",
-                    _dot(e_omega, known.omega_dot - s["omega_d_dot"]),
-                    _dot(e_omega, known.drift_omega), moved, uncertain,
-                    -_dot(e_omega, s["omega_d_dot"]),
-                    where=known.present, time_s=known.time_s, cancelled=sizes),
+            compare(
+                "(58)",
+                "e'ᵀ · rate of e'",
+                _dot(e_prime, e_change),
+                -e_decay,
+                coupling,
+                where=known.reported,
+                time_s=known.time_s,
+                cancelled=(_norm(e_prime) * lam * (_norm(rates) + _norm(s["omega_d"])),),
+            ),
+            compare(
+                "(59)",
+                "e_ωᵀ · rate of e_ω",
+                _dot(e_omega, known.omega_dot - s["omega_d_dot"]),
+                _dot(e_omega, known.drift_omega),
+                moved,
+                uncertain,
+                -_dot(e_omega, s["omega_d_dot"]),
+                where=known.present,
+                time_s=known.time_s,
+                cancelled=sizes,
+            ),
         ],
         constants={
             "lambda_prime": lam,
@@ -250,7 +274,7 @@ def attitude_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsyst
             "tau_bar_rad_s2": tau.tolist(),
             "omega_d_filter_error_rad_s2": _filter_error(known, K1, counted),
         },
-    )  # fmt: skip
+    )
 
 
 def _subsystem(
@@ -305,8 +329,15 @@ def _subsystem(
     }
 
     def along(equation: str, quantity: str, *terms: np.ndarray) -> Equality:
-        return compare(equation, quantity, V_L_dot, *terms, where=covered, time_s=known.time_s,
-                       cancelled=(*cancelled, *before, *adaptation))  # fmt: skip
+        return compare(
+            equation,
+            quantity,
+            V_L_dot,
+            *terms,
+            where=covered,
+            time_s=known.time_s,
+            cancelled=(*cancelled, *before, *adaptation),
+        )
 
     return Subsystem(
         V_L=V_L,
@@ -320,13 +351,19 @@ def _subsystem(
         slack=slack,
         equalities=[
             *equalities,
-            along(unequal, "rate of V_L before the inequalities",
-                  -error.decay, *before, *adaptation),
-            along(result, "rate of V_L with the slack of each inequality",
-                  -kappa * V_L, chi, *(-part for part in slack.values())),
+            along(
+                unequal, "rate of V_L before the inequalities", -error.decay, *before, *adaptation
+            ),
+            along(
+                result,
+                "rate of V_L with the slack of each inequality",
+                -kappa * V_L,
+                chi,
+                *(-part for part in slack.values()),
+            ),
         ],
         constants=constants,
-    )  # fmt: skip
+    )
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

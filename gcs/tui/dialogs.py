@@ -17,10 +17,22 @@ from gcs.tui.requests import Choice
 __all__ = ["Help", "Question", "key_name"]
 
 _NAMES = {
-    "left_square_bracket": "[", "right_square_bracket": "]", "question_mark": "?", "slash": "/",
-    "asterisk": "*", "comma": ",", "full_stop": ".", "less_than_sign": "<", "plus": "+",
-    "greater_than_sign": ">", "minus": "-", "up": "↑", "down": "↓", "left": "←", "right": "→",
-}  # fmt: skip
+    "left_square_bracket": "[",
+    "right_square_bracket": "]",
+    "question_mark": "?",
+    "slash": "/",
+    "asterisk": "*",
+    "comma": ",",
+    "full_stop": ".",
+    "less_than_sign": "<",
+    "plus": "+",
+    "greater_than_sign": ">",
+    "minus": "-",
+    "up": "↑",
+    "down": "↓",
+    "left": "←",
+    "right": "→",
+}
 
 
 class Question(ModalScreen[str | None]):

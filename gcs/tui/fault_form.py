@@ -109,9 +109,10 @@ class FaultForm(Vertical):
             kinds = [("loss and bias", "bias"), ("stuck at value", "stuck")]
             yield Select(kinds, value="bias", id="fault-kind", compact=True, allow_blank=False)
             for name, label in zip(
-                _FIELDS, ("effectiveness", "bias °", "frequency Hz", "start s", "end s"),
+                _FIELDS,
+                ("effectiveness", "bias °", "frequency Hz", "start s", "end s"),
                 strict=True,
-            ):  # fmt: skip
+            ):
                 yield CachedStatic(label, id=f"label-{name}")
                 yield Input(placeholder=_HINTS[name], id=name, compact=True)
         yield CachedStatic(grow=True, id="form-says")

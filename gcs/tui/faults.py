@@ -21,8 +21,14 @@ from mavlink_defs.faults import Fault
 
 __all__ = ["FaultList", "FaultsPanel", "clear_all", "repeat"]
 
-_ROLES = {"active": "bad", "waiting": "warn", "over": "", "cleared": "muted",
-          "replaced": "muted", "restarted": "muted"}  # fmt: skip
+_ROLES = {
+    "active": "bad",
+    "waiting": "warn",
+    "over": "",
+    "cleared": "muted",
+    "replaced": "muted",
+    "restarted": "muted",
+}
 _COLUMNS = (Column("UAV", 3), Column("state", 9, "left"), Column("fault", 0, "left"))
 _WIDE = (*_COLUMNS[:2], Column("fault", 42, "left"), Column("acknowledged", 0, "left"))
 _WIDE_FROM = 92
@@ -173,8 +179,12 @@ def repeat(view: FleetView) -> tuple[VehicleAction | None, str]:
 
 def _alike(a: Fault, b: Fault) -> bool:
     return (a.actuator, a.effectiveness, a.value, a.frequency_hz, a.end_s) == (
-        b.actuator, b.effectiveness, b.value, b.frequency_hz, b.end_s
-    )  # fmt: skip
+        b.actuator,
+        b.effectiveness,
+        b.value,
+        b.frequency_hz,
+        b.end_s,
+    )
 
 
 def _history(record: FaultRecord) -> str:

@@ -52,8 +52,11 @@ class Grid(ScrollView, can_focus=True):
     """A table with fixed headings and a cursor."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
-        "grid--head", "grid--group", "grid--cursor", *(f"grid--{role}" for role in _ROLES)
-    }  # fmt: skip
+        "grid--head",
+        "grid--group",
+        "grid--cursor",
+        *(f"grid--{role}" for role in _ROLES),
+    }
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "move(-1)", "up", show=False),
         Binding("down", "move(1)", "down", show=False),

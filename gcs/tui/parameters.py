@@ -53,8 +53,9 @@ class ParametersPanel(Vertical):
         yield Grid(id="params", classes="panel")
         with Horizontal(classes="filters", id="param-edit"):
             yield CachedStatic(grow=True, id="param-name")
-            yield Input(placeholder="enter on a line, then the new value", id="param-value",
-                        compact=True)  # fmt: skip
+            yield Input(
+                placeholder="enter on a line, then the new value", id="param-value", compact=True
+            )
 
     def show_view(self, view: FleetView) -> None:
         """Show the parameters of the selected vehicle; ask for them the first time."""
@@ -152,7 +153,10 @@ def _row(param: Param) -> Row:
     known = known_quantity(param.name)
     unit, allowed, doc = (known.unit, known.range(), known.doc) if known else ("", "", "")
     cells: tuple[Cell, ...] = (
-        (param.name, "strong"), (f"{param.value:g}", ""), (unit, "muted"), (allowed, "muted"),
+        (param.name, "strong"),
+        (f"{param.value:g}", ""),
+        (unit, "muted"),
+        (allowed, "muted"),
         (doc, "muted"),
-    )  # fmt: skip
+    )
     return Row(param.name, cells)

@@ -72,10 +72,14 @@ class ProfilesPanel(Horizontal):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("u", "upload", "upload", tooltip="Upload the file to the marked UAVs"),
-        Binding("g", "download", "get & compare",
-                tooltip="Download what the marked UAVs hold, and compare it with the file"),
+        Binding(
+            "g",
+            "download",
+            "get & compare",
+            tooltip="Download what the marked UAVs hold, and compare it with the file",
+        ),
         Binding("o", "open", "open", tooltip="Type the path of a file"),
-    ]  # fmt: skip
+    ]
 
     def __init__(self, folder: Path | None = None, **kwargs: Any) -> None:
         """Prepare the panel.

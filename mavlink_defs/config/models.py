@@ -41,9 +41,26 @@ from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["ConfigError", "HostPort", "Loc", "Model", "Port", "Problem", "ProblemKind", "Problems",
-           "SystemId", "dump", "load", "parse", "problems_of", "read", "repeated", "shown",
-           "unknown_key", "validate"]  # fmt: skip
+__all__ = [
+    "ConfigError",
+    "HostPort",
+    "Loc",
+    "Model",
+    "Port",
+    "Problem",
+    "ProblemKind",
+    "Problems",
+    "SystemId",
+    "dump",
+    "load",
+    "parse",
+    "problems_of",
+    "read",
+    "repeated",
+    "shown",
+    "unknown_key",
+    "validate",
+]
 
 Loc: TypeAlias = tuple[str | int, ...]
 """Where a value stands: keys and list indices from the outside in."""
@@ -248,8 +265,10 @@ def shown(value: object) -> str:
 def _problems(model: type[BaseModel], error: ErrorDetails) -> list[Problem]:
     cause = error.get("ctx", {}).get("error")
     if isinstance(cause, Problems):
-        return [problem._replace(loc=_Place(model, error["loc"] + problem.loc).loc)
-                for problem in cause.problems]  # fmt: skip
+        return [
+            problem._replace(loc=_Place(model, error["loc"] + problem.loc).loc)
+            for problem in cause.problems
+        ]
     if error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]:
         return []  # pydantic does not count entries that have problems of their own
     place = _Place(model, error["loc"])

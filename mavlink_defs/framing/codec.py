@@ -47,12 +47,41 @@ from mavlink_defs.framing.header import (
 )
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["ACTUATORS", "ACTUATORS_SIZE", "BUFFER_SIZE", "DROPS_SIZE", "FOREIGN", "ID_ACTUATORS",
-           "ID_NEIGHBOUR", "ID_SIM_STATE", "ID_STEP_DONE", "NEIGHBOUR", "NEIGHBOUR_SIZE",
-           "NOT_NEWER", "OUT_OF_RANGE", "SIGNED", "SIM_STATE", "SIM_STATE_SIZE", "STEP_DONE",
-           "STEP_DONE_SIZE", "STRANGER", "UNEXPECTED", "MessageId", "add_checksum", "check",
-           "component_of", "drop_counts", "expand", "identify", "new_buffer", "pack",
-           "payload_dtype", "payload_view", "sequence_of", "system_of"]  # fmt: skip
+__all__ = [
+    "ACTUATORS",
+    "ACTUATORS_SIZE",
+    "BUFFER_SIZE",
+    "DROPS_SIZE",
+    "FOREIGN",
+    "ID_ACTUATORS",
+    "ID_NEIGHBOUR",
+    "ID_SIM_STATE",
+    "ID_STEP_DONE",
+    "NEIGHBOUR",
+    "NEIGHBOUR_SIZE",
+    "NOT_NEWER",
+    "OUT_OF_RANGE",
+    "SIGNED",
+    "SIM_STATE",
+    "SIM_STATE_SIZE",
+    "STEP_DONE",
+    "STEP_DONE_SIZE",
+    "STRANGER",
+    "UNEXPECTED",
+    "MessageId",
+    "add_checksum",
+    "check",
+    "component_of",
+    "drop_counts",
+    "expand",
+    "identify",
+    "new_buffer",
+    "pack",
+    "payload_dtype",
+    "payload_view",
+    "sequence_of",
+    "system_of",
+]
 
 BUFFER_SIZE = MAX_FRAME_SIZE
 
@@ -315,10 +344,15 @@ def _checksum(b: np.ndarray, end: int, extra: int) -> int:
     i = 1
     while i + 8 <= end:
         crc = (
-            _T[7, (crc & 0xFF) ^ b[i]] ^ _T[6, (crc >> 8) ^ b[i + 1]]
-            ^ _T[5, b[i + 2]] ^ _T[4, b[i + 3]] ^ _T[3, b[i + 4]]
-            ^ _T[2, b[i + 5]] ^ _T[1, b[i + 6]] ^ _T[0, b[i + 7]]
-        )  # fmt: skip
+            _T[7, (crc & 0xFF) ^ b[i]]
+            ^ _T[6, (crc >> 8) ^ b[i + 1]]
+            ^ _T[5, b[i + 2]]
+            ^ _T[4, b[i + 3]]
+            ^ _T[3, b[i + 4]]
+            ^ _T[2, b[i + 5]]
+            ^ _T[1, b[i + 6]]
+            ^ _T[0, b[i + 7]]
+        )
         i += 8
     while i < end:
         crc = (crc >> 8) ^ _T[0, (crc & 0xFF) ^ b[i]]

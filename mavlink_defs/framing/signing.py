@@ -33,9 +33,26 @@ from mavlink_defs.framing.header import (
     SYSTEM,
 )
 
-__all__ = ["EPOCH_S", "FORMATION_LINK", "KEY_SIZE", "PLANT_LINK", "UNSIGNED_ALLOWED", "WINDOW",
-           "Signer", "SigningError", "flagged", "is_ahead", "load_signer", "make_key", "new_time",
-           "open_time", "read_key", "time_file", "timestamp", "words_of"]  # fmt: skip
+__all__ = [
+    "EPOCH_S",
+    "FORMATION_LINK",
+    "KEY_SIZE",
+    "PLANT_LINK",
+    "UNSIGNED_ALLOWED",
+    "WINDOW",
+    "Signer",
+    "SigningError",
+    "flagged",
+    "is_ahead",
+    "load_signer",
+    "make_key",
+    "new_time",
+    "open_time",
+    "read_key",
+    "time_file",
+    "timestamp",
+    "words_of",
+]
 
 KEY_SIZE = 32  # bytes
 EPOCH_S = 1_420_070_400  # 2015-01-01, Unix time

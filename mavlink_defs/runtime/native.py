@@ -24,9 +24,20 @@ from numba import types
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["ADDRESS_SIZE", "monotonic_s", "receive", "receive_from", "receive_from_now",
-           "receive_from_soon", "receive_soon", "same_address", "send", "send_to",
-           "sleep_until", "unix_s"]  # fmt: skip
+__all__ = [
+    "ADDRESS_SIZE",
+    "monotonic_s",
+    "receive",
+    "receive_from",
+    "receive_from_now",
+    "receive_from_soon",
+    "receive_soon",
+    "same_address",
+    "send",
+    "send_to",
+    "sleep_until",
+    "unix_s",
+]
 
 ADDRESS_SIZE = 16  # struct sockaddr_in
 

@@ -74,9 +74,17 @@ class FaultLister(Machine[FaultsListed]):
         self._requests += 1
         self._deadline = None
         message = dialect.MAVLink_command_long_message(
-            *self._vehicle, dialect.MAV_CMD_REQUEST_MESSAGE, 0,
-            dialect.MAVLINK_MSG_ID_FTC_FAULT, 0, 0, 0, 0, 0, 0,
-        )  # fmt: skip
+            *self._vehicle,
+            dialect.MAV_CMD_REQUEST_MESSAGE,
+            0,
+            dialect.MAVLINK_MSG_ID_FTC_FAULT,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+        )
         self._command.send(message, now)
         self._pass_on()
 

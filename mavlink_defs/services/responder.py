@@ -63,8 +63,10 @@ class Responder(Machine[None]):
         self, message: MAVLink_file_transfer_protocol_message, sender: SystemId
     ) -> None:
         sequence, session, opcode = (
-            message.payload[0] | message.payload[1] << 8, message.payload[2], message.payload[3],
-        )  # fmt: skip
+            message.payload[0] | message.payload[1] << 8,
+            message.payload[2],
+            message.payload[3],
+        )
         if opcode not in _FTP_REQUESTS:
             return
         following = (sequence + 1) & 0xFFFF

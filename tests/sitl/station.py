@@ -62,14 +62,22 @@ def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None)
     """`gcs up` of a scenario (or scenario 1); whatever is left of it in the end is killed."""
     folder.mkdir(exist_ok=True)
     popen = subprocess.Popen(
-        [BIN / "gcs", "up", write_scenario(folder, tree), "--out", folder / "run", "--json",
-         "--free-ports", *arguments],
+        [
+            BIN / "gcs",
+            "up",
+            write_scenario(folder, tree),
+            "--out",
+            folder / "run",
+            "--json",
+            "--free-ports",
+            *arguments,
+        ],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         env=environment(),
-    )  # fmt: skip
+    )
     try:
         assert popen.stdout is not None
         line = popen.stdout.readline()

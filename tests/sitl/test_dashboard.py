@@ -256,8 +256,9 @@ def test_a_restarted_dashboard_finds_everything_again(fleet: Up) -> None:
     async def work() -> None:
         async with operator(fleet) as someone:
             await make_fly(someone)
-        fleet.gcs("fault", "set", "rudder", "--uav", "3", "--effectiveness", "0.9", "--start-s",
-                  "9000")  # fmt: skip
+        fleet.gcs(
+            "fault", "set", "rudder", "--uav", "3", "--effectiveness", "0.9", "--start-s", "9000"
+        )
         async with operator(fleet, size=(80, 24)) as someone:
             assert all(someone.state(i).profile for i in (1, 2, 3))
             assert someone.state(1).counts.total > 0 or not someone.state(1).time_s

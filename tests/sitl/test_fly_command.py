@@ -32,13 +32,31 @@ from flying import (
 pytestmark = pytest.mark.sitl
 
 SUMMARY_KEYS = {
-    "scenario", "completed", "loss", "duration_s", "steps", "wall_s", "real_time_factor", "mode",
-    "saving", "uavs",
-}  # fmt: skip
+    "scenario",
+    "completed",
+    "loss",
+    "duration_s",
+    "steps",
+    "wall_s",
+    "real_time_factor",
+    "mode",
+    "saving",
+    "uavs",
+}
 UAV_KEYS = {
-    "id", "active_steps", "missing_steps", "saving", "channels", "actuator_messages", "iae",
-    "iae_filtered", "max_error", "final_error", "attitude_lost_at_s", "heading_lost_at_s",
-}  # fmt: skip
+    "id",
+    "active_steps",
+    "missing_steps",
+    "saving",
+    "channels",
+    "actuator_messages",
+    "iae",
+    "iae_filtered",
+    "max_error",
+    "final_error",
+    "attitude_lost_at_s",
+    "heading_lost_at_s",
+}
 QUANTITIES = {"airspeed", "roll", "pitch", "yaw"}
 
 
@@ -149,8 +167,9 @@ def test_one_uav_alone(tmp_path: Path) -> None:
     tree = scenario_tree(duration_s=0.5, faults=[])
     tree["uavs"] = tree["uavs"][:1]
     tree["network"] = {"leader_access": {1: 1.0}}
-    done = fly_well(write_scenario(tmp_path, tree), "--json", "--free-ports", "--out",
-                    tmp_path / "run")  # fmt: skip
+    done = fly_well(
+        write_scenario(tmp_path, tree), "--json", "--free-ports", "--out", tmp_path / "run"
+    )
     assert [uav["id"] for uav in strict_json(done.stdout)["uavs"]] == [1]
 
 

@@ -69,10 +69,23 @@ def programs(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
     programs = folder / "bin"
     subprocess.run(
-        [sys.executable, "-m", "pip", "--python", programs / "python", "install", "--quiet",
-         "--disable-pip-version-check", "--no-compile", "--no-index", "--no-deps", wheel],
-        check=True, timeout=TIMEOUT_S,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "--python",
+            programs / "python",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            "--no-compile",
+            "--no-index",
+            "--no-deps",
+            wheel,
+        ],
+        check=True,
+        timeout=TIMEOUT_S,
+    )
     # the dependencies are those of this environment; its own .pth files, and with them the
     # project itself, are not read on the way
     (packages,) = folder.glob("lib/python*/site-packages")
@@ -95,9 +108,14 @@ def run(
     program, *arguments = command
     return subprocess.run(
         [programs / program, *arguments],
-        cwd=folder, env=environment(**{"NUMBA_DISABLE_JIT": "1", **changes}),
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TIMEOUT_S, check=False,
-    )  # fmt: skip
+        cwd=folder,
+        env=environment(**{"NUMBA_DISABLE_JIT": "1", **changes}),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
 
 
 def run_well(programs: Path, folder: Path, *command: str | Path, **changes: str) -> str:
@@ -123,8 +141,11 @@ def test_the_wheel_says_what_it_is_and_has_what_it_needs(wheel: Path) -> None:
         }
         assert {name for name in files if name.startswith(f"{package}/")} >= sources
         assert f"{package}/py.typed" in files
-    bundled = {name.partition("bundled_scenarios/")[2]: files[name] for name in files
-               if name.startswith("gcs/bundled_scenarios/")}  # fmt: skip
+    bundled = {
+        name.partition("bundled_scenarios/")[2]: files[name]
+        for name in files
+        if name.startswith("gcs/bundled_scenarios/")
+    }
     scenarios = ROOT / "scenarios"
     assert bundled == {
         path.relative_to(scenarios).as_posix(): path.read_bytes()

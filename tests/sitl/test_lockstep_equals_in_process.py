@@ -10,12 +10,24 @@ pytestmark = pytest.mark.sitl
 
 FAULTS = [
     {"uav": 3, "actuator": "rudder", "effectiveness": 0.9, "start_s": 1.0, "end_s": 3.0},
-    {"uav": 3, "actuator": "elevator", "stuck_deg": 1.0, "frequency_hz": 2.0, "start_s": 4.5,
-     "end_s": 4.7},
+    {
+        "uav": 3,
+        "actuator": "elevator",
+        "stuck_deg": 1.0,
+        "frequency_hz": 2.0,
+        "start_s": 4.5,
+        "end_s": 4.7,
+    },
     {"uav": 2, "actuator": "aileron", "effectiveness": 0.9, "bias_deg": 1.5, "start_s": 2.0},
-    {"uav": 1, "actuator": "throttle", "effectiveness": 0.8, "bias_n": 20.0, "start_s": 3.5,
-     "end_s": 5.0},
-]  # fmt: skip
+    {
+        "uav": 1,
+        "actuator": "throttle",
+        "effectiveness": 0.8,
+        "bias_n": 20.0,
+        "start_s": 3.5,
+        "end_s": 5.0,
+    },
+]
 
 
 def assert_equal_bit_for_bit(udp: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:

@@ -115,8 +115,11 @@ def rearmed(
         flight = fleet.run_to_end()
     finally:
         fleet.close()
-    [*_, told] = (m for _, m in read_tlog(fleet.folder / "flight.tlog")
-                  if m.get_type() == "FTC_EVENTS" and m.get_srcSystem() == 2)  # fmt: skip
+    [*_, told] = (
+        m
+        for _, m in read_tlog(fleet.folder / "flight.tlog")
+        if m.get_type() == "FTC_EVENTS" and m.get_srcSystem() == 2
+    )
     return flight, told
 
 

@@ -47,8 +47,13 @@ def test_everything_is_there(out: Path) -> None:
     assert drawn == {f"{name}.{suffix}" for name in FIGURES for suffix in ("png", "svg")}
     for file in FILES:
         written = {path.name for path in (out / "data" / file).iterdir()}
-        assert written == {"summary.json", "events.npz", "events.csv", "trajectory.npz",
-                           "trajectory.csv"}  # fmt: skip
+        assert written == {
+            "summary.json",
+            "events.npz",
+            "events.csv",
+            "trajectory.npz",
+            "trajectory.csv",
+        }
 
 
 def test_the_page_needs_no_other_file(out: Path) -> None:
@@ -66,8 +71,13 @@ def test_the_report_shows_what_was_flown(out: Path) -> None:
     row = next(line for line in report.splitlines() if line.startswith("| proposed | 2146"))
     assert f"2575 / {follower['channels']['rudder']['events']} /" in row
     assert "**Lost flights: Paper, scenario 3, fault mode 4: UAV 3 was lost" in report
-    for words in ("Where ours differs", "Smallest interval", "Residual sets", "(53), (69)",
-                  "What each inequality gives away"):  # fmt: skip
+    for words in (
+        "Where ours differs",
+        "Smallest interval",
+        "Residual sets",
+        "(53), (69)",
+        "What each inequality gives away",
+    ):
         assert words in report
 
 

@@ -64,9 +64,16 @@ class Processes:
             self.kill(name)
 
     def _start(self, name: str, module: str, record: bool, *arguments: str) -> None:
-        command = [sys.executable, "-P", "-c", f"from {module} import main; main()",
-                   str(self._folder / f"{name}.yaml"), "--exit-with-parent", str(os.getpid()),
-                   *arguments]  # fmt: skip
+        command = [
+            sys.executable,
+            "-P",
+            "-c",
+            f"from {module} import main; main()",
+            str(self._folder / f"{name}.yaml"),
+            "--exit-with-parent",
+            str(os.getpid()),
+            *arguments,
+        ]
         if record:
             command += ["--record", str(self._folder / f"{name}.npz")]
         with (self._folder / f"{name}.log").open("ab") as output:

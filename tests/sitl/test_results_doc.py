@@ -22,9 +22,7 @@ EXPLANATION = ROOT / "docs" / "explanation"
 RESULTS = (EXPLANATION / "results.md").read_text()
 CONTROLLERS = (EXPLANATION / "controllers.md").read_text()
 FIRST_FLIGHT = (ROOT / "docs" / "tutorial" / "first-flight.md").read_text()
-SWEEPS = re.findall(
-    r"^    (gcs sweep .*)\n\n((?:\|.*\n)+)", RESULTS + CONTROLLERS, re.MULTILINE
-)  # fmt: skip
+SWEEPS = re.findall(r"^    (gcs sweep .*)\n\n((?:\|.*\n)+)", RESULTS + CONTROLLERS, re.MULTILINE)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 
 Rows: TypeAlias = list[list[str]]

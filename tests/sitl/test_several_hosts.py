@@ -76,9 +76,12 @@ def started(host: Host, *command: str | Path) -> Iterator[subprocess.Popen[str]]
     program, *arguments = command
     popen = subprocess.Popen(
         [*host.prefix, BIN / program, *arguments],
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         env=environment(),
-    )  # fmt: skip
+    )
     with popen:
         try:
             yield popen
@@ -102,9 +105,11 @@ def test_a_fleet_on_two_hosts_flies_as_on_one(hosts: tuple[Host, Host], tmp_path
     }
 
     with contextlib.ExitStack() as stack:
-        processes = [stack.enter_context(
-            started(where["plant"], "sitl-plant", fleet / "plant.yaml", *record["plant"])
-        )]  # fmt: skip
+        processes = [
+            stack.enter_context(
+                started(where["plant"], "sitl-plant", fleet / "plant.yaml", *record["plant"])
+            )
+        ]
         for name in ("uav1", "uav2", "uav3"):
             more: list[str | Path] = [*record[name], "--record-steps", str(STEPS)]
             popen = started(where[name], "ftc-autopilot", fleet / f"{name}.yaml", *more)

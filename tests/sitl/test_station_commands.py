@@ -93,16 +93,33 @@ def test_status_for_people(fleet: Up) -> None:
 
 
 def test_faults_are_set_listed_and_cleared(fleet: Up) -> None:
-    done = fleet.gcs("fault", "set", "rudder", "--uav", "2", "--effectiveness", "0.5",
-                     "--bias-deg", "1.5", *SOMEDAY, "--for-s", "2")  # fmt: skip
+    done = fleet.gcs(
+        "fault",
+        "set",
+        "rudder",
+        "--uav",
+        "2",
+        "--effectiveness",
+        "0.5",
+        "--bias-deg",
+        "1.5",
+        *SOMEDAY,
+        "--for-s",
+        "2",
+    )
     assert done.returncode == ACCEPTED, done.stderr
     assert done.stdout == "UAV 2: rudder at 50 % + 1.5 deg in (10000, 10002] s\n"
     fleet.gcs_json("fault", "set", "aileron", "--uav", "2", "--stuck-deg", "2", *SOMEDAY)
     (listed,) = fleet.gcs_json("fault", "list", "--uav", "2")
     expected = {
-        "actuator": "rudder", "effectiveness": 0.5, "bias_deg": 1.5, "frequency_hz": 0.0,
-        "start_s": 10_000.0, "end_s": 10_002.0, "active": False,
-    }  # fmt: skip
+        "actuator": "rudder",
+        "effectiveness": 0.5,
+        "bias_deg": 1.5,
+        "frequency_hz": 0.0,
+        "start_s": 10_000.0,
+        "end_s": 10_002.0,
+        "active": False,
+    }
     assert expected in listed["faults"]
     assert "aileron" in {fault["actuator"] for fault in listed["faults"]}
     assert fleet.gcs("fault", "clear", "--uav", "2", "--actuator", "rudder").returncode == 0
@@ -411,9 +428,13 @@ def test_a_stopped_flight_goes_on_the_same(
 
 def test_shell_completion_offers_actuators() -> None:
     done = subprocess.run(
-        [BIN / "gcs"], capture_output=True, text=True, check=False,
-        timeout=TIMEOUT_S, stdin=subprocess.DEVNULL,
-        env=os.environ | {"_GCS_COMPLETE": "complete_bash", "COMP_WORDS": "gcs fault set ",
-                          "COMP_CWORD": "3"},
-    )  # fmt: skip
+        [BIN / "gcs"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIMEOUT_S,
+        stdin=subprocess.DEVNULL,
+        env=os.environ
+        | {"_GCS_COMPLETE": "complete_bash", "COMP_WORDS": "gcs fault set ", "COMP_CWORD": "3"},
+    )
     assert {"aileron", "rudder"} <= set(done.stdout.split()), done.stderr

@@ -54,8 +54,10 @@ def test_interrupt(tmp_path: Path, number: signal.Signals) -> None:
         assert str(folder) in words
         assert not processes_of(folder)
     assert_readable_log(folder)
-    kept = {name: arrays_of(folder / "processes" / f"{name}.npz") for name in
-            ("plant", "uav1", "uav2", "uav3")}  # fmt: skip
+    kept = {
+        name: arrays_of(folder / "processes" / f"{name}.npz")
+        for name in ("plant", "uav1", "uav2", "uav3")
+    }
     steps = int(kept["plant"]["steps"])
     assert steps == len(kept["plant"]["states"])
     assert not kept["plant"]["loss"].item()

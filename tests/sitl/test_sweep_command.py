@@ -67,8 +67,15 @@ def test_every_run_is_in_the_tables(tmp_path: Path) -> None:
     tree["faults"] = [{"uav": 2, "actuator": "throttle", "stuck_n": 900.0, "start_s": 0.5}]
     scenario = write_scenario(tmp_path, tree)
     folder = tmp_path / "out"
-    arguments = (scenario, "--set", "faults[0].stuck_n=900,100000,-1",
-                 "--set", "trigger.mode=per_channel, periodic", "--out", folder)  # fmt: skip
+    arguments = (
+        scenario,
+        "--set",
+        "faults[0].stuck_n=900,100000,-1",
+        "--set",
+        "trigger.mode=per_channel, periodic",
+        "--out",
+        folder,
+    )
     done = sweep(*arguments)
     assert done.returncode == 0, done.stderr
     assert_one_message(done.stderr)

@@ -118,8 +118,15 @@ def test_a_lossy_lockstep_flight_ends_and_is_the_same_every_time(tmp_path: Path)
 
 
 def test_a_bad_gcs_link_delays_nothing_in_the_air(tmp_path: Path) -> None:
-    bad = {"loss": 0.1, "delay_ms": 20.0, "jitter_ms": 10.0, "duplicate": 0.1, "bit_errors": 1e-4,
-           "reorder": 0.05, "outages": [{"from_s": 0.5, "to_s": 0.8}]}  # fmt: skip
+    bad = {
+        "loss": 0.1,
+        "delay_ms": 20.0,
+        "jitter_ms": 10.0,
+        "duplicate": 0.1,
+        "bit_errors": 1e-4,
+        "reorder": 0.05,
+        "outages": [{"from_s": 0.5, "to_s": 0.8}],
+    }
     folder = flown(tmp_path, 1.0, {"gcs": bad})
     wire = wire_of(folder)
     assert_counts_agree(wire, summary_of(folder))
@@ -217,10 +224,26 @@ def test_tshark_gcs_wire_and_the_summary_count_the_same(tmp_path: Path) -> None:
     report = json.loads(gcs_wire(capture.path, "--link", f"plant={port}", "--json"))
     assert_counts_agree(report, summary_of(tmp_path / "run"))
     dissected = subprocess.run(
-        ["tshark", "-r", capture.path, "-X", f"lua_script:{lua}", "-Y", "mavlink_proto.sysid",
-         "-T", "fields", "-e", "mavlink_proto.sysid", "-e", "mavlink_proto.msgid"],
-        capture_output=True, text=True, timeout=TIMEOUT_S, check=True,
-    )  # fmt: skip
+        [
+            "tshark",
+            "-r",
+            capture.path,
+            "-X",
+            f"lua_script:{lua}",
+            "-Y",
+            "mavlink_proto.sysid",
+            "-T",
+            "fields",
+            "-e",
+            "mavlink_proto.sysid",
+            "-e",
+            "mavlink_proto.msgid",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=True,
+    )
     seen = Counter(tuple(map(int, line.split("\t"))) for line in dissected.stdout.splitlines())
     counted: Counter[tuple[int, int]] = Counter()
     for row in report["messages"]:
@@ -234,14 +257,30 @@ def test_gcs_wire_relays_impairs_and_counts_until_it_is_stopped(tmp_path: Path) 
     relay = f"127.0.0.1:{front}=127.0.0.1:{links['plant_port']}"
     links["plant_relay"] = f"127.0.0.1:{front}"
     popen = subprocess.Popen(
-        [BIN / "gcs", "wire", "--relay", relay, "--impair", "loss=0.02,delay_ms=1,seed=3",
-         "--link", f"plant={links['plant_port']}", "--json"],
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [
+            BIN / "gcs",
+            "wire",
+            "--relay",
+            relay,
+            "--impair",
+            "loss=0.02,delay_ms=1,seed=3",
+            "--link",
+            f"plant={links['plant_port']}",
+            "--json",
+        ],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         env=environment(),
-    )  # fmt: skip
+    )
     try:
-        fly_well(write_scenario(tmp_path, short_tree(0.2), links=links), "--quiet",
-                 "--out", tmp_path / "run")  # fmt: skip
+        fly_well(
+            write_scenario(tmp_path, short_tree(0.2), links=links),
+            "--quiet",
+            "--out",
+            tmp_path / "run",
+        )
     finally:
         popen.terminate()
         out, words = popen.communicate(timeout=TIMEOUT_S)

@@ -26,12 +26,25 @@ class MavProxy:
     def __init__(self, port: int, folder: Path) -> None:
         self._lines: list[str] = []
         self._popen = subprocess.Popen(
-            [*self._program, "--master", f"udpin:127.0.0.1:{port}", "--state-basedir", folder,
-             "--logfile", folder / "mavproxy.tlog", "--default-modules", _NO_WINDOWS,
-             "--show-errors"],
-            cwd=folder, bufsize=0, env=os.environ | {"HOME": str(folder)},
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+            [
+                *self._program,
+                "--master",
+                f"udpin:127.0.0.1:{port}",
+                "--state-basedir",
+                folder,
+                "--logfile",
+                folder / "mavproxy.tlog",
+                "--default-modules",
+                _NO_WINDOWS,
+                "--show-errors",
+            ],
+            cwd=folder,
+            bufsize=0,
+            env=os.environ | {"HOME": str(folder)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
 

@@ -18,8 +18,12 @@ def test_the_mavsdk_program(fleet: Standing) -> None:
     assert program.count(":14550") == 1
     done = subprocess.run(
         [sys.executable, "-c", program.replace(":14550", f":{fleet.port}")],
-        capture_output=True, text=True, timeout=60.0, stdin=subprocess.DEVNULL, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert re.search(r"^K1_ROLL 45\.0 LAMBDA1 0\.46", done.stdout, re.MULTILINE)
     assert "MissionProgress(current=2, total=3)" in done.stdout

@@ -59,10 +59,23 @@ def telemetry(leader: System) -> Telemetry:
 
 def mission(fleet: Standing) -> list[MissionItem]:
     return [
-        MissionItem(i.seq, i.frame, i.command, int(i.seq == 0), 1, i.param1, i.param2, i.param3,
-                    i.param4, i.x, i.y, i.z, 0)
+        MissionItem(
+            i.seq,
+            i.frame,
+            i.command,
+            int(i.seq == 0),
+            1,
+            i.param1,
+            i.param2,
+            i.param3,
+            i.param4,
+            i.x,
+            i.y,
+            i.z,
+            0,
+        )
         for i in segments_to_items(fleet.scenario.segments(), 1, 1)
-    ]  # fmt: skip
+    ]
 
 
 def contents(items: list[MissionItem]) -> list[tuple[Any, ...]]:
@@ -92,6 +105,14 @@ def test_information(leader: System) -> None:
 def test_telemetry_of_a_waiting_vehicle(fleet: Standing, telemetry: Telemetry) -> None:
     wait(telemetry.health_all_ok, "health")
     wait(lambda: not math.isnan(telemetry.position().latitude_deg), "position")
+    wait(lambda: not math.isnan(telemetry.home().latitude_deg), "home")
+    wait(lambda: not math.isnan(telemetry.velocity_ned().north_m_s), "velocity")
+    wait(lambda: not math.isnan(telemetry.attitude_euler().pitch_deg), "attitude")
+    wait(lambda: not math.isnan(telemetry.attitude_quaternion().w), "quaternion")
+    wait(lambda: not math.isnan(telemetry.fixedwing_metrics().airspeed_m_s), "airspeed")
+    wait(lambda: not math.isnan(telemetry.heading().heading_deg), "heading")
+    wait(lambda: telemetry.landed_state() == LandedState.IN_AIR, "landed state")
+    wait(lambda: telemetry.flight_mode() == FlightMode.HOLD, "flight mode")
     position, home = telemetry.position(), telemetry.home()
     assert home.absolute_altitude_m == pytest.approx(584.0)
     assert position.relative_altitude_m == pytest.approx(100.0, abs=0.01)
@@ -108,10 +129,25 @@ def test_telemetry_of_a_waiting_vehicle(fleet: Standing, telemetry: Telemetry) -
 
 
 def test_rates_can_be_changed(telemetry: Telemetry) -> None:
-    for name in ("position", "velocity_ned", "attitude_euler", "attitude_quaternion", "home",
-                 "in_air", "landed_state", "raw_gps", "gps_info", "battery", "odometry", "imu",
-                 "altitude", "fixedwing_metrics", "position_velocity_ned", "health",
-                 "actuator_output_status"):  # fmt: skip
+    for name in (
+        "position",
+        "velocity_ned",
+        "attitude_euler",
+        "attitude_quaternion",
+        "home",
+        "in_air",
+        "landed_state",
+        "raw_gps",
+        "gps_info",
+        "battery",
+        "odometry",
+        "imu",
+        "altitude",
+        "fixedwing_metrics",
+        "position_velocity_ned",
+        "health",
+        "actuator_output_status",
+    ):
         getattr(telemetry, f"set_rate_{name}")(20.0)
     wait(lambda: telemetry.odometry().time_usec == 0, "odometry")
     wait(lambda: telemetry.altitude().altitude_relative_m > 99.0, "altitude")

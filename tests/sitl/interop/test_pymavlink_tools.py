@@ -22,8 +22,12 @@ def tool(*arguments: str | Path) -> str:
     """What a tool prints; it must not complain."""
     done = subprocess.run(
         [sys.executable, "-m", "mavlink_defs.runtime.run_with_dialect", *arguments],
-        capture_output=True, text=True, timeout=60.0, stdin=subprocess.DEVNULL, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     return done.stdout
@@ -45,6 +49,14 @@ def test_mavtomfile(tlog: Path) -> None:
 
 def test_mavgraph(tlog: Path, tmp_path: Path) -> None:
     output = tmp_path / "roll.png"
-    tool("mavgraph.py", "--dialect", "ftc", "--output", output, tlog, "ATTITUDE.roll",
-         "FTC_TRACKING.error[1]")  # fmt: skip
+    tool(
+        "mavgraph.py",
+        "--dialect",
+        "ftc",
+        "--output",
+        output,
+        tlog,
+        "ATTITUDE.roll",
+        "FTC_TRACKING.error[1]",
+    )
     assert output.read_bytes().startswith(b"\x89PNG")

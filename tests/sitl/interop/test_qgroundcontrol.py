@@ -152,8 +152,17 @@ def test_5_streams_and_home(qgc: QGroundControl) -> None:
         message = dialect.MAVLink_request_data_stream_message(UAV, AUTOPILOT, stream, rate, 1)
         qgc.send(message)
     assert qgc.command(SET_INTERVAL, HOME_POSITION, 1e6) == ACCEPTED
-    for name in ("HOME_POSITION", "BATTERY_STATUS", "EXTENDED_SYS_STATE", "SYS_STATUS", "VFR_HUD",
-                 "GLOBAL_POSITION_INT", "GPS_RAW_INT", "ATTITUDE", "MISSION_CURRENT"):  # fmt: skip
+    for name in (
+        "HOME_POSITION",
+        "BATTERY_STATUS",
+        "EXTENDED_SYS_STATE",
+        "SYS_STATUS",
+        "VFR_HUD",
+        "GLOBAL_POSITION_INT",
+        "GPS_RAW_INT",
+        "ATTITUDE",
+        "MISSION_CURRENT",
+    ):
         qgc.wait_for(name)
 
 

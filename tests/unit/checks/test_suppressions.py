@@ -37,8 +37,19 @@ def test_every_check_that_is_switched_off_has_its_reason() -> None:
 
 def test_what_counts_as_a_reason() -> None:
     mute, ignore = "x = 1  # " + "noqa", "x = 1  # " + "type: ignore"
-    bad = [mute, f"{mute}: E501", f"{mute}: E501 - ", f"{mute} - because", ignore,
-           f"{ignore}[misc]", f"{ignore}  # because"]  # fmt: skip
-    good = [f"{mute}: E501 - because", f"{mute}: E501, N806 - because",
-            f"{ignore}[misc]  # because", "x = 1"]  # fmt: skip
+    bad = [
+        mute,
+        f"{mute}: E501",
+        f"{mute}: E501 - ",
+        f"{mute} - because",
+        ignore,
+        f"{ignore}[misc]",
+        f"{ignore}  # because",
+    ]
+    good = [
+        f"{mute}: E501 - because",
+        f"{mute}: E501, N806 - because",
+        f"{ignore}[misc]  # because",
+        "x = 1",
+    ]
     assert list(without_reason("\n".join([*bad, *good]))) == list(range(1, len(bad) + 1))

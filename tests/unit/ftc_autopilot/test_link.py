@@ -255,8 +255,15 @@ def test_a_step_that_was_not_flown_is_not_reported_done(rig: Rig) -> None:
     assert rig.heard(rig.plant) == []
 
 
-@pytest.mark.parametrize("flags", [LOCKSTEP, FTC_SIM_FLAGS_RUNNING, FTC_SIM_FLAGS_LOCKSTEP,
-                                   FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED])  # fmt: skip
+@pytest.mark.parametrize(
+    "flags",
+    [
+        LOCKSTEP,
+        FTC_SIM_FLAGS_RUNNING,
+        FTC_SIM_FLAGS_LOCKSTEP,
+        FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED,
+    ],
+)
 def test_a_state_of_another_run_is_not_worked_on(rig: Rig, flags: int) -> None:
     for step in range(3):
         rig.send_neighbour_state(step)

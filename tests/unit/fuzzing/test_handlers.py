@@ -55,8 +55,10 @@ def target(request: pytest.FixtureRequest, scenario1: Scenario) -> Iterator[Targ
 @given(seed=SEEDS)
 def test_an_invalid_datagram_changes_nothing_and_is_counted_once(target: Target, seed: int) -> None:
     random = Random(seed)
-    frames = [message_frame(random, random.choice(IDS), target.sender, target.target)
-              for _ in range(PER_SEED)]  # fmt: skip
+    frames = [
+        message_frame(random, random.choice(IDS), target.sender, target.target)
+        for _ in range(PER_SEED)
+    ]
     for datagram in (*(damaged(random, frame) for frame in frames), noise(random), b""):
         before, drops = target.state(), target.drops()
         target.feed(datagram)

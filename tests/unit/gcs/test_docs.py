@@ -79,10 +79,12 @@ def dialect_fields() -> list[Field]:
             unit = field.attrib.get("units", "")
             found.append(
                 Field(
-                    message.attrib["name"], field.attrib["name"],
-                    int(length[1]) if length else None, unit,
+                    message.attrib["name"],
+                    field.attrib["name"],
+                    int(length[1]) if length else None,
+                    unit,
                 )
-            )  # fmt: skip
+            )
     return found
 
 
@@ -172,9 +174,14 @@ def test_the_site_builds_without_a_warning_and_reads_offline(tmp_path: Path) -> 
     pytest.importorskip("mkdocs")
     build = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir"]
     done = subprocess.run(
-        [*build, tmp_path / "site"], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
-        capture_output=True, text=True, timeout=300.0, check=False,
-    )  # fmt: skip
+        [*build, tmp_path / "site"],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300.0,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     page = (tmp_path / "site" / "reference" / "scenario.html").read_text()
     assert "<!-- generated" not in page

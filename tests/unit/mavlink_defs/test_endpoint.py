@@ -29,8 +29,20 @@ def test_addresses_are_read_as_other_tools_write_them(prefix: str) -> None:
     assert str(parse_address(f" {prefix}uav-1.local:1 ")) == "uav-1.local:1"
 
 
-NOT_ADDRESSES = ["", "14550", "host:", ":14550", "host:0", "host:65536", "host:-1", "host:٣",
-                 "host:1:2", "ho st:1", "tcp:host:1", "[::1]:1"]  # fmt: skip
+NOT_ADDRESSES = [
+    "",
+    "14550",
+    "host:",
+    ":14550",
+    "host:0",
+    "host:65536",
+    "host:-1",
+    "host:٣",
+    "host:1:2",
+    "ho st:1",
+    "tcp:host:1",
+    "[::1]:1",
+]
 
 
 @pytest.mark.parametrize("text", NOT_ADDRESSES)

@@ -141,11 +141,21 @@ def test_home_alone_is_an_empty_mission() -> None:
 floats32 = st.floats(width=32)
 items = st.builds(
     MAVLink_mission_item_int_message,
-    st.just(1), st.just(1), st.integers(0, 3), st.integers(0, 255),
-    st.sampled_from([16, 53100]), st.just(0), st.just(1),
-    floats32, floats32, floats32, floats32,
-    st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1), floats32,
-)  # fmt: skip
+    st.just(1),
+    st.just(1),
+    st.integers(0, 3),
+    st.integers(0, 255),
+    st.sampled_from([16, 53100]),
+    st.just(0),
+    st.just(1),
+    floats32,
+    floats32,
+    floats32,
+    floats32,
+    st.integers(-(2**31), 2**31 - 1),
+    st.integers(-(2**31), 2**31 - 1),
+    floats32,
+)
 
 
 @given(st.lists(items, max_size=4))

@@ -40,9 +40,7 @@ def errors(nominal: np.void, own: Vec3, neighbours: list[Vec3]) -> FormationErro
 
 
 def turned(attitude: Vec3, by: tuple[int, int, int]) -> Vec3:
-    roll, pitch, yaw = (
-        angle + 2.0 * math.pi * n for angle, n in zip(attitude, by, strict=True)
-    )  # fmt: skip
+    roll, pitch, yaw = (angle + 2.0 * math.pi * n for angle, n in zip(attitude, by, strict=True))
     return roll, pitch, yaw
 
 

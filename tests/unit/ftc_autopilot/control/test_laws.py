@@ -52,10 +52,18 @@ class Pilot:
         message["specific_force"] = -np.array(gravity_body(phi, self.nominal["g"]))
         self.motion = motion_of(message, self.nominal)
         control_step(
-            0.0, DT, self.motion, np.array([45.0, 0.0, 0.0, 0.0]), np.zeros(0, NEIGHBOUR),
-            np.zeros(0), self.nominal, self.parameters, self.state, np.zeros(16, np.float32),
+            0.0,
+            DT,
+            self.motion,
+            np.array([45.0, 0.0, 0.0, 0.0]),
+            np.zeros(0, NEIGHBOUR),
+            np.zeros(0),
+            self.nominal,
+            self.parameters,
+            self.state,
+            np.zeros(16, np.float32),
             self.signals,
-        )  # fmt: skip
+        )
         return self.signals
 
 

@@ -65,9 +65,16 @@ def test_the_filter_settles_on_the_command_without_overshoot() -> None:
 
 
 @pytest.mark.parametrize(
-    ("t", "a2", "K1"), [(0.0, 0.5, 50.0), (5.0, 0.5, 50.0), (14.0, 0.5, 45.0), (14.001, 1.0, 45.0),
-                        (15.001, 1.0, 40.0), (1e6, 1.0, 40.0)]
-)  # fmt: skip
+    ("t", "a2", "K1"),
+    [
+        (0.0, 0.5, 50.0),
+        (5.0, 0.5, 50.0),
+        (14.0, 0.5, 45.0),
+        (14.001, 1.0, 45.0),
+        (15.001, 1.0, 40.0),
+        (1e6, 1.0, 40.0),
+    ],
+)
 def test_schedules_hold_to_the_end_of_their_windows(t: float, a2: float, K1: float) -> None:
     assert scheduled(schedule_table(Trigger().a2_n), t)[0] == a2
     assert scheduled(schedule_table(Proposed().K1), t)[0] == K1

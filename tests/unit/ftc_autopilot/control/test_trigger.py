@@ -18,9 +18,14 @@ def new_actuators() -> tuple[np.ndarray, np.ndarray]:
 
 
 def run(
-    delta: tuple[float, float, float], T: float, held: np.ndarray, controls: np.ndarray,
-    nominal: np.void, first: bool = False, mode: int = PER_CHANNEL,
-) -> int:  # fmt: skip
+    delta: tuple[float, float, float],
+    T: float,
+    held: np.ndarray,
+    controls: np.ndarray,
+    nominal: np.void,
+    first: bool = False,
+    mode: int = PER_CHANNEL,
+) -> int:
     return trigger(delta, T, held, first, mode, A, B, nominal, controls)
 
 

@@ -20,11 +20,21 @@ from sitl_plant.rigid_body import gravity_body
 
 DT = 1e-3
 SCALARS = {
-    "rbf_sum_sq": "basis", "alpha_v": "alpha_v", "r_v": "r_v", "zeta_v": "zeta_v", "B_v": "B_v",
-    "Phi_v_dot": "Phi_v_dot", "g_v_dot": "g_v_dot", "beta_v_dot": "beta_v_dot",
-    "omega_d": "omega_d", "omega_d_dot": "omega_d_dot", "e_omega": "e_omega",
-    "zeta_w": "zeta_omega", "Phi_w_dot": "Phi_omega_dot", "beta_w_dot": "beta_omega_dot",
-}  # fmt: skip
+    "rbf_sum_sq": "basis",
+    "alpha_v": "alpha_v",
+    "r_v": "r_v",
+    "zeta_v": "zeta_v",
+    "B_v": "B_v",
+    "Phi_v_dot": "Phi_v_dot",
+    "g_v_dot": "g_v_dot",
+    "beta_v_dot": "beta_v_dot",
+    "omega_d": "omega_d",
+    "omega_d_dot": "omega_d_dot",
+    "e_omega": "e_omega",
+    "zeta_w": "zeta_omega",
+    "Phi_w_dot": "Phi_omega_dot",
+    "beta_w_dot": "beta_omega_dot",
+}
 
 
 def close(ours: object, expected: object) -> bool:
@@ -59,8 +69,13 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     state = new_controller()
     estimates = state["proposed"]
     adaptive, filters, reference = case["adaptive"], case["filters"], case["reference"]
-    for ours, theirs in (("Phi_v", "Phi_v"), ("g_v", "g_v"), ("beta_v", "beta_v"),
-                         ("Phi_omega", "Phi_w"), ("beta_omega", "beta_w")):  # fmt: skip
+    for ours, theirs in (
+        ("Phi_v", "Phi_v"),
+        ("g_v", "g_v"),
+        ("beta_v", "beta_v"),
+        ("Phi_omega", "Phi_w"),
+        ("beta_omega", "beta_w"),
+    ):
         estimates[ours] = adaptive[theirs][i]
     estimates["omega_d_filtered"] = filters["omega_d_filtered"][i]
     estimates["delta_filtered"] = filters["surface_filtered_rad"][i]
@@ -71,9 +86,18 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     state["steps"] = state["started"] = 1  # not the first step: filters stand as given
     signals = np.zeros(1, SIGNALS)[0]
     control_step(
-        0.0, DT, motions[i], state["reference"][:, 0].copy(), reports, weights, nominal,
-        parameters, state, np.zeros(16, np.float32), signals,
-    )  # fmt: skip
+        0.0,
+        DT,
+        motions[i],
+        state["reference"][:, 0].copy(),
+        reports,
+        weights,
+        nominal,
+        parameters,
+        state,
+        np.zeros(16, np.float32),
+        signals,
+    )
     return signals
 
 
@@ -97,11 +121,20 @@ def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, An
     p = vectors["controller_parameters"]
     record = parameter_record(Proposed(), Trigger())
     renamed = {
-        "c": "c_v", "gamma_w1": "gamma_omega1", "gamma_w2": "gamma_omega2",
-        "sigma_w1": "sigma_omega1", "sigma_w2": "sigma_omega2", "h_w1": "h_omega1",
-        "h_w2": "h_omega2", "eps_w": "eps_omega", "tau_omega_d": "tau_omega_d_s",
-        "tau_delta": "tau_delta_s", "rbf_width": "width", "a2": "a2_n", "b2": "b2_rad",
-    }  # fmt: skip
+        "c": "c_v",
+        "gamma_w1": "gamma_omega1",
+        "gamma_w2": "gamma_omega2",
+        "sigma_w1": "sigma_omega1",
+        "sigma_w2": "sigma_omega2",
+        "h_w1": "h_omega1",
+        "h_w2": "h_omega2",
+        "eps_w": "eps_omega",
+        "tau_omega_d": "tau_omega_d_s",
+        "tau_delta": "tau_delta_s",
+        "rbf_width": "width",
+        "a2": "a2_n",
+        "b2": "b2_rad",
+    }
     proposed = record["proposed"]
     parts = (record["common"], record["trigger"], proposed, proposed["rbf"])
     ours = {name: part[name] for part in parts for name in part.dtype.names}

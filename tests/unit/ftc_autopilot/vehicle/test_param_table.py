@@ -64,8 +64,15 @@ def test_names_fit_and_values_are_the_configurations(kind: str) -> None:
 
 
 def test_the_papers_parameters_are_there(bench: Bench) -> None:
-    expected = {"LAMBDA1": 0.46, "K1_ROLL": 50.0, "K2_YAW": 51.0, "TRIG_B2_DEG": 1.0,
-                "TRIG_A2_N": 0.5, "REF_BANDWIDTH": 2.5, "RBF_NEURONS": 15}  # fmt: skip
+    expected = {
+        "LAMBDA1": 0.46,
+        "K1_ROLL": 50.0,
+        "K2_YAW": 51.0,
+        "TRIG_B2_DEG": 1.0,
+        "TRIG_A2_N": 0.5,
+        "REF_BANDWIDTH": 2.5,
+        "RBF_NEURONS": 15,
+    }
     assert {name: bench[name].get() for name in expected} == expected
     types = {bench[name].type for name in ("TRIG_MODE", "RBF_NEURONS", "SYSID_THISMAV")}
     assert types == {INT32}

@@ -195,9 +195,16 @@ def test_every_message_that_nobody_asked_for_is_of_the_common_dialect() -> None:
 
 @pytest.mark.parametrize(
     ("stream", "rate", "start", "expected"),
-    [(10, 4, 1, 250_000), (0, 2, 1, 500_000), (10, 4, 0, -1), (10, 0, 1, -1), (11, 4, 1, 100_000),
-     (99, 4, 1, 100_000), (10, 1000, 1, 20_000)],
-)  # fmt: skip
+    [
+        (10, 4, 1, 250_000),
+        (0, 2, 1, 500_000),
+        (10, 4, 0, -1),
+        (10, 0, 1, -1),
+        (11, 4, 1, 100_000),
+        (99, 4, 1, 100_000),
+        (10, 1000, 1, 20_000),
+    ],
+)
 def test_data_streams(stream: int, rate: int, start: int, expected: int, bench: Bench) -> None:
     bench.telemetry.set_interval((dialect.MAVLINK_MSG_ID_FTC_EVENTS, 200_000.0))
     bench.vehicle.receive(dialect.MAVLink_request_data_stream_message(3, 1, stream, rate, start), 0)
@@ -243,8 +250,7 @@ def test_no_rate_makes_more_than_a_few_messages_between_two_steps(
 
 
 def test_no_stream_starves_when_there_is_room_for_less_than_all(bench: Bench) -> None:
-    streams = [i for i in range(60_000)
-               if bench.telemetry.set_interval((i, 20_000.0)) == ACCEPTED]  # fmt: skip
+    streams = [i for i in range(60_000) if bench.telemetry.set_interval((i, 20_000.0)) == ACCEPTED]
     made = [m.get_msgId() for ms in range(2000) for m in bench.telemetry.due(ms * STEP_US, 1)]
     counts = [made.count(message_id) for message_id in streams]
     assert len(made) == 2000
@@ -253,8 +259,10 @@ def test_no_stream_starves_when_there_is_room_for_less_than_all(bench: Bench) ->
 
 def test_after_a_standstill_all_are_made_in_turn_and_none_is_made_up_for(bench: Bench) -> None:
     gaps(bench, 1.0)
-    made = [[m.get_msgId() for m in bench.telemetry.due(10_000_000 + ms * STEP_US, 2)]
-            for ms in range(20)]  # fmt: skip
+    made = [
+        [m.get_msgId() for m in bench.telemetry.due(10_000_000 + ms * STEP_US, 2)]
+        for ms in range(20)
+    ]
     assert max(map(len, made)) == 2
     together = [i for gap in made for i in gap]
     assert {*together} == {*DEFAULT_INTERVALS_US}

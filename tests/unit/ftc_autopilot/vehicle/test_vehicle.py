@@ -133,8 +133,9 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     assert texts == ["mode LOITER", "plant restarted: disarmed, arm to fly again"]
     (heartbeat,) = of_type(bench.vehicle.simulator_messages()[-1:], "HEARTBEAT")
     assert (heartbeat.custom_mode, heartbeat.system_status) == (
-        LOITER, dialect.MAV_STATE_STANDBY,
-    )  # fmt: skip
+        LOITER,
+        dialect.MAV_STATE_STANDBY,
+    )
     assert not heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
     assert bench.controllers.guidance[0]["active"] == 0
     assert bench.command(START) == ACCEPTED  # the profile is still there, and begins anew
@@ -183,8 +184,9 @@ def test_unknown_commands_are_unsupported_never_silence(scenario1: Scenario) -> 
     assert Bench(scenario1).command(31000) == dialect.MAV_RESULT_UNSUPPORTED
 
 
-@pytest.mark.parametrize("message_id", [dialect.MAVLINK_MSG_ID_ATTITUDE,
-                                        dialect.MAVLINK_MSG_ID_FTC_EVENTS])  # fmt: skip
+@pytest.mark.parametrize(
+    "message_id", [dialect.MAVLINK_MSG_ID_ATTITUDE, dialect.MAVLINK_MSG_ID_FTC_EVENTS]
+)
 def test_messages_come_on_request(message_id: int, scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     request = dialect.MAVLink_command_long_message(
@@ -230,8 +232,9 @@ def test_item_0_is_home_whatever_was_uploaded(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     bench.upload(scenario1)
     bench.say(dialect.MAVLink_mission_request_list_message(UAV, 1, 0))
-    (home,) = of_type(bench.say(dialect.MAVLink_mission_request_int_message(UAV, 1, 0, 0)),
-                      "MISSION_ITEM_INT")  # fmt: skip
+    (home,) = of_type(
+        bench.say(dialect.MAVLink_mission_request_int_message(UAV, 1, 0, 0)), "MISSION_ITEM_INT"
+    )
     assert (home.command, home.x, home.y) == (16, -353632620, 1491652370)
     assert home.z == pytest.approx(584.0)
 

@@ -14,8 +14,16 @@ pytestmark = pytest.mark.slow
 
 UAV = 1
 GCS = FramePacker(255, 190)
-LIMITS = {"uint8_t": 2**8, "uint16_t": 2**16, "uint32_t": 2**32, "uint64_t": 2**64,
-          "int8_t": 2**7, "int16_t": 2**15, "int32_t": 2**31, "int64_t": 2**63}  # fmt: skip
+LIMITS = {
+    "uint8_t": 2**8,
+    "uint16_t": 2**16,
+    "uint32_t": 2**32,
+    "uint64_t": 2**64,
+    "int8_t": 2**7,
+    "int16_t": 2**15,
+    "int32_t": 2**31,
+    "int64_t": 2**63,
+}
 FLOATS = (0.0, -0.0, math.nan, math.inf, -math.inf, 3.4e38, -3.4e38, 1e-45)
 CASES = range(len(FLOATS))
 

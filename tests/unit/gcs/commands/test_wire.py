@@ -57,8 +57,11 @@ def test_a_capture_is_counted_and_compared(gcs, tmp_path: Path, write) -> None:
     (uav,) = report["uavs"]
     assert (status, err) == (0, "")
     assert {n: c["events"] for n, c in uav["channels"].items()} == {
-        "aileron": 2, "elevator": 1, "rudder": 1, "throttle": 1,
-    }  # fmt: skip
+        "aileron": 2,
+        "elevator": 1,
+        "rudder": 1,
+        "throttle": 1,
+    }
     assert (uav["link"], uav["system"], uav["periods"]) == ("plant", 7, 11)
     assert report["saving"] == pytest.approx(1 - 5 / 44)
 

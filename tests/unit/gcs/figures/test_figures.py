@@ -91,9 +91,14 @@ def shades(axis: Axes) -> Iterator[tuple[str, float, float]]:
 
 @pytest.mark.parametrize(
     ("name", "letters"),
-    [("fig6", "abcdefghijkl"), ("fig7", "abcdefghijkl"), ("fig8", "abc"), ("fig10", "abcdefgh"),
-     ("fig11", "abcdefgh")],
-)  # fmt: skip
+    [
+        ("fig6", "abcdefghijkl"),
+        ("fig7", "abcdefghijkl"),
+        ("fig8", "abc"),
+        ("fig10", "abcdefgh"),
+        ("fig11", "abcdefgh"),
+    ],
+)
 def test_panels_have_letters(drawn: dict[str, Figure], name: str, letters: str) -> None:
     found = [axis.get_title("left") for axis in panels(drawn[name])]
     assert found == [f"({letter})" for letter in letters]
@@ -299,13 +304,17 @@ def test_what_leaves_a_panel_is_noted() -> None:
     ("fault", "text"),
     [
         ({"actuator": "rudder", "effectiveness": 0.9}, "rudder of leader at 90 %"),
-        ({"actuator": "elevator", "effectiveness": 0.9, "bias_deg": 0.5},
-         "elevator of leader at 90 % + 0.5°"),
+        (
+            {"actuator": "elevator", "effectiveness": 0.9, "bias_deg": 0.5},
+            "elevator of leader at 90 % + 0.5°",
+        ),
         ({"actuator": "throttle", "bias_n": -20.0}, "throttle of leader − 20 N"),
-        ({"actuator": "aileron", "stuck_deg": -3.0, "frequency_hz": 2.0},
-         "aileron of leader stuck at −3°, 2 Hz"),
+        (
+            {"actuator": "aileron", "stuck_deg": -3.0, "frequency_hz": 2.0},
+            "aileron of leader stuck at −3°, 2 Hz",
+        ),
     ],
-)  # fmt: skip
+)
 def test_faults_in_words(flight: PlottedFlight, fault: dict[str, object], text: str) -> None:
     found = ScenarioFault.model_validate({"uav": 1, "start_s": 1.0, **fault})
     late = found.model_copy(update={"start_s": 10.0})

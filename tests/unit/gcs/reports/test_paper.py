@@ -56,12 +56,15 @@ def test_fig_9_is_compared_by_uav() -> None:
 @pytest.mark.parametrize(
     ("factor", "words"),
     [
-        (0.1, "Compared controller 2 tracks better than the proposed one in airspeed, roll, "
-         "pitch and yaw; the paper finds it the worst"),
+        (
+            0.1,
+            "Compared controller 2 tracks better than the proposed one in airspeed, roll, "
+            "pitch and yaw; the paper finds it the worst",
+        ),
         (1.0, "Compared controller 2 tracks worse"),
         (0.5, "Compared controller 2 tracks better than the proposed one in pitch, worse in"),
     ],
-)  # fmt: skip
+)
 def test_a_comparator_that_does_better_is_said_to(factor: float, words: str) -> None:
     worse = TABLE_IV["scenario2_backstepping"]
     iae = {q: worse[q] * factor for q in QUANTITIES}

@@ -49,13 +49,17 @@ def test_the_trajectory_stands_in_both_files(flight: Recording, folder: Path) ->
     assert (row["uav"], step) == ("3", 490)
     state, signals = flight.states[step, 2], flight.signals[step, 2]
     expected = {
-        "altitude_m": -state[2], "v_m_s": state[4], "r_deg_s": np.degrees(state[11]),
-        "pitch_deg": np.degrees(state[7]), "airspeed_m_s": signals["V"],
+        "altitude_m": -state[2],
+        "v_m_s": state[4],
+        "r_deg_s": np.degrees(state[11]),
+        "pitch_deg": np.degrees(state[7]),
+        "airspeed_m_s": signals["V"],
         "sync_error_airspeed_m_s": signals["sync_error"][0],
         "sync_error_yaw_deg": np.degrees(signals["sync_error"][3]),
-        "held_elevator_deg": np.degrees(signals["held"][1]), "held_thrust_n": signals["held"][3],
+        "held_elevator_deg": np.degrees(signals["held"][1]),
+        "held_thrust_n": signals["held"][3],
         "applied_thrust_n": flight.applied[step, 2, 3],
-    }  # fmt: skip
+    }
     for name, value in expected.items():
         assert float(row[name]) == pytest.approx(value, rel=1e-6, abs=1e-12), name
     with np.load(folder / "trajectory.npz") as arrays:

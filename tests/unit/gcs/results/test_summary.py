@@ -104,9 +104,14 @@ def test_while_disarmed_nothing_is_wanted(scenario1: Scenario) -> None:
 
 @pytest.mark.parametrize(
     ("angle", "turned", "attitude", "heading"),
-    [(0, 1.6, 2.0, None), (1, -1.6, 2.0, None), (2, 1.6, None, 2.0), (2, 6.2, None, None),
-     (0, 1.5, None, None)],
-)  # fmt: skip
+    [
+        (0, 1.6, 2.0, None),
+        (1, -1.6, 2.0, None),
+        (2, 1.6, None, 2.0),
+        (2, 6.2, None, None),
+        (0, 1.5, None, None),
+    ],
+)
 def test_attitude_and_heading_are_lost_apart(
     scenario1: Scenario, angle: int, turned: float, attitude: float | None, heading: float | None
 ) -> None:

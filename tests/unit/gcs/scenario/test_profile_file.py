@@ -54,12 +54,14 @@ def test_what_is_written_is_read(
         ("name: only", "profile: missing"),
         ("profile: [{start_s: 0, airspeed: 40}]", "did you mean 'airspeed_m_s'"),
         ("profile: [{start_s: 1, airspeed_m_s: 40}]", "profile[0]: start 1 s, must be 0 s"),
-        ("profile: [{start_s: 0, airspeed_m_s: 40}, {start_s: 0, airspeed_m_s: 40}]",
-         "profile[1]: start 0 s, must be after 0 s"),
+        (
+            "profile: [{start_s: 0, airspeed_m_s: 40}, {start_s: 0, airspeed_m_s: 40}]",
+            "profile[1]: start 0 s, must be after 0 s",
+        ),
         ("profile: [{start_s: 0, airspeed_m_s: 40, shape: ramp}]", "cannot be a ramp"),
         ("profile: [{start_s: 0, airspeed_m_s: -40}]", "profile[0].airspeed_m_s: expected > 0"),
     ],
-)  # fmt: skip
+)
 def test_bad_profiles_are_refused(tmp_path: Path, text: str, problem: str) -> None:
     path = write(tmp_path, text)
     with pytest.raises(ConfigError) as caught:

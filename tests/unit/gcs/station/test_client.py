@@ -90,9 +90,10 @@ class FakeVehicle(asyncio.DatagramProtocol):
             elif number != dialect.MAV_CMD_DO_SET_MODE:
                 self.commands.finish(command.token, dialect.MAV_RESULT_UNSUPPORTED, now=now)
         acks = [
-            ack for ack in self.commands.messages_to_send()
+            ack
+            for ack in self.commands.messages_to_send()
             if getattr(ack, "command", None) != dialect.MAV_CMD_DO_SET_MODE
-        ]  # fmt: skip
+        ]
         self.say(*self.mission.messages_to_send(), *acks)
 
     def value(self, name: str) -> None:

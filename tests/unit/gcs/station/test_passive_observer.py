@@ -27,9 +27,14 @@ NOW_S = 5.5  # what the vehicle last told of its simulated time [s]
 
 float32s = st.floats(width=32, allow_nan=False, allow_infinity=False)
 anything = st.builds(
-    Fault, st.integers(0, 3), st.floats(0, 1, width=32), float32s, float32s, float32s,
+    Fault,
+    st.integers(0, 3),
+    st.floats(0, 1, width=32),
+    float32s,
+    float32s,
+    float32s,
     float32s | st.just(INF),
-)  # fmt: skip
+)
 
 
 def received(message: MAVLink_message, source: SystemId) -> Any:
@@ -83,11 +88,18 @@ def listing(faults: Sequence[Fault]) -> list[MAVLink_message]:
         return [dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0)]
     return [
         dialect.MAVLink_ftc_fault_message(
-            f.effectiveness, f.value, f.frequency_hz, f.start_s, f.end_s, i, len(faults),
-            f.actuator, 0,
+            f.effectiveness,
+            f.value,
+            f.frequency_hz,
+            f.start_s,
+            f.end_s,
+            i,
+            len(faults),
+            f.actuator,
+            0,
         )
         for i, f in enumerate(faults)
-    ]  # fmt: skip
+    ]
 
 
 def listed_live(faults: Sequence[Fault]) -> tuple[Fault, ...]:
@@ -152,14 +164,18 @@ whole = st.integers(0, 12).map(float)
 commands = st.one_of(
     st.builds(
         lambda actuator, start, length: Fault(actuator, 0.5, 0.0, 0.0, start, start + length),
-        st.integers(0, 1), st.just(NAN) | whole, st.integers(1, 6),
+        st.integers(0, 1),
+        st.just(NAN) | whole,
+        st.integers(1, 6),
     ),
     st.builds(
         lambda actuator, start, end: Fault(actuator, 0.25, 1.0, 0.0, start, end),
-        st.integers(0, 1), st.just(NAN) | whole, st.just(NAN),
+        st.integers(0, 1),
+        st.just(NAN) | whole,
+        st.just(NAN),
     ),
     st.sampled_from([-1, 0, 1]),
-)  # fmt: skip
+)
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), commands), max_size=MAX_FAULTS))

@@ -18,8 +18,11 @@ from mavlink_defs.faults import Fault
 from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
 from mavlink_defs.profile import Segment
 
-STANDBY, ACTIVE, BOOT = (dialect.MAV_STATE_STANDBY, dialect.MAV_STATE_ACTIVE,
-                         dialect.MAV_STATE_BOOT)  # fmt: skip
+STANDBY, ACTIVE, BOOT = (
+    dialect.MAV_STATE_STANDBY,
+    dialect.MAV_STATE_ACTIVE,
+    dialect.MAV_STATE_BOOT,
+)
 FAULT = Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0)
 NONE = 0xFFFFFFFF
 
@@ -278,13 +281,17 @@ def test_which_faults_act(time_s: float, active: int) -> None:
 @pytest.mark.parametrize(
     ("fault", "expected"),
     [
-        (Fault(0, 1.0, -2.0, 0.3, 1.0, math.inf),
-         "aileron at 100 % - 2 deg · cos 2π 0.3 Hz in (1, until cleared"),
-        (Fault(3, 0.0, 1.5, 0.0, math.nan, math.nan),
-         "throttle stuck at 1.5 N from now, until cleared"),
+        (
+            Fault(0, 1.0, -2.0, 0.3, 1.0, math.inf),
+            "aileron at 100 % - 2 deg · cos 2π 0.3 Hz in (1, until cleared",
+        ),
+        (
+            Fault(3, 0.0, 1.5, 0.0, math.nan, math.nan),
+            "throttle stuck at 1.5 N from now, until cleared",
+        ),
         (Fault(2, 0.5, 1.0, 0.0, math.nan, 22.0), "rudder at 50 % + 1 deg from now, 22] s"),
     ],
-)  # fmt: skip
+)
 def test_faults_in_words(fault: Fault, expected: str) -> None:
     assert describe_fault(fault) == expected
 

@@ -522,8 +522,11 @@ def scaled(field: str, factor: float) -> Callable[[Any], Any]:
 
 MUTANTS: dict[str, tuple[dict[str, Any], set[str]]] = {
     "N0 dropped": (
-        {"attitude_law": attitude_given(
-            motion=lambda m: m._replace(air=m.air._replace(N=(0.0, 0.0, 0.0))))},
+        {
+            "attitude_law": attitude_given(
+                motion=lambda m: m._replace(air=m.air._replace(N=(0.0, 0.0, 0.0)))
+            )
+        },
         {"(37) ζ_ω", "(65) rate of V_L before the inequalities"},
     ),
     "sign of the R2^-T e' term": (
@@ -550,12 +553,11 @@ MUTANTS: dict[str, tuple[dict[str, Any], set[str]]] = {
         {"(33) α_v", "(49) rate of V_L before the inequalities"},
     ),
     "sign of the neighbours' r_v term": (
-        {"speed_law": speed_given(
-            errors=lambda e: e._replace(V_tilde_dot_sum=-e.V_tilde_dot_sum))},
+        {"speed_law": speed_given(errors=lambda e: e._replace(V_tilde_dot_sum=-e.V_tilde_dot_sum))},
         {"(33) r_v", "(41) Ṽ' · rate of Ṽ'"},
     ),
     "drive x 0.9": ({"speed_law": weaker_drive}, {"(33) B_v"}),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", MUTANTS)

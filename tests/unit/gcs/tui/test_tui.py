@@ -83,14 +83,23 @@ def live(station: Station) -> LiveSource:
 @pytest.mark.parametrize(
     ("shown", "expected"),
     [
-        (number(None), "–"), (number(math.nan), "–"), (number(-0.04), "0.0"),
-        (number(-0.06), "-0.1"), (number(12.345, 2), "12.35"), (count(1234567), "1 234 567"),
-        (percent(0.91666, 2), "91.67 %"), (percent(None), "–"), (seconds(None), "–"),
-        (seconds(59.96), "60.0"), (seconds(754.0), "12:34"), (seconds(3725.0), "1:02:05"),
-        (sparkline([0.0, 0.0, 1.0, 4.0, 8.0], 5), "  ▁▄█"), (sparkline([], 3), "   "),
+        (number(None), "–"),
+        (number(math.nan), "–"),
+        (number(-0.04), "0.0"),
+        (number(-0.06), "-0.1"),
+        (number(12.345, 2), "12.35"),
+        (count(1234567), "1 234 567"),
+        (percent(0.91666, 2), "91.67 %"),
+        (percent(None), "–"),
+        (seconds(None), "–"),
+        (seconds(59.96), "60.0"),
+        (seconds(754.0), "12:34"),
+        (seconds(3725.0), "1:02:05"),
+        (sparkline([0.0, 0.0, 1.0, 4.0, 8.0], 5), "  ▁▄█"),
+        (sparkline([], 3), "   "),
         (sparkline([8.0, 0.0, 8.0], 2), " █"),
     ],
-)  # fmt: skip
+)
 def test_words(shown: str, expected: str) -> None:
     assert shown == expected
 
@@ -102,12 +111,20 @@ def test_words(shown: str, expected: str) -> None:
     ("actuator", "kind", "texts", "fault"),
     [
         ("rudder", "bias", {"effectiveness": "0.5"}, Fault(2, 0.5, 0.0, 0.0, math.nan, math.nan)),
-        ("aileron", "bias", {"value": "-2,5", "start_s": "3", "end_s": "4"},
-         Fault(0, 1.0, -2.5, 0.0, 3.0, 4.0)),
-        ("throttle", "stuck", {"value": "100", "effectiveness": "0.7", "frequency_hz": "2"},
-         Fault(3, 0.0, 100.0, 2.0, math.nan, math.nan)),
+        (
+            "aileron",
+            "bias",
+            {"value": "-2,5", "start_s": "3", "end_s": "4"},
+            Fault(0, 1.0, -2.5, 0.0, 3.0, 4.0),
+        ),
+        (
+            "throttle",
+            "stuck",
+            {"value": "100", "effectiveness": "0.7", "frequency_hz": "2"},
+            Fault(3, 0.0, 100.0, 2.0, math.nan, math.nan),
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_form_is_read(actuator: str, kind: str, texts: dict[str, str], fault: Fault) -> None:
     read = read_fault(actuator, kind, texts)
     assert repr(read.fault) == repr(fault)  # NaN is not equal to itself
@@ -161,8 +178,12 @@ def test_a_ledger_knows_who_acknowledged_what_and_when() -> None:
     assert record.acknowledged is not None
     assert (record.acknowledged.at, record.acknowledged.asked_by) == (50.0, "this station")
     assert [record.phase(t) for t in (None, 10.0, 10.1, 20.0, 20.1)] == [
-        "waiting", "waiting", "active", "active", "over",
-    ]  # fmt: skip
+        "waiting",
+        "waiting",
+        "active",
+        "active",
+        "over",
+    ]
 
     fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_FAULT, (255, 190)), 60.0)
     state.faults = (replace(RUDDER, effectiveness=0.1),)
@@ -216,8 +237,9 @@ def test_a_view_says_whether_anything_is_new() -> None:
 def test_corners_and_differences_of_profiles(scenario1: Scenario) -> None:
     segments = scenario1.segments()
     assert polyline(segments, "yaw_deg") == (
-        [0.0, 4.0, 4.0, 15.0, 15.0, 18.75], [0.0, 0.0, 10.0, 10.0, 10.0, 10.0]
-    )  # fmt: skip
+        [0.0, 4.0, 4.0, 15.0, 15.0, 18.75],
+        [0.0, 0.0, 10.0, 10.0, 10.0, 10.0],
+    )
     ramp = (segments[0], replace(segments[1], ramp=True), segments[2])
     assert polyline(ramp, "yaw_deg")[1] == [0.0, 0.0, 0.0, 10.0, 10.0, 10.0]
     assert polyline((), "yaw_deg") == ([], [])

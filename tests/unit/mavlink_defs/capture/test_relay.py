@@ -79,8 +79,10 @@ def test_between_two_fixed_ends_each_is_heard_from_where_it_is_answered() -> Non
             for source, target in ((a, b), (b, a), (a, b)):
                 source.sendto(heartbeat(1), front_of(relay, target))
                 assert target.recvfrom(4096) == (heartbeat(1), front_of(relay, source))
-            links = {(row["link"], row["direction"]): row["datagrams"]
-                     for row in relay.report().to_json()["links"]}  # fmt: skip
+            links = {
+                (row["link"], row["direction"]): row["datagrams"]
+                for row in relay.report().to_json()["links"]
+            }
     assert links == {("formation", "to"): 3}
 
 

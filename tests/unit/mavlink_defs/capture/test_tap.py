@@ -28,12 +28,14 @@ messages = st.one_of(
         dialect.MAVLink_attitude_message, st.integers(0, 2**32 - 1), *[floats for _ in range(6)]
     ),
     st.builds(
-        dialect.MAVLink_ftc_events_message, *[st.integers(0, 2**32 - 1)] * 2,
+        dialect.MAVLink_ftc_events_message,
+        *[st.integers(0, 2**32 - 1)] * 2,
         *[st.lists(st.integers(0, 2**32 - 1), min_size=4, max_size=4)] * 2,
         st.integers(0, 2**32 - 1),
-        st.lists(st.integers(0, 2**32 - 1), min_size=4, max_size=4), st.integers(0, 2**32 - 1),
+        st.lists(st.integers(0, 2**32 - 1), min_size=4, max_size=4),
+        st.integers(0, 2**32 - 1),
     ),
-)  # fmt: skip
+)
 senders = st.tuples(st.integers(1, 255), st.integers(1, 255))
 ways = st.tuples(st.sampled_from(["plant", "gcs"]), st.sampled_from(["to", "from"]))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mavlink_defs.endpoint import (  # fmt: skip
+from mavlink_defs.endpoint import (
     UdpAddress,
     address_of,
     bind_udp,

@@ -183,9 +183,21 @@ class TestServerUpload:
         vehicle.answers(count(2))
         vehicle.answers(item(0))
         legacy = MAVLink_mission_item_message(
-            *VEHICLE, 1, 0, dialect.MAV_CMD_FTC_REFERENCE_SEGMENT, 0, 1, 0.0, 30.0, 0.0, 5.0,
-            0.9, -1.1, 0.0, 0,
-        )  # fmt: skip
+            *VEHICLE,
+            1,
+            0,
+            dialect.MAV_CMD_FTC_REFERENCE_SEGMENT,
+            0,
+            1,
+            0.0,
+            30.0,
+            0.0,
+            5.0,
+            0.9,
+            -1.1,
+            0.0,
+            0,
+        )
         assert vehicle.answers(legacy) == ack(ACCEPTED)
         assert (vehicle.server.items[1].x, vehicle.server.items[1].y) == (9_000_000, -11_000_000)
 

@@ -35,8 +35,11 @@ class Vehicle:
         self.values: dict[str, float] = {"ID": 7.0, "MODE": 1.0}
         self.values |= {f"GAIN{i}": i / 10 for i in range(gains)}
         parameters = [Parameter("ID", INT32, lambda: self.values["ID"])]
-        parameters += [self._settable(name, INT32 if name == "MODE" else REAL32)
-                       for name in self.values if name != "ID"]  # fmt: skip
+        parameters += [
+            self._settable(name, INT32 if name == "MODE" else REAL32)
+            for name in self.values
+            if name != "ID"
+        ]
         self.server = ParamServer(VEHICLE, parameters, bytewise=bytewise)
 
     def _settable(self, name: str, kind: int) -> Parameter:
