@@ -1,4 +1,4 @@
-"""What an aircraft inside the plant does besides flying: registration and fault commands.
+"""The simulator component of one aircraft: arming state and fault commands.
 
 No socket and no clock: messages and the time go in, messages to send come out.
 """
@@ -13,7 +13,8 @@ from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import Fault, FaultLimits, InvalidParam, fault_from_params
 from mavlink_defs.framing.frames import text_chunks
-from mavlink_defs.services.command import CommandMessage, CommandServer, command_params
+from mavlink_defs.services.command import CommandMessage, command_params
+from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.machine import SystemId
 from sitl_plant.actuators import add_fault, clear_faults
 
@@ -34,8 +35,9 @@ class AircraftService:
     """The simulator component of one aircraft.
 
     Attributes:
-        armed: Whether its autopilot's last HEARTBEAT said so. One that is armed when it is first
-            heard was armed for another plant's flight: it counts once it was disarmed since.
+        armed: Whether its autopilot's last HEARTBEAT reported it armed. An autopilot that is
+            armed in its first HEARTBEAT was armed for another plant's flight: it counts as
+            armed only after it has been disarmed once.
     """
 
     def __init__(
@@ -49,7 +51,7 @@ class AircraftService:
         self.armed = False
         self._disarmed_before = False
         self._faults = faults  # the aircraft's row of the fault table
-        self._applied = applied  # what its actuators do now [rad, rad, rad, N]
+        self._applied = applied  # actuator positions now [rad, rad, rad, N]
         self._limits = limits
         self._commands = CommandServer(SystemId(system, component))
         self._outbox: list[MAVLink_message] = []
@@ -107,7 +109,7 @@ class AircraftService:
         clear_faults(self._faults, int(actuator))
 
     def _inject(self, params: tuple[float, ...], time_s: float) -> int:
-        """MAV_CMD_INJECT_FAILURE: servos and the motor, failing OFF or STUCK, or OK again."""
+        """Execute MAV_CMD_INJECT_FAILURE for servos or motor: OFF, STUCK, or OK again."""
         unit, kind, instance = params[:3]
         units: dict[float, _Instances] = {
             dialect.FAILURE_UNIT_SYSTEM_SERVO: _SURFACES,

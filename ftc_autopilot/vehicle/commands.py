@@ -1,7 +1,7 @@
 """The commands of one vehicle: which are carried out here, and which by the simulator.
 
 Faults are passed to the simulator component of the own aircraft unread, and its answer is
-passed back: the controller must not learn of a fault. Commands that nobody here knows are
+passed back: the controller must not learn of a fault. Unknown commands are
 answered UNSUPPORTED.
 """
 
@@ -16,10 +16,9 @@ from mavlink_defs.services.command import (
     CommandClient,
     CommandFinished,
     CommandMessage,
-    CommandReceived,
-    CommandServer,
     command_params,
 )
+from mavlink_defs.services.command_server import CommandReceived, CommandServer
 from mavlink_defs.services.machine import SystemId
 
 __all__ = ["Commands", "Handler"]
@@ -111,6 +110,9 @@ class Commands:
 
 
 def _readdressed(message: CommandMessage, own: SystemId) -> MAVLink_command_long_message:
-    """The same command for the own simulator component; as COMMAND_LONG it can say it repeats."""
+    """Return the same command for the own simulator component, as COMMAND_LONG.
+
+    Unlike COMMAND_INT, that form marks repetitions.
+    """
     target = (own.system, SIMULATOR_COMPONENT)
     return MAVLink_command_long_message(*target, message.command, 0, *command_params(message))

@@ -1,4 +1,4 @@
-"""What all microservice machines have in common.
+"""The base class of all microservice machines.
 
 A machine has no socket and no clock: messages and `now` go in; messages, events and the next
 deadline come out. After every call of any method, send `messages_to_send()`, read `events()`,
@@ -11,7 +11,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 from mavlink_defs.dialect import MAVLink_message
 
-__all__ = ["Machine", "SystemId", "is_for", "sender_of"]
+__all__ = ["Machine", "SystemId", "is_for", "sender_of", "sent_before"]
 
 E = TypeVar("E")
 
@@ -33,6 +33,11 @@ def is_for(message: MAVLink_message, own: SystemId) -> bool:
     return getattr(message, "target_system", 0) in {0, own.system} and getattr(
         message, "target_component", 0
     ) in {0, own.component}
+
+
+def sent_before(message: MAVLink_message, other: MAVLink_message) -> bool:
+    """Return whether a message was sent before another one, by their sequence numbers."""
+    return bool((other.get_seq() - message.get_seq()) % 256 < 128)
 
 
 class Machine(ABC, Generic[E]):

@@ -18,7 +18,7 @@ from mavlink_defs.endpoint import Connection, UdpAddress, free_ports
 from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
 from mavlink_defs.framing.signing import make_key
 from mavlink_defs.profile import Segment
-from mavlink_defs.services.command import CommandServer
+from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission_server import MissionServer
 

@@ -16,7 +16,7 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import MAX_FAULTS, Fault, fault_to_params
 from mavlink_defs.framing.frames import FramePacker, parse
-from mavlink_defs.services.command import CommandServer
+from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
 from mavlink_defs.services.machine import SystemId
 from sitl_plant.actuators import add_fault, clear_faults, no_faults

@@ -24,19 +24,21 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.services.command import (
     ACK_TIMEOUT_S,
-    CONFIRMED_WINDOW_S,
-    LATE_S,
-    MAX_PENDING,
     MAX_SENDS,
-    PENDING_TIMEOUT_S,
     PROGRESS_TIMEOUT_S,
     CommandClient,
     CommandFinished,
     CommandMessage,
     CommandProgress,
+    command_params,
+)
+from mavlink_defs.services.command_server import (
+    CONFIRMED_WINDOW_S,
+    LATE_S,
+    MAX_PENDING,
+    PENDING_TIMEOUT_S,
     CommandReceived,
     CommandServer,
-    command_params,
 )
 from mavlink_defs.services.machine import SystemId
 

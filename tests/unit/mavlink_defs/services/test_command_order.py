@@ -10,14 +10,8 @@ from lossy_network import GCS, OTHER_GCS, VEHICLE, LossyNetwork
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.services.command import (
-    LATE_S,
-    CommandClient,
-    CommandFinished,
-    CommandProgress,
-    CommandReceived,
-    CommandServer,
-)
+from mavlink_defs.services.command import CommandClient, CommandFinished, CommandProgress
+from mavlink_defs.services.command_server import LATE_S, CommandReceived, CommandServer
 from mavlink_defs.services.machine import Machine, SystemId
 from tests.unit.mavlink_defs.services.test_command import (
     ACCEPTED,

@@ -10,7 +10,7 @@ from lossy_network import GCS, VEHICLE, LossyNetwork, over_the_wire
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import Fault
-from mavlink_defs.services.command import CommandReceived, CommandServer
+from mavlink_defs.services.command_server import CommandReceived, CommandServer
 from mavlink_defs.services.fault_list import MAX_REQUESTS, FaultLister, FaultsListed
 from mavlink_defs.services.machine import Machine
 
