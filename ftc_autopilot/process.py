@@ -1,8 +1,8 @@
 """The autopilot process of one UAV: ``ftc-autopilot CONFIG``.
 
-It registers with the plant by HEARTBEAT, talks to its neighbours and to the ground stations,
-and flies until the plant ends the simulation. Exit status: 0 the simulation ended or a signal
-stopped it, 1 the plant fell silent, 2 bad input.
+It registers with the plant by HEARTBEAT, exchanges messages with its neighbours and the ground
+stations, and flies until the plant ends the simulation. Exit status: 0 the simulation ended or
+a signal stopped it, 1 the plant fell silent, 2 bad input.
 """
 
 import argparse
@@ -20,7 +20,8 @@ from ftc_autopilot.link import GCS, PLANT, SIMULATOR, new_link, run
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs import dialect
-from mavlink_defs.config.models import ConfigError, load
+from mavlink_defs.config.files import load
+from mavlink_defs.config.models import ConfigError
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.endpoint import (
     EndpointError,
@@ -47,9 +48,9 @@ __all__ = ["main"]
 
 _TICK_S = 0.02
 _MAX_GCS_DATAGRAMS = 8
-"""Most datagrams of ground stations worked on at a time while no control step can be late."""
+"""Most datagrams of ground stations handled at a time while no control step can be late."""
 _TURN_US = 20_000
-"""Lockstep: messages are attended to at multiples of this simulated time."""
+"""Lockstep: messages are handled at multiples of this simulated time [µs]."""
 
 
 class Autopilot:
@@ -93,7 +94,7 @@ class Autopilot:
         self.stopping = False
 
     def fly(self) -> str | None:
-        """Serve all links until the simulation is over; the reason if it ended otherwise."""
+        """Serve all links until the simulation is over; return the reason if it ended otherwise."""
         loss = None
         plant_fd, formation_fd = self._plant.fileno(), self._formation.fileno()
         while not self.stopping:
@@ -102,7 +103,7 @@ class Autopilot:
                 plant_fd, formation_fd, self._link, self._controllers, until_s, self._until_step()
             )
             if outcome == Outcome.SERVICE:
-                self._hear_simulator()
+                self._receive_from_simulator()
             elif outcome == Outcome.RESTARTED:
                 self._vehicle.restart()
             elif outcome == Outcome.OVER:
@@ -114,8 +115,8 @@ class Autopilot:
             if loss is not None:
                 self._vehicle.farewell(loss)
                 break
-            self._attend_to_messages()
-        self._speak()
+            self._handle_messages()
+        self._send_messages()
         return loss
 
     def recording(self) -> dict[str, Any]:
@@ -127,7 +128,7 @@ class Autopilot:
         }
 
     def refused(self) -> Counter[str]:
-        """Datagrams dropped on all links, by reason."""
+        """Return the datagrams dropped on all links, by reason."""
         drops = self._hot.drops[:PLANT].sum(axis=0)
         return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
 
@@ -135,18 +136,18 @@ class Autopilot:
         self._hot.sequence += 1
         return self._hot.sequence - 1
 
-    def _attend_to_messages(self) -> None:
-        """Hear and answer ground stations; in real time a little between any two steps."""
+    def _handle_messages(self) -> None:
+        """Receive from ground stations and answer; in real time a few messages between steps."""
         most = self._most_per_step if self._in_real_time else None
         more = True
-        if not self._vehicle.has_gcs_messages:  # answer first what was asked before
-            more = self._hear_ground_stations(most or _MAX_GCS_DATAGRAMS)
+        if not self._vehicle.has_gcs_messages:  # answer earlier requests first
+            more = self._receive_from_ground_stations(most or _MAX_GCS_DATAGRAMS)
         self._vehicle.handle_timer(time.monotonic(), most)
-        self._speak(most)
+        self._send_messages(most)
         self._more_to_do = more or self._vehicle.has_gcs_messages
 
     def _until_step(self) -> int:
-        """Step after which messages are to be attended to."""
+        """Return the step after which messages are to be handled."""
         if not self._vehicle.running:
             return 2**62
         if self._more_to_do:
@@ -169,7 +170,7 @@ class Autopilot:
             return f"the plant has been silent for {limit_s:g} s at {self._vehicle.time_s:.3f} s"
         return None
 
-    def _hear_simulator(self) -> None:
+    def _receive_from_simulator(self) -> None:
         datagram = self._hot.received()
         message = parse(datagram)
         if message is None:
@@ -179,8 +180,8 @@ class Autopilot:
         else:
             self._vehicle.receive_from_simulator(message, time.monotonic())
 
-    def _hear_ground_stations(self, most: int) -> bool:
-        """Work on datagrams of ground stations, `most` at most; whether more may be there."""
+    def _receive_from_ground_stations(self, most: int) -> bool:
+        """Handle at most `most` datagrams of ground stations; return whether more may wait."""
         for _ in range(most):
             try:
                 datagram, sender = self._gcs.recvfrom(MAX_FRAME_SIZE + 1)
@@ -201,7 +202,7 @@ class Autopilot:
                 self._vehicle.receive(message, time.monotonic(), station)
         return True
 
-    def _speak(self, most: int | None = None) -> None:
+    def _send_messages(self, most: int | None = None) -> None:
         for message in self._vehicle.simulator_messages():
             _send(
                 self._plant, sign_bytes(self._link.simulator.signer, self._to_plant.pack(message))
@@ -213,7 +214,7 @@ class Autopilot:
 
 
 def _send(sock: socket.socket, frame: bytes, address: tuple[str, int] | None = None) -> None:
-    """Send a frame if the link takes it now; losses are the microservices' business."""
+    """Send a frame if the link takes it now; the microservices make up for losses."""
     try:
         if address is None:
             sock.send(frame, socket.MSG_DONTWAIT)

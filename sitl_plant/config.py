@@ -1,4 +1,4 @@
-"""What the plant is told: the true aircraft, their initial states, disturbances, the link.
+"""Configuration of the plant: the true aircraft, their initial states, disturbances, the link.
 
 Symbols are those of the paper's section II-A and Table I; every bound is declared here, once.
 """
@@ -7,15 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
-from mavlink_defs.config.models import (
-    HostPort,
-    Model,
-    Problems,
-    SystemId,
-    problems_of,
-    repeated,
-    unknown_key,
-)
+from mavlink_defs.config.files import problems_of
+from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repeated, unknown_key
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.faults import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
@@ -96,8 +89,8 @@ class Aircraft(Model):
     )
     thrust_limit_n: float = quantity("N", gt=0.0, doc="Thrust is within 0 and this.")
     surface_limit_deg: float = quantity("deg", gt=0.0, lt=90.0, doc="Symmetric surface stop.")
-    airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed to be asked for.")
-    airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed to be asked for.")
+    airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed command accepted.")
+    airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed command accepted.")
 
     @model_validator(mode="after")
     def _airspeeds_in_order(self) -> "Aircraft":
@@ -109,7 +102,7 @@ class Aircraft(Model):
 
     @property
     def airspeed_limits(self) -> AirspeedLimits:
-        """Airspeeds that it can be asked for."""
+        """Range of airspeed commands accepted."""
         return AirspeedLimits(self.airspeed_min_m_s, self.airspeed_max_m_s)
 
     @property
@@ -124,7 +117,7 @@ _ByName = Annotated[dict[str, _Factor], Tag("<names>")]
 
 
 def _form(value: object) -> str | None:
-    """Tell one factor for all from factors by name."""
+    """Return the tag of one factor for all, or of factors by name."""
     if isinstance(value, dict):
         return "<names>"
     number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -159,7 +152,7 @@ class Uncertainty(Model):
 
 
 def true_aircraft(nominal: Aircraft, uncertainty: Uncertainty) -> Aircraft:
-    """The aircraft that really flies when the controller knows the nominal one.
+    """Return the aircraft that flies when the controller knows the nominal one.
 
     Raises:
         Problems: There is no such aircraft: its inertia is not positive definite, say.

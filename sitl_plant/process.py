@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from mavlink_defs.config.models import ConfigError, Problem, load
+from mavlink_defs.config.files import load
+from mavlink_defs.config.models import ConfigError, Problem
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,

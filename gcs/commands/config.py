@@ -12,7 +12,7 @@ from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario
 from gcs.station.signing_key import signed
-from mavlink_defs.config.models import dump
+from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, parse_address
 from sitl_plant.config import PlantConfig
 

@@ -13,7 +13,7 @@ from gcs.station.status import fault_dict
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import describe_fault
 from mavlink_defs import dialect
-from mavlink_defs.config.models import problems_of
+from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import Fault

@@ -3,7 +3,7 @@
 import typer
 
 from gcs.scenario.bundled import SCENARIOS, bundled_names
-from mavlink_defs.config.models import read
+from mavlink_defs.config.files import read
 
 __all__ = ["EPILOG", "scenarios"]
 

@@ -20,7 +20,7 @@ from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay import Relay, Route
 from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
 from mavlink_defs.capture.tap_report import TapReport
-from mavlink_defs.config.models import parse, validate
+from mavlink_defs.config.files import parse, validate
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
 from mavlink_defs.runtime.shutdown import on_stop

@@ -19,7 +19,7 @@ from typing import Self, TypeVar
 from gcs.errors import BadInput, FlightLost, PortInUse
 from gcs.fleet.relays import through
 from gcs.scenario.model import Scenario
-from mavlink_defs.config.models import dump
+from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, PortTaken, UdpAddress, bind_udp, free_ports
 
 __all__ = ["FleetProcesses", "check_ports", "on_free_ports"]

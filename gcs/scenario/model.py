@@ -29,8 +29,9 @@ from gcs.scenario.sections import (
     ScenarioFault,
     ScenarioUav,
 )
+from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
-from mavlink_defs.config.models import Loc, Model, Problems, repeated, validate
+from mavlink_defs.config.models import Loc, Model, Problems, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.endpoint import parse_address
 from mavlink_defs.faults import MAX_FAULTS, Fault

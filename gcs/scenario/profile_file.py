@@ -10,8 +10,9 @@ from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
+from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
-from mavlink_defs.config.models import ConfigError, Model, Problem, validate
+from mavlink_defs.config.models import ConfigError, Model, Problem
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
     MAX_SEGMENTS,

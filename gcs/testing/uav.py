@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
-from mavlink_defs.config.models import problems_of
+from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import Fault

@@ -14,7 +14,7 @@ from textual.message import Message
 from textual.widgets import Button, Input, Select, Static
 
 from gcs.tui.cached_static import CachedStatic
-from mavlink_defs.config.models import problems_of
+from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault

@@ -1,4 +1,4 @@
-"""Configuration files that say only in what they differ from another one.
+"""Configuration files that state only their differences from another file.
 
 ``extends: other.yaml`` in a file names its base, relative to the file itself (`read_inherited` can
 be told to look elsewhere, too). What the file
@@ -15,7 +15,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from mavlink_defs.config.models import ConfigError, Problem, read, shown
+from mavlink_defs.config.files import read
+from mavlink_defs.config.models import ConfigError, Problem, shown
 
 __all__ = ["PlaceError", "merged", "read_inherited", "with_values"]
 
@@ -65,7 +66,7 @@ def _read(path: Path, find: Callable[[Path, str], Path], above: list[Path]) -> d
 
 
 def merged(base: Any, overlay: Any) -> Any:
-    """What `overlay` makes of `base`; neither is changed."""
+    """Return `base` with `overlay` merged into it; neither is changed."""
     if not isinstance(overlay, dict):
         return overlay
     if not isinstance(base, dict) or overlay.get("kind", base.get("kind")) != base.get("kind"):
@@ -80,7 +81,7 @@ def merged(base: Any, overlay: Any) -> Any:
 
 
 def with_values(tree: dict[Any, Any], values: Mapping[str, Any]) -> dict[Any, Any]:
-    """Lay values over single places of a tree, one after the other, as `merged` does.
+    """Merge values into single places of a tree, one after the other, as `merged` does.
 
     Args:
         tree: Plain data; it is not changed.
@@ -100,7 +101,7 @@ def with_values(tree: dict[Any, Any], values: Mapping[str, Any]) -> dict[Any, An
 
 
 def _laid(here: Any, way: list[re.Match[str]], value: Any) -> Any:
-    """Lay a value over what stands at the end of a way that begins here."""
+    """Merge a value into what stands at the end of a path that begins here."""
     if not way:
         return merged(here, value)
     step, *rest = way

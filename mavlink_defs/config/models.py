@@ -1,45 +1,23 @@
-"""Configuration files: YAML to checked, frozen models and back.
+"""Building blocks of configuration models, and the problems that are found in configurations.
 
-A file that cannot be used is refused with every problem at once, one line each, which names
-the key, its value, and what was expected with its unit::
-
-    wing.yaml: aircraft.mass_g: unknown key; did you mean 'mass_kg'?
-    wing.yaml: aircraft.mass_kg: missing; expected a number in kg
-    wing.yaml: uavs[1].initial.airspeed_m_s: expected > 0 m/s, got -40
-
-`read` and `validate` are the two halves of `load`, for callers that do something to the tree
-in between. Checks across keys stand in the models: their validators raise `Problems`.
+Models are frozen and have fixed keys; fields with units are declared by
+`mavlink_defs.config.quantity`, and files are read by `mavlink_defs.config.files`. Checks across
+keys stand in the models: their validators raise `Problems`.
 
 Errors: ValueError ← ConfigError (a file), Problems (inside a validator).
 """
 
 import difflib
 import enum
-import types
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import (
-    Annotated,
-    Any,
-    Literal,
-    NamedTuple,
-    TypeAlias,
-    TypeVar,
-    Union,
-    get_args,
-    get_origin,
-)
+from typing import Annotated, NamedTuple, TypeAlias
 
-import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, RootModel, Tag, ValidationError
-from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
+from pydantic import AfterValidator, BaseModel, ConfigDict
 
-from mavlink_defs.config.quantity import describe, whole
-from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
+from mavlink_defs.config.quantity import whole
 from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.endpoint import EndpointError, parse_address
-from mavlink_defs.runtime.files import write_text
 
 __all__ = [
     "ConfigError",
@@ -51,25 +29,17 @@ __all__ = [
     "ProblemKind",
     "Problems",
     "SystemId",
-    "dump",
-    "load",
-    "parse",
-    "problems_of",
-    "read",
     "repeated",
     "shown",
     "unknown_key",
-    "validate",
 ]
 
 Loc: TypeAlias = tuple[str | int, ...]
-"""Where a value stands: keys and list indices from the outside in."""
-
-M = TypeVar("M", bound=BaseModel)
+"""Location of a value: keys and list indices from the outside in."""
 
 
 class ProblemKind(enum.Enum):
-    """What a problem is about."""
+    """Kind of problem."""
 
     VALUE = enum.auto()
     UNKNOWN_KEY = enum.auto()
@@ -81,7 +51,7 @@ class Problem(NamedTuple):
     Attributes:
         loc: Where it is: keys and list indices from the outside in; empty for the whole.
         text: What is wrong. With `keys`, a format string that names them as {0}, {1} and so on.
-        kind: What it is about.
+        kind: Kind of the problem.
         keys: Other keys of the same mapping that the text names.
     """
 
@@ -157,74 +127,6 @@ Port = Annotated[int, whole("", ge=1, le=65535, doc="UDP port.")]
 SystemId = Annotated[int, whole("", ge=1, le=LAST_SYSTEM, doc="UAV number, its MAVLink system id.")]
 
 
-def load(path: Path | str, model: type[M]) -> M:
-    """Read a YAML file and check it.
-
-    Raises:
-        ConfigError: The file cannot be read, or is not what the model asks for.
-    """
-    return validate(path, read(path), model)
-
-
-def read(path: Path | str) -> dict[Any, Any]:
-    """Read a YAML file that holds a mapping, as plain data.
-
-    Raises:
-        ConfigError: The file cannot be read, is not YAML, or holds something else.
-    """
-    try:
-        return parse(path, Path(path).read_bytes().decode("utf-8-sig"))
-    except FileNotFoundError as exc:
-        raise ConfigError(path, [Problem((), "no such file")]) from exc
-    except OSError as exc:
-        raise ConfigError(path, [Problem((), f"cannot be read: {exc.strerror}")]) from exc
-    except UnicodeDecodeError as exc:
-        problem = f"not UTF-8 text: byte {exc.start} is 0x{exc.object[exc.start]:02x}"
-        raise ConfigError(path, [Problem((), problem)]) from exc
-
-
-def parse(path: Path | str, text: str) -> dict[Any, Any]:
-    """Read YAML that holds a mapping, as plain data; `path` says where it comes from.
-
-    Raises:
-        ConfigError: It is not YAML, or holds something else.
-    """
-    try:
-        data = parse_yaml(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as exc:
-        raise ConfigError(path, [Problem((), yaml_problem(exc))]) from exc
-    if data is None:
-        raise ConfigError(path, [Problem((), "the file is empty; expected a mapping")])
-    if not isinstance(data, dict):
-        raise ConfigError(path, [Problem((), f"expected a mapping, got {shown(data)}")])
-    return data
-
-
-def validate(path: Path | str, data: dict[Any, Any], model: type[M]) -> M:
-    """Check plain data that came from a file.
-
-    Raises:
-        ConfigError: The data is not what the model asks for.
-    """
-    try:
-        return model.model_validate(data)
-    except ValidationError as exc:
-        problems = problems_of(model, exc)
-    raise ConfigError(path, problems)
-
-
-def problems_of(model: type[BaseModel], exc: ValidationError) -> list[Problem]:
-    """Return what pydantic found wrong with the data of a model, in our words."""
-    errors = exc.errors(include_url=False)
-    return [problem for error in errors for problem in _problems(model, error)]
-
-
-def dump(model: BaseModel, path: Path | str) -> None:
-    """Write a model as YAML that loads back to an equal one, floats to the last bit."""
-    text = yaml_of(model.model_dump())
-    write_text(Path(path), text)
-
-
 def unknown_key(loc: Loc, known: Iterable[str]) -> Problem:
     """Return the problem that a key is unknown; it names the known one probably meant."""
     key, names = loc[-1], list(known)
@@ -236,7 +138,7 @@ def unknown_key(loc: Loc, known: Iterable[str]) -> Problem:
 
 
 def repeated(values: Sequence[object]) -> list[tuple[int, str]]:
-    """Index and problem of each value that stands in a list for the second time."""
+    """Return index and problem of each value that stands in a list for the second time."""
     return [
         (i, f"expected each only once, got {shown(value)} again")
         for i, value in enumerate(values)
@@ -245,7 +147,7 @@ def repeated(values: Sequence[object]) -> list[tuple[int, str]]:
 
 
 def shown(value: object) -> str:
-    """A value as an error message shows it."""
+    """Return a value as an error message shows it."""
     match value:
         case None:
             return "nothing"
@@ -257,153 +159,3 @@ def shown(value: object) -> str:
             return f"a list of {len(value)}"
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-# from pydantic's errors to our problems
-
-
-def _problems(model: type[BaseModel], error: ErrorDetails) -> list[Problem]:
-    cause = error.get("ctx", {}).get("error")
-    if isinstance(cause, Problems):
-        return [
-            problem._replace(loc=_Place(model, error["loc"] + problem.loc).loc)
-            for problem in cause.problems
-        ]
-    if error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]:
-        return []  # pydantic does not count entries that have problems of their own
-    place = _Place(model, error["loc"])
-    if error["type"] == "union_tag_invalid":  # our unions of models are told apart by `kind`
-        tags, tag = error["ctx"]["expected_tags"], shown(error["ctx"]["tag"])
-        return [Problem((*place.loc, "kind"), f"expected one of {tags}, got {tag}")]
-    if error["type"] in {"extra_forbidden", "invalid_key"}:
-        return [unknown_key(place.loc, place.siblings)]
-    return [Problem(place.loc, _text(place, error))]
-
-
-def _text(place: "_Place", error: ErrorDetails) -> str:
-    kind, got = error["type"], shown(error["input"])
-    declared = place.field and describe(place.field)
-    if kind == "missing":
-        return f"missing; expected {place.expected}"
-    if kind == "value_error":
-        return str(error["ctx"]["error"])
-    if kind == "finite_number":
-        return f"expected {place.expected.replace('a number', 'a finite number')}, got {got}"
-    if kind in {"greater_than", "greater_than_equal", "less_than", "less_than_equal"} and declared:
-        return f"expected {declared.range()}, got {got}"
-    if kind in {"too_short", "too_long", "string_too_short", "string_too_long"}:
-        word = "entry" if kind.startswith("too") else "character"
-        bound = error["ctx"].get("min_length", error["ctx"].get("max_length"))
-        which = "at least" if kind.endswith("short") else "at most"
-        return f"expected {which} {_count(int(bound or 0), word)}, got {got}"
-    return f"expected {place.expected}, got {got}"
-
-
-def _count(n: int, word: str) -> str:
-    return f"{n} {word}" if n == 1 else f"{n} {word.replace('entry', 'entrie')}s"
-
-
-class _Place:
-    """What the models declare at a place.
-
-    Attributes:
-        loc: The place as the file has it: without pydantic's tags, only indices of lists are int.
-        field: The declaration of the value that is expected there, if known.
-        siblings: Keys that the mapping around it may have.
-        expected: What is expected there, in words.
-    """
-
-    def __init__(self, model: type[BaseModel], loc: Loc) -> None:
-        self.loc: Loc = ()
-        self.field: FieldInfo | None = None
-        self.siblings: list[str] = []
-        self._type: Any = model
-        self._key: Any = None
-        for part in loc:
-            self._descend(part)
-        self._strip()
-        self.expected = _expected(self._type, self.field)
-
-    def _descend(self, part: str | int) -> None:
-        self._strip()
-        here, self.siblings = self._type, []
-        if get_origin(here) in {Union, types.UnionType}:
-            chosen = [member for member in get_args(here) if part in _tags(member)]
-            if chosen:  # pydantic puts the tag of a union's member into the location
-                self._type = chosen[0]
-                return
-        if part == "[key]":  # pydantic's way to say that not the value is meant
-            self._type = self._key
-            return
-        if isinstance(here, type) and issubclass(here, BaseModel):
-            self.siblings = list(here.model_fields)
-            self.field = here.model_fields.get(str(part))
-            self._type = self.field.annotation if self.field else None
-            self.loc += (str(part),)
-            return
-        origin, inner = get_origin(here), get_args(here)
-        if origin is tuple and isinstance(part, int) and ... not in inner and part < len(inner):
-            self._type = inner[part]
-        elif origin is dict:
-            self._key, self._type = inner
-        else:
-            self._type = inner[0] if inner else None
-        self.loc += (str(part) if origin is dict else part,)
-
-    def _strip(self) -> None:
-        """Take optionality, annotations and root models off the type."""
-        while True:
-            here = self._type
-            if get_origin(here) is Annotated:
-                self._type, *metadata = get_args(here)
-                self.field = next((m for m in metadata if isinstance(m, FieldInfo)), self.field)
-            elif isinstance(here, type) and issubclass(here, RootModel):
-                self._type = here.model_fields["root"].annotation
-            elif len(members := _members(here)) == 1 and members[0] is not here:
-                self._type = members[0]
-            else:
-                return
-
-
-def _members(annotation: Any) -> list[Any]:
-    if get_origin(annotation) in {Union, types.UnionType}:
-        return [member for member in get_args(annotation) if member is not types.NoneType]
-    return [annotation]
-
-
-def _tags(member: Any) -> Sequence[object]:
-    """Tags by which a tagged union, or one discriminated by `kind`, selects this member."""
-    if get_origin(member) is Annotated:
-        return [m.tag for m in get_args(member) if isinstance(m, Tag)]
-    kind = getattr(member, "model_fields", {}).get("kind")
-    return get_args(kind.annotation) if kind else ()
-
-
-def _expected(annotation: Any, field: FieldInfo | None) -> str:
-    if get_origin(annotation) in {Union, types.UnionType}:
-        places = [_strip_annotated(member) for member in _members(annotation)]
-        return " or ".join(_expected(inner, found or field) for inner, found in places)
-    if get_origin(annotation) is Literal:
-        *first, last = map(repr, get_args(annotation))
-        return f"{', '.join(first)} or {last}" if first else last
-    kind = get_origin(annotation) or annotation
-    declared = field and describe(field)
-    unit = f" in {declared.unit}" if declared and declared.unit else ""
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        return "a mapping"
-    return {
-        bool: "true or false",
-        int: f"a whole number{unit}",
-        float: f"a number{unit}",
-        str: "a text",
-        dict: "a mapping",
-        list: "a list",
-        tuple: "a list",
-    }.get(kind, "something else")
-
-
-def _strip_annotated(annotation: Any) -> tuple[Any, FieldInfo | None]:
-    if get_origin(annotation) is not Annotated:
-        return annotation, None
-    inner, *metadata = get_args(annotation)
-    return inner, next((m for m in metadata if isinstance(m, FieldInfo)), None)

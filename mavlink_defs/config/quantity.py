@@ -1,7 +1,7 @@
 """Numbers of a configuration: unit, bounds and meaning declared together, once.
 
 What a field declares with `quantity` or `whole` is what the loader checks, what its error
-messages say, and what a help page or the parameter protocol can look up with `describe`::
+messages contain, and what help pages and the parameter protocol look up with `describe`::
 
     class Airframe(Model):
         mass_kg: float = quantity("kg", gt=0.0, doc="Take-off mass m.")
@@ -19,7 +19,7 @@ __all__ = ["Quantity", "describe", "quantity", "whole"]
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a field declares about its number.
+    """The declaration of a numeric field.
 
     Attributes:
         unit: Unit in ASCII, such as "m/s^2"; empty for a pure number.
@@ -38,7 +38,7 @@ class Quantity:
     doc: str
 
     def range(self) -> str:
-        """The permitted range in words: "[0, 0.8] rad", "> 0 kg", "any number"."""
+        """Return the permitted range in words: "[0, 0.8] rad", "> 0 kg", "any number"."""
         low = self.ge if self.gt is None else self.gt
         high = self.le if self.lt is None else self.lt
         if low is not None and high is not None:

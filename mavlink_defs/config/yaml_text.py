@@ -13,7 +13,7 @@ __all__ = ["parse_yaml", "yaml_of", "yaml_problem"]
 
 
 def parse_yaml(text: str) -> Any:
-    """Plain data from a text.
+    """Return the plain data in a text.
 
     Raises:
         yaml.YAMLError, RecursionError, ValueError: It is not YAML; see `yaml_problem`.
@@ -22,7 +22,7 @@ def parse_yaml(text: str) -> Any:
 
 
 def yaml_of(data: Any) -> str:
-    """A text that `parse_yaml` reads back as equal data, floats to the last bit."""
+    """Return a text that `parse_yaml` reads back as equal data, floats to the last bit."""
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
 
 

@@ -9,7 +9,7 @@ import yaml
 from flying import assert_one_message, free_links, run, scenario_tree
 
 from gcs.scenario.model import Scenario
-from mavlink_defs.config.models import dump
+from mavlink_defs.config.files import dump
 
 pytestmark = pytest.mark.sitl
 

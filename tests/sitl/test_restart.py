@@ -17,7 +17,7 @@ from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from mavlink_defs import dialect
-from mavlink_defs.config.models import dump
+from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import Connection, UdpAddress
 
 pytestmark = pytest.mark.sitl

@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from mavlink_defs.config.models import problems_of
+from mavlink_defs.config.files import problems_of
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import Fault
 

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from mavlink_defs import dialect
 from mavlink_defs.capture.impairment import Bursts, Impairer, Impairment, Outage
-from mavlink_defs.config.models import ConfigError, validate
+from mavlink_defs.config.files import validate
+from mavlink_defs.config.models import ConfigError
 from mavlink_defs.framing.frames import FramePacker
 
 N = 4000

@@ -8,15 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import Field, model_validator
 
-from mavlink_defs.config.models import (
-    ConfigError,
-    HostPort,
-    Model,
-    Problems,
-    SystemId,
-    dump,
-    load,
-)
+from mavlink_defs.config.files import dump, load
+from mavlink_defs.config.models import ConfigError, HostPort, Model, Problems, SystemId
 from mavlink_defs.config.quantity import Quantity, describe, quantity, whole
 
 
