@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def real_time_factor(folder: Path, *options: str) -> float:
-    """Fly scenario 1 once; its own account of simulated over wall-clock time."""
+    """Fly scenario 1 once; return the ratio of simulated to wall-clock time that it reports."""
     command = ["fly", str(SCENARIO), "--json", "--free-ports", "--out", str(folder), *options]
     output = subprocess.run(gcs(*command), check=True, capture_output=True).stdout
     shutil.rmtree(folder)
@@ -52,7 +52,7 @@ def real_time_factor(folder: Path, *options: str) -> float:
 
 
 def first_step_s(folder: Path, new_cache: bool = False) -> float:
-    """Time from starting `gcs fly` to the first simulated step, as the plant's log dates it."""
+    """Return the time from starting `gcs fly` to the first step, as dated in the plant's log."""
     environment = dict(os.environ)
     if new_cache:
         environment["NUMBA_CACHE_DIR"] = str(folder.with_name("numba"))
@@ -66,7 +66,7 @@ def first_step_s(folder: Path, new_cache: bool = False) -> float:
 
 
 def reproduction_s(folder: Path) -> float:
-    """Time that `gcs reproduce` takes in process, from start to end."""
+    """Return the time that `gcs reproduce` takes in process, from start to end."""
     begin = time.time()
     subprocess.run(gcs("reproduce", "--quiet", "--out", str(folder)), check=True)
     shutil.rmtree(folder)

@@ -22,10 +22,10 @@ OUR_REPEATS = 100_000
 THEIR_REPEATS = 2_000
 
 MESSAGES = (
-    (codec.ID_SIM_STATE, codec.SIM_STATE, dialect.MAVLink_ftc_sim_state_message),
-    (codec.ID_ACTUATORS, codec.ACTUATORS, dialect.MAVLink_hil_actuator_controls_message),
-    (codec.ID_NEIGHBOUR, codec.NEIGHBOUR, dialect.MAVLink_ftc_neighbour_message),
-    (codec.ID_STEP_DONE, codec.STEP_DONE, dialect.MAVLink_ftc_step_done_message),
+    (codec.MessageId.SIM_STATE, codec.SIM_STATE, dialect.MAVLink_ftc_sim_state_message),
+    (codec.MessageId.ACTUATORS, codec.ACTUATORS, dialect.MAVLink_hil_actuator_controls_message),
+    (codec.MessageId.NEIGHBOUR, codec.NEIGHBOUR, dialect.MAVLink_ftc_neighbour_message),
+    (codec.MessageId.STEP_DONE, codec.STEP_DONE, dialect.MAVLink_ftc_step_done_message),
 )
 
 

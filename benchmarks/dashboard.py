@@ -43,7 +43,7 @@ _MOVE = re.compile(r"\x1b\[(?=\d+;\d+H)")  # of the cursor
 
 @dataclass(frozen=True)
 class Load:
-    """What was measured.
+    """Results of the measurement.
 
     Attributes:
         cpu_percent: Of one core.
@@ -74,9 +74,9 @@ class Vehicles:
         self._socket.close()
 
     def work(self) -> float:
-        """Send what is due, answer what was asked; gives the time until more is due [s]."""
+        """Send due messages, answer requests; return the time until more is due [s]."""
         now = time.monotonic() - self._begin
-        if not self._due:  # vehicles do not speak all at once
+        if not self._due:  # vehicles do not all send at once
             self._tick += 1
             spread = [(self._tick + self._random.random()) * 0.1 for _ in self._speakers]
             self._due = sorted(zip(spread, self._speakers, strict=True))
@@ -111,7 +111,7 @@ class Vehicles:
 
 
 def telemetry(system: int, now: float, tick: int) -> Iterator[MAVLink_message]:
-    """What a vehicle sends in one tenth of a second."""
+    """Return the messages that a vehicle sends in one tenth of a second."""
     ms, wave = round(now * 1000), math.sin(now + system)
     four = [50.0 + wave, wave, 2.0 * wave, 10.0 + wave]
     yield dialect.MAVLink_attitude_message(ms, 0.1 * wave, 0.05 * wave, 0.2, 0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""What an autopilot is told: nominal aircraft, controller, trigger, neighbours, links.
+"""Configuration of one autopilot: nominal aircraft, controller, trigger, neighbours, links.
 
 It holds nothing of faults, disturbances or the true aircraft: the controller must not know.
 Names are the paper's, in ASCII; defaults are the values of Table III, or where the paper gives
@@ -75,7 +75,9 @@ class AutopilotConfig(Model):
     )
     formation_bind: HostPort = Field(description="Where the formation link is received.")
     plant: HostPort = Field(description="Where the plant receives the simulator link.")
-    gcs: tuple[HostPort, ...] = Field(min_length=1, description="Ground stations to talk to.")
+    gcs: tuple[HostPort, ...] = Field(
+        min_length=1, description="Addresses of the ground stations, host:port."
+    )
     signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
     silence_timeout_s: float = quantity(
         "s", gt=0.0, default=5.0, doc="Silence after which the plant counts as gone."

@@ -15,16 +15,13 @@ from mavlink_defs.dialect import MAV_COMP_ID_AUTOPILOT1
 from mavlink_defs.endpoint import parse_address, sockaddr
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import (
-    ID_NEIGHBOUR,
     NEIGHBOUR_SIZE,
-    NOT_NEWER,
-    OUT_OF_RANGE,
-    STRANGER,
-    UNEXPECTED,
+    MessageId,
     expand,
     pack,
     system_of,
 )
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, take
 from mavlink_defs.framing.hot_signing import LinkSigner, sign_frame
 from mavlink_defs.runtime.jit import compiled
@@ -47,7 +44,7 @@ __all__ = [
 ]
 
 _NEIGHBOUR_WAIT_S = 0.05
-"""How long a lockstep step waits for a neighbour state on its way [s], over a slow relay, say."""
+"""Longest wait of a lockstep step for a neighbour state in transit, over a slow relay, say [s]."""
 _NEIGHBOUR_MISSES = 5
 """Steps in a row that miss a neighbour's state before later steps stop waiting for it."""
 _NEVER_HEARD = -1
@@ -73,7 +70,7 @@ class FormationLink(NamedTuple):
     pending: np.ndarray  # (degree,), dtype NEIGHBOUR: its state of a step that is not over here
     pending_step: np.ndarray  # (degree,), the step of that state
     misses: np.ndarray  # (degree,), steps in a row that waited for its state in vain
-    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated code of DROP_REASONS
+    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
     neighbour_state: np.ndarray  # view of `received`
@@ -88,7 +85,7 @@ def new_formation_link(
     drops: np.ndarray,
     signer: LinkSigner,
 ) -> FormationLink:
-    """Return a formation link on which no neighbour was heard.
+    """Return a formation link that has received nothing from any neighbour.
 
     Args:
         system: Own system id.
@@ -147,7 +144,7 @@ def send_own_state(fd: int, link: FormationLink, controllers: Controllers) -> No
     length = pack(
         link.sent,
         controllers.own_states,
-        ID_NEIGHBOUR,
+        MessageId.NEIGHBOUR,
         link.system,
         MAV_COMP_ID_AUTOPILOT1,
         state["sequence"],
@@ -250,8 +247,8 @@ def _take_neighbour_state(
     message_id = take(link.signer, link.received, length, link.drops)
     if message_id == DROPPED:
         return
-    problem = UNEXPECTED
-    if message_id == ID_NEIGHBOUR:
+    problem: int = DropReason.UNEXPECTED
+    if message_id == MessageId.NEIGHBOUR:
         expand(link.received, NEIGHBOUR_SIZE)
         problem = _keep_neighbour_state(link, controllers, newest)
     if problem != 0:
@@ -263,22 +260,22 @@ def _keep_neighbour_state(link: FormationLink, controllers: Controllers, newest:
     """Keep the received state: in use if its step is over here, pending if not.
 
     Returns:
-        0, or the code of DROP_REASONS for which the state was not kept.
+        0, or the `DropReason` for which the state was not kept.
     """
     d = _index_of_sender(link)
     if d < 0:
-        return STRANGER
+        return DropReason.STRANGER
     received = link.neighbour_state[0]
     step = int(received["step"])
     if not _is_finite(received) or step > newest + link.state[0]["timeout_steps"]:
-        return OUT_OF_RANGE
+        return DropReason.OUT_OF_RANGE
     link.misses[d] = 0
     if step > newest:
         link.pending[d] = received
         link.pending_step[d] = step
         return 0
     if step < link.heard_step[d]:
-        return NOT_NEWER
+        return DropReason.NOT_NEWER
     controllers.neighbour_states[0, d] = received
     link.heard_step[d] = step
     return 0

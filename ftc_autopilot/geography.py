@@ -1,4 +1,4 @@
-"""Where on Earth the flat world of the simulation lies.
+"""Position on Earth of the simulation's flat world.
 
 North, east and down [m] count from an origin whose geographic coordinates only telemetry
 knows. The Earth is a sphere there, as in ArduPilot: 1 cm off after 3 km.
@@ -42,7 +42,7 @@ class Place(NamedTuple):
 
 
 def place_of(origin: Origin, north: float, east: float, down: float) -> Place:
-    """Give the place of a position [m, NED]; what no message could hold is cut off."""
+    """Return the geographic place of a position [m, NED], clipped to what messages can hold."""
     latitude = origin.latitude_deg + math.degrees(_sane(north) / _EARTH_RADIUS_M)
     parallel_m = _EARTH_RADIUS_M * math.cos(math.radians(origin.latitude_deg))
     longitude = origin.longitude_deg + math.degrees(_sane(east) / parallel_m)
@@ -57,5 +57,5 @@ def place_of(origin: Origin, north: float, east: float, down: float) -> Place:
 
 
 def _sane(metres: float) -> float:
-    """Within ±1000 km, which fits everywhere; 0 for NaN."""
+    """Return a coordinate clipped to ±1000 km, which fits every message; 0 for NaN."""
     return min(max(metres, -1e6), 1e6) if metres == metres else 0.0  # noqa: PLR0124 - NaN

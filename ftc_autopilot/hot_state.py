@@ -1,4 +1,4 @@
-"""What the services of a vehicle read of the compiled loop, and all that they write to it."""
+"""The interface between the services of a vehicle and its compiled loop."""
 
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
@@ -47,7 +47,7 @@ class HotState:
         measured: Last state, dtype `mavlink_defs.framing.codec.SIM_STATE`.
         neighbours: System ids of the neighbours.
         drops: Datagrams dropped, by link (GCS, FORMATION, SIMULATOR, PLANT of
-            `ftc_autopilot.link`) and negated code of DROP_REASONS.
+            `ftc_autopilot.link`) and negated `DropReason`.
     """
 
     step = _Field("_link", int)

@@ -32,17 +32,13 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import (
-    ID_ACTUATORS,
-    ID_SIM_STATE,
-    ID_STEP_DONE,
-    OUT_OF_RANGE,
     SIM_STATE_SIZE,
-    STRANGER,
-    UNEXPECTED,
+    MessageId,
     expand,
     pack,
     system_of,
 )
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
@@ -61,12 +57,12 @@ __all__ = [
     "run",
 ]
 
-# rows of `AutopilotLink.drops`; the last is what the plant reports of its own
+# rows of `AutopilotLink.drops`; the last holds the plant's own counts, as it reports them
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
 
 _PATIENCE_S = 0.02
-"""Real time: wait for the plant's acknowledgement [s, wall time]. In lockstep the next state has
-it."""
+"""Real time: time to wait for the plant's acknowledgement [s, wall time]. In lockstep the next
+state carries it."""
 _NONE = -1
 
 LINK_STATE = np.dtype(
@@ -90,7 +86,7 @@ class SimulatorLink(NamedTuple):
 
     system: int
     measured: np.ndarray  # (1,), dtype SIM_STATE: the last state, kept
-    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated code of DROP_REASONS
+    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
     sim_state: np.ndarray  # view of `received`
@@ -104,8 +100,8 @@ class AutopilotLink(NamedTuple):
     state: np.ndarray  # (1,), dtype LINK_STATE
     simulator: SimulatorLink
     formation: FormationLink
-    drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated code
-    signals: np.ndarray  # (steps,), recorded, NaN where no state came; no steps: nothing is
+    drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated `DropReason`
+    signals: np.ndarray  # (steps,), recorded, NaN where no state came; empty: no recording
 
 
 def new_link(
@@ -117,7 +113,7 @@ def new_link(
     plant_signer: LinkSigner | None = None,
     formation_signer: LinkSigner | None = None,
 ) -> AutopilotLink:
-    """Return the links of an autopilot that has not heard of the plant.
+    """Return the links of an autopilot that has received nothing from the plant.
 
     Args:
         system: Own system id.
@@ -208,7 +204,9 @@ def run(
                 state["received"] = length
                 return Outcome.SERVICE
             if message_id != DROPPED:
-                problem = _check_state(simulator) if message_id == ID_SIM_STATE else UNEXPECTED
+                problem: int = DropReason.UNEXPECTED
+                if message_id == MessageId.SIM_STATE:
+                    problem = _check_state(simulator)
                 if problem != 0:
                     simulator.drops[-problem] += 1
                 elif _is_of_another_run(link):
@@ -223,21 +221,21 @@ def run(
 
 @compiled
 def _check_state(link: SimulatorLink) -> int:
-    """Return 0 if the received state is to be worked on, otherwise one of DROP_REASONS.
+    """Return 0 if the received state is valid, otherwise a `DropReason`.
 
     One NaN would spread through controller and formation. A number whose square is too large for
     a float is refused, too.
     """
     expand(link.received, SIM_STATE_SIZE)
     if system_of(link.received) != link.system:
-        return STRANGER
+        return DropReason.STRANGER
     sim_state = link.sim_state[0]
     total = 0.0
     for i in range(3):
         total += sim_state["position"][i] ** 2 + sim_state["velocity"][i] ** 2
         total += sim_state["attitude"][i] ** 2 + sim_state["rates"][i] ** 2
         total += sim_state["specific_force"][i] ** 2
-    return 0 if np.isfinite(total) else OUT_OF_RANGE
+    return 0 if np.isfinite(total) else DropReason.OUT_OF_RANGE
 
 
 @compiled
@@ -281,7 +279,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         receive_neighbour_states(formation_fd, formation, controllers, 0)
     if ended or (running and lockstep and step == state["step"]):
         link.simulator.step_done[0]["step"] = step
-        _send(plant_fd, link, link.simulator.step_done, ID_STEP_DONE)
+        _send(plant_fd, link, link.simulator.step_done, MessageId.STEP_DONE)
 
 
 @compiled
@@ -328,4 +326,4 @@ def _send_actuators(
         elif overdue & (1 << c):
             state["repeated"][c] += 1
     controllers.actuators[0]["time_usec"] = time_usec
-    _send(plant_fd, link, controllers.actuators, ID_ACTUATORS)
+    _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)

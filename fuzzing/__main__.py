@@ -1,4 +1,4 @@
-"""``make fuzz``: many frames through every parser and handler, and what memory does meanwhile.
+"""``make fuzz``: many frames through every parser and handler, with a watch on memory.
 
 Each frame is one of four: noise, a damaged frame, twice a good frame with extreme values. Any
 exception ends the run; the seed on the command line makes it happen again. With ``--atheris``
@@ -26,13 +26,10 @@ _IDS = sorted(MESSAGES)
 
 
 def targets(scenario: Scenario) -> dict[str, Target]:
-    """Everything that takes datagrams, by name."""
-    doors = ("gcs", "simulator", "formation")
+    """Return everything that takes datagrams, by name."""
+    ports = ("gcs", "simulator", "formation")
     return {
-        **{
-            f"autopilot, {gcs_signing} link": AutopilotTarget(scenario, gcs_signing)
-            for gcs_signing in doors
-        },
+        **{f"autopilot, {port} link": AutopilotTarget(scenario, port) for port in ports},
         "plant, autopilot": PlantTarget(scenario, stranger=False),
         "plant, stranger": PlantTarget(scenario, stranger=True),
         "ground station": StationTarget(),
@@ -40,7 +37,7 @@ def targets(scenario: Scenario) -> dict[str, Target]:
 
 
 def batch(random: Random, target: Target) -> list[bytes]:
-    """Datagrams for one target."""
+    """Return datagrams for one target."""
     datagrams = []
     for _ in range(_BATCH // 4):
         good = [
@@ -70,7 +67,7 @@ def fuzz(name: str, target: Target, frames: int, random: Random) -> None:
 
 
 def rss_mib() -> float:
-    """Resident memory of this process [MiB] (Linux)."""
+    """Return the resident memory of this process [MiB] (Linux)."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 

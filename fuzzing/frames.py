@@ -8,7 +8,7 @@ from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
 
-__all__ = ["MESSAGES", "damaged", "link_signer", "message_frame", "noise"]
+__all__ = ["MESSAGES", "damaged", "frame_of", "message_frame", "noise"]
 
 MESSAGES: dict[int, Any] = dialect.mavlink_map
 """Every message class of the dialect, by id."""
@@ -34,10 +34,8 @@ _DOUBLES = (*_FLOATS, 1.7976931348623157e308, 5e-324, 1e300)
 _TARGETS = ("target_system", "target_component")
 
 
-def link_signer(
-    message_id: int, payload: bytes, system: int, component: int, sequence: int
-) -> bytes:
-    """Make a good frame of any payload; an id that the dialect does not have gets a CRC, too."""
+def frame_of(message_id: int, payload: bytes, system: int, component: int, sequence: int) -> bytes:
+    """Return a valid frame of any payload; an id outside the dialect gets a CRC, too."""
     message = MESSAGES.get(message_id)
     size = len(payload.rstrip(b"\0")) or 1
     head = struct.pack("<BBBBBB", size, 0, 0, sequence & 0xFF, system, component)
@@ -49,7 +47,7 @@ def link_signer(
 def message_frame(
     random: Random, message_id: int, sender: tuple[int, int], target: tuple[int, int]
 ) -> bytes:
-    """A good frame of a message whose fields have extreme, plain or any values.
+    """Return a valid frame of a message whose fields have extreme, plain or any values.
 
     Args:
         random: Source of the values.
@@ -69,7 +67,7 @@ def message_frame(
             payload += struct.pack(f"<{count}{code}", *values)
         else:
             payload += b"".join(_whole(random, code) for _ in range(count))
-    return link_signer(message_id, payload, *sender, random.randrange(256))
+    return frame_of(message_id, payload, *sender, random.randrange(256))
 
 
 def _whole(random: Random, code: str) -> bytes:
@@ -80,7 +78,7 @@ def _whole(random: Random, code: str) -> bytes:
 
 
 def damaged(random: Random, frame: bytes) -> bytes:
-    """An invalid version of a good frame: what a CRC, a length or a first byte must give away."""
+    """Return an invalid version of a good frame, to be found by CRC, length or first byte."""
     kind = random.randrange(6)
     if kind == 0:
         return frame[: random.randrange(len(frame))]
@@ -101,6 +99,6 @@ def damaged(random: Random, frame: bytes) -> bytes:
 
 
 def noise(random: Random) -> bytes:
-    """Any bytes; half of them begin as a frame does."""
+    """Return any bytes; half of the results begin as a frame does."""
     raw = random.randbytes(random.randrange(_LONGEST_NOISE))
     return b"\xfd" + raw if random.random() < 0.5 else raw

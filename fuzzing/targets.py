@@ -1,8 +1,8 @@
-"""What is fuzzed: each target takes datagrams, and tells its state so that one can compare it.
+"""Fuzzing targets: each takes datagrams, and exposes its state for comparison.
 
 Autopilot and plant are those of the processes, with their compiled loops, on loopback sockets;
-they are driven from here instead of by `fly`. Nothing waits: a datagram is there before it is
-looked for.
+they are driven from here instead of by `fly`. Nothing waits: each datagram is sent before its
+receiver looks for it.
 """
 
 import socket
@@ -54,8 +54,8 @@ class Target(Protocol):
     """Something that takes datagrams.
 
     Attributes:
-        sender: System and component id that are believed, or might be.
-        target: System and component id of the one that listens.
+        sender: System and component id of the sender to imitate.
+        target: System and component id of the receiver.
     """
 
     sender: tuple[int, int]
@@ -65,13 +65,13 @@ class Target(Protocol):
         """Take in a datagram and do all that it causes."""
 
     def state(self) -> bytes:
-        """All that an invalid datagram must leave as it is."""
+        """Return all that an invalid datagram must leave as it is."""
 
     def drops(self) -> int:
-        """Datagrams counted as dropped."""
+        """Return the number of datagrams counted as dropped."""
 
     def close(self) -> None:
-        """Give the sockets back."""
+        """Close the sockets."""
 
 
 def _udp() -> socket.socket:
@@ -86,12 +86,12 @@ class AutopilotTarget:
 
     target = (UAV, dialect.MAV_COMP_ID_AUTOPILOT1)
 
-    def __init__(self, scenario: Scenario, gcs_signing: str) -> None:
+    def __init__(self, scenario: Scenario, port: str) -> None:
         """Start one.
 
         Args:
             scenario: Whose UAV 2 it is.
-            gcs_signing: "gcs", "simulator" or "formation": where the datagrams come in.
+            port: "gcs", "simulator" or "formation": the socket that receives the datagrams.
         """
         self._plant, self._own, self._formation, self._gcs = (_udp() for _ in range(4))
         self._own.connect(self._plant.getsockname())
@@ -104,14 +104,14 @@ class AutopilotTarget:
         )
         self._formation.setblocking(False)
         self._own.setblocking(False)
-        self._gcs_signing = {
+        self._fuzzed = {
             "gcs": self._gcs,
             "simulator": self._own,
             "formation": self._formation,
-        }[gcs_signing]
+        }[port]
         senders = {"gcs": (255, 190), "simulator": (UAV, 25), "formation": (NEIGHBOUR, 1)}
-        self.sender = senders[gcs_signing]
-        self._is_formation = gcs_signing == "formation"
+        self.sender = senders[port]
+        self._is_formation = port == "formation"
         self._link, self._controllers = self._autopilot._link, self._autopilot._controllers
         self._steps = 0
         self._arm()
@@ -121,7 +121,7 @@ class AutopilotTarget:
 
     def feed(self, datagram: bytes) -> None:
         """Take in a datagram and do all that it causes."""
-        self._plant.sendto(datagram, self._gcs_signing.getsockname())
+        self._plant.sendto(datagram, self._fuzzed.getsockname())
         self._link.state["flags"] &= _LOCKSTEP
         self._link.state["heard_s"] = time.monotonic()
         if self._is_formation:
@@ -132,21 +132,21 @@ class AutopilotTarget:
         fds = self._own.fileno(), self._formation.fileno()
         outcome = autopilot_link.run(*fds, self._link, self._controllers, 0.0, 2**62)
         if outcome == Outcome.SERVICE:
-            self._autopilot._hear_simulator()
+            self._autopilot._receive_from_simulator()
         elif outcome == Outcome.RESTARTED:
             self._autopilot._vehicle.restart()
             self._arm()
-        self._autopilot._hear_ground_stations(1)
-        self._autopilot._speak()
+        self._autopilot._receive_from_ground_stations(1)
+        self._autopilot._send_messages()
 
     def _arm(self) -> None:
         self._controllers.guidance[0]["active"] = 1
         self._autopilot._vehicle.modes.armed = True
 
     def handle_timer(self, now: float) -> None:
-        """Let timers run; what it says goes out, and must be possible to pack."""
+        """Run the timers; all messages are sent, so they must be possible to pack."""
         self._autopilot._vehicle.handle_timer(now)
-        self._autopilot._speak()
+        self._autopilot._send_messages()
         _drain(self._plant)
 
     def step(self) -> np.ndarray:
@@ -159,10 +159,10 @@ class AutopilotTarget:
         return controls
 
     def state(self) -> bytes:
-        """All that an invalid datagram must leave as it is."""
+        """Return all that an invalid datagram must leave as it is."""
         vehicle, state = self._autopilot._vehicle, self._link.state[0]
         names = ("step", "pending_usec", "repeated")
-        words = repr(
+        values = repr(
             (
                 vehicle.modes.mode,
                 vehicle.modes.armed,
@@ -178,15 +178,15 @@ class AutopilotTarget:
             + self._link.formation.pending.tobytes()
             + self._link.formation.heard_step.tobytes()
             + self._link.simulator.measured.tobytes()
-            + words.encode()
+            + values.encode()
         )
 
     def drops(self) -> int:
-        """Datagrams counted as dropped."""
+        """Return the number of datagrams counted as dropped."""
         return int(self._link.drops[:3].sum())
 
     def close(self) -> None:
-        """Give the sockets back."""
+        """Close the sockets."""
         for sock in (self._plant, self._own, self._formation, self._gcs):
             sock.close()
 
@@ -203,7 +203,7 @@ class PlantTarget:
             scenario.plant_config(), self._sock, record=False, link_signer=link_signer
         )
         self._sock.setblocking(False)
-        self._gcs_signing = self._other if stranger else self._peer
+        self._fuzzed = self._other if stranger else self._peer
         self.sender = (1, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._link, self._fleet = self._plant._link, self._plant._fleet
         self._link.addresses[:] = sockaddr(Endpoint(*self._peer.getsockname()))
@@ -213,7 +213,7 @@ class PlantTarget:
     def feed(self, datagram: bytes) -> None:
         """Take in a datagram and do all that it causes."""
         self._link.heard_s[:] = self._link.state["sent_s"] = time.monotonic()
-        self._gcs_signing.sendto(datagram, self._sock.getsockname())
+        self._fuzzed.sendto(datagram, self._sock.getsockname())
         outcome = plant_link.run(self._sock.fileno(), self._link, self._fleet, 0.0)
         if outcome == Outcome.SERVICE:
             self._plant._serve()
@@ -227,7 +227,7 @@ class PlantTarget:
         return self._fleet.states
 
     def state(self) -> bytes:
-        """All that an invalid datagram must leave as it is."""
+        """Return all that an invalid datagram must leave as it is."""
         services = [service.armed for service in self._plant._services]
         arrays = (
             self._fleet.states,
@@ -241,17 +241,17 @@ class PlantTarget:
         return b"".join(array.tobytes() for array in arrays) + repr(services).encode()
 
     def drops(self) -> int:
-        """Datagrams counted as dropped."""
+        """Return the number of datagrams counted as dropped."""
         return int(self._link.drops.sum())
 
     def close(self) -> None:
-        """Give the sockets back."""
+        """Close the sockets."""
         for sock in (self._peer, self._other, self._sock):
             sock.close()
 
 
 class StationTarget:
-    """A ground station's client that knows a vehicle; it has no socket here."""
+    """A ground station's client with one vehicle and no socket."""
 
     sender = (UAV, dialect.MAV_COMP_ID_AUTOPILOT1)
     target = (255, 190)
@@ -279,7 +279,7 @@ class StationTarget:
             state.counts.rates()
 
     def state(self) -> bytes:
-        """All that an invalid datagram must leave as it is."""
+        """Return all that an invalid datagram must leave as it is."""
         fleet = self.client.fleet
         known = {
             i: (s.heard_at, len(s.texts), s.restarts, {k: id(m) for k, m in s.latest.items()})
@@ -288,11 +288,11 @@ class StationTarget:
         return repr((known, fleet.unconfirmed, self.client._peers, len(self.client.log))).encode()
 
     def drops(self) -> int:
-        """Datagrams counted as dropped."""
+        """Return the number of datagrams counted as dropped."""
         return self.client.drops.total()
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is no socket."""
 
 
 def parse_all_ways(datagram: bytes) -> bool:

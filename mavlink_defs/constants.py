@@ -41,12 +41,12 @@ LAST_SYSTEM = 250
 """Largest system id of a UAV."""
 
 GCS_PORT = 14550
-"""UDP port that ground stations bind, unless a scenario says otherwise; so are those below."""
+"""Default UDP port that ground stations bind; those below are defaults, too."""
 HUB_PORT = 14555
-"""Of the hub of `gcs up`."""
+"""UDP port of the hub of `gcs up`."""
 PLANT_PORT = 14560
 FORMATION_BASE_PORT = 14600
-"""UAV i binds this plus i."""
+"""UAV i binds this UDP port plus i."""
 
 AUTO, LOITER, GUIDED = 10, 12, 15
 """custom_mode numbers of ArduPlane."""
@@ -56,4 +56,4 @@ FORCE_DISARM = 21196.0
 """Parameter 2 of MAV_CMD_COMPONENT_ARM_DISARM that disarms in flight."""
 
 STATUSTEXT_SIZE = 50
-"""Characters that one STATUSTEXT holds; one that is full says that another one follows."""
+"""Characters that one STATUSTEXT holds; a full one announces that another one follows."""

@@ -48,7 +48,7 @@ _ENDPOINT = re.compile(r"(?:udp(?:in|out)?:(?://)?)?(?P<host>[^\s:/\[\]]+):(?P<p
 
 
 class EndpointError(Exception):
-    """An address cannot be used; the message says which, for what, and what to do."""
+    """An address cannot be used; the message names it, its purpose and a remedy."""
 
 
 class PortTaken(EndpointError):  # noqa: N818 - the name says it
@@ -80,7 +80,7 @@ def parse_address(text: str) -> UdpAddress:
 
 @dataclass(frozen=True)
 class Connection:
-    """How a ground station meets vehicles: it binds an address ("in"), or talks to one ("out")."""
+    """A ground station's link: the address that it binds ("in") or sends to ("out")."""
 
     direction: Direction
     address: UdpAddress
@@ -106,7 +106,7 @@ def parse_connection(text: str) -> Connection:
 
 
 def resolve(address: UdpAddress) -> UdpAddress:
-    """The IPv4 address that datagrams to an address go to, and come from when it answers.
+    """Return the IPv4 address to which an address resolves; answers come from it.
 
     0.0.0.0 stands for this machine.
 
@@ -118,7 +118,7 @@ def resolve(address: UdpAddress) -> UdpAddress:
 
 
 def sockaddr(address: UdpAddress) -> np.ndarray:
-    """Where `resolve` leads as a struct sockaddr_in for `native.send_to`, uint8, shape (16,).
+    """Return the resolved address as a struct sockaddr_in for `native.send_to`, uint8, shape (16,).
 
     Raises:
         EndpointError: The host's name cannot be resolved.
@@ -136,7 +136,7 @@ def sockaddr(address: UdpAddress) -> np.ndarray:
 
 
 def address_of(raw: np.ndarray) -> UdpAddress:
-    """The address in a struct sockaddr_in, as `native.receive_from` leaves it."""
+    """Return the address in a struct sockaddr_in, as `native.receive_from` leaves it."""
     (port,) = struct.unpack("!H", raw[2:4].tobytes())
     return UdpAddress(socket.inet_ntoa(raw[4:8].tobytes()), port)
 
@@ -151,7 +151,7 @@ def is_loopback(address: UdpAddress) -> bool:
 
 
 def exposed(address: UdpAddress, signed: bool) -> str:
-    """Warn of an address that is not loopback.
+    """Return a warning about an address that is not loopback.
 
     Args:
         address: The address.
@@ -190,7 +190,7 @@ def bind_udp(address: UdpAddress, what: str, hint: str = "") -> socket.socket:
 
 
 def connect_udp(address: UdpAddress) -> socket.socket:
-    """Open a UDP socket, on a port of the system's choice, that talks to one peer only.
+    """Open a UDP socket, on a port of the system's choice, connected to one peer.
 
     Raises:
         EndpointError: The host's name cannot be resolved, or no route leads there.

@@ -32,5 +32,5 @@ def float32s(values: Iterable[float]) -> list[float]:
 
 
 def whole_within(x: float, low: int, high: int) -> int:
-    """Round to a whole number within bounds; NaN gives the one nearest to 0."""
+    """Round to a whole number within bounds; NaN becomes the bound nearest to 0."""
     return round(min(max(0.0 if math.isnan(x) else x, low), high))

@@ -36,8 +36,8 @@ def generate(language: str, *, validate: bool = True) -> str:
         shutil.copy(_DEFINITION, work / "ftc.xml")
         output = work / ("ftc.lua" if language == "WLua" else "dialect.py")
         options = mavgen.Opts(str(output), "2.0", language=language, validate=validate)
-        with contextlib.redirect_stdout(io.StringIO()) as said:
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
             made = mavgen.mavgen(options, [str(work / "ftc.xml")])
         if not made:
-            raise RuntimeError(f"pymavlink's generator refused {_DEFINITION}: {said.getvalue()}")
+            raise RuntimeError(f"pymavlink's generator refused {_DEFINITION}: {printed.getvalue()}")
         return output.read_text(encoding="utf-8")

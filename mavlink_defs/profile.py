@@ -66,14 +66,14 @@ class Segment:
 
 @dataclass(frozen=True)
 class AirspeedLimits:
-    """Airspeeds that an aircraft can be asked for."""
+    """Range of airspeed commands that an aircraft accepts."""
 
     min_m_s: float
     max_m_s: float
 
 
 ANY_AIRSPEED = AirspeedLimits(0.0, math.inf)
-"""Limits for who does not know the aircraft."""
+"""Limits to use when the aircraft is unknown."""
 
 
 class ProfileError(ValueError):

@@ -26,7 +26,7 @@ class Aerodynamics(NamedTuple):
 
 @compiled
 def R3(alpha: float, beta: float) -> Mat3:
-    """Rotation from body to wind axes, eq. (9); angle of attack and sideslip in rad."""
+    """Return the rotation from body to wind axes, eq. (9); angle of attack and sideslip in rad."""
     ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
     return (ca * cb, sb, sa * cb), (-ca * sb, cb, -sa * sb), (-sa, 0.0, ca)
 

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.framing.codec import NOT_NEWER, OUT_OF_RANGE, SIM_STATE
+from mavlink_defs.framing.codec import SIM_STATE
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
@@ -71,19 +72,19 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
         actuators: Payload of dtype `mavlink_defs.framing.codec.ACTUATORS`.
 
     Returns:
-        0 if it is in force; NOT_NEWER; OUT_OF_RANGE if it holds a number that is no command.
+        0 if it is in force, else NOT_NEWER, or OUT_OF_RANGE for a value that is no command.
     """
     message = fleet.messages[i]
     last = message["actuator_time_usec"]
     if last != _NOTHING_APPLIED and actuators["time_usec"] <= last:
-        return NOT_NEWER
+        return DropReason.NOT_NEWER
     if actuators["time_usec"] > message["time_usec"]:
-        return OUT_OF_RANGE
+        return DropReason.OUT_OF_RANGE
     controls = actuators["controls"]
     for c in range(N_CHANNELS):
         lowest = 0.0 if c == THROTTLE else -1.0
         if not lowest <= controls[c] <= 1.0:  # false for NaN, too
-            return OUT_OF_RANGE
+            return DropReason.OUT_OF_RANGE
     aircraft = fleet.aircraft[i]
     for c in range(THROTTLE):
         fleet.controls[i, c] = controls[c] * aircraft["surface_limit"]

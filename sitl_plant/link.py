@@ -5,8 +5,8 @@ hot, when the deadline passes, or when the flight is over. Python code (`sitl_pl
 never runs while a step is half done.
 
 Lockstep: a step is ready when each autopilot has answered the state with FTC_STEP_DONE; a
-state without an answer is sent again. Real time: a step is ready when the wall clock says so,
-with the command received last.
+state without an answer is sent again. Real time: a step is ready when its period has passed by
+the wall clock; the aircraft fly the commands received last.
 """
 
 from typing import NamedTuple
@@ -18,17 +18,13 @@ from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import (
     ACTUATORS_SIZE,
-    ID_ACTUATORS,
-    ID_SIM_STATE,
-    ID_STEP_DONE,
-    OUT_OF_RANGE,
     STEP_DONE_SIZE,
-    STRANGER,
-    UNEXPECTED,
+    MessageId,
     expand,
     pack,
     system_of,
 )
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import PLANT_LINK
@@ -69,7 +65,7 @@ LINK_STATE = np.dtype(
 
 
 class Record(NamedTuple):
-    """What is recorded of each step; no steps: nothing is."""
+    """The record of every step; empty if nothing is recorded."""
 
     states: np.ndarray  # (steps, n, 12)
     applied: np.ndarray  # (steps, n, 4)
@@ -81,11 +77,11 @@ class PlantLink(NamedTuple):
     state: np.ndarray  # (1,), dtype LINK_STATE
     systems: np.ndarray  # (n,), system id of each aircraft
     known: np.ndarray  # (n,), 1: an autopilot is registered
-    addresses: np.ndarray  # (n, ADDRESS_SIZE), its sockaddr
+    addresses: np.ndarray  # (n, ADDRESS_SIZE), sockaddr of the autopilot
     heard_s: np.ndarray  # (n,), wall-clock time of its last datagram [s]
     done: np.ndarray  # (n,), last step that it has finished
     sequences: np.ndarray  # (n,), frames sent by each simulator component
-    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated code of DROP_REASONS
+    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
     sender: np.ndarray  # (ADDRESS_SIZE,), where it came from
@@ -103,7 +99,7 @@ def new_link(
     record: bool,
     link_signer: LinkSigner | None = None,
 ) -> PlantLink:
-    """Return the link of a plant that has not heard of any autopilot.
+    """Return the link of a plant with which no autopilot has registered.
 
     Args:
         systems: System id of each aircraft.
@@ -162,7 +158,7 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
         length = pack(
             link.sent,
             payload,
-            ID_SIM_STATE,
+            MessageId.SIM_STATE,
             link.systems[i],
             SIMULATOR_COMPONENT,
             link.sequences[i],
@@ -267,7 +263,7 @@ def _all_done(link: PlantLink) -> bool:
 
 @compiled
 def _receive(link: PlantLink, fleet: PlantState, length: int) -> int:
-    """Work on a received datagram if it is hot; return what `take` says of it."""
+    """Work on a received datagram if it is hot; return the result of `take`."""
     message_id = take(link.signer, link.received, length, link.drops)
     if message_id not in (NOT_HOT, DROPPED):
         problem = _follow(link, fleet, message_id)
@@ -278,22 +274,22 @@ def _receive(link: PlantLink, fleet: PlantState, length: int) -> int:
 
 @compiled
 def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
-    """Follow a checked hot message; return 0, or the code of DROP_REASONS if it is refused."""
+    """Follow a checked hot message; return 0, or the `DropReason` if it is refused."""
     i = _index_of_sender(link)
     if i < 0:
-        return STRANGER
+        return DropReason.STRANGER
     link.heard_s[i] = monotonic_s()
-    if message_id == ID_STEP_DONE:
+    if message_id == MessageId.STEP_DONE:
         expand(link.received, STEP_DONE_SIZE)
         step = link.step_done[0]["step"]
         if step > link.state[0]["step"]:
-            return OUT_OF_RANGE
+            return DropReason.OUT_OF_RANGE
         link.done[i] = max(link.done[i], step)
         return 0
-    if message_id == ID_ACTUATORS:
+    if message_id == MessageId.ACTUATORS:
         expand(link.received, ACTUATORS_SIZE)
         return receive_controls(fleet, i, link.actuators[0])
-    return UNEXPECTED
+    return DropReason.UNEXPECTED
 
 
 @compiled

@@ -171,7 +171,7 @@ def is_lost(x: np.ndarray) -> bool:
 
 
 def describe_loss(x: np.ndarray) -> str:
-    """Return a text that says in what way a state, shape (12,), is lost."""
+    """Describe in what way a state, shape (12,), is lost."""
     if not np.isfinite(x).all():
         return "its state is not finite"
     pitch_deg, V = math.degrees(x[7]), norm(vec3(x[3:6]))

@@ -48,7 +48,7 @@ def store_state(state: State, x: np.ndarray) -> None:
 
 @compiled
 def R1(phi: Vec3) -> Mat3:
-    """Rotation from body to NED axes, eq. (6); roll, pitch, yaw in rad."""
+    """Return the rotation from body to NED axes, eq. (6); roll, pitch, yaw in rad."""
     cf, sf = math.cos(phi[0]), math.sin(phi[0])
     ct, st = math.cos(phi[1]), math.sin(phi[1])
     cp, sp = math.cos(phi[2]), math.sin(phi[2])
@@ -61,7 +61,7 @@ def R1(phi: Vec3) -> Mat3:
 
 @compiled
 def R2(phi: Vec3) -> Mat3:
-    """Matrix from Euler angle rates to body rates, eq. (6), misprint put right."""
+    """Return the matrix from Euler angle rates to body rates, eq. (6), misprint put right."""
     cf, sf = math.cos(phi[0]), math.sin(phi[0])
     ct, st = math.cos(phi[1]), math.sin(phi[1])
     return (1.0, 0.0, -st), (0.0, cf, sf * ct), (0.0, -sf, cf * ct)
@@ -69,7 +69,7 @@ def R2(phi: Vec3) -> Mat3:
 
 @compiled
 def R2_inv(phi: Vec3) -> Mat3:
-    """Inverse of `R2`; singular at a pitch angle of ±90°."""
+    """Return the inverse of `R2`; singular at a pitch angle of ±90°."""
     cf, sf = math.cos(phi[0]), math.sin(phi[0])
     ct, tt = math.cos(phi[1]), math.tan(phi[1])
     return (1.0, sf * tt, cf * tt), (0.0, cf, -sf), (0.0, sf / ct, cf / ct)
@@ -77,13 +77,13 @@ def R2_inv(phi: Vec3) -> Mat3:
 
 @compiled
 def gravity_body(phi: Vec3, g: float) -> Vec3:
-    """Gravity in body axes, R1ᵀ [0, 0, g], in the unit of g."""
+    """Return gravity in body axes, R1ᵀ [0, 0, g], in the unit of g."""
     return mul_t(R1(phi), (0.0, 0.0, g))
 
 
 @compiled
 def angular_acceleration(omega: Vec3, moment: Vec3, J: Mat3, J_inv: Mat3) -> Vec3:
-    """Euler's equation, (4): J⁻¹ (-ω × Jω + moment) [rad/s²], body axes.
+    """Evaluate Euler's equation, (4): J⁻¹ (-ω × Jω + moment) [rad/s²], body axes.
 
     Args:
         omega: Angular velocity [rad/s].
@@ -98,7 +98,7 @@ def angular_acceleration(omega: Vec3, moment: Vec3, J: Mat3, J_inv: Mat3) -> Vec
 def state_derivative(
     state: State, thrust: float, delta: Vec3, d_v: Vec3, d_omega: Vec3, aircraft: np.void
 ) -> State:
-    """Right-hand side of eqs. (1) to (4).
+    """Return the right-hand side of eqs. (1) to (4).
 
     Args:
         state: Present state.
@@ -127,7 +127,7 @@ def state_derivative(
 
 @compiled
 def advance(state: State, h: float, derivative: State) -> State:
-    """State + h · derivative: one explicit Euler step, the building block of RK4; h in s."""
+    """Return state + h · derivative: one explicit Euler step, the building block of RK4; h in s."""
     return (
         add(state[0], scale(h, derivative[0])),
         add(state[1], scale(h, derivative[1])),

@@ -48,37 +48,37 @@ def mat3(a: np.ndarray) -> Mat3:
 
 @compiled
 def add(a: Vec3, b: Vec3) -> Vec3:
-    """Sum a + b."""
+    """Return the sum a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @compiled
 def sub(a: Vec3, b: Vec3) -> Vec3:
-    """Difference a - b."""
+    """Return the difference a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @compiled
 def scale(k: float, a: Vec3) -> Vec3:
-    """Product k a."""
+    """Return the product k a."""
     return k * a[0], k * a[1], k * a[2]
 
 
 @compiled
 def dot(a: Vec3, b: Vec3) -> float:
-    """Scalar product aᵀb."""
+    """Return the scalar product aᵀb."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled
 def norm(a: Vec3) -> float:
-    """Euclidean length of a."""
+    """Return the Euclidean length of a."""
     return math.sqrt(dot(a, a))
 
 
 @compiled
 def cross(a: Vec3, b: Vec3) -> Vec3:
-    """Vector product a × b, the paper's S(a) b."""
+    """Return the vector product a × b, the paper's S(a) b."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -88,13 +88,13 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
 
 @compiled
 def mul(m: Mat3, a: Vec3) -> Vec3:
-    """Product of a matrix and a column, m a."""
+    """Return the product of a matrix and a column, m a."""
     return dot(m[0], a), dot(m[1], a), dot(m[2], a)
 
 
 @compiled
 def mul_t(m: Mat3, a: Vec3) -> Vec3:
-    """Product of a transposed matrix and a column, mᵀ a."""
+    """Return the product of a transposed matrix and a column, mᵀ a."""
     return (
         m[0][0] * a[0] + m[1][0] * a[1] + m[2][0] * a[2],
         m[0][1] * a[0] + m[1][1] * a[1] + m[2][1] * a[2],

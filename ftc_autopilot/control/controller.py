@@ -93,7 +93,7 @@ SIGNALS = np.dtype(
         ("zeta_omega", "f8", (3,)),
     ]
 )
-"""What one control step computed. Channels of references and errors: airspeed [m/s], roll,
+"""Quantities computed in one control step. Channels of references and errors: airspeed [m/s], roll,
 pitch, yaw [rad]; of commands: aileron, elevator, rudder [rad], thrust [N]."""
 
 

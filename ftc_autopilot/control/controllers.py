@@ -147,7 +147,7 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
 def _control(
     controllers: Controllers, i: int, measured: np.void, motion: Motion, step_us: int
 ) -> int:
-    """Armed: follow the profile or the command."""
+    """Follow the profile or the command; the UAV is armed."""
     guidance = controllers.guidance[i]
     clock = 0.0  # schedules belong to the profile, so they run on the mission's clock
     if guidance["start_step"] != NOT_STARTED:
@@ -171,9 +171,9 @@ def _control(
 
 @compiled
 def _cut_thrust(controllers: Controllers, i: int, motion: Motion) -> int:
-    """Disarmed: thrust goes to zero, an event of the throttle; the surfaces stay.
+    """Set the thrust to zero, an event of the throttle; the surfaces stay. The UAV is disarmed.
 
-    Signals are what is measured and held; the law has none.
+    Only measured and held signals are recorded; no law is evaluated.
     """
     held, signals = controllers.states[i]["held"], controllers.signals[i]
     mask = 0

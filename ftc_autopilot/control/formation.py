@@ -41,7 +41,7 @@ def formation_errors(
     Args:
         motion: Own motion.
         reference: Filtered reference.
-        neighbours: What each neighbour reported last, dtype `mavlink_defs.framing.codec.NEIGHBOUR`,
+        neighbours: Last report of each neighbour, dtype `mavlink_defs.framing.codec.NEIGHBOUR`,
             shape (degree,).
         weights: a_ij of each neighbour, shape (degree,); 0 while it is silent.
         weighting: Record made of `ftc_autopilot.control.laws.base.LawParameters`.
@@ -78,5 +78,5 @@ def formation_errors(
 
 @compiled
 def _difference(phi: Vec3, other: Vec3) -> Vec3:
-    """Differences of roll, pitch and yaw, each the short way round [rad]."""
+    """Return differences of roll, pitch and yaw, each the short way round [rad]."""
     return wrap(phi[0] - other[0]), wrap(phi[1] - other[1]), wrap(phi[2] - other[2])

@@ -29,7 +29,7 @@ class Rbf(Model):
 
 @compiled
 def basis_norm(v: Vec3, phi: Vec3, omega: Vec3, delta_filtered: Vec3, rbf: np.void) -> float:
-    """ςᵀς for Θ = [v, ϕ, ω, δ_0 low-pass filtered], with centres on the diagonal of the cube.
+    """Return ςᵀς for Θ = [v, ϕ, ω, δ_0 low-pass filtered], centres on the cube's diagonal.
 
     Args:
         v: Velocity, body axes [m/s]; scaled by the parameter `speed_scale`.

@@ -23,7 +23,7 @@ class ControllerMessages:
         self._hot, self._controllers = hot, controllers
 
     def tracking(self) -> MAVLink_message:
-        """FTC_TRACKING."""
+        """Return FTC_TRACKING."""
         signals = self._controllers.signals[0]
         return dialect.MAVLink_ftc_tracking_message(
             self._time_ms,
@@ -33,7 +33,7 @@ class ControllerMessages:
         )
 
     def events(self) -> MAVLink_message:
-        """FTC_EVENTS."""
+        """Return FTC_EVENTS."""
         controller = self._controllers.states[0]
         intervals = [
             min(int(steps) * self._hot.step_us, NO_INTERVAL) for steps in controller["min_interval"]
@@ -49,7 +49,7 @@ class ControllerMessages:
         )
 
     def adaptation(self) -> MAVLink_message:
-        """FTC_ADAPTATION."""
+        """Return FTC_ADAPTATION."""
         c = self._controllers.states[0]["proposed"]
         names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
         return dialect.MAVLink_ftc_adaptation_message(
@@ -57,7 +57,7 @@ class ControllerMessages:
         )
 
     def drops(self) -> MAVLink_message:
-        """FTC_DROPS."""
+        """Return FTC_DROPS."""
         links = map(drop_counts, self._hot.drops)  # in the order of the fields
         return dialect.MAVLink_ftc_drops_message(self._time_ms, *links)
 
@@ -67,7 +67,7 @@ class ControllerMessages:
 
 
 def _degrees(values: np.ndarray) -> list[float]:
-    """Airspeed as it is, angles in deg and within ±180°."""
+    """Return airspeed unchanged, angles in deg within ±180°."""
     angles = (float(angle) for angle in values[1:4])
     degrees = (math.degrees(wrap(a)) if math.isfinite(a) else math.nan for a in angles)
     return float32s((float(values[0]), *degrees))

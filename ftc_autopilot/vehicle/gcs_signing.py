@@ -1,4 +1,4 @@
-"""Who may speak to a vehicle on the GCS link: signatures, and SETUP_SIGNING that changes the key.
+"""Signing on the GCS link: verification of frames, and SETUP_SIGNING, which changes the key.
 
 No socket: frames go in and out.
 """
@@ -54,7 +54,7 @@ class GcsSigning:
             armed: In flight the key stays.
 
         Returns:
-            What came of it, in words; None if the message is for another vehicle.
+            The outcome in words; None if the message is for another vehicle.
         """
         for_me = message.target_system == self._system
         if not for_me or message.target_component not in {0, dialect.MAV_COMP_ID_AUTOPILOT1}:

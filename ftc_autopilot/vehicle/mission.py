@@ -58,11 +58,11 @@ class Mission:
         return [(m, asking if hasattr(m, "target_system") else None) for m in messages]
 
     def current(self) -> MAVLink_message:
-        """MISSION_CURRENT."""
+        """Return MISSION_CURRENT."""
         return self.server.mission_current()
 
     def restart(self) -> None:
-        """Be as after the upload of the mission, for another flight."""
+        """Return to the state after the upload of the mission, for another flight."""
         self._follows = False
         self.server.set_current(0)
         self._work()
@@ -70,7 +70,7 @@ class Mission:
     # commands
 
     def start(self, params: Sequence[float]) -> int:
-        """MAV_CMD_MISSION_START: begin with the current item, or anew if it was begun before."""
+        """Execute MAV_CMD_MISSION_START: begin with the current item, or begin anew."""
         if any(param != 0.0 and not math.isnan(param) for param in params[:2]):
             text = "Mission start: params 1 and 2 must be 0, a part cannot be flown"
             self._say(dialect.MAV_SEVERITY_WARNING, text)
@@ -81,7 +81,7 @@ class Mission:
         return result
 
     def set_current(self, params: Sequence[float]) -> int:
-        """MAV_CMD_DO_SET_MISSION_CURRENT: param 1 is the item, -1 the present one."""
+        """Execute MAV_CMD_DO_SET_MISSION_CURRENT: param 1 is the item, -1 the present one."""
         seq = self.server.current if params[0] == -1.0 else params[0]
         if seq not in range(len(self.server.items)) or not self.server.set_current(int(seq)):
             text = f"Mission has no item {params[0]:g} to go to"
@@ -122,7 +122,7 @@ class Mission:
         self._follows = True
 
     def _note_state(self) -> None:
-        """Keep what MISSION_CURRENT says besides the item."""
+        """Keep the fields of MISSION_CURRENT besides the item."""
         modes, server = self._modes, self.server
         server.mission_mode = _IN_MISSION_MODE if modes.mode == AUTO else _SUSPENDED
         if not modes.has_profile:

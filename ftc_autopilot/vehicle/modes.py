@@ -1,7 +1,7 @@
-"""What the controller is to fly: armed or not, the mode, the profile's clock, set-points.
+"""Flight modes of a vehicle: arming, the mode, the profile's clock, set-points.
 
 Decisions reach the controller through its guidance and profile, between two steps. What can be
-refused returns a MAV_RESULT, and says why.
+refused returns a MAV_RESULT, and sends the reason as a STATUSTEXT.
 """
 
 import math
@@ -31,7 +31,7 @@ class Modes:
     Attributes:
         mode: custom_mode in force.
         armed: Whether the controller runs, or will from the first step on.
-        airspeeds: What the aircraft can be asked for.
+        airspeeds: Range of airspeed commands accepted.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Modes:
 
     @property
     def status(self) -> int:
-        """MAV_STATE: BOOT until the simulator is heard."""
+        """MAV_STATE: BOOT until a state is received from the simulator."""
         if self._hot.heard_s == 0.0:
             return dialect.MAV_STATE_BOOT
         return dialect.MAV_STATE_ACTIVE if self.armed else dialect.MAV_STATE_STANDBY
@@ -74,7 +74,7 @@ class Modes:
         return bool(self._guidance["auto"]) and self.running
 
     def heartbeat(self) -> dialect.MAVLink_heartbeat_message:
-        """The HEARTBEAT that tells it all."""
+        """Return a HEARTBEAT with mode, arming and state."""
         flags = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
         flags |= dialect.MAV_MODE_FLAG_GUIDED_ENABLED if self.mode != LOITER else 0
         flags |= dialect.MAV_MODE_FLAG_AUTO_ENABLED if self.mode == AUTO else 0
@@ -103,14 +103,14 @@ class Modes:
         self._say(dialect.MAV_SEVERITY_INFO, text)
 
     def current_item(self) -> int:
-        """Number of the mission item whose segment the next step of the mission flies."""
+        """Return the number of the mission item whose segment the next mission step flies."""
         profile, elapsed_s = self._controllers.profiles[0], self._elapsed_s()
         return 1 + sum(
             elapsed_s >= float(start) for start in profile["start"][1 : int(profile["count"])]
         )
 
     def is_over(self) -> bool:
-        """Whether the last segment, which goes on for ever, is being flown."""
+        """Return whether the last segment, which has no end, is being flown."""
         return self.started and self.current_item() == int(self._controllers.profiles[0]["count"])
 
     def jump_to(self, seq: int) -> None:
@@ -121,7 +121,7 @@ class Modes:
     # commands: params are those of the MAV_CMD
 
     def arm_or_disarm(self, params: Sequence[float]) -> int:
-        """MAV_CMD_COMPONENT_ARM_DISARM."""
+        """Execute MAV_CMD_COMPONENT_ARM_DISARM."""
         if params[0] not in {0.0, 1.0}:
             return self._refuse(f"Arm: param 1 is {params[0]:g}, must be 0 or 1")
         if params[0] == 1.0:
@@ -141,7 +141,7 @@ class Modes:
         return _ACCEPTED
 
     def start_mission(self, seq: int = 1) -> int:
-        """MAV_CMD_MISSION_START of the whole mission.
+        """Execute MAV_CMD_MISSION_START of the whole mission.
 
         Args:
             seq: Item to begin with.
@@ -156,7 +156,7 @@ class Modes:
         return _ACCEPTED
 
     def set_mode(self, mode: float) -> int:
-        """MAV_CMD_DO_SET_MODE; `mode` is the custom_mode."""
+        """Execute MAV_CMD_DO_SET_MODE; `mode` is the custom_mode."""
         if mode not in MODE_NAMES:
             names = ", ".join(f"{name} ({number})" for number, name in MODE_NAMES.items())
             return self._refuse(f"Mode {mode:g}: must be {names}")
@@ -166,7 +166,7 @@ class Modes:
         return _ACCEPTED
 
     def change_speed(self, params: Sequence[float]) -> int:
-        """MAV_CMD_DO_CHANGE_SPEED: param 2 is the airspeed [m/s]."""
+        """Execute MAV_CMD_DO_CHANGE_SPEED: param 2 is the airspeed [m/s]."""
         if self._guidance["auto"]:
             return self._refuse("Change speed: not while a profile is flown")
         low, high = self.airspeeds.min_m_s, self.airspeeds.max_m_s
@@ -193,7 +193,7 @@ class Modes:
         )
 
     def restart(self) -> None:
-        """Be as at the start, for another flight: disarmed, in LOITER."""
+        """Return to the initial state, for another flight: disarmed, in LOITER."""
         self._set_armed(False)
         self._enter(LOITER)
 
@@ -205,17 +205,17 @@ class Modes:
         self._guidance["active"] = int(armed)
 
     def _elapsed_s(self) -> float:
-        """Time since the start of the mission [s]."""
+        """Return the time since the start of the mission [s]."""
         steps = self._hot.step - int(self._guidance["start_step"])
         return steps * self._hot.step_us / 1e6
 
     def _steps_to(self, seq: int) -> int:
-        """Steps from the start of the mission to the segment of an item."""
+        """Return the steps from the start of the mission to the segment of an item."""
         start_s = float(self._controllers.profiles[0]["start"][seq - 1])
         return math.ceil(start_s * 1e6 / self._hot.step_us)
 
     def _enter(self, mode: int) -> None:
-        """Change the mode; whatever does not fly the profile goes on level and straight."""
+        """Change the mode; a mode that does not fly the profile continues straight and level."""
         self._guidance["auto"] = int(mode == AUTO and self.started)
         if not self._guidance["auto"]:
             state = self._hot.measured

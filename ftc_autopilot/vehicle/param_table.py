@@ -94,7 +94,7 @@ class Tunable:
 def parameters_of(
     config: AutopilotConfig, hot: HotState, controllers: Controllers
 ) -> list[Parameter]:
-    """Return all parameters of a vehicle: its trigger's, its law's, and some that only tell."""
+    """Return all parameters of a vehicle: its trigger's, its law's, and some read-only ones."""
     records, kind = controllers.parameters, config.controller.kind
     found = [
         *tunables(Trigger, records["trigger"], "TRIG_"),
@@ -113,15 +113,17 @@ def parameters_of(
             raise ParamValueError("acts at the start only", dialect.MAV_PARAM_ERROR_READ_ONLY)
         tunable.put(value)
 
-    told = {
+    read_only = {
         "SYSID_THISMAV": config.id,
         "MAV_TYPE": dialect.MAV_TYPE_FIXED_WING,
         "MAV_AUTOPILOT": config.mav_autopilot,
         "STEP_US": config.step_us,
         "CTRL_LAW": KINDS.index(kind),
     }
-    parameters = [Parameter(name, INT32, partial(float, value)) for name, value in told.items()]
-    for tunable in _distinct(found, told):
+    parameters = [
+        Parameter(name, INT32, partial(float, value)) for name, value in read_only.items()
+    ]
+    for tunable in _distinct(found, read_only):
         late = tunable.field not in _AT_THE_START
         put = tunable.put if late else partial(put_at_the_start, tunable)
         get = partial(lambda tunable: tunable.at(clock_s()), tunable)
@@ -170,7 +172,7 @@ def tunables(
 
 
 def _quantity(annotation: Any, info: FieldInfo) -> Quantity:
-    """What a number, or the field that it belongs to, declares about it."""
+    """Return the declaration of a number, or of the field that it belongs to."""
     if get_origin(annotation) is Literal:
         choices = get_args(annotation)
         doc = ", ".join(f"{i} {choice}" for i, choice in enumerate(choices))
@@ -188,7 +190,7 @@ def _axes(n: int) -> tuple[str, ...]:
 
 
 def _cut(name: str, axis: str = "") -> str:
-    """A name that fits, with its axis; the longest word gives way."""
+    """Return a name that fits, with its axis; the longest word is shortened."""
     end = f"_{axis}" if axis else ""
     words = name.split("_")
     while len("_".join(words)) + len(end) > MAX_NAME:
@@ -198,7 +200,7 @@ def _cut(name: str, axis: str = "") -> str:
 
 
 def _distinct(found: Iterable[Tunable], taken: Iterable[str]) -> Iterator[Tunable]:
-    """Number what shares its name with another one."""
+    """Append numbers to names that several parameters share."""
     names = set(taken)
     for tunable in found:
         name, number = tunable.name, 2

@@ -35,18 +35,18 @@ class StateMessages:
     # time and place
 
     def system_time(self) -> MAVLink_message:
-        """SYSTEM_TIME: simulation time; there is no date."""
+        """Return SYSTEM_TIME: simulation time; there is no date."""
         return dialect.MAVLink_system_time_message(0, self.time_ms)
 
     def local_position_ned(self) -> MAVLink_message:
-        """LOCAL_POSITION_NED."""
+        """Return LOCAL_POSITION_NED."""
         position = self._state["position"]
         return dialect.MAVLink_local_position_ned_message(
             self.time_ms, *float32s((*position, *self._velocity_ned()))
         )
 
     def global_position_int(self) -> MAVLink_message:
-        """GLOBAL_POSITION_INT."""
+        """Return GLOBAL_POSITION_INT."""
         place = self._place()
         vx, vy, vz = (whole_within(100.0 * v, -_INT16, _INT16) for v in self._velocity_ned())
         return dialect.MAVLink_global_position_int_message(
@@ -54,7 +54,7 @@ class StateMessages:
         )
 
     def gps_raw_int(self) -> MAVLink_message:
-        """GPS_RAW_INT: the true position, of an accuracy that nobody states."""
+        """Return GPS_RAW_INT: the true position; no accuracy is stated."""
         place, (north, east, _) = self._place(), self._velocity_ned()
         return dialect.MAVLink_gps_raw_int_message(
             self._time_us,
@@ -70,14 +70,14 @@ class StateMessages:
         )
 
     def home_position(self) -> MAVLink_message:
-        """HOME_POSITION: the origin."""
+        """Return HOME_POSITION: the origin."""
         home = place_of(self._origin, 0.0, 0.0, 0.0)
         return dialect.MAVLink_home_position_message(
             *home[:3], 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, self._time_us
         )
 
     def altitude(self) -> MAVLink_message:
-        """ALTITUDE; the terrain is flat, as high as the origin."""
+        """Return ALTITUDE; the terrain is flat, as high as the origin."""
         height = -float(self._state["position"][2])
         amsl = self._origin.altitude_m + height
         altitudes = float32s((amsl, amsl, height, height, self._origin.altitude_m, height))
@@ -86,7 +86,7 @@ class StateMessages:
     # attitude and motion
 
     def attitude(self) -> MAVLink_message:
-        """ATTITUDE."""
+        """Return ATTITUDE."""
         roll, pitch, yaw = map(float, self._state["attitude"])
         angles = (_wrap(roll), pitch, _wrap(yaw))
         return dialect.MAVLink_attitude_message(
@@ -94,13 +94,13 @@ class StateMessages:
         )
 
     def attitude_quaternion(self) -> MAVLink_message:
-        """ATTITUDE_QUATERNION: body to NED, scalar first."""
+        """Return ATTITUDE_QUATERNION: body to NED, scalar first."""
         q1, q2, q3, q4 = self._quaternion()
         p, q, r = float32s(self._state["rates"])
         return dialect.MAVLink_attitude_quaternion_message(self.time_ms, q1, q2, q3, q4, p, q, r)
 
     def attitude_target(self) -> MAVLink_message:
-        """ATTITUDE_TARGET: the filtered reference; the airspeed is in FTC_TRACKING."""
+        """Return ATTITUDE_TARGET: the filtered reference; the airspeed is in FTC_TRACKING."""
         q = _quaternion(*map(float, self._controllers.signals[0]["reference"][1:4]))
         mask = (
             dialect.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
@@ -113,7 +113,7 @@ class StateMessages:
         )
 
     def vfr_hud(self) -> MAVLink_message:
-        """VFR_HUD."""
+        """Return VFR_HUD."""
         north, east, down = self._velocity_ned()
         height = -float(self._state["position"][2])
         airspeed = float(np.linalg.norm(self._state["velocity"]))
@@ -132,7 +132,7 @@ class StateMessages:
         )
 
     def highres_imu(self) -> MAVLink_message:
-        """HIGHRES_IMU: specific force and rates; there is no other sensor."""
+        """Return HIGHRES_IMU: specific force and rates; there is no other sensor."""
         state, unknown = self._state, math.nan
         ax, ay, az, p, q, r = float32s((*state["specific_force"], *state["rates"]))
         return dialect.MAVLink_highres_imu_message(
@@ -154,7 +154,7 @@ class StateMessages:
         )
 
     def odometry(self) -> MAVLink_message:
-        """ODOMETRY: position in the local frame, velocity and rates in the body's."""
+        """Return ODOMETRY: position in the local frame, velocity and rates in the body's."""
         state, unknown = self._state, [math.nan, *[0.0] * 20]
         x, y, z = float32s(state["position"])
         u, v, w, p, q, r = float32s((*state["velocity"], *state["rates"]))
@@ -179,13 +179,13 @@ class StateMessages:
     # actuators
 
     def actuator_output_status(self) -> MAVLink_message:
-        """ACTUATOR_OUTPUT_STATUS: the commands held, as HIL_ACTUATOR_CONTROLS has them."""
+        """Return ACTUATOR_OUTPUT_STATUS: the commands held, as HIL_ACTUATOR_CONTROLS has them."""
         return dialect.MAVLink_actuator_output_status_message(
             self._time_us, 0b1111, self._held() + [0.0] * 28
         )
 
     def servo_output_raw(self) -> MAVLink_message:
-        """SERVO_OUTPUT_RAW: the same as pulses, on the channels that ArduPlane gives them."""
+        """Return SERVO_OUTPUT_RAW: the same as pulses, on ArduPlane's channels."""
         aileron, elevator, rudder, throttle = self._held()
         pulses = [_pulse(aileron), _pulse(elevator), _pulse(2.0 * throttle - 1.0), _pulse(rudder)]
         return dialect.MAVLink_servo_output_raw_message(self._time_us % 2**32, 0, *pulses, *[0] * 4)
@@ -222,7 +222,7 @@ class StateMessages:
 
 
 def home_item(origin: Origin) -> dialect.MAVLink_mission_item_int_message:
-    """Item 0 of every mission."""
+    """Return item 0 of every mission, the home position."""
     home = place_of(origin, 0.0, 0.0, 0.0)
     return dialect.MAVLink_mission_item_int_message(
         0,
@@ -247,19 +247,19 @@ def _wrap(angle: float) -> float:
 
 
 def _centidegrees(angle: float) -> int:
-    """An angle [rad] as 0 to 35999 cdeg; not known if it is no number."""
+    """Return an angle [rad] as 0 to 35999 cdeg; unknown if it is NaN or inf."""
     if not math.isfinite(angle):
         return _UNKNOWN_U16
     return round(math.degrees(wrap(angle)) * 100.0) % 36000
 
 
 def _pulse(share: float) -> int:
-    """A share of -1 to 1 as a pulse of 1000 to 2000 µs."""
+    """Return a share of -1 to 1 as a pulse of 1000 to 2000 µs."""
     return whole_within(_ZERO_PWM_US + _SPAN_PWM_US * share, 1000, 2000)
 
 
 def _quaternion(roll: float, pitch: float, yaw: float) -> Sequence[float]:
-    """Body to NED, scalar first, from angles [rad]; NaN if one is no number."""
+    """Return body to NED, scalar first, from angles [rad]; NaN if one is not finite."""
     if not math.isfinite(roll + pitch + yaw):
         return (math.nan,) * 4
     cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)

@@ -1,4 +1,4 @@
-"""What a vehicle says about itself: who it is, what it can, how well it is."""
+"""Status messages of a vehicle: identity, capabilities, health."""
 
 import re
 from importlib.metadata import version
@@ -43,7 +43,7 @@ class StatusMessages:
         self._capabilities = _CAPABILITIES | config.param_capability
 
     def autopilot_version(self) -> MAVLink_message:
-        """AUTOPILOT_VERSION."""
+        """Return AUTOPILOT_VERSION."""
         major, minor, patch = VERSION
         version = major << 24 | minor << 16 | patch << 8 | dialect.FIRMWARE_VERSION_TYPE_OFFICIAL
         uid2 = f"ftc-sitl UAV {self._system}".encode().ljust(_UID2_SIZE, b"\0")
@@ -64,7 +64,7 @@ class StatusMessages:
 
     @staticmethod
     def sys_status() -> MAVLink_message:
-        """SYS_STATUS: everything works, always; faults are the controller's to find out."""
+        """Return SYS_STATUS: everything works, always; faults are the controller's to find out."""
         return dialect.MAVLink_sys_status_message(
             _SENSORS,
             _SENSORS,
@@ -83,7 +83,7 @@ class StatusMessages:
 
     @staticmethod
     def battery_status() -> MAVLink_message:
-        """BATTERY_STATUS: nothing is known of any."""
+        """Return BATTERY_STATUS: nothing is known of any."""
         return dialect.MAVLink_battery_status_message(
             0,
             dialect.MAV_BATTERY_FUNCTION_UNKNOWN,
@@ -98,12 +98,12 @@ class StatusMessages:
 
     @staticmethod
     def ekf_status_report() -> MAVLink_message:
-        """EKF_STATUS_REPORT: the state is no estimate."""
+        """Return EKF_STATUS_REPORT: the state is no estimate."""
         return dialect.MAVLink_ekf_status_report_message(_ALL_KNOWN, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     @staticmethod
     def extended_sys_state() -> MAVLink_message:
-        """EXTENDED_SYS_STATE: flights begin, and end, in the air."""
+        """Return EXTENDED_SYS_STATE: flights begin, and end, in the air."""
         return dialect.MAVLink_extended_sys_state_message(
             dialect.MAV_VTOL_STATE_UNDEFINED, dialect.MAV_LANDED_STATE_IN_AIR
         )

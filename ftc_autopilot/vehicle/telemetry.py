@@ -1,10 +1,10 @@
-"""Telemetry of one autopilot to one ground station: what it can tell, streams, and how often.
+"""Telemetry of one autopilot to one ground station: available messages, streams, rates.
 
 Intervals count simulated time while it runs, so that a flight faster than real time is as
 finely resolved as any, and wall-clock time while the aircraft is frozen.
 
 Making and sending a message takes time that the next control step should not wait for. So no more
-than a few are made between two steps, those that are late longest first; and each message has its
+than a few are made between two steps, the most overdue first; and each message has its
 own phase, so that few are due at a time.
 """
 
@@ -48,7 +48,7 @@ MIN_INTERVAL_US = 20_000
 
 _HEARTBEAT_US = 1_000_000  # it cannot be changed
 _PHASE_US = 1_000  # between the first messages of two streams
-_MAX_INTERVAL_US = 2**31 - 1  # what MESSAGE_INTERVAL can tell
+_MAX_INTERVAL_US = 2**31 - 1  # the largest that MESSAGE_INTERVAL holds
 _OFF, _NOT_AVAILABLE = -1, 0
 
 # REQUEST_DATA_STREAM, as ArduPlane groups its messages; private ones keep their rates
@@ -107,7 +107,7 @@ def makers_of(
 
 
 class Telemetry:
-    """Says which messages are due, and makes them."""
+    """Determines which messages are due, and makes them."""
 
     def __init__(self, makers: dict[int, Maker]) -> None:
         """Start with the default intervals.
@@ -136,14 +136,14 @@ class Telemetry:
             clock_us: The clock.
             most: How many at most; the others come first at the next call. None: all.
         """
-        late = []
+        overdue = []
         for message_id, interval_us in self._intervals_us.items():
             due_us = self._due_us.get(message_id)
             if due_us is None or due_us > clock_us + interval_us:  # new, or the clock was set back
                 due_us = self._due_us[message_id] = clock_us + self._phases_us[message_id]
             if due_us <= clock_us:
-                late.append((due_us, message_id))
-        chosen = [message_id for _, message_id in sorted(late)[:most]]
+                overdue.append((due_us, message_id))
+        chosen = [message_id for _, message_id in sorted(overdue)[:most]]
         for message_id in chosen:
             self._due_us[message_id] += self._intervals_us[message_id]
             if self._due_us[message_id] <= clock_us:  # what was missed is not made up for
@@ -151,18 +151,18 @@ class Telemetry:
         return [self._makers[message_id]() for message_id in chosen]
 
     def next_due_us(self) -> int:
-        """When the next message is due, on the clock of `due` [µs]; far away if none is."""
+        """Return when the next message is due, on the clock of `due` [µs]; far away if none is."""
         return min((self._due_us.get(i, 0) for i in self._intervals_us), default=2**62)
 
     def most_per_step(self, step_us: int) -> int:
-        """Messages per control period [µs] that are more than all of them at the shortest interval.
+        """Return messages per control period [µs] that exceed all of them at the shortest interval.
 
-        So, with no more between two steps, all rates hold, and something is left for answers.
+        With this limit between two steps all rates are sustained, with room for answers.
         """
         return 1 + len(self._makers) * min(step_us, MIN_INTERVAL_US) // MIN_INTERVAL_US
 
     def streams(self, message_id: int) -> bool:
-        """Whether a message is sent again and again."""
+        """Return whether a message is sent periodically."""
         return message_id in self._intervals_us
 
     def make(self, message_id: int) -> MAVLink_message:
@@ -172,7 +172,7 @@ class Telemetry:
     # commands: params are those of the MAV_CMD
 
     def set_interval(self, params: Sequence[float]) -> int:
-        """MAV_CMD_SET_MESSAGE_INTERVAL: id, then µs; 0 restores the default, negative stops."""
+        """Execute MAV_CMD_SET_MESSAGE_INTERVAL: id, µs; 0 restores the default, negative stops."""
         message_id, interval_us = _whole(params[0]), params[1]
         if message_id == dialect.MAVLINK_MSG_ID_HEARTBEAT and interval_us in {0.0, _HEARTBEAT_US}:
             return dialect.MAV_RESULT_ACCEPTED
@@ -182,7 +182,7 @@ class Telemetry:
         return dialect.MAV_RESULT_ACCEPTED
 
     def request(self, params: Sequence[float]) -> MAVLink_message | None:
-        """MAV_CMD_REQUEST_MESSAGE: the message; None if it is not to be had."""
+        """Execute MAV_CMD_REQUEST_MESSAGE: return the message, None if unavailable."""
         message_id = _whole(params[0])
         if message_id == dialect.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
             return self.interval(params[1:])
@@ -190,7 +190,7 @@ class Telemetry:
         return None if maker is None else maker()
 
     def interval(self, params: Sequence[float]) -> MAVLink_message:
-        """MAV_CMD_GET_MESSAGE_INTERVAL: the MESSAGE_INTERVAL of a message id."""
+        """Execute MAV_CMD_GET_MESSAGE_INTERVAL: return the MESSAGE_INTERVAL of a message id."""
         message_id = _whole(params[0])
         interval_us = _OFF if message_id in self._makers else _NOT_AVAILABLE
         interval_us = self._intervals_us.get(message_id, interval_us)
@@ -212,5 +212,5 @@ class Telemetry:
 
 
 def _whole(value: float) -> int:
-    """A parameter that should be a whole number; -1 if it is not."""
+    """Return a parameter as a whole number; -1 if it is none."""
     return int(value) if math.isfinite(value) and value == int(value) else -1

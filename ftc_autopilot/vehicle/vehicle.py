@@ -1,4 +1,4 @@
-"""One UAV as a MAVLink vehicle: what it answers and what it says of itself.
+"""One UAV as a MAVLink vehicle: its services, answers and reports.
 
 No socket and no clock: messages and the time go in, messages to send come out. The services
 are modules of their own; here they are put together.
@@ -45,10 +45,10 @@ class Vehicle:
         self._own, self._hot, self._controllers = own, hot, controllers
         self._stations = range(len(config.gcs))
         self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
-        self._asking = 0  # the ground station whose message is being worked on
+        self._asking = 0  # the ground station whose message is being handled
         self._simulator_outbox: list[MAVLink_message] = []
         self._next_heartbeat = -math.inf
-        self._told = (-1, False, -1)
+        self._reported = (-1, False, -1)
         self._texts = 0
         self._edges = controllers.weights[0] > 0.0
         self._edge_changes = 0
@@ -92,16 +92,16 @@ class Vehicle:
         self._mission.receive(message, now, station)
         self._params.receive(message, now)
         self._responder.receive(message, self.time_s)
-        self._tell(self._responder.messages_to_send(), station)
+        self._queue(self._responder.messages_to_send(), station)
         self._collect()
 
     def receive_from_simulator(self, message: MAVLink_message, now: float) -> None:
         """Take in a message of the own aircraft's simulator component."""
         match message:
             case dialect.MAVLink_statustext_message():
-                self._tell([message])
+                self._queue([message])
             case dialect.MAVLink_ftc_fault_message():
-                self._tell([message], self._commands.asking)
+                self._queue([message], self._commands.asking)
             case dialect.MAVLink_ftc_drops_message():
                 for reason, count in zip(DropReason, message.plant, strict=True):
                     self._hot.drops[PLANT, -reason] = count
@@ -120,10 +120,10 @@ class Vehicle:
         self._commands.handle_timer(now)
         self._params.handle_timer(now)
         self._mission.handle_timer(now)
-        news = (self.modes.status, self.modes.armed, self.modes.mode)
-        if now >= self._next_heartbeat or news != self._told:
-            self._next_heartbeat, self._told = now + _HEARTBEAT_S, news
-            self._tell([self.modes.heartbeat()])
+        state = (self.modes.status, self.modes.armed, self.modes.mode)
+        if now >= self._next_heartbeat or state != self._reported:
+            self._next_heartbeat, self._reported = now + _HEARTBEAT_S, state
+            self._queue([self.modes.heartbeat()])
             self._simulator_outbox.append(self.modes.heartbeat())
         self._report_edges()
         if self._hot.heard_s > 0.0:
@@ -153,12 +153,12 @@ class Vehicle:
         self.say(dialect.MAV_SEVERITY_NOTICE, text)
         for station, telemetry in enumerate(self.telemetry):
             if telemetry.streams(dialect.MAVLINK_MSG_ID_FTC_EVENTS):
-                self._tell([telemetry.make(dialect.MAVLINK_MSG_ID_FTC_EVENTS)], station)
+                self._queue([telemetry.make(dialect.MAVLINK_MSG_ID_FTC_EVENTS)], station)
 
     def say(self, severity: int, text: str) -> None:
         """Queue a STATUSTEXT."""
         self._texts += 1
-        self._tell(text_chunks(severity, text, self._texts))
+        self._queue(text_chunks(severity, text, self._texts))
 
     # messages out
 
@@ -174,11 +174,11 @@ class Vehicle:
         return any(self._gcs_outboxes)
 
     def next_telemetry_us(self) -> int:
-        """Simulated time at which the next message is due [µs]; far away if none is."""
+        """Return the simulated time at which the next message is due [µs]; far away if none is."""
         return min(telemetry.next_due_us() for telemetry in self.telemetry)
 
     def most_per_step(self, step_us: int) -> int:
-        """Messages to a ground station per control period [µs] with which all rates hold."""
+        """Return messages per control period [µs] to a ground station that sustain all rates."""
         return max(telemetry.most_per_step(step_us) for telemetry in self.telemetry)
 
     def simulator_messages(self) -> list[MAVLink_message]:
@@ -217,14 +217,14 @@ class Vehicle:
         return handlers
 
     def _request(self, params: tuple[float, ...]) -> int:
-        """MAV_CMD_REQUEST_MESSAGE, and the older commands that ask for one message."""
+        """Execute MAV_CMD_REQUEST_MESSAGE, and the older commands that ask for one message."""
         if params[0] == dialect.MAVLINK_MSG_ID_HEARTBEAT:
             message: MAVLink_message | None = self.modes.heartbeat()
         else:
             message = self.telemetry[self._asking].request(params)
         if message is None:
             return dialect.MAV_RESULT_UNSUPPORTED
-        self._tell([message], self._asking)
+        self._queue([message], self._asking)
         return dialect.MAV_RESULT_ACCEPTED
 
     def _request_one(self, message_id: int, _: tuple[float, ...]) -> int:
@@ -236,14 +236,14 @@ class Vehicle:
         if result == dialect.MAV_RESULT_ACCEPTED and 0.0 < params[1] < MIN_INTERVAL_US:
             text = f"interval is {params[1]:g} us, must be >= {MIN_INTERVAL_US} us, which it is now"
             self.say(dialect.MAV_SEVERITY_NOTICE, f"Message {params[0]:g}: {text}")
-            self._tell([telemetry.interval(params)], self._asking)
+            self._queue([telemetry.interval(params)], self._asking)
         return result
 
     def _get_interval(self, params: tuple[float, ...]) -> int:
-        self._tell([self.telemetry[self._asking].interval(params)], self._asking)
+        self._queue([self.telemetry[self._asking].interval(params)], self._asking)
         return dialect.MAV_RESULT_ACCEPTED
 
-    def _tell(self, messages: Iterable[MAVLink_message], station: int | None = None) -> None:
+    def _queue(self, messages: Iterable[MAVLink_message], station: int | None = None) -> None:
         """Queue messages for a ground station; None: for all."""
         for number in self._stations if station is None else (station,):
             self._gcs_outboxes[number] += messages
@@ -256,14 +256,14 @@ class Vehicle:
                     self.say(dialect.MAV_SEVERITY_INFO, f"{name} is {value:g} now")
                 case ParamRefused(_, text):
                     self.say(dialect.MAV_SEVERITY_WARNING, text)
-        self._tell(self._commands.gcs_messages())
-        self._tell(self._params.messages_to_send())
+        self._queue(self._commands.gcs_messages())
+        self._queue(self._params.messages_to_send())
         for message, station in self._mission.messages_to_send():
-            self._tell([message], station)
+            self._queue([message], station)
         self._simulator_outbox += self._commands.simulator_messages()
 
     def _report_edges(self) -> None:
-        """Announce every neighbour that was dropped or taken up again."""
+        """Announce every neighbour that was dropped or restored."""
         if self._hot.edge_changes == self._edge_changes:
             return
         self._edge_changes = self._hot.edge_changes

@@ -1,8 +1,8 @@
 """A bad link: loss, bursts, delay, jitter, reordering, duplication, bit errors, outages.
 
-`Impairment` says what a link does to datagrams, `Impairer` does it: a machine without socket and
-clock. The same datagrams at the same times always fare the same. More than that: what happens to
-a datagram depends on the seed, its content, and how often this content came before, but not on
+`Impairment` configures what a link does to datagrams, `Impairer` applies it: a machine without
+socket and clock. The same datagrams at the same times always fare the same. What happens to a
+datagram depends on the seed, its content, and how often this content came before, but not on
 its sequence number, nor on what else was sent. So a lockstep flight, whose number of datagrams
 before the start depends on the wall clock, loses the same control messages in every run. Only
 bursts go by the order of datagrams, and jitter by the times between them.
@@ -22,7 +22,7 @@ from mavlink_defs.config.quantity import quantity, whole
 
 __all__ = ["Bursts", "Fate", "Impairer", "Impairment", "Outage"]
 
-_MEMORY = 4096  # contents that are remembered, to tell a repetition
+_MEMORY = 4096  # contents that are remembered, to recognise repetitions
 
 Share = Annotated[float, quantity("", ge=0.0, le=1.0, doc="Share of the datagrams.")]
 
@@ -50,7 +50,7 @@ class Outage(Model):
 
 
 class Impairment(Model):
-    """What a link does to each datagram, in either direction; by default nothing."""
+    """Impairments of each datagram on a link, in either direction; none by default."""
 
     seed: int = whole("", ge=0, le=2**63 - 1, default=1, doc="The same seed, the same fate.")
     loss: float = quantity("", ge=0.0, le=1.0, default=0.0, doc="Share that is lost.")
@@ -70,7 +70,7 @@ class Impairment(Model):
 
 @dataclass
 class Fate:
-    """What became of the datagrams of one direction."""
+    """Outcome counts of the datagrams of one direction."""
 
     taken: int = 0
     outage: int = 0
@@ -163,7 +163,7 @@ class Impairer:
         return bytes(bits)
 
     def _number(self, datagram: bytes) -> int:
-        """A number that stands for the content, and for how often it has come."""
+        """Return a number derived from the content and from how often it has come."""
         content = datagram
         if len(datagram) > dialect.HEADER_LEN_V2 and datagram[0] == dialect.PROTOCOL_MARKER_V2:
             content = datagram[5 : dialect.HEADER_LEN_V2 + datagram[1]]  # from the system id on
@@ -175,5 +175,5 @@ class Impairer:
 
 
 def _gap(share: float, random: Random) -> int:
-    """Number of good bits before the next bad one."""
+    """Return the number of good bits before the next bad one."""
     return int(min(math.log(1.0 - random.random()) / math.log1p(-share), 1e9))

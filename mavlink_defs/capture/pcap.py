@@ -30,7 +30,7 @@ _VLAN = {0x8100, 0x88A8}
 
 
 class PcapError(ValueError):
-    """The file is no packet capture that can be read; the message says why."""
+    """The file cannot be read as a packet capture; the message names the reason."""
 
 
 class PcapCutOff(PcapError):  # noqa: N818 - the name says it
@@ -47,7 +47,7 @@ class Packet(NamedTuple):
 
 
 def is_pcap(path: Path) -> bool:
-    """Tell whether a file begins as a packet capture does.
+    """Return whether a file begins like a packet capture.
 
     Raises:
         OSError: The file cannot be read.
@@ -171,7 +171,7 @@ def _exactly(file: BinaryIO, size: int) -> bytes:
 
 
 def _datagram(link_type: int, time_s: float, data: bytes) -> Packet | None:
-    """The UDP datagram in a captured packet; None if it holds none."""
+    """Return the UDP datagram in a captured packet; None if it holds none."""
     ip = _network_layer(link_type, data)
     if len(ip) < 28 or ip[0] >> 4 != 4 or ip[9] != _UDP:
         return None
@@ -190,7 +190,7 @@ def _datagram(link_type: int, time_s: float, data: bytes) -> Packet | None:
 
 
 def _network_layer(link_type: int, data: bytes) -> bytes:
-    """What follows the link layer's header if it says IPv4, else nothing.
+    """Return the bytes behind the link layer's header if they are IPv4, else none.
 
     Raises:
         PcapError: The link type is not known.

@@ -1,8 +1,8 @@
-"""The relay: stands in front of the fixed ends of links, counts, and impairs if asked to.
+"""The relay: stands in front of the fixed ends of links, counts, and impairs on request.
 
 A link has a fixed end, whose port is known (the plant, a ground station, an autopilot's formation
 port), and peers that send to it. They send to the relay's port instead. Every peer gets a socket
-of its own towards the fixed end, so that the fixed end can tell them apart and answer them. A peer
+of its own towards the fixed end, so that the fixed end can distinguish and answer them. A peer
 that is a fixed end itself, as autopilots are to their neighbours, needs none: its datagrams come
 from the port where the relay listens in its place, which is where the receiver would answer.
 Datagrams are counted as they come in, before anything happens to them.
@@ -62,14 +62,14 @@ class _Way:
 
 @dataclass(frozen=True)
 class _Front:
-    """Where peers send to."""
+    """Address that peers send to."""
 
     sock: socket.socket
     route: Route
     target: tuple[str, int]
     to: _Way
     back: _Way
-    peers: dict[tuple[str, int], socket.socket]  # the one heard last comes last
+    peers: dict[tuple[str, int], socket.socket]  # in order of their last datagram
 
 
 class Relay:
@@ -113,7 +113,7 @@ class Relay:
         try:
             for i, route in enumerate(self._routes):
                 target = resolve(route.target)
-                connect_udp(target).close()  # it can be reached, or say so now
+                connect_udp(target).close()  # fails now if it cannot be reached
                 sock = bind_udp(route.listen, f"relay of the {route.link} link")
                 sock.setblocking(False)
                 ways = _Way(route, i, "to"), _Way(route, i, "from")
@@ -135,7 +135,7 @@ class Relay:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Stop; what is still on its way is lost."""
+        """Stop; datagrams still in transit are lost."""
         self._closing.set()
         if self._routes:
             self._thread.join()
@@ -143,7 +143,7 @@ class Relay:
 
     @property
     def via(self) -> dict[str, str]:
-        """Where to send, as host:port, instead of to each target."""
+        """Addresses to send to, as host:port, in place of each target."""
         listening = (UdpAddress(*front.sock.getsockname()) for front in self._fronts)
         return {str(f.route.target): str(at) for f, at in zip(self._fronts, listening, strict=True)}
 
@@ -155,7 +155,7 @@ class Relay:
 
     @contextlib.contextmanager
     def counting(self) -> Iterator[Tap]:
-        """The tap, which counts nothing while the context lasts; so keep it short."""
+        """Lend the tap, which counts nothing while the context lasts; so keep it short."""
         with self._lock:
             yield self._tap
 

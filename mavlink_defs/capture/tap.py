@@ -6,7 +6,7 @@ system, component and message; a datagram that is not MAVLink 2 of this dialect 
 the reason. Directions are seen from the fixed end of a link: "to" the plant, "from" the plant.
 
 Control transmissions (`mavlink_defs.capture.transmissions`) are compared with periodic sending:
-one per channel and control period, and FTC_SIM_STATE tells how many periods there were.
+one per channel and control period, and FTC_SIM_STATE gives the number of periods.
 """
 
 from collections import Counter, deque
@@ -29,7 +29,7 @@ DEFAULT_PORTS: Mapping[int, str] = {
     PLANT_PORT: "plant",
     **{FORMATION_BASE_PORT + uav: "formation" for uav in range(1, LAST_SYSTEM + 1)},
 }
-"""Ports of fixed ends where a scenario does not say otherwise, and their links."""
+"""Default ports of fixed ends, and their links."""
 
 _ACTUATORS = dialect.MAVLink_hil_actuator_controls_message
 _STATE = dialect.MAVLink_ftc_sim_state_message
@@ -37,7 +37,7 @@ _EVENTS = dialect.MAVLink_ftc_events_message
 
 
 class Stream(NamedTuple):
-    """Who says what where."""
+    """Frames of one message from one sender on one link."""
 
     link: str
     direction: str
@@ -47,7 +47,7 @@ class Stream(NamedTuple):
 
 
 class Rate:
-    """How much there was within the last `window_s` seconds."""
+    """Traffic within the last `window_s` seconds."""
 
     def __init__(self, window_s: float) -> None:
         self._window_s = window_s
@@ -61,7 +61,7 @@ class Rate:
         self._forget(time_s)
 
     def at(self, now_s: float) -> tuple[float, float]:
-        """Frames and bytes per second at a time not before the last one added."""
+        """Return frames and bytes per second at a time not before the last one added."""
         self._forget(now_s)
         return len(self._recent) / self._window_s, self._bytes / self._window_s
 
@@ -96,7 +96,7 @@ class Tap:
 
     Args:
         window_s: Length of the window that rates are taken over [s].
-        period_us: Control period, where no FTC_SIM_STATE tells how many there were [µs].
+        period_us: Control period, used if no FTC_SIM_STATE gives their number [µs].
     """
 
     def __init__(self, window_s: float = 1.0, period_us: int | None = None) -> None:
@@ -140,7 +140,7 @@ class Tap:
             rest = rest[size:]
 
     def frames(self, message: str | None = None, **where: str | int) -> int:
-        """Number of frames of a message, or of all, where a `Stream`'s fields have these values.
+        """Return the number of frames of the streams whose fields have these values.
 
         For example ``tap.frames("HIL_ACTUATOR_CONTROLS", link="plant", system=3)``.
         """
@@ -152,12 +152,12 @@ class Tap:
         )
 
     def events(self, system: int, channel: str, link: str = "plant") -> int:
-        """Number of transmissions of one actuator channel ("rudder") of one UAV."""
+        """Return the number of transmissions of one actuator channel ("rudder") of one UAV."""
         uav = self._uavs.get((link, system))
         return 0 if uav is None else uav.events[ACTUATORS.index(channel)]
 
     def min_interval_s(self, system: int, channel: str, link: str = "plant") -> float | None:
-        """Shortest time between two transmissions of a channel [s, simulated]; None: below two."""
+        """Return the shortest interval of a channel [s, simulated]; None with fewer than two."""
         uav = self._uavs.get((link, system))
         shortest = None if uav is None else uav.min_interval_us[ACTUATORS.index(channel)]
         return None if shortest is None else shortest / 1e6
@@ -230,7 +230,7 @@ class LinkNames:
         self._ports = ports
 
     def of(self, source: UdpAddress, destination: UdpAddress) -> tuple[str, str]:
-        """Link and direction of a datagram; a link with no known port has its addresses' name."""
+        """Return link and direction of a datagram; an unknown link is named by its addresses."""
         if destination.port in self._ports:
             return self._ports[destination.port], "to"
         if source.port in self._ports:
@@ -276,7 +276,7 @@ def _count(stream: Stream, count: Count, now_s: float, span_s: float) -> StreamR
 
 
 def _words(data: bytes, reason: DropReason) -> str:
-    """Return why bytes are no frame; other traffic on a port is told from damage."""
+    """Return why bytes are no frame; other protocols on a port are distinguished from damage."""
     if not data:
         return "empty"
     return "MAVLink 1" if data[0] == dialect.PROTOCOL_MARKER_V1 else reason.words

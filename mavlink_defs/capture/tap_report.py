@@ -1,4 +1,4 @@
-"""What a tap or a relay counted, as data; `to_json` and `from_json` for wire.json."""
+"""Counts of a tap or a relay, as data; `to_json` and `from_json` for wire.json."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -108,7 +108,7 @@ class UavReport:
 
 @dataclass(frozen=True)
 class OutcomeReport:
-    """What became of the datagrams in one direction of a relayed link.
+    """Outcome counts of the datagrams in one direction of a relayed link.
 
     Attributes:
         link: Name of the link.

@@ -58,7 +58,7 @@ class Transmissions:
         self._span_us = (min(first, time_us), max(last, time_us))
 
     def periods(self, period_us: int | None) -> int | None:
-        """Control periods that passed; None if nothing tells.
+        """Return the control periods that passed; None if unknown.
 
         Args:
             period_us: The control period, for links without FTC_SIM_STATE [µs].

@@ -10,13 +10,13 @@ number of records, and packing never changes a record::
     state = np.zeros(1, SIM_STATE)
     datagram = new_buffer()
     state[0]["position"][2] = -1000.0
-    length = pack(datagram, state, ID_SIM_STATE, system_id, component_id, sequence)
+    length = pack(datagram, state, MessageId.SIM_STATE, system_id, component_id, sequence)
 
 To receive, look at the payload of one buffer through prebuilt views::
 
     datagram = new_buffer()
     state = payload_view(datagram, SIM_STATE)
-    if check(datagram, length) == ID_SIM_STATE:
+    if check(datagram, length) == MessageId.SIM_STATE:
         expand(datagram, SIM_STATE_SIZE)
         z = state[0]["position"][2]
 
@@ -53,25 +53,16 @@ __all__ = [
     "BUFFER_SIZE",
     "DROPS_SIZE",
     "FOREIGN",
-    "ID_ACTUATORS",
-    "ID_NEIGHBOUR",
-    "ID_SIM_STATE",
-    "ID_STEP_DONE",
     "NEIGHBOUR",
     "NEIGHBOUR_SIZE",
-    "NOT_NEWER",
-    "OUT_OF_RANGE",
     "SIGNED",
     "SIM_STATE",
     "SIM_STATE_SIZE",
     "STEP_DONE",
     "STEP_DONE_SIZE",
-    "STRANGER",
-    "UNEXPECTED",
     "MessageId",
     "add_checksum",
     "check",
-    "component_of",
     "drop_counts",
     "expand",
     "identify",
@@ -79,28 +70,21 @@ __all__ = [
     "pack",
     "payload_dtype",
     "payload_view",
-    "sequence_of",
     "system_of",
 ]
 
 BUFFER_SIZE = MAX_FRAME_SIZE
 
-# What `check` answers instead of a message id for a good frame that pymavlink is to decode.
+# results of `check` in place of a message id, for valid frames that pymavlink has to decode
 FOREIGN = -1
 SIGNED = -2
-
-# Names of single reasons for the compiled links.
-UNEXPECTED = int(DropReason.UNEXPECTED)
-STRANGER = int(DropReason.STRANGER)
-NOT_NEWER = int(DropReason.NOT_NEWER)
-OUT_OF_RANGE = int(DropReason.OUT_OF_RANGE)
 
 DROPS_SIZE = 16
 """Counters of dropped datagrams: ``drops[-reason]`` for each `DropReason`."""
 
 
 def payload_dtype(message_class: type[dialect.MAVLink_message]) -> np.dtype[np.void]:
-    """Layout of a message's payload: packed, little endian, in wire order, arrays nested."""
+    """Return the layout of a payload: packed, little endian, in wire order, arrays nested."""
     fields: list[tuple[str, str, tuple[int, ...]]] = []
     for name, code, length in zip(
         message_class.ordered_fieldnames,
@@ -132,11 +116,6 @@ class MessageId(IntEnum):
     ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.id
 
 
-ID_SIM_STATE = int(MessageId.SIM_STATE)
-ID_STEP_DONE = int(MessageId.STEP_DONE)
-ID_NEIGHBOUR = int(MessageId.NEIGHBOUR)
-ID_ACTUATORS = int(MessageId.ACTUATORS)
-
 _EXTRA_SIM_STATE = dialect.MAVLink_ftc_sim_state_message.crc_extra
 _EXTRA_STEP_DONE = dialect.MAVLink_ftc_step_done_message.crc_extra
 _EXTRA_NEIGHBOUR = dialect.MAVLink_ftc_neighbour_message.crc_extra
@@ -159,12 +138,12 @@ _T = _crc_tables()
 
 
 def new_buffer() -> np.ndarray:
-    """A zeroed datagram buffer, uint8, shape (BUFFER_SIZE,)."""
+    """Return a zeroed datagram buffer, uint8, shape (BUFFER_SIZE,)."""
     return np.zeros(BUFFER_SIZE, np.uint8)
 
 
 def payload_view(datagram: np.ndarray, dtype: np.dtype[np.void]) -> np.ndarray:
-    """The payload of a datagram buffer as a record array of shape (1,), sharing its memory.
+    """Return the payload of a datagram buffer as a record array of shape (1,), sharing its memory.
 
     Valid after `check` has returned this message's id and `expand` has been called.
     """
@@ -172,7 +151,7 @@ def payload_view(datagram: np.ndarray, dtype: np.dtype[np.void]) -> np.ndarray:
 
 
 def drop_counts(drops: np.ndarray) -> list[int]:
-    """Counters of shape (DROPS_SIZE,) as FTC_DROPS carries them: in order, at most UINT32_MAX."""
+    """Return counters, shape (DROPS_SIZE,), as in FTC_DROPS: in order, at most UINT32_MAX."""
     return [min(int(drops[-reason]), 2**32 - 1) for reason in DropReason]
 
 
@@ -235,7 +214,7 @@ def add_checksum(datagram: np.ndarray) -> None:
 
 @compiled
 def check(datagram: np.ndarray, length: int) -> int:
-    """Tell what a received datagram holds.
+    """Classify a received datagram.
 
     Args:
         datagram: Buffer from `new_buffer`, filled from the wire.
@@ -243,7 +222,7 @@ def check(datagram: np.ndarray, length: int) -> int:
 
     Returns:
         The message id of a valid hot message, or a negative code: FOREIGN and SIGNED for a
-        frame that is whole but not ours to check (its checksum is left to pymavlink), or a
+        complete frame that the codec does not check (its checksum is left to pymavlink), or a
         `DropReason`. A payload may be longer than ours (fields of a newer dialect).
     """
     if length < 1:
@@ -266,7 +245,7 @@ def check(datagram: np.ndarray, length: int) -> int:
 
 @compiled
 def identify(datagram: np.ndarray) -> int:
-    """Message id of a whole frame if it is hot and its checksum right; or FOREIGN, BAD_CRC.
+    """Return the id of a whole hot frame whose checksum is right; else FOREIGN or BAD_CRC.
 
     For frames whose signature has been checked; `check` does it for unsigned ones.
     """
@@ -296,21 +275,9 @@ def expand(datagram: np.ndarray, payload_size: int) -> None:
 
 
 @compiled
-def sequence_of(datagram: np.ndarray) -> int:
-    """Sequence number of a checked frame, 0 to 255."""
-    return _byte(datagram, SEQUENCE)
-
-
-@compiled
 def system_of(datagram: np.ndarray) -> int:
-    """Sender's system id of a checked frame."""
+    """Return the sender's system id of a checked frame."""
     return _byte(datagram, SYSTEM)
-
-
-@compiled
-def component_of(datagram: np.ndarray) -> int:
-    """Sender's component id of a checked frame."""
-    return _byte(datagram, COMPONENT)
 
 
 @compiled
@@ -339,7 +306,7 @@ def _crc_extra(message_id: int) -> int:
 
 @compiled
 def _checksum(b: np.ndarray, end: int, extra: int) -> int:
-    """CRC-16/MCRF4XX of b[1:end] and the message's CRC_EXTRA, eight bytes at a time."""
+    """Return CRC-16/MCRF4XX of b[1:end] and the message's CRC_EXTRA, eight bytes at a time."""
     crc = 0xFFFF
     i = 1
     while i + 8 <= end:

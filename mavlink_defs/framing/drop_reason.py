@@ -27,10 +27,10 @@ class DropReason(IntEnum):
     REPLAYED = -15, "replayed"
 
     words: str
-    """What people read."""
+    """The reason in words, for reports."""
 
     def __new__(cls, number: int, words: str) -> "DropReason":
-        """Make a reason of its number; the words stand beside it."""
+        """Make a member with the given number as its value."""
         reason = int.__new__(cls, number)
         reason._value_ = number
         reason.words = words

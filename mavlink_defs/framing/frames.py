@@ -93,16 +93,16 @@ def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink
 
     Args:
         severity: MAV_SEVERITY.
-        text: What to say; characters outside ASCII are replaced.
-        identity: Number that tells this text from others while its chunks arrive; 0 is raised
-            to 1, since 0 means a text of one chunk.
+        text: The text; characters outside ASCII are replaced.
+        identity: Number that distinguishes this text from others while its chunks arrive; 0 is
+            raised to 1, since 0 means a text of one chunk.
     """
     raw = text.encode("ascii", "replace")
     chunks = [raw[i : i + STATUSTEXT_SIZE] for i in range(0, len(raw), STATUSTEXT_SIZE)] or [b""]
     if len(chunks) == 1:
         return [dialect.MAVLink_statustext_message(severity, chunks[0])]
     if len(chunks[-1]) == STATUSTEXT_SIZE:
-        chunks.append(b"")  # a chunk without a zero byte says that another one follows
+        chunks.append(b"")  # a chunk without a zero byte announces another one
     number = identity % 65535 + 1
     return [
         dialect.MAVLink_statustext_message(severity, chunk, number, k)

@@ -37,7 +37,7 @@ MAX_FRAME_SIZE = HEADER_SIZE + 255 + CRC_SIZE + SIGNATURE_SIZE
 
 
 class FrameHeader(NamedTuple):
-    """What the header of a MAVLink 2 frame says."""
+    """The header of a MAVLink 2 frame."""
 
     payload_size: int
     flags: int
@@ -55,7 +55,7 @@ class FrameHeader(NamedTuple):
 
     @property
     def crc_offset(self) -> int:
-        """Where the payload ends and the checksum begins [bytes]."""
+        """Offset of the payload's end, where the checksum begins [bytes]."""
         return HEADER_SIZE + self.payload_size
 
     @property

@@ -1,4 +1,4 @@
-"""What the compiled loops of both ends of a hot link share."""
+"""Code shared by the compiled loops at both ends of a hot link."""
 
 from enum import IntEnum
 
@@ -29,13 +29,13 @@ DROPPED = -1
 
 @compiled
 def take(signer: LinkSigner, datagram: np.ndarray, length: int, drops: np.ndarray) -> int:
-    """Check a received datagram, and count it if it is not to be believed.
+    """Verify a received datagram, and count it if it is dropped.
 
     Args:
-        signer: Checks the link's signatures.
+        signer: Verifies the link's signatures.
         datagram: Buffer of `codec.new_buffer` with the datagram.
         length: Its length [bytes].
-        drops: Datagrams dropped by negated code of `codec.DROP_REASONS`, updated in place.
+        drops: Datagrams dropped by negated `DropReason`, updated in place.
 
     Returns:
         The id of a hot message, NOT_HOT or DROPPED.

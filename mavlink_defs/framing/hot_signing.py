@@ -45,17 +45,17 @@ _STAMP = 6
 
 
 class LinkSigner(NamedTuple):
-    """What signs and checks the frames of one link."""
+    """Key and timestamps with which the frames of one link are signed and verified."""
 
     key: np.ndarray  # (32,) uint8; (0,): no key
     link: int  # link id, in both directions
     time: np.ndarray  # (1,) timestamp used or seen last
-    shared: np.ndarray  # (1,) the same of all processes
+    shared: np.ndarray  # (1,) the same, shared by all processes
     newest: np.ndarray  # (65536,) last timestamp by 256 * system + component, 0: none yet
 
 
 def new_link_signer(key: bytes, link: int, shared: np.ndarray | None = None) -> LinkSigner:
-    """A link_signer of one link.
+    """Return the signer of one link.
 
     Args:
         key: 32 bytes, or none to have frames unsigned.
@@ -72,7 +72,7 @@ def new_link_signer(key: bytes, link: int, shared: np.ndarray | None = None) -> 
 
 
 def load_link_signer(key_file: str | None, link: int) -> LinkSigner:
-    """The link_signer of a key file; without one, a link_signer that lets everything pass.
+    """Return the signer of a key file; without a file, one that neither signs nor verifies.
 
     Raises:
         SigningError: The key cannot be used.
@@ -87,7 +87,7 @@ def sign_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> in
     """Sign an unsigned hot frame in place, if there is a key.
 
     Args:
-        link_signer: The link_signer.
+        link_signer: The signer of the link.
         datagram: Buffer of `codec.new_buffer` with the frame.
         length: Its length [bytes].
 
@@ -112,9 +112,9 @@ def sign_bytes(link_signer: LinkSigner, frame: bytes) -> bytes:
 
 @compiled
 def verify_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
-    """Tell what a received datagram holds, as `codec.check` does, signatures checked.
+    """Classify a received datagram, as `codec.check` does, and verify its signature.
 
-    With a key, FOREIGN means that the frame may be believed; SIGNED is never the answer.
+    With a key, FOREIGN means that the signature is valid; SIGNED is never returned.
     """
     code = check(datagram, length)
     if link_signer.key.size == 0:
@@ -175,6 +175,6 @@ def _append(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
 
 @compiled
 def _now(link_signer: LinkSigner, more: int) -> int:
-    """The timestamp to use now, after `more` than the last."""
+    """Return the timestamp to use now, after `more` than the last."""
     clock = int((unix_s() - EPOCH_S) * 1e5)
     return int(max(clock, max(link_signer.time[0], link_signer.shared[0]) + more))

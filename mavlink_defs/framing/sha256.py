@@ -11,7 +11,7 @@ _KEY, _BLOCK = 32, 64  # bytes
 
 
 def _root_bits(n: int, root: int) -> list[int]:
-    """First 32 bits of the fractional part of the square or cube root of the first n primes."""
+    """Return 32 bits after the point of the square or cube roots of the first n primes."""
     primes = [p for p in range(2, 312) if all(p % q for q in range(2, p))][:n]
     bits = []
     for p in primes:
@@ -30,7 +30,7 @@ _K = np.array(_root_bits(64, 3), np.int64)
 
 @compiled
 def signature(key: np.ndarray, data: np.ndarray, size: int) -> int:
-    """First 48 bits of the SHA-256 of a key and data[:size].
+    """Return the first 48 bits of the SHA-256 of a key and data[:size].
 
     Args:
         key: 32 bytes, uint8.
@@ -79,5 +79,5 @@ def _compress(state: np.ndarray, w: np.ndarray, block: np.ndarray) -> None:
 
 @compiled
 def _turn(x: int, n: int) -> int:
-    """A 32-bit word rotated right."""
+    """Return a 32-bit word rotated right by n bits."""
     return ((x >> n) | (x << (32 - n))) & _M

@@ -57,14 +57,14 @@ __all__ = [
 KEY_SIZE = 32  # bytes
 EPOCH_S = 1_420_070_400  # 2015-01-01, Unix time
 WINDOW = 6_000_000
-"""How far a new stream may be behind the own timestamp, and any frame ahead of it: one minute.
+"""Furthest that a new stream may be behind the own timestamp, or any frame ahead: one minute.
 
-With the two equal, no frame can move the own time so far that others fall behind it."""
+As both limits are equal, no frame can advance the own time so far that others fall behind it."""
 PLANT_LINK, FORMATION_LINK = 254, 253
 """Link ids of the links that are not ground stations': what is captured on one link is refused
 on the others."""
 UNSIGNED_ALLOWED = frozenset({dialect.MAVLINK_MSG_ID_RADIO_STATUS})
-"""Messages that are taken unsigned: radios send them, and have no key."""
+"""Messages accepted unsigned: radios send them, and have no key."""
 
 _HASH = 6  # bytes
 _PRIVATE = 0o600
@@ -123,12 +123,12 @@ def read_key(path: Path | str) -> bytes:
 
 
 def time_file(path: Path | str) -> str:
-    """Name of the file beside a key that keeps the timestamp used last."""
+    """Return the name of the file beside a key that keeps the timestamp used last."""
     return f"{path}.time"
 
 
 def timestamp(unix_s: float) -> int:
-    """The timestamp of a signature [10 µs since 2015] at a Unix time [s]."""
+    """Return the timestamp of a signature [10 µs since 2015] at a Unix time [s]."""
     return int((unix_s - EPOCH_S) * 1e5)
 
 
@@ -169,7 +169,7 @@ def open_time(path: Path | str) -> np.ndarray:
 
 
 def flagged(frame: bytes) -> bytearray:
-    """An unsigned frame that the dialect knows, up to its signature: flag set, checksum right."""
+    """Return a frame of the dialect ready for its signature: flag set, checksum updated."""
     body = bytearray(frame[:-CRC_SIZE])
     body[FLAGS] |= SIGNED_FLAG
     message_id = int.from_bytes(body[MESSAGE_ID:HEADER_SIZE], "little")
@@ -208,7 +208,7 @@ class Signer:
         self._newest: dict[tuple[int, int, int], int] = {}
 
     def __repr__(self) -> str:
-        return f"Signer(link={self._link})"  # the key is nobody's business
+        return f"Signer(link={self._link})"  # never the key
 
     def sign(self, frame: bytes) -> bytes:
         """Return the signed frame of an unsigned one that the dialect knows."""
@@ -220,14 +220,14 @@ class Signer:
         return bytes(body + self._hash(body))
 
     def accepts(self, frame: bytes) -> bool:
-        """Return whether a frame may be believed; if not, the reason is counted."""
+        """Return whether a frame's signature is valid; if not, the reason is counted."""
         wrong = self.problem(frame)
         if wrong is not None:
             self.refused[wrong] += 1
         return wrong is None
 
     def problem(self, frame: bytes) -> DropReason | None:
-        """Return why a frame must not be believed; None if it may."""
+        """Return why a frame is refused; None if its signature is valid."""
         size, wrong = frame_size(frame)
         if wrong is not None:
             return wrong
@@ -252,7 +252,7 @@ class Signer:
         return None
 
     def _now(self, more: int = 0) -> int:
-        """The timestamp to use now, after `more` than the last."""
+        """Return the timestamp to use now, after `more` than the last."""
         clock = timestamp(self._unix_s())
         return max(self._time + more, int(self._shared[0]) + more, clock)
 
@@ -261,7 +261,7 @@ class Signer:
 
 
 def load_signer(key_file: str | None) -> Signer | None:
-    """The signer of a key file for a ground station link; None without one.
+    """Return the signer of a key file for a ground station link; None without one.
 
     Raises:
         SigningError: The key cannot be used.

@@ -1,1 +1,1 @@
-"""What a process needs to run: compilation, system calls, shutdown."""
+"""Support for the processes: compilation, system calls, shutdown."""

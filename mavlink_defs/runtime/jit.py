@@ -7,8 +7,8 @@ and of the versions of numba and numpy, so that a change anywhere starts a new f
 
 The cache lies in ``$NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/ftc-sitl``, or
 ``~/.cache/ftc-sitl``. Where it cannot be written, every process compiles for itself what it
-calls, and `cache_is_cold` says what to do. With ``NUMBA_DISABLE_JIT=1`` the same functions run
-as plain Python.
+calls, and the error of `cache_is_cold` names the remedy. With ``NUMBA_DISABLE_JIT=1`` the same
+functions run as plain Python.
 """
 
 import hashlib
@@ -47,7 +47,7 @@ def compiled(function: _F) -> _F:
 
 
 def cache_is_cold() -> bool:
-    """Tell whether the next flight has to compile the numeric core first.
+    """Return whether the next flight has to compile the numeric core first.
 
     Raises:
         ConfigError: The cache cannot be written: every process would have to.
@@ -60,7 +60,7 @@ def cache_is_cold() -> bool:
 
 
 def not_cached(problem: OSError) -> ConfigError:
-    """Say that the cache cannot be written, and what to do."""
+    """Return the error for a cache that cannot be written, with its remedy."""
     text = f"the cache of compiled code cannot be written: {problem.strerror}"
     advice = "set XDG_CACHE_HOME or NUMBA_CACHE_DIR to a folder that can"
     return ConfigError(_cache_folder, [Problem((), f"{text}; {advice}")])
@@ -98,7 +98,7 @@ def _find_cache_folder() -> Path:
 
 
 def _find_obstacle() -> OSError | None:
-    """Why the cache cannot be written; None if it can."""
+    """Return why the cache cannot be written; None if it can."""
     try:
         _cache_folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=_cache_folder):

@@ -7,8 +7,8 @@ ends it early, so that the caller can look at its stop flag.
 POSIX systems with 64-bit `long` only (Linux, macOS, BSD). With ``NUMBA_DISABLE_JIT=1`` the same
 functions call the same libc through ctypes.
 
-A connected UDP socket reports that nobody listened to an earlier datagram (ECONNREFUSED) at the
-next call, which then does nothing else. `send` and `send_to` therefore try twice; `receive`
+A connected UDP socket reports at the next call, which then does nothing else, that an earlier
+datagram found no bound socket (ECONNREFUSED). `send` and `send_to` therefore try twice; `receive`
 returns -1 long before its timeout, so that a caller must look at the clock, not count timeouts.
 """
 
@@ -194,7 +194,7 @@ def sleep_until(t_s: float) -> None:
 
 
 # An array must outlive the call that gets its address. Compiled code frees an array after its
-# last use, and taking the address is one; arguments live on, since the caller holds them.
+# last use, and taking the address is one; arguments are kept alive by the caller.
 
 
 @compiled

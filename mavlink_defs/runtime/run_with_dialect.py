@@ -55,7 +55,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _mend_matplotlib() -> None:
-    """Give matplotlib 3.11 back what mavgraph.py of pymavlink 2.4.50 calls."""
+    """Restore the matplotlib function that mavgraph.py of pymavlink 2.4.50 calls."""
     from matplotlib.axes import Axes
 
     def plot_date(axes: Axes, x: Any, y: Any, tz: Any = None, **how: Any) -> Any:

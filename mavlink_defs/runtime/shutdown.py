@@ -1,4 +1,4 @@
-"""How a process of a fleet is asked to stop: a signal, or the loss of its parent."""
+"""Orderly shutdown of a process: on a signal, or when its parent process is gone."""
 
 import atexit
 import os

@@ -70,7 +70,7 @@ class FaultLister(Machine[FaultsListed]):
         self._deadline: float | None = None
 
     def start(self, now: float) -> None:
-        """Ask for the list."""
+        """Request the list."""
         self._requests += 1
         self._deadline = None
         message = dialect.MAVLink_command_long_message(

@@ -116,7 +116,7 @@ class _MissionClient(Machine[MissionProgress | MissionFinished]):
         self._ask(self._first_request(), RESPONSE_TIMEOUT_S, now)
 
     def cancel(self) -> None:
-        """Give up, and tell the vehicle so."""
+        """Cancel the operation, and notify the vehicle."""
         if self.busy:
             self._acknowledge(dialect.MAV_MISSION_OPERATION_CANCELLED)
             self._finish(dialect.MAV_MISSION_OPERATION_CANCELLED)

@@ -58,7 +58,7 @@ class MissionRefused:
 
     Attributes:
         result: MAV_MISSION_RESULT.
-        text: What to say about it in a STATUSTEXT.
+        text: Text for a STATUSTEXT.
     """
 
     result: int
@@ -76,7 +76,7 @@ MissionEvent: TypeAlias = MissionAccepted | MissionRefused | CurrentChanged
 
 
 class _Client(NamedTuple):
-    """Who is talking: an address, and the station that it is heard from."""
+    """A client: its address, and the station over which its messages arrive."""
 
     address: SystemId
     station: int
@@ -95,7 +95,7 @@ class _Upload:
     result: int | None = None
 
     def differs(self, item: MissionItem | MAVLink_mission_item_message, index: int) -> bool:
-        """Whether an item is another one than that of its number, which we have."""
+        """Return whether an item differs from the stored one of the same number."""
         return bool(self.items) and _content(item_as_int(item)) != _content(self.items[index])
 
 
@@ -164,7 +164,7 @@ class MissionServer(Machine[MissionEvent]):
         return True
 
     def mission_current(self) -> MAVLink_mission_current_message:
-        """Return the message that tells the current item; home does not count in its total."""
+        """Return the MISSION_CURRENT of the current item; home does not count in its total."""
         total = len(self._items) - 1 if len(self._items) > 1 else _NO_MISSION
         return MAVLink_mission_current_message(
             self._current, total, self.mission_state, self.mission_mode
@@ -176,7 +176,7 @@ class MissionServer(Machine[MissionEvent]):
         Args:
             message: The message.
             now: Time [s].
-            station: Tells apart where messages come from; answers must go back there.
+            station: Identifies the sender's link; answers must go back over it.
         """
         if not is_for(message, self._own):
             return
@@ -342,7 +342,9 @@ class MissionServer(Machine[MissionEvent]):
         if upload is None or message.type == dialect.MAV_MISSION_ACCEPTED:
             return  # an acceptance ends a download
         if (upload.sender, upload.mission_type) == (sender, message.mission_type):
-            upload.result = dialect.MAV_MISSION_OPERATION_CANCELLED  # the sender knows
+            upload.result = (
+                dialect.MAV_MISSION_OPERATION_CANCELLED
+            )  # the sender has cancelled it itself
 
     def _replace(self, mission_type: int, items: tuple[MissionItem, ...]) -> None:
         if mission_type not in {_MISSION, dialect.MAV_MISSION_TYPE_ALL}:

@@ -82,8 +82,8 @@ class ParamFinished:
 
     Attributes:
         error: MAV_PARAM_ERROR, NO_ERROR if all is well; None when the vehicle fell silent.
-        params: What the vehicle said, by index for a list; after a refusal what it keeps, if it
-            told.
+        params: Parameters received, by index for a list; after a refusal the value in force, if
+            reported.
     """
 
     error: int | None
@@ -185,9 +185,9 @@ class ParamLister(_ParamClient):
         if message.param_count != self._count:
             self._params.clear()  # another list than before: its indices mean something else
             self._count = message.param_count
-        is_news = message.param_index not in self._params
+        is_new = message.param_index not in self._params
         self._params[message.param_index] = _param(message)
-        if not is_news:
+        if not is_new:
             return
         self._retries = 0
         self._deadline = now + GAP_TIMEOUT_S
@@ -228,8 +228,8 @@ class ParamSetter(_ParamClient):
     """Sets one parameter.
 
     The vehicle answers with the value that is in force, or with PARAM_ERROR. A value other
-    than the one sent may be late news or a refusal without words (as vehicles without
-    PARAM_ERROR give); it counts as a refusal when it comes again after the value was sent
+    than the one sent may be a delayed report or an implicit refusal (by a vehicle without
+    PARAM_ERROR); it counts as a refusal when it comes again after the value was sent
     again.
     """
 

@@ -40,7 +40,7 @@ INT32, REAL32 = dialect.MAV_PARAM_TYPE_INT32, dialect.MAV_PARAM_TYPE_REAL32
 MAX_NAME = 16
 
 BURST = 5
-"""So many parameters of a list are sent at a time."""
+"""Parameters of a list that are sent at a time."""
 
 BURST_PERIOD_S = 0.02
 
@@ -52,7 +52,7 @@ class ParamValueError(ValueError):
 
     Attributes:
         error: MAV_PARAM_ERROR to answer with.
-        text: What is wrong, in words that follow the parameter's name: "must be > 0 s".
+        text: The problem, in words that follow the parameter's name: "must be > 0 s".
     """
 
     def __init__(self, text: str, error: int = dialect.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE) -> None:
@@ -87,7 +87,7 @@ class ParamChanged:
 
 @dataclass(frozen=True)
 class ParamRefused:
-    """A value was refused; `text` says why, fit for a STATUSTEXT."""
+    """A value was refused; `text` says why, short enough for a STATUSTEXT."""
 
     name: str
     text: str
@@ -99,10 +99,10 @@ ParamEvent: TypeAlias = ParamChanged | ParamRefused
 class ParamServer(Machine[ParamEvent]):
     """Answers requests for parameters.
 
-    PARAM_VALUE is broadcast, so that everyone learns of every change. A list is paced; a
-    request for it that comes while one is being sent makes it go round once more from there.
-    What is refused is answered with PARAM_ERROR, and for those who do not know that message
-    with the value that stays in force.
+    PARAM_VALUE is broadcast, so that every ground station receives every change. A list is paced;
+    a request for it that comes while one is being sent makes it go round once more from there.
+    A refusal is answered with PARAM_ERROR, and for clients without that message also with the
+    value that stays in force.
     """
 
     def __init__(
@@ -188,7 +188,7 @@ class ParamServer(Machine[ParamEvent]):
         self._send_value(index)
 
     def _decoded(self, message: MAVLink_param_set_message, parameter: Parameter) -> float:
-        """The value that a PARAM_SET means.
+        """Return the value in a PARAM_SET.
 
         Raises:
             ParamValueError: No parameter of this type can have it.

@@ -1,7 +1,7 @@
 """Short answers that a vehicle owes its peers: ping, time, and "no" to what it does not have.
 
 https://mavlink.io/en/services/ping.html, timesync.html, ftp.html; the log download is
-ArduPilot's. Who asks for files or logs is told at once that there are none, and need not wait.
+ArduPilot's. Requests for files or logs are answered at once with "none", so that no client waits.
 """
 
 from mavlink_defs.dialect import (
@@ -56,7 +56,7 @@ class Responder(Machine[None]):
         """Do nothing: nothing is ever due."""
 
     def deadline(self) -> float | None:
-        """None: nothing is ever awaited."""
+        """Return None: nothing is ever awaited."""
         return None
 
     def _refuse_file(

@@ -11,7 +11,7 @@ from mavlink_defs.dialect import MAVLink_statustext_message
 __all__ = ["PATIENCE_S", "Text", "TextAssembler"]
 
 PATIENCE_S = 1.0
-"""How long missing chunks are waited for."""
+"""Time to wait for missing chunks [s]."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ Controller: TypeAlias = Annotated[
     | Annotated[Pid, Tag("pid")],
     Discriminator(_kind),
 ]
-"""The parameters of any law, told apart by `kind`."""
+"""The parameters of any law, discriminated by `kind`."""
 
 LAWS: dict[str, type[LawParameters]] = {
     get_args(law)[1].tag: get_args(law)[0] for law in get_args(get_args(Controller)[0])

@@ -2,7 +2,7 @@
 
 The same errors, virtual control and gains as the proposed law, but the surfaces and the thrust
 that the nominal aircraft needs, computed by inverting it: no adaptation, no tolerance of
-faults, nothing that knows of a trigger.
+faults, nothing that depends on a trigger.
 """
 
 from typing import ClassVar, Literal
@@ -36,7 +36,7 @@ class Backstepping(LawParameters):
 
 @compiled
 def surfaces_for(moment: Vec3, C: Mat3) -> Vec3:
-    """Deflections [rad] with C δ = moment [N m]; C as (10): the elevator stands alone."""
+    """Return deflections [rad] with C δ = moment [N m]; C as (10): the elevator stands alone."""
     determinant = C[0][0] * C[2][2] - C[0][2] * C[2][0]
     return (
         (moment[0] * C[2][2] - moment[2] * C[0][2]) / determinant,

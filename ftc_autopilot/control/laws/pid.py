@@ -2,7 +2,7 @@
 
 Attitude errors ask for Euler angle rates, these for body rates, and a PI loop with feed-forward
 per body axis for surface deflections, scaled with airspeed; another one holds the airspeed.
-Nothing here knows of the aircraft's model, of its neighbours, of faults or of a trigger.
+It uses no aircraft model, no neighbours, no fault information and no trigger.
 """
 
 from typing import Annotated, ClassVar, Literal, TypeAlias
@@ -84,7 +84,7 @@ def pid_law(now: Instant, aircraft: np.void, gains: np.void, state: np.void) -> 
 
 @compiled
 def _rate(e: float, axis: int, gains: np.void) -> float:
-    """Euler angle rate that an attitude error asks for, within its limit [rad/s]."""
+    """Return the Euler angle rate that an attitude error asks for, within its limit [rad/s]."""
     limit: float = gains["rate_limit_rad_s"][axis]
     asked: float = -e / gains["time_constant_s"][axis]
     return min(max(asked, -limit), limit)
@@ -101,7 +101,10 @@ def _surface(
     gains: np.void,
     state: np.void,
 ) -> float:
-    """Deflection of one surface [rad]; moments grow with V², damping by the rates with V."""
+    """Return the deflection of one surface [rad].
+
+    Moments grow with V², damping by the rates with V.
+    """
     error = wanted[axis] - omega[axis]
     proportional: float = gains["rate_p"][axis] * error + state["integral"][axis]
     delta: float = -(scaling * gains["rate_ff"][axis] * wanted[axis] + scaling**2 * proportional)

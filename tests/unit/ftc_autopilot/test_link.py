@@ -22,6 +22,7 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.framing import codec
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import Outcome
 
 UAV, NEIGHBOUR = 2, 1  # follower 1 has one neighbour, the leader
@@ -70,7 +71,7 @@ class Rig:
         applied = sent if applied_usec is None else applied_usec
         state["actuator_time_usec"] = NOTHING_APPLIED if applied < 0 else applied
         datagram = codec.new_buffer()
-        length = codec.pack(datagram, state, codec.ID_SIM_STATE, UAV, 25, step)
+        length = codec.pack(datagram, state, codec.MessageId.SIM_STATE, UAV, 25, step)
         self.plant.sendto(datagram[:length].tobytes(), self.own.getsockname())
         return self.run()
 
@@ -92,7 +93,7 @@ class Rig:
         payload = np.zeros(1, codec.NEIGHBOUR)
         payload["step"], payload["airspeed"] = step, airspeed
         datagram = codec.new_buffer()
-        length = codec.pack(datagram, payload, codec.ID_NEIGHBOUR, system, 1, step)
+        length = codec.pack(datagram, payload, codec.MessageId.NEIGHBOUR, system, 1, step)
         sock = sock or self.neighbour
         sock.sendto(datagram[:length].tobytes(), self.formation.getsockname())
 
@@ -118,19 +119,19 @@ def rig(scenario1: Scenario) -> Iterator[Rig]:
 def test_a_lockstep_step_is_answered_with_actuators_then_step_done(rig: Rig) -> None:
     rig.send_neighbour_state(0)
     assert rig.state(0) == Outcome.TICK
-    assert rig.heard(rig.plant) == [codec.ID_ACTUATORS, codec.ID_STEP_DONE]
-    assert set(rig.heard(rig.neighbour)) == {codec.ID_NEIGHBOUR}
+    assert rig.heard(rig.plant) == [codec.MessageId.ACTUATORS, codec.MessageId.STEP_DONE]
+    assert set(rig.heard(rig.neighbour)) == {codec.MessageId.NEIGHBOUR}
 
 
 def test_real_time_has_no_step_done(rig: Rig) -> None:
     rig.state(0, FTC_SIM_FLAGS_RUNNING)
-    assert rig.heard(rig.plant) == [codec.ID_ACTUATORS]
+    assert rig.heard(rig.plant) == [codec.MessageId.ACTUATORS]
 
 
 def test_a_frozen_aircraft_sends_the_plant_nothing(rig: Rig) -> None:
     rig.state(0, FTC_SIM_FLAGS_LOCKSTEP)
     assert rig.heard(rig.plant) == []
-    assert rig.heard(rig.neighbour) == [codec.ID_NEIGHBOUR]
+    assert rig.heard(rig.neighbour) == [codec.MessageId.NEIGHBOUR]
 
 
 def test_without_an_event_only_step_done_is_sent(rig: Rig) -> None:
@@ -138,7 +139,7 @@ def test_without_an_event_only_step_done_is_sent(rig: Rig) -> None:
     for step in range(200):
         rig.send_neighbour_state(step)
         rig.state(step)
-        silent += rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+        silent += rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
     assert silent > 0
 
 
@@ -147,7 +148,7 @@ def test_the_same_state_again_is_answered_but_not_worked_on_again(rig: Rig) -> N
     rig.state(0)
     rig.heard(rig.plant)
     rig.state(0)
-    assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+    assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
     assert rig.controllers.states[0]["steps"] == 1
 
 
@@ -197,12 +198,12 @@ def test_a_lost_actuator_message_is_sent_again_and_counted_apart(rig: Rig) -> No
     rig.heard(rig.plant)
     rig.send_neighbour_state(1)
     rig.state(1, applied_usec=-1)
-    assert rig.heard(rig.plant) == [codec.ID_ACTUATORS, codec.ID_STEP_DONE]
+    assert rig.heard(rig.plant) == [codec.MessageId.ACTUATORS, codec.MessageId.STEP_DONE]
     assert list(rig.link.state[0]["repeated"]) == [1, 1, 1, 1]
     assert np.array_equal(rig.controllers.states[0]["events"], events)
     rig.send_neighbour_state(2)
     rig.state(2)
-    assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+    assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
 
 
 def pending(rig: Rig) -> list[int]:
@@ -239,7 +240,7 @@ def test_in_real_time_an_acknowledgement_is_waited_for_in_wall_time(rig: Rig) ->
     rig.state(1, FTC_SIM_FLAGS_RUNNING, applied_usec=-1)
     rig.heard(rig.plant)
     rig.link.state[0]["repeated"] = 0
-    for waited_s, sent in ((0.0199, []), (0.0201, [codec.ID_ACTUATORS])):
+    for waited_s, sent in ((0.0199, []), (0.0201, [codec.MessageId.ACTUATORS])):
         rig.link.state[0]["heard_s"] = rig.link.state[0]["pending_s"][0] + waited_s
         link._send_actuators(rig.own.fileno(), rig.link, rig.controllers, 0, False)
         assert rig.heard(rig.plant) == sent
@@ -325,7 +326,7 @@ def test_a_silent_neighbour_is_dropped_and_restored(rig: Rig) -> None:
 def test_a_neighbour_state_from_another_address_is_dropped_and_counted(rig: Rig) -> None:
     rig.send_neighbour_state(0, sock=rig.plant)
     rig.state(0, FTC_SIM_FLAGS_RUNNING)
-    assert rig.link.drops[FORMATION, -codec.STRANGER] == 1
+    assert rig.link.drops[FORMATION, -DropReason.STRANGER] == 1
     assert rig.controllers.weights[0, 0] == 0.0
     rig.send_neighbour_state(0)
     rig.state(1, FTC_SIM_FLAGS_RUNNING)
@@ -337,7 +338,7 @@ def test_a_state_of_a_far_later_step_is_not_kept_as_pending(rig: Rig) -> None:
     rig.send_neighbour_state(1)
     rig.send_neighbour_state(25_000)
     rig.state(0, FTC_SIM_FLAGS_RUNNING)
-    assert rig.link.drops[FORMATION, -codec.OUT_OF_RANGE] == 1
+    assert rig.link.drops[FORMATION, -DropReason.OUT_OF_RANGE] == 1
     assert rig.link.formation.pending_step[0] == 1
 
 
@@ -358,7 +359,7 @@ def test_noise_changes_nothing_and_is_counted(rig: Rig) -> None:
 
 def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:
     assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED) == Outcome.OVER
-    assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+    assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
 
 
 def test_disarmed_in_flight_thrust_goes_to_zero_once(rig: Rig) -> None:
@@ -369,11 +370,11 @@ def test_disarmed_in_flight_thrust_goes_to_zero_once(rig: Rig) -> None:
     rig.heard(rig.plant)
     rig.send_neighbour_state(1)
     rig.state(1)
-    assert rig.heard(rig.plant) == [codec.ID_ACTUATORS, codec.ID_STEP_DONE]
+    assert rig.heard(rig.plant) == [codec.MessageId.ACTUATORS, codec.MessageId.STEP_DONE]
     assert rig.controllers.actuators[0]["controls"][3] == 0.0
     rig.send_neighbour_state(2)
     rig.state(2)
-    assert rig.heard(rig.plant) == [codec.ID_STEP_DONE]
+    assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
 
 
 def test_lockstep_uses_its_only_neighbour_again_after_a_lost_state(rig: Rig) -> None:

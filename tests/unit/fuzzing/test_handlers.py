@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fuzzing.frames import MESSAGES, damaged, link_signer, message_frame, noise
+from fuzzing.frames import MESSAGES, damaged, frame_of, message_frame, noise
 from fuzzing.targets import (
     AutopilotTarget,
     PlantTarget,
@@ -110,7 +110,7 @@ def test_parse_takes_mavlink_2_frames_of_the_dialect_only() -> None:
     beat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
     mavlink = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
     old = bytes(beat.pack(mavlink, force_mavlink1=True))
-    unknown = link_signer(0xABCDEF, b"something", 1, 1, 0)
+    unknown = frame_of(0xABCDEF, b"something", 1, 1, 0)
     frame = bytes(beat.pack(mavlink))
     flagged = bytearray(frame)
     flagged[2] = 2
@@ -198,10 +198,10 @@ def test_an_actuator_message_of_the_future_does_not_hold_off_all_others(
     before = target.state()
     message = np.zeros(1, codec.ACTUATORS)
     message["controls"][0, 3], message["time_usec"] = 0.5, time_usec
-    target.feed(hot(target, message, codec.ID_ACTUATORS))
+    target.feed(hot(target, message, codec.MessageId.ACTUATORS))
     assert target.state() == before
     message["time_usec"] = 0
-    target.feed(hot(target, message, codec.ID_ACTUATORS))
+    target.feed(hot(target, message, codec.MessageId.ACTUATORS))
     assert target.state() != before
     target.close()
 
@@ -213,7 +213,7 @@ def test_a_state_that_is_none_is_not_worked_on(scenario1: Scenario, value: float
     for field in ("position", "velocity", "attitude", "rates", "specific_force"):
         state = np.zeros(1, codec.SIM_STATE)
         state[field][0, 1] = value
-        target.feed(hot(target, state, codec.ID_SIM_STATE))
+        target.feed(hot(target, state, codec.MessageId.SIM_STATE))
     assert target.state() == before
     assert target.drops() == drops + 5
     target.close()

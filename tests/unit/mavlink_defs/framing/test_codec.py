@@ -9,14 +9,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mavlink_defs import dialect
-from mavlink_defs.framing import codec
+from mavlink_defs.framing import codec, header
 from mavlink_defs.framing.drop_reason import DropReason
 
-HOT = {
-    codec.ID_SIM_STATE: (codec.SIM_STATE, dialect.MAVLink_ftc_sim_state_message),
-    codec.ID_STEP_DONE: (codec.STEP_DONE, dialect.MAVLink_ftc_step_done_message),
-    codec.ID_NEIGHBOUR: (codec.NEIGHBOUR, dialect.MAVLink_ftc_neighbour_message),
-    codec.ID_ACTUATORS: (codec.ACTUATORS, dialect.MAVLink_hil_actuator_controls_message),
+HOT: dict[int, tuple[np.dtype[np.void], type]] = {
+    codec.MessageId.SIM_STATE: (codec.SIM_STATE, dialect.MAVLink_ftc_sim_state_message),
+    codec.MessageId.STEP_DONE: (codec.STEP_DONE, dialect.MAVLink_ftc_step_done_message),
+    codec.MessageId.NEIGHBOUR: (codec.NEIGHBOUR, dialect.MAVLink_ftc_neighbour_message),
+    codec.MessageId.ACTUATORS: (codec.ACTUATORS, dialect.MAVLink_hil_actuator_controls_message),
 }
 RECORD_VALUES = {
     "u": lambda size: st.integers(0, 256**size - 1),
@@ -79,8 +79,8 @@ def test_layout_is_that_of_the_dialect(message_id: int) -> None:
 
 
 @given(hot_messages(), st.integers(1, 255), st.integers(0, 255), st.integers(0, 255))
-@example((codec.ID_ACTUATORS, np.zeros(1, codec.ACTUATORS)), 1, 1, 255)
-@example((codec.ID_SIM_STATE, np.zeros(1, codec.SIM_STATE)), 1, 1, 0)
+@example((codec.MessageId.ACTUATORS, np.zeros(1, codec.ACTUATORS)), 1, 1, 255)
+@example((codec.MessageId.SIM_STATE, np.zeros(1, codec.SIM_STATE)), 1, 1, 0)
 @settings(deadline=None, max_examples=300)
 def test_bytes_are_those_of_pymavlink_and_read_back(hot, system_id, component_id, sequence) -> None:
     message_id, payload = hot
@@ -92,8 +92,8 @@ def test_bytes_are_those_of_pymavlink_and_read_back(hot, system_id, component_id
     datagram, answer = received(ours)
     assert answer == message_id
     assert codec.system_of(datagram) == system_id
-    assert codec.component_of(datagram) == component_id
-    assert codec.sequence_of(datagram) == sequence
+    assert datagram[header.COMPONENT] == component_id
+    assert datagram[header.SEQUENCE] == sequence
     codec.expand(datagram, payload.itemsize)
     assert codec.payload_view(datagram, payload.dtype).tobytes() == before
 
@@ -101,8 +101,8 @@ def test_bytes_are_those_of_pymavlink_and_read_back(hot, system_id, component_id
 def test_sequence_wraps_and_rows_of_an_array_pack_alone() -> None:
     rows = np.zeros(3, codec.STEP_DONE)
     rows["step"] = [5, 6, 7]
-    third = packed(codec.ID_STEP_DONE, rows[2:3], sequence=256 + 9)
-    assert third == packed(codec.ID_STEP_DONE, rows[2:].copy(), sequence=9)
+    third = packed(codec.MessageId.STEP_DONE, rows[2:3], sequence=256 + 9)
+    assert third == packed(codec.MessageId.STEP_DONE, rows[2:].copy(), sequence=9)
 
 
 def test_packing_an_unknown_message_is_our_own_mistake() -> None:
@@ -150,7 +150,7 @@ def test_random_bytes_are_refused(data: bytes, with_magic: bool) -> None:
 
 
 def test_reasons_are_told_apart() -> None:
-    frame = sample(codec.ID_STEP_DONE)
+    frame = sample(codec.MessageId.STEP_DONE)
     assert received(frame[:-1] + bytes([frame[-1] ^ 1]))[1] == DropReason.BAD_CRC
     assert received(frame[:2] + b"\x02" + frame[3:])[1] == DropReason.BAD_FLAGS
     assert received(b"\xfe" + frame[1:])[1] == DropReason.BAD_MAGIC
@@ -169,9 +169,13 @@ def test_other_messages_and_signed_frames_are_left_to_pymavlink() -> None:
 
 
 def test_longer_payload_of_a_newer_dialect_is_read() -> None:
-    body = bytes([6, 0, 0, 1, 2, 3]) + codec.ID_STEP_DONE.to_bytes(3, "little") + bytes(range(1, 7))
+    body = (
+        bytes([6, 0, 0, 1, 2, 3])
+        + codec.MessageId.STEP_DONE.to_bytes(3, "little")
+        + bytes(range(1, 7))
+    )
     crc = dialect.x25crc(body + bytes([dialect.MAVLink_ftc_step_done_message.crc_extra])).crc
     datagram, answer = received(b"\xfd" + body + struct.pack("<H", crc))
-    assert answer == codec.ID_STEP_DONE
+    assert answer == codec.MessageId.STEP_DONE
     codec.expand(datagram, codec.STEP_DONE_SIZE)
     assert codec.payload_view(datagram, codec.STEP_DONE)[0]["step"] == 0x04030201

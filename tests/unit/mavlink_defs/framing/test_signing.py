@@ -80,10 +80,10 @@ def test_pymavlink_and_seal_understand_each_other() -> None:
     done, payload = dialect.MAVLink_ftc_step_done_message(7), np.zeros(1, codec.STEP_DONE)
     payload["step"] = 7
     for _ in range(3):
-        assert opened(link_signer, bytes(done.pack(theirs))) == codec.ID_STEP_DONE
+        assert opened(link_signer, bytes(done.pack(theirs))) == codec.MessageId.STEP_DONE
         assert opened(link_signer, bytes(ARM.pack(theirs))) == codec.FOREIGN
         datagram = codec.new_buffer()
-        length = codec.pack(datagram, payload, codec.ID_STEP_DONE, 3, 1, 0)
+        length = codec.pack(datagram, payload, codec.MessageId.STEP_DONE, 3, 1, 0)
         hot = bytes(datagram[: sign_frame(link_signer, datagram, length)])
         assert theirs.decode(bytearray(hot)).step == 7
         assert theirs.decode(bytearray(sign_bytes(link_signer, frame_of()))).command == 400
