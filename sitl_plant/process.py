@@ -1,7 +1,7 @@
 """The plant process: ``sitl-plant CONFIG``.
 
 It binds the simulator link's port, waits until an autopilot has registered and armed for every
-aircraft, flies, and says at the end why it stopped. Exit status: 0 flown to the end or stopped
+aircraft, flies, and reports at the end why it stopped. Exit status: 0 flown to the end or stopped
 by a signal, 1 the flight was lost or an autopilot fell silent, 2 bad input.
 """
 
@@ -50,21 +50,20 @@ from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
 from sitl_plant.link import new_link, run, send_states
 from sitl_plant.plant import describe_loss, time_s
+from sitl_plant.registration import Claim, Registration
 from sitl_plant.service import AircraftService
 
 __all__ = ["main"]
 
 _TICK_S = 0.02
-_TAKEOVER_S, _FROZEN_TAKEOVER_S = 1.0, 2.5
-"""Silence after which another autopilot may take over. While time stands still, only HEARTBEATs
-come, one a second."""
-_FAREWELL_S = 1.0
+_END_TIMEOUT_S = 1.0
+"""Longest wait for the autopilots to acknowledge the end of the simulation."""
 _DROPS_PERIOD_S = 1.0
 _STEPS_MAX = 2**31  # 24 days at 1 kHz
 
 
 class Plant:
-    """Socket, wall clock and registration around the compiled loop and the services."""
+    """Socket and wall clock around the compiled loop, the registration and the services."""
 
     def __init__(
         self, config: PlantConfig, sock: socket.socket, record: bool, link_signer: LinkSigner
@@ -81,6 +80,9 @@ class Plant:
         self._fleet.messages["run"] = secrets.randbits(32)
         self._link = new_link(systems, config.step_us, last_step, config.speed, record, link_signer)
         self._state = self._link.state[0]
+        self._registration = Registration(
+            self._link, config.silence_timeout_s, config.wait_for_restart, _log
+        )
         self._services = [
             AircraftService(
                 uav.id,
@@ -91,7 +93,7 @@ class Plant:
             )
             for i, uav in enumerate(config.uavs)
         ]
-        self._speakers = [
+        self._packers = [
             FramePacker(uav.id, SIMULATOR_COMPONENT, self._counter(i))
             for i, uav in enumerate(config.uavs)
         ]
@@ -101,7 +103,7 @@ class Plant:
         self.stopping = False
 
     def fly(self) -> str | None:
-        """Serve the link until the flight is over; the reason if it ended before its end."""
+        """Serve the link until the flight is over; return the reason if it ended early."""
         loss, outcome = None, Outcome.NONE
         while not self.stopping:
             outcome = run(self._fd, self._link, self._fleet, time.monotonic() + _TICK_S)
@@ -115,13 +117,13 @@ class Plant:
                 loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
                 break
             else:
-                loss = self._look_around()
+                loss = self._between_datagrams()
                 if loss is not None:
                     break
             self._report_drops()
         if self._running:
             self.wall_s = time.monotonic() - self._begin_s
-        self._say_goodbye(lost=outcome == Outcome.LOST)
+        self._end_simulation(lost=outcome == Outcome.LOST)
         return loss
 
     @property
@@ -166,9 +168,12 @@ class Plant:
             return
         i = systems.index(message.get_srcSystem())
         now = time.monotonic()
-        if not self._register(i, now):
+        claim = self._registration.claim(i, now)
+        if claim is Claim.REFUSED:
             self._link.drops[-DropReason.STRANGER] += 1
             return
+        if claim is Claim.NEW and self._running:
+            send_states(self._fd, self._link, self._fleet, True)
         service = self._services[i]
         service.receive(message, self.time_s, now)
         for answer in service.messages_to_send():
@@ -178,8 +183,8 @@ class Plant:
 
     def _send(self, i: int, message: MAVLink_message) -> None:
         host = address_of(self._link.addresses[i])
-        frame = sign_bytes(self._link.signer, self._speakers[i].pack(message))
-        with contextlib.suppress(OSError):  # losses are the microservices' business
+        frame = sign_bytes(self._link.signer, self._packers[i].pack(message))
+        with contextlib.suppress(OSError):  # the microservices make up for losses
             self._sock.sendto(frame, (host.host, host.port))
 
     def _report_drops(self) -> None:
@@ -194,57 +199,33 @@ class Plant:
         for i in np.flatnonzero(self._link.known):
             self._send(int(i), message)
 
-    def _register(self, i: int, now: float) -> bool:
-        """Note who flies aircraft i; a second claimant is ignored while the first is heard."""
-        link = self._link
-        same = np.array_equal(link.addresses[i], link.sender)
-        takeover_s = _TAKEOVER_S if self._running else _FROZEN_TAKEOVER_S
-        if not same and link.known[i] and now - link.heard_s[i] < takeover_s:
-            return False
-        if not same or not link.known[i]:
-            link.addresses[i] = link.sender
-            link.known[i] = 1
-            if self._running:
-                _say(f"the autopilot of UAV {link.systems[i]} is back at {self.time_s:.3f} s")
-                send_states(self._fd, link, self._fleet, True)
-        link.heard_s[i] = now
-        return True
-
     def _start(self) -> None:
         self._state["flags"] |= FTC_SIM_FLAGS_RUNNING
         self._begin_s = self._state["origin_s"] = time.monotonic()
         self._state["origin_step"] = self._state["step"]
-        _say(f"all armed, simulated time starts at Unix time {time.time():.3f}")
+        _log(f"all armed, simulated time starts at Unix time {time.time():.3f}")
 
-    def _look_around(self) -> str | None:
-        """Between datagrams: keep frozen aircraft alive, notice silence."""
-        link, now = self._link, time.monotonic()
-        silent = link.known & (now - link.heard_s > self._config.silence_timeout_s)
+    def _between_datagrams(self) -> str | None:
+        """Check for silent autopilots, and refresh the state while time stands still.
+
+        Returns:
+            Why the flight must end; None if it goes on.
+        """
+        loss = self._registration.check_silence(time.monotonic())
         if not self._running:
-            link.known[silent.astype(bool)] = 0  # it may register again
-            send_states(self._fd, link, self._fleet, False)
-            return None
-        for i in np.flatnonzero(silent):
-            text = (
-                f"the autopilot of UAV {link.systems[i]} has been silent for "
-                f"{self._config.silence_timeout_s:g} s at {self.time_s:.3f} s of simulated time"
-            )
-            if not self._config.wait_for_restart:
-                return text
-            link.known[i] = 0
-            _say(f"{text}; holding its last command and waiting for it to come back")
-        return None
+            send_states(self._fd, self._link, self._fleet, False)
+        return loss
 
     def refused(self) -> Counter[str]:
-        """Datagrams dropped, by reason."""
+        """Return the datagrams dropped, by reason."""
         drops = self._link.drops
         return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
 
-    def _say_goodbye(self, lost: bool) -> None:
-        """Tell every autopilot that the simulation is over, until each has answered."""
+    def _end_simulation(self, lost: bool) -> None:
+        """Send every autopilot the end of the simulation until each has acknowledged it."""
         self._state["flags"] |= FTC_SIM_FLAGS_ENDED | (FTC_SIM_FLAGS_LOST if lost else 0)
         self._state["flags"] &= ~FTC_SIM_FLAGS_RUNNING
-        end = time.monotonic() + _FAREWELL_S
+        end = time.monotonic() + _END_TIMEOUT_S
         send_states(self._fd, self._link, self._fleet, False)
         while time.monotonic() < end and self._unfinished():
             run(self._fd, self._link, self._fleet, time.monotonic() + _TICK_S)
@@ -281,7 +262,7 @@ def main(arguments: list[str] | None = None) -> None:
         print(problem, file=sys.stderr)
         sys.exit(2)
     if not is_loopback(address):
-        _say(exposed(address, config.signing_key is not None))
+        _log(exposed(address, config.signing_key is not None))
     plant = Plant(config, sock, options.record is not None, link_signer)
 
     def stop() -> None:
@@ -296,12 +277,12 @@ def main(arguments: list[str] | None = None) -> None:
         except OSError as problem:
             loss = f"cannot write {options.record}: {problem.strerror}"
     if refused := plant.refused():
-        _say(f"frames dropped: {words_of(refused)}")
+        _log(f"frames dropped: {words_of(refused)}")
     if loss is not None:
-        _say(loss)
+        _log(loss)
     sys.exit(0 if loss is None else 1)
 
 
-def _say(text: str) -> None:
+def _log(text: str) -> None:
     with contextlib.suppress(OSError):  # a full disk must not end the flight
         print(f"sitl-plant: {text}", file=sys.stderr, flush=True)

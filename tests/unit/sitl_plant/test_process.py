@@ -1,71 +1,167 @@
-"""The plant's shell: who is heard, and what a network that fails does to it."""
+"""The plant process around its compiled loop: sockets, wall clock, start and end of a flight."""
 
 import socket
 from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
-from mavlink_defs.endpoint import UdpAddress, address_of, bind_udp, sockaddr
+from mavlink_defs.config.files import dump
+from mavlink_defs.endpoint import UdpAddress, bind_udp, sockaddr
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.framing.hot_signing import new_link_signer
 from mavlink_defs.framing.signing import PLANT_LINK
-from sitl_plant.process import Plant
+from sitl_plant import process
+from sitl_plant.config import PlantConfig
+from sitl_plant.process import Plant, main
 
 ANY_PORT = UdpAddress("127.0.0.1", 0)
-
-
-class Rig:
-    """A plant, and two autopilots that claim the same aircraft."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        self.sock, self.first, self.second = (bind_udp(ANY_PORT, "test") for _ in range(3))
-        self.plant = Plant(
-            scenario.plant_config(), self.sock, False, new_link_signer(b"", PLANT_LINK)
-        )
-        self.link = self.plant._link
-
-    def register(self, sock: socket.socket, now: float) -> bool:
-        """Whether a frame for UAV 1 that comes from a socket is taken."""
-        self.link.sender[:] = sockaddr(UdpAddress(*sock.getsockname()))
-        return self.plant._register(0, now)
+ENDED = dialect.FTC_SIM_FLAGS_ENDED
 
 
 @pytest.fixture
-def rig(scenario1: Scenario) -> Iterator[Rig]:
-    rig = Rig(scenario1)
-    yield rig
-    for sock in (rig.sock, rig.first, rig.second):
-        sock.close()
+def config(scenario1: Scenario) -> PlantConfig:
+    return scenario1.plant_config().model_copy(update={"silence_timeout_s": 0.05})
 
 
-@pytest.mark.parametrize(("flags", "patience_s"), [(dialect.FTC_SIM_FLAGS_RUNNING, 1.0), (0, 2.5)])
-def test_another_autopilot_takes_over_only_after_silence(
-    rig: Rig, flags: int, patience_s: float
+class Rig:
+    """A plant, and sockets that claim its aircraft; nothing answers its states."""
+
+    def __init__(self, config: PlantConfig, stack: ExitStack) -> None:
+        self.sock = stack.enter_context(bind_udp(ANY_PORT, "test"))
+        self.plant = Plant(config, self.sock, False, new_link_signer(b"", PLANT_LINK))
+        self.link = self.plant._link
+        self.peers = {
+            uav.id: stack.enter_context(bind_udp(ANY_PORT, "test")) for uav in config.uavs
+        }
+
+    def heartbeat(
+        self, sender: socket.socket, system: int, armed: bool, component: int = 1
+    ) -> None:
+        base_mode = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+        message = dialect.MAVLink_heartbeat_message(1, 3, base_mode, 12, 4, 3)
+        frame = FramePacker(system, component).pack(message)
+        sender.sendto(frame, self.sock.getsockname())
+
+    def received(self, system: int) -> list[dialect.MAVLink_message]:
+        messages = []
+        self.peers[system].setblocking(False)
+        while True:
+            try:
+                message = parse(self.peers[system].recv(400))
+            except BlockingIOError:
+                return messages
+            assert message is not None
+            assert message.get_srcComponent() == 25
+            messages.append(message)
+
+
+@pytest.fixture
+def rig(config: PlantConfig, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
+    monkeypatch.setattr(process, "_END_TIMEOUT_S", 0.05)
+    with ExitStack() as stack:
+        yield Rig(config, stack)
+
+
+def test_a_flight_starts_when_all_are_armed_and_ends_when_one_is_silent(
+    rig: Rig, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    rig.link.state["flags"] = flags
-    assert rig.register(rig.first, 100.0)
-    assert not rig.register(rig.second, 100.0 + patience_s - 0.01)
-    assert rig.register(rig.first, 101.0)
-    assert not rig.register(rig.second, 101.0 + patience_s - 0.01)
-    assert rig.register(rig.second, 101.0 + patience_s)
-    assert not rig.register(rig.first, 101.0 + patience_s)
+    for armed in (False, True):
+        for system, peer in rig.peers.items():
+            rig.heartbeat(peer, system, armed)
+    why = rig.plant.fly()
+    assert why is not None
+    assert why.startswith("the autopilot of UAV 1 has been silent for 0.05 s at 0.000 s")
+    assert "all armed, simulated time starts" in capfd.readouterr().err
+    assert rig.plant.recording()["steps"] == 0
+    assert rig.plant.refused() == {}
+    for system in rig.peers:
+        states = [m for m in rig.received(system) if m.get_type() == "FTC_SIM_STATE"]
+        assert states[-1].flags & ENDED
+        assert not states[-1].flags & dialect.FTC_SIM_FLAGS_LOST
+
+
+def test_an_autopilot_that_comes_back_in_flight_is_sent_the_present_state(
+    rig: Rig, capfd: pytest.CaptureFixture[str]
+) -> None:
+    rig.plant._start()
+    rig.link.sender[:] = sockaddr(UdpAddress(*rig.peers[1].getsockname()))
+    datagram = FramePacker(1, 1).pack(dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3))
+    rig.link.received[: len(datagram)] = np.frombuffer(datagram, np.uint8)
+    rig.plant._state["received"] = len(datagram)
+    rig.plant._serve()
+    assert "the autopilot of UAV 1 is back at 0.000 s" in capfd.readouterr().err
+    assert [m.get_type() for m in rig.received(1)] == ["FTC_SIM_STATE"]
+
+
+@pytest.mark.parametrize(
+    ("system", "component", "reason"),
+    [(9, 1, DropReason.STRANGER), (1, 2, DropReason.STRANGER)],
+)
+def test_messages_of_other_systems_and_components_are_dropped(
+    rig: Rig, system: int, component: int, reason: DropReason
+) -> None:
+    rig.heartbeat(rig.peers[1], system, False, component)
+    process.run(rig.sock.fileno(), rig.link, rig.plant._fleet, 0.0)
+    rig.plant._serve()
+    assert rig.plant.refused() == {reason.words: 1}
+    assert not rig.link.known.any()
+
+
+def test_a_second_autopilot_and_damaged_messages_are_dropped(rig: Rig) -> None:
+    for sender in (rig.peers[1], rig.peers[2]):
+        rig.heartbeat(sender, 1, False)
+    rig.peers[1].sendto(b"\xfd" + bytes(11), rig.sock.getsockname())
+    for _ in range(3):
+        process.run(rig.sock.fileno(), rig.link, rig.plant._fleet, 0.0)
+        rig.plant._serve()
+    assert rig.plant.refused()[DropReason.STRANGER.words] == 1
+    assert rig.plant.refused().total() == 2
     assert rig.link.known.tolist() == [1, 0, 0]
-    assert address_of(rig.link.addresses[0]) == UdpAddress(*rig.second.getsockname())
 
 
 def test_a_datagram_that_cannot_be_sent_is_lost_and_nothing_more(rig: Rig) -> None:
-    rig.register(rig.first, 100.0)
+    rig.link.known[0] = 1
     rig.link.addresses[0] = sockaddr(
         UdpAddress("255.255.255.255", 9)
     )  # broadcasting is not allowed
     rig.plant._report_drops()
 
 
-def test_every_plant_process_is_another_run(scenario1: Scenario) -> None:
+def test_a_plant_that_is_stopped_ends_without_a_loss(rig: Rig) -> None:
+    rig.plant.stopping = True
+    assert rig.plant.fly() is None
+    assert rig.plant.wall_s == 0.0
+
+
+def test_every_plant_process_is_another_run(config: PlantConfig) -> None:
     runs = set()
     for _ in range(3):
         with bind_udp(ANY_PORT, "test") as sock:
-            plant = Plant(scenario1.plant_config(), sock, False, new_link_signer(b"", PLANT_LINK))
+            plant = Plant(config, sock, False, new_link_signer(b"", PLANT_LINK))
             runs |= {*plant._fleet.messages["run"].tolist()}
     assert len(runs) == 3
+
+
+def test_bad_input_is_refused_with_status_2(
+    config: PlantConfig, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "plant.yaml"
+    for arguments, problem in (
+        ([], "no such file"),
+        (["--record", "out.npz"], "duration_s: missing; --record needs an end"),
+        ([], "port"),
+    ):
+        with bind_udp(ANY_PORT, "test") as taken:
+            if problem != "no such file":
+                update = {"duration_s": None, "bind": f"127.0.0.1:{taken.getsockname()[1]}"}
+                dump(config.model_copy(update=update), path)
+            with pytest.raises(SystemExit) as exit_:
+                main([str(path), *arguments])
+        assert exit_.value.code == 2
+        assert problem in capsys.readouterr().err
