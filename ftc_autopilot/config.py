@@ -38,16 +38,19 @@ class Trigger(Model):
     )
     a1: Schedule[
         Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of the thrust.")]
-    ] = schedule(0.01)
+    ] = schedule(0.01, doc="Relative threshold of the thrust, a1 of (25).")
     a2_n: Schedule[
         Annotated[float, quantity("N", ge=0.0, doc="Absolute threshold of the thrust.")]
-    ] = schedule([{"until_s": 14.0, "value": 0.5}, {"value": 1.0}])
+    ] = schedule(
+        [{"until_s": 14.0, "value": 0.5}, {"value": 1.0}],
+        doc="Absolute threshold of the thrust, a2 of (25) [N].",
+    )
     b1: Schedule[
         Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of a surface.")]
-    ] = schedule(0.01)
+    ] = schedule(0.01, doc="Relative threshold of the surfaces, b1 of (29).")
     b2_deg: Schedule[
         Annotated[float, quantity("deg", ge=0.0, doc="Absolute threshold of a surface.")]
-    ] = schedule(1.0)
+    ] = schedule(1.0, doc="Absolute threshold of the surfaces, b2 of (29) [deg].")
 
 
 class Neighbour(Model):
@@ -62,14 +65,22 @@ class AutopilotConfig(Model):
     """All that one autopilot process needs."""
 
     id: SystemId
-    name: str = Field(min_length=1)
+    name: str = Field(min_length=1, description="Name of the UAV.")
     step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
-    identity: Identity = "ardupilot"
-    origin: Origin = Origin()
+    identity: Identity = Field(
+        default="ardupilot", description="Autopilot whose MAVLink conventions it follows."
+    )
+    origin: Origin = Field(
+        default=Origin(), description="Geographic coordinates of north = east = down = 0."
+    )
     aircraft: Aircraft = Field(description="The nominal aircraft.")
-    controller: Controller = Proposed()
-    trigger: Trigger = Trigger()
-    neighbours: tuple[Neighbour, ...] = ()
+    controller: Controller = Field(
+        default=Proposed(), description="Control law and its parameters."
+    )
+    trigger: Trigger = Field(default=Trigger(), description="Event triggers.")
+    neighbours: tuple[Neighbour, ...] = Field(
+        default=(), description="Neighbours in the communication graph."
+    )
     neighbour_timeout_s: float = quantity(
         "s", gt=0.0, default=0.25, doc="Silence after which a neighbour's edge is dropped."
     )

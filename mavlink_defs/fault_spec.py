@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from mavlink_defs.config.models import Model, Problem, Problems
 from mavlink_defs.config.quantity import quantity
@@ -21,16 +21,20 @@ class FaultSpec(Model):
     UAV it acts is not part of it, and its window may be left open.
     """
 
-    actuator: Actuator
+    actuator: Actuator = Field(description="The actuator that fails.")
     effectiveness: float | None = quantity(
-        "", ge=0.0, le=1.0, default=None, doc="What is left of the command; 1 unless stuck."
+        "", ge=0.0, le=1.0, default=None, doc="Share of the command that remains; 1 unless stuck."
     )
     bias_deg: float | None = quantity("deg", default=None, doc="Bias of a surface.")
     bias_n: float | None = quantity("N", default=None, doc="Bias of the throttle.")
     stuck_deg: float | None = quantity("deg", default=None, doc="Angle of a stuck surface.")
     stuck_n: float | None = quantity("N", default=None, doc="Thrust of a stuck throttle.")
     frequency_hz: float = quantity(
-        "Hz", ge=0.0, le=MAX_FREQUENCY_HZ, default=0.0, doc="Of the value; 0: constant."
+        "Hz",
+        ge=0.0,
+        le=MAX_FREQUENCY_HZ,
+        default=0.0,
+        doc="Frequency of the bias or stuck value; 0: constant.",
     )
     start_s: float | None = quantity("s", ge=0.0, default=None, doc="Start, exclusive; none: now.")
     end_s: float | None = quantity("s", gt=0.0, default=None, doc="End, inclusive; none: never.")

@@ -82,7 +82,7 @@ class Aircraft(Model):
     air_density_kg_m3: float = quantity("kg/m^3", gt=0.0, doc="Air density rho.")
     gravity_m_s2: float = quantity("m/s^2", ge=0.0, doc="Acceleration of gravity g.")
     inertia_kg_m2: Inertia = Field(description="Inertia J.")
-    coefficients: Coefficients
+    coefficients: Coefficients = Field(description="Aerodynamic coefficients.")
     rate_derivatives: Literal["nondimensional", "per_rad_s"] = Field(
         default="nondimensional",
         description="Whether cl_p and the like are per p b/2V, or per rad/s.",
@@ -189,16 +189,18 @@ _NONE = Sinusoid(rate_rad_s=0.0)
 class Axes(Model):
     """One sinusoid for each body axis."""
 
-    x: Sinusoid = _NONE
-    y: Sinusoid = _NONE
-    z: Sinusoid = _NONE
+    x: Sinusoid = Field(default=_NONE, description="Along x, forward.")
+    y: Sinusoid = Field(default=_NONE, description="Along y, to the right.")
+    z: Sinusoid = Field(default=_NONE, description="Along z, down.")
 
 
 class Disturbance(Model):
     """Disturbances d_v and d_omega of eqs. (2) and (4), functions of simulation time."""
 
-    acceleration_m_s2: Axes = Axes()
-    angular_acceleration_rad_s2: Axes = Axes()
+    acceleration_m_s2: Axes = Field(default=Axes(), description="d_v of (2) [m/s^2].")
+    angular_acceleration_rad_s2: Axes = Field(
+        default=Axes(), description="d_omega of (4) [rad/s^2]."
+    )
 
 
 class InitialState(Model):
@@ -217,7 +219,7 @@ class PlantUav(Model):
     """One aircraft of the plant."""
 
     id: SystemId
-    initial: InitialState
+    initial: InitialState = Field(description="State at t = 0.")
     aircraft: Aircraft = Field(description="The true aircraft.")
 
 
@@ -241,8 +243,10 @@ class PlantConfig(Model):
     wait_for_restart: bool = Field(
         default=False, strict=True, description="Wait for a silent autopilot instead of stopping."
     )
-    disturbance: Disturbance = Disturbance()
-    uavs: tuple[PlantUav, ...] = Field(min_length=1)
+    disturbance: Disturbance = Field(
+        default=Disturbance(), description="Disturbances of every aircraft."
+    )
+    uavs: tuple[PlantUav, ...] = Field(min_length=1, description="The aircraft.")
 
     @model_validator(mode="after")
     def _ids_unique(self) -> "PlantConfig":

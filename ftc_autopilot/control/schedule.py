@@ -28,7 +28,7 @@ class Window(Model, Generic[T]):
     until_s: float | None = quantity(
         "s", gt=0.0, default=None, doc="Last instant, on the clock of the mission; none: for ever."
     )
-    value: T
+    value: T = Field(description="Value until then, in the unit of the parameter.")
 
 
 def _form(value: object) -> str:
@@ -83,9 +83,9 @@ class Schedule(
         return self
 
 
-def schedule(default: object) -> Any:
+def schedule(default: object, *, doc: str) -> Any:
     """Declare a field of type `Schedule` with its default as YAML would give it."""
-    return Field(default=default, validate_default=True)
+    return Field(default=default, validate_default=True, description=doc)
 
 
 def schedule_table(windows: "Schedule[Any]") -> np.ndarray:

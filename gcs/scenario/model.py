@@ -51,22 +51,34 @@ __all__ = ["Scenario", "load_scenario", "scenario_of", "scenario_tree"]
 class Scenario(Model):
     """One flight: fleet, aircraft, controller, network, references, faults, links."""
 
-    name: str = Field(min_length=1)
-    description: str = ""
+    name: str = Field(min_length=1, description="Name of the scenario.")
+    description: str = Field(default="", description="Purpose of the scenario, in a line or more.")
     duration_s: float = quantity("s", gt=0.0, le=86_400.0, doc="Length of the flight.")
     step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
     aircraft: Aircraft = Field(description="The nominal aircraft.")
-    uncertainty: Uncertainty = Uncertainty()
-    disturbance: Disturbance = Disturbance()
-    controller: Controller = Proposed()
-    trigger: Trigger = Trigger()
-    uavs: tuple[ScenarioUav, ...] = Field(min_length=1)
-    network: Network
-    profile: tuple[ProfileSegment, ...] = Field(min_length=1, max_length=MAX_SEGMENTS)
-    faults: tuple[ScenarioFault, ...] = ()
-    links: Links = Links()
-    origin: Origin = Origin()
-    identity: Identity = "ardupilot"
+    uncertainty: Uncertainty = Field(
+        default=Uncertainty(), description="True aircraft by nominal aircraft."
+    )
+    disturbance: Disturbance = Field(
+        default=Disturbance(), description="Disturbances of every aircraft."
+    )
+    controller: Controller = Field(
+        default=Proposed(), description="Control law of every UAV, and its parameters."
+    )
+    trigger: Trigger = Field(default=Trigger(), description="Event triggers of every UAV.")
+    uavs: tuple[ScenarioUav, ...] = Field(min_length=1, description="The fleet.")
+    network: Network = Field(description="The communication graph.")
+    profile: tuple[ProfileSegment, ...] = Field(
+        min_length=1, max_length=MAX_SEGMENTS, description="Reference of the flight."
+    )
+    faults: tuple[ScenarioFault, ...] = Field(default=(), description="Actuator faults.")
+    links: Links = Field(default=Links(), description="Addresses, ports, signing, impairments.")
+    origin: Origin = Field(
+        default=Origin(), description="Geographic coordinates of north = east = down = 0."
+    )
+    identity: Identity = Field(
+        default="ardupilot", description="Autopilot whose MAVLink conventions the UAVs follow."
+    )
 
     def plant_config(self, speed: float | None = None, *, endless: bool = False) -> PlantConfig:
         """Return the configuration of the plant process.

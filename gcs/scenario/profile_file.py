@@ -28,9 +28,11 @@ __all__ = ["ProfileFile", "load_profile", "profile_yaml"]
 class ProfileFile(Model):
     """A profile on its own."""
 
-    name: str = ""
-    description: str = ""
-    profile: tuple[ProfileSegment, ...] = Field(min_length=1, max_length=MAX_SEGMENTS)
+    name: str = Field(default="", description="Name of the profile.")
+    description: str = Field(default="", description="Purpose of the profile.")
+    profile: tuple[ProfileSegment, ...] = Field(
+        min_length=1, max_length=MAX_SEGMENTS, description="The segments, in order."
+    )
 
 
 def load_profile(name: Path | str) -> tuple[Segment, ...]:

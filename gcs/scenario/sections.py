@@ -38,8 +38,8 @@ class ScenarioUav(Model):
     """One UAV of the fleet."""
 
     id: SystemId
-    name: str = Field(min_length=1)
-    initial: InitialState
+    name: str = Field(min_length=1, description="Name that displays show.")
+    initial: InitialState = Field(description="State at t = 0.")
 
 
 class Edge(Model):
@@ -53,18 +53,20 @@ class Network(Model):
     """The communication graph, section II-D of the paper."""
 
     leader_access: dict[SystemId, Weight] = Field(description="h_i of the UAVs that have it.")
-    edges: tuple[Edge, ...] = ()
+    edges: tuple[Edge, ...] = Field(default=(), description="Pairs of UAVs that communicate.")
 
 
 class ProfileSegment(Model):
     """Reference values from a time on; those of a ramp are reached when the next one starts."""
 
     start_s: float = quantity("s", ge=0.0, doc="Start, exclusive.")
-    airspeed_m_s: float = quantity("m/s", gt=0.0, doc="V_r.")
+    airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed V_r.")
     roll_deg: float = quantity("deg", ge=-90.0, le=90.0, default=0.0, doc="Roll angle.")
     pitch_deg: float = quantity("deg", gt=-90.0, lt=90.0, default=0.0, doc="Pitch angle.")
     yaw_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Yaw angle.")
-    shape: Literal["step", "ramp"] = "step"
+    shape: Literal["step", "ramp"] = Field(
+        default="step", description="Values in force from the start, or approached linearly."
+    )
 
     def segment(self) -> Segment:
         """Return the segment as it is uploaded."""
@@ -100,19 +102,27 @@ class ScenarioFault(FaultSpec):
 class Impairments(Model):
     """Links that are relayed and made worse; one with no keys is relayed and counted only."""
 
-    plant: Impairment | None = None
-    gcs: Impairment | None = None
-    formation: Impairment | None = None
+    plant: Impairment | None = Field(
+        default=None, description="The simulator link; none: no relay."
+    )
+    gcs: Impairment | None = Field(default=None, description="The GCS link; none: no relay.")
+    formation: Impairment | None = Field(
+        default=None, description="The formation link; none: no relay."
+    )
 
 
 class Links(Model):
     """Addresses and ports; everything binds `host`."""
 
-    host: str = "127.0.0.1"
-    gcs_port: Port = GCS_PORT
-    plant_port: Port = PLANT_PORT
+    host: str = Field(
+        default="127.0.0.1", description="IPv4 address or name of the host that all processes bind."
+    )
+    gcs_port: Port = Field(
+        default=GCS_PORT, description="UDP port on which ground stations receive."
+    )
+    plant_port: Port = Field(default=PLANT_PORT, description="UDP port of the simulator link.")
     formation_base_port: Port = Field(
-        default=FORMATION_BASE_PORT, description="UAV i binds this plus i."
+        default=FORMATION_BASE_PORT, description="UAV i binds this UDP port plus i."
     )
     plant_relay: HostPort | None = Field(
         default=None, description="Where autopilots send instead of to the plant itself."

@@ -52,20 +52,34 @@ class Outage(Model):
 class Impairment(Model):
     """Impairments of each datagram on a link, in either direction; none by default."""
 
-    seed: int = whole("", ge=0, le=2**63 - 1, default=1, doc="The same seed, the same fate.")
+    seed: int = whole("", ge=0, le=2**63 - 1, default=1, doc="Seed of the random choices.")
     loss: float = quantity("", ge=0.0, le=1.0, default=0.0, doc="Share that is lost.")
-    bursts: Bursts | None = None
+    bursts: Bursts | None = Field(default=None, description="Losses in bursts; none: no bursts.")
     duplicate: float = quantity("", ge=0.0, le=1.0, default=0.0, doc="Share that comes twice.")
-    delay_ms: float = quantity("ms", ge=0.0, le=60_000.0, default=0.0, doc="Of every datagram.")
+    delay_ms: float = quantity(
+        "ms", ge=0.0, le=60_000.0, default=0.0, doc="Delay of every datagram."
+    )
     jitter_ms: float = quantity(
-        "ms", ge=0.0, le=60_000.0, default=0.0, doc="Most that is added to the delay; in order."
+        "ms",
+        ge=0.0,
+        le=60_000.0,
+        default=0.0,
+        doc="Largest random addition to the delay; order is kept.",
     )
     reorder: float = quantity("", ge=0.0, le=1.0, default=0.0, doc="Share that is overtaken.")
     reorder_ms: float = quantity(
-        "ms", gt=0.0, le=60_000.0, default=10.0, doc="How long these are held back."
+        "ms",
+        gt=0.0,
+        le=60_000.0,
+        default=10.0,
+        doc="Time by which overtaken datagrams are held back.",
     )
-    bit_errors: float = quantity("", ge=0.0, le=0.5, default=0.0, doc="Share of the bits.")
-    outages: tuple[Outage, ...] = ()
+    bit_errors: float = quantity(
+        "", ge=0.0, le=0.5, default=0.0, doc="Share of the bits that are inverted."
+    )
+    outages: tuple[Outage, ...] = Field(
+        default=(), description="Times during which every datagram is lost [s]."
+    )
 
 
 @dataclass

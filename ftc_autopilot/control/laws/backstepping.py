@@ -8,6 +8,7 @@ faults, nothing that depends on a trigger.
 from typing import ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ftc_autopilot.control.attitude import virtual_control
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
@@ -26,11 +27,11 @@ class Backstepping(LawParameters):
 
     STATE: ClassVar[np.dtype] = np.dtype([("omega_d_filtered", "f8", (3,))])  # rad/s
 
-    kind: Literal["backstepping"] = "backstepping"
+    kind: Literal["backstepping"] = Field(default="backstepping", description="Name of the law.")
 
     c_v: float = quantity("1/s", gt=0.0, default=10.0, doc="Gain of the speed error.")
-    K1: Schedule[Gains] = schedule(TABLE_III_K1)
-    K2: Schedule[Gains] = schedule(TABLE_III_K2)
+    K1: Schedule[Gains] = schedule(TABLE_III_K1, doc="Gains of the attitude errors (57) [1/s].")
+    K2: Schedule[Gains] = schedule(TABLE_III_K2, doc="Gains of the rate errors [1/s].")
     tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of omega_d (57).")
 
 

@@ -3,6 +3,7 @@
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from ftc_autopilot.control.formation import FormationErrors
 from ftc_autopilot.control.motion import Motion
@@ -23,7 +24,7 @@ class LawParameters(Model):
 
     STATE: ClassVar[np.dtype] = np.dtype([])
 
-    kind: str
+    kind: str = Field(description="Name of the law.")
 
     lambda1: float = quantity("", gt=0.0, default=0.46, doc="Weight of the own speed error (31).")
     lambda2: float = quantity("", ge=0.0, default=0.17, doc="Weight of speed differences (31).")

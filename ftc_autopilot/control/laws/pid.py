@@ -5,9 +5,10 @@ per body axis for surface deflections, scaled with airspeed; another one holds t
 It uses no aircraft model, no neighbours, no fault information and no trigger.
 """
 
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from mavlink_defs.config.quantity import quantity
@@ -17,10 +18,11 @@ from sitl_plant.vec3 import Vec3, mul
 
 __all__ = ["Pid", "pid_law"]
 
-_Gain = Annotated[float, quantity("", ge=0.0, doc="Of roll, pitch or yaw.")]
-_Positive = Annotated[float, quantity("", gt=0.0, doc="Of roll, pitch or yaw.")]
-_Axes: TypeAlias = tuple[_Gain, _Gain, _Gain]
-_PositiveAxes: TypeAlias = tuple[_Positive, _Positive, _Positive]
+_TimeConstant = Annotated[float, quantity("s", gt=0.0, doc="Time constant of an attitude loop.")]
+_RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
+_RateGain = Annotated[float, quantity("s", ge=0.0, doc="Gain from rate to deflection.")]
+_IntegralGain = Annotated[float, quantity("", ge=0.0, doc="Gain from angle to deflection.")]
+_IntegralLimit = Annotated[float, quantity("deg", gt=0.0, doc="Limit of an integral's deflection.")]
 
 
 class Pid(LawParameters):
@@ -36,14 +38,28 @@ class Pid(LawParameters):
         [("integral", "f8", (3,)), ("thrust_integral", "f8")]  # rad, N
     )
 
-    kind: Literal["pid"] = "pid"
+    kind: Literal["pid"] = Field(default="pid", description="Name of the law.")
 
-    time_constant_s: _PositiveAxes = (0.2, 0.2, 0.2)  # of the attitude loops; PX4's least
-    rate_limit_deg_s: _PositiveAxes = (60.0, 60.0, 60.0)  # of the Euler angles
-    rate_ff: _Axes = (0.08, 0.08, 0.08)  # deflection by wanted rate [rad per rad/s]
-    rate_p: _Axes = (0.37, 0.68, 1.67)  # deflection by rate error [rad per rad/s]
-    rate_i: _Axes = (3.7, 6.8, 16.7)  # deflection by integrated rate error [rad per rad]
-    integral_limit_deg: _PositiveAxes = (30.0, 30.0, 30.0)  # the rudder's trim is 20.3 deg
+    time_constant_s: tuple[_TimeConstant, _TimeConstant, _TimeConstant] = Field(
+        default=(0.2, 0.2, 0.2),  # the least that PX4 permits
+        description="Time constants of the attitude loops [s].",
+    )
+    rate_limit_deg_s: tuple[_RateLimit, _RateLimit, _RateLimit] = Field(
+        default=(60.0, 60.0, 60.0), description="Limits of the Euler angle rates [deg/s]."
+    )
+    rate_ff: tuple[_RateGain, _RateGain, _RateGain] = Field(
+        default=(0.08, 0.08, 0.08), description="Deflection by wanted rate [rad per rad/s]."
+    )
+    rate_p: tuple[_RateGain, _RateGain, _RateGain] = Field(
+        default=(0.37, 0.68, 1.67), description="Deflection by rate error [rad per rad/s]."
+    )
+    rate_i: tuple[_IntegralGain, _IntegralGain, _IntegralGain] = Field(
+        default=(3.7, 6.8, 16.7), description="Deflection by integrated rate error [rad per rad]."
+    )
+    integral_limit_deg: tuple[_IntegralLimit, _IntegralLimit, _IntegralLimit] = Field(
+        default=(30.0, 30.0, 30.0),  # the rudder's trim is 20.3 deg
+        description="Limits of the integrals' deflections [deg].",
+    )
     trim_airspeed_m_s: float = quantity(
         "m/s", gt=0.0, default=45.0, doc="Airspeed at which the rate gains hold."
     )

@@ -3,6 +3,7 @@
 from typing import ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ftc_autopilot.control.attitude import AttitudeLaw, attitude_law, virtual_control
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
@@ -32,7 +33,7 @@ class Proposed(LawParameters):
         ]
     )
 
-    kind: Literal["proposed"] = "proposed"
+    kind: Literal["proposed"] = Field(default="proposed", description="Name of the law.")
 
     c_v: float = quantity("1/s", gt=0.0, default=10.0, doc="Gain of the speed law (33).")
     eps_v: float = quantity("", gt=0.0, default=0.1, doc="Smoothing of the speed law (33).")
@@ -45,8 +46,8 @@ class Proposed(LawParameters):
     h_v1: float = quantity("", gt=0.0, default=0.93, doc="Weight of the network (33), (34).")
     h_v2: float = quantity("", gt=0.0, default=9.2, doc="Weight of the robust term (33).")
 
-    K1: Schedule[Gains] = schedule(TABLE_III_K1)
-    K2: Schedule[Gains] = schedule(TABLE_III_K2)
+    K1: Schedule[Gains] = schedule(TABLE_III_K1, doc="Gains of the attitude errors (57) [1/s].")
+    K2: Schedule[Gains] = schedule(TABLE_III_K2, doc="Gains of the rate errors [1/s].")
     eps_omega: float = quantity("", gt=0.0, default=1.0, doc="Smoothing of the attitude law (37).")
     gamma_omega1: float = quantity("", gt=0.0, default=0.01, doc="Rate of Phi_omega (38).")
     gamma_omega2: float = quantity("", gt=0.0, default=0.01, doc="Rate of beta_omega (39).")
@@ -63,7 +64,7 @@ class Proposed(LawParameters):
     phi_omega0: float = quantity("", ge=0.0, default=0.0, doc="Phi_omega at t = 0.")
     beta_omega0: float = quantity("", ge=0.0, default=0.011, doc="beta_omega at t = 0.")
 
-    rbf: Rbf = Rbf()
+    rbf: Rbf = Field(default=Rbf(), description="The network's radial basis functions.")
 
 
 @compiled
