@@ -60,7 +60,7 @@ __all__ = [
 # rows of `AutopilotLink.drops`; the last holds the plant's own counts, as it reports them
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
 
-_PATIENCE_S = 0.02
+_ACK_TIMEOUT_S = 0.02
 """Real time: time to wait for the plant's acknowledgement [s, wall time]. In lockstep the next
 state carries it."""
 _NONE = -1
@@ -309,12 +309,12 @@ def _send_actuators(
     state, sim_state = link.state[0], link.simulator.sim_state[0]
     time_usec, now_s = int(sim_state["time_usec"]), state["heard_s"]
     applied_usec = int(np.int64(sim_state["actuator_time_usec"]))  # -1: none yet
-    patience_s = 0.0 if lockstep else _PATIENCE_S
+    timeout_s = 0.0 if lockstep else _ACK_TIMEOUT_S
     overdue = 0
     for c in range(N_CHANNELS):
         if state["pending_usec"][c] <= applied_usec:
             state["pending_usec"][c] = _NONE
-        if state["pending_usec"][c] != _NONE and now_s - state["pending_s"][c] >= patience_s:
+        if state["pending_usec"][c] != _NONE and now_s - state["pending_s"][c] >= timeout_s:
             overdue |= 1 << c
     if mask | overdue == 0:
         return

@@ -12,6 +12,7 @@ __all__ = [
     "GCS_PORT",
     "GUIDED",
     "HUB_PORT",
+    "INT32_MAX",
     "LAST_SYSTEM",
     "LOITER",
     "MODE_NAMES",
@@ -54,6 +55,9 @@ MODE_NAMES = {AUTO: "AUTO", LOITER: "LOITER", GUIDED: "GUIDED"}
 
 FORCE_DISARM = 21196.0
 """Parameter 2 of MAV_CMD_COMPONENT_ARM_DISARM that disarms in flight."""
+
+INT32_MAX = 2**31 - 1
+"""Largest int32; in x and y of COMMAND_INT and of mission items it stands for NaN."""
 
 STATUSTEXT_SIZE = 50
 """Characters that one STATUSTEXT holds; a full one announces that another one follows."""

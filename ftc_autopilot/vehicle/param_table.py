@@ -24,9 +24,9 @@ from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
+from mavlink_defs.services.param import MAX_NAME
 from mavlink_defs.services.param_server import (
     INT32,
-    MAX_NAME,
     REAL32,
     Parameter,
     ParamValueError,

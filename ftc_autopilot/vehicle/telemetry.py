@@ -16,6 +16,7 @@ from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
 from mavlink_defs import dialect
+from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.dialect import MAVLink_message
 
 __all__ = ["DEFAULT_INTERVALS_US", "MIN_INTERVAL_US", "Maker", "Telemetry", "makers_of"]
@@ -48,7 +49,7 @@ MIN_INTERVAL_US = 20_000
 
 _HEARTBEAT_US = 1_000_000  # it cannot be changed
 _PHASE_US = 1_000  # between the first messages of two streams
-_MAX_INTERVAL_US = 2**31 - 1  # the largest that MESSAGE_INTERVAL holds
+_MAX_INTERVAL_US = INT32_MAX  # of MESSAGE_INTERVAL
 _OFF, _NOT_AVAILABLE = -1, 0
 
 # REQUEST_DATA_STREAM, as ArduPlane groups its messages; private ones keep their rates

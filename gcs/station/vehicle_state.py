@@ -126,7 +126,7 @@ class VehicleState:
 
     def handle_timer(self, now: float) -> list[Notification]:
         """Notice silence, and texts that will not be completed; call it often."""
-        notifications = self._said(self._assembler.overdue(now), now)
+        notifications = self._said(self._assembler.handle_timer(now), now)
         while self._arrivals and self._arrivals[0] < now - _RATE_WINDOW_S:
             self._arrivals.popleft()
         if not self.lost and now - self.heard_at >= LOST_S:

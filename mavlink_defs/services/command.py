@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.dialect import (
     MAVLink_command_ack_message,
     MAVLink_command_int_message,
@@ -39,7 +40,6 @@ PROGRESS_TIMEOUT_S = 3.0
 
 PROGRESS_UNKNOWN = 255
 """COMMAND_ACK.progress of a vehicle that does not report how far it is."""
-_INT32_MAX = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def command_params(message: CommandMessage) -> tuple[float, ...]:
     m = message
     if isinstance(m, MAVLink_command_long_message):
         return (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
-    x, y = (math.nan if value == _INT32_MAX else float(value) for value in (m.x, m.y))
+    x, y = (math.nan if value == INT32_MAX else float(value) for value in (m.x, m.y))
     return (m.param1, m.param2, m.param3, m.param4, x, y, m.z)
 
 

@@ -1,7 +1,7 @@
 """Listing the faults of a vehicle: MAV_CMD_REQUEST_MESSAGE of FTC_FAULT, client side.
 
-The vehicle sends one FTC_FAULT for each fault before it acknowledges. What was lost is asked
-for again.
+The vehicle sends one FTC_FAULT for each fault before it acknowledges. What was lost is
+requested again.
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from mavlink_defs.services.machine import Machine, SystemId
 __all__ = ["MAX_REQUESTS", "FaultList", "FaultLister", "FaultsListed"]
 
 MAX_REQUESTS = 8
-_GAP_TIMEOUT_S = 0.2  # after the acknowledgement nothing should be on its way any more
+_GAP_TIMEOUT_S = 0.2  # after the acknowledgement nothing should be in transit
 
 
 @dataclass(frozen=True)
 class FaultsListed:
-    """The list is complete, or cannot be had.
+    """The list is complete, or unavailable.
 
     Attributes:
-        result: MAV_RESULT; None when the vehicle fell silent.
+        result: MAV_RESULT; None when the vehicle did not answer.
         faults: The faults; `end_s` is infinite for those that last until cleared.
     """
 
@@ -111,7 +111,7 @@ class FaultLister(Machine[FaultsListed]):
         self._pass_on()
 
     def handle_timer(self, now: float) -> None:
-        """Repeat the request, or ask for what is missing."""
+        """Repeat the request if it is unanswered or faults are missing."""
         self._command.handle_timer(now)
         for done in self._command.events():
             if isinstance(done, CommandFinished):

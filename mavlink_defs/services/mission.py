@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.dialect import (
     MAVLink_message,
     MAVLink_mission_ack_message,
@@ -47,12 +48,10 @@ RESPONSE_TIMEOUT_S = 1.5
 ITEM_TIMEOUT_S = 0.5
 MAX_RETRIES = 5
 
-_INT32_MAX = 2**31 - 1
-
 
 @dataclass(frozen=True)
 class MissionProgress:
-    """So many of the items have crossed the link."""
+    """Progress of a transfer: items that have crossed the link, and their total."""
 
     done: int
     total: int
@@ -86,7 +85,7 @@ def item_as_int(item: MissionItem | MAVLink_mission_item_message) -> MissionItem
 
 def _deg_e7(degrees: float) -> int:
     scaled = decimal_of_float32(degrees) * 1e7
-    return round(scaled) if abs(scaled) < _INT32_MAX else _INT32_MAX  # NaN, too
+    return round(scaled) if abs(scaled) < INT32_MAX else INT32_MAX  # NaN, too
 
 
 class _MissionClient(Machine[MissionProgress | MissionFinished]):

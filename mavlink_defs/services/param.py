@@ -2,7 +2,7 @@
 
 `ParamLister`, `ParamReader` and `ParamSetter` each do their operation once, with one vehicle.
 Values travel C-cast, that is as the number itself in a float32, as ArduPilot does whatever the
-type; an integer beyond 2^24 loses digits on the way.
+type; an integer beyond 2^24 loses digits in transit.
 """
 
 import copy
@@ -24,6 +24,7 @@ from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
 __all__ = [
     "GAP_TIMEOUT_S",
+    "MAX_NAME",
     "MAX_RETRIES",
     "MAX_TOGETHER",
     "RESPONSE_TIMEOUT_S",
@@ -33,18 +34,21 @@ __all__ = [
     "ParamProgress",
     "ParamReader",
     "ParamSetter",
+    "raw_name",
 ]
+
+MAX_NAME = 16
+"""Most characters of a parameter's name."""
 
 RESPONSE_TIMEOUT_S = 0.8
 GAP_TIMEOUT_S = 0.4
-"""Silence after which a list counts as ended, and gaps are asked for."""
+"""Silence after which a list counts as ended, and missing parameters are requested [s]."""
 
 MAX_RETRIES = 4
 MAX_TOGETHER = 10
-"""Most missing parameters that are asked for at a time."""
+"""Most missing parameters that are requested at a time."""
 
-_NAME_SIZE = 16
-_NOT_LISTED = 65535  # param_index of a value that is no part of a list
+_NOT_LISTED = 65535  # param_index of a value sent outside a list
 _REALS = {dialect.MAV_PARAM_TYPE_REAL32, dialect.MAV_PARAM_TYPE_REAL64}
 
 
@@ -70,7 +74,7 @@ class Param:
 
 @dataclass(frozen=True)
 class ParamProgress:
-    """So many parameters of a list have come."""
+    """Progress of a list: parameters received, and their total."""
 
     done: int
     total: int
@@ -81,7 +85,7 @@ class ParamFinished:
     """An operation is over.
 
     Attributes:
-        error: MAV_PARAM_ERROR, NO_ERROR if all is well; None when the vehicle fell silent.
+        error: MAV_PARAM_ERROR, NO_ERROR on success; None when the vehicle did not answer.
         params: Parameters received, by index for a list; after a refusal the value in force, if
             reported.
     """
@@ -103,7 +107,7 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
         """Begin the operation.
 
         Raises:
-            RuntimeError: It is going on already.
+            RuntimeError: It has begun already.
         """
         if self._deadline is not None:
             raise RuntimeError("the parameter operation has begun already")
@@ -124,20 +128,20 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
             self._finish(message.error)
 
     def handle_timer(self, now: float) -> None:
-        """Ask again, or give up."""
+        """Repeat the request, or give up."""
         if self._deadline is None or now < self._deadline:
             return
         if self._retries >= MAX_RETRIES:
             self._finish(None)
         else:
             self._retries += 1
-            self._ask_again(now)
+            self._repeat(now)
 
     def deadline(self) -> float | None:
         """Return the time of the next repetition [s]."""
         return self._deadline
 
-    def _ask_again(self, now: float) -> None:
+    def _repeat(self, now: float) -> None:
         self._ask([self._request()], RESPONSE_TIMEOUT_S, now)
 
     def _ask(self, requests: Iterable[MAVLink_message], timeout_s: float, now: float) -> None:
@@ -159,7 +163,7 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
 
 
 class ParamLister(_ParamClient):
-    """Fetches all parameters; those that were lost on the way are asked for by index."""
+    """Fetches all parameters; those lost in transit are requested by index."""
 
     def __init__(self, own: SystemId, vehicle: SystemId) -> None:
         super().__init__(own, vehicle)
@@ -169,9 +173,9 @@ class ParamLister(_ParamClient):
     def _request(self) -> MAVLink_message:
         return MAVLink_param_request_list_message(*self._vehicle)
 
-    def _ask_again(self, now: float) -> None:
+    def _repeat(self, now: float) -> None:
         if self._count is None:
-            super()._ask_again(now)
+            super()._repeat(now)
             return
         missing = [i for i in range(self._count) if i not in self._params][:MAX_TOGETHER]
         requests = [
@@ -183,7 +187,7 @@ class ParamLister(_ParamClient):
         if message.param_index == _NOT_LISTED or message.param_index >= message.param_count:
             return
         if message.param_count != self._count:
-            self._params.clear()  # another list than before: its indices mean something else
+            self._params.clear()  # the vehicle's list has changed, and with it the indices
             self._count = message.param_count
         is_new = message.param_index not in self._params
         self._params[message.param_index] = _param(message)
@@ -204,14 +208,14 @@ class ParamReader(_ParamClient):
     """Fetches one parameter by its name."""
 
     def __init__(self, own: SystemId, vehicle: SystemId, name: str) -> None:
-        """Prepare.
+        """Prepare the operation.
 
         Raises:
             ValueError: No parameter can have this name.
         """
         super().__init__(own, vehicle)
         self._name = name
-        self._raw = _raw_name(name)
+        self._raw = raw_name(name)
 
     def _request(self) -> MAVLink_message:
         return MAVLink_param_request_read_message(*self._vehicle, self._raw, -1)
@@ -234,7 +238,7 @@ class ParamSetter(_ParamClient):
     """
 
     def __init__(self, own: SystemId, vehicle: SystemId, param: Param) -> None:
-        """Prepare.
+        """Prepare the operation.
 
         Args:
             own: SystemId of this end.
@@ -246,7 +250,7 @@ class ParamSetter(_ParamClient):
         """
         super().__init__(own, vehicle)
         self._wanted = param
-        self._raw = _raw_name(param.name)
+        self._raw = raw_name(param.name)
         self._mismatches: set[int] = set()  # retries after which another value has come
 
     def _request(self) -> MAVLink_message:
@@ -269,10 +273,15 @@ class ParamSetter(_ParamClient):
         return bool(message.param_id == self._wanted.name)
 
 
-def _raw_name(name: str) -> bytes:
+def raw_name(name: str) -> bytes:
+    """Return a parameter's name as messages carry it.
+
+    Raises:
+        ValueError: No parameter can have this name.
+    """
     raw = name.encode("ascii", "replace")
-    if not 0 < len(raw) <= _NAME_SIZE or not name.isascii():
-        raise ValueError(f"expected a name of 1 to {_NAME_SIZE} ASCII characters, got '{name}'")
+    if not 0 < len(raw) <= MAX_NAME or not name.isascii():
+        raise ValueError(f"expected a name of 1 to {MAX_NAME} ASCII characters, got '{name}'")
     return raw
 
 

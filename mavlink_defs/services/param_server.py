@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from mavlink_defs import dialect
+from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.dialect import (
     MAVLink_message,
     MAVLink_param_error_message,
@@ -22,12 +23,12 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.float32 import decimal_of_float32, float32s
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
+from mavlink_defs.services.param import MAX_NAME, raw_name
 
 __all__ = [
     "BURST",
     "BURST_PERIOD_S",
     "INT32",
-    "MAX_NAME",
     "REAL32",
     "ParamChanged",
     "ParamRefused",
@@ -37,14 +38,11 @@ __all__ = [
 ]
 
 INT32, REAL32 = dialect.MAV_PARAM_TYPE_INT32, dialect.MAV_PARAM_TYPE_REAL32
-MAX_NAME = 16
 
 BURST = 5
 """Parameters of a list that are sent at a time."""
 
 BURST_PERIOD_S = 0.02
-
-_INT32_MAX = 2**31 - 1
 
 
 class ParamValueError(ValueError):
@@ -65,7 +63,7 @@ class Parameter:
     """One parameter of a vehicle.
 
     Attributes:
-        name: Its name, 1 to `MAX_NAME` ASCII characters.
+        name: Its name, 1 to `param.MAX_NAME` ASCII characters.
         type: INT32 or REAL32.
         get: Gives its value.
         set: Puts a value in force, or raises ParamValueError; None if it is read-only.
@@ -125,8 +123,7 @@ class ParamServer(Machine[ParamEvent]):
         if len(self._indices) != len(self._parameters):
             raise ValueError("two parameters have the same name")
         for name in self._indices:
-            if not 0 < len(name) <= MAX_NAME or not name.isascii():
-                raise ValueError(f"expected 1 to {MAX_NAME} ASCII characters, got '{name}'")
+            raw_name(name)
         self._next = 0  # of the list
         self._remaining = 0
         self._deadline = -math.inf  # of the next burst; kept after the last one
@@ -200,7 +197,7 @@ class ParamServer(Machine[ParamEvent]):
             raise ParamValueError(f"is {value:g}, must be a number")
         if parameter.type == REAL32:
             return decimal_of_float32(value)
-        if value != round(value) or abs(value) > _INT32_MAX:
+        if value != round(value) or abs(value) > INT32_MAX:
             raise ParamValueError(f"is {value:g}, must be a whole number")
         return value
 

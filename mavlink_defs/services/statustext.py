@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from mavlink_defs.constants import STATUSTEXT_SIZE
 from mavlink_defs.dialect import MAVLink_statustext_message
 
-__all__ = ["PATIENCE_S", "Text", "TextAssembler"]
+__all__ = ["CHUNK_TIMEOUT_S", "Text", "TextAssembler"]
 
-PATIENCE_S = 1.0
+CHUNK_TIMEOUT_S = 1.0
 """Time to wait for missing chunks [s]."""
 
 
@@ -53,11 +53,11 @@ class TextAssembler:
         if message.id == 0:
             return [Text(message.severity, chunk)]
         pieces = self._open.setdefault(message.id, _Pieces(message.severity, 0.0))
-        pieces.deadline = now + PATIENCE_S
+        pieces.deadline = now + CHUNK_TIMEOUT_S
         pieces.chunks[message.chunk_seq] = chunk
         return [self._open.pop(message.id).text()] if pieces.is_complete() else []
 
-    def overdue(self, now: float) -> list[Text]:
-        """Hand over the texts whose missing chunks are not waited for any longer."""
+    def handle_timer(self, now: float) -> list[Text]:
+        """Return the texts whose missing chunks are overdue at `now` [s]."""
         late = [number for number, pieces in self._open.items() if now >= pieces.deadline]
         return [self._open.pop(number).text() for number in late]

@@ -4,6 +4,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from mavlink_defs.framing.hot_signing import new_link_signer
 from mavlink_defs.framing.signing import PLANT_LINK
 from sitl_plant import process
 from sitl_plant.config import PlantConfig
+from sitl_plant.link import run
 from sitl_plant.process import Plant, main
 
 ANY_PORT = UdpAddress("127.0.0.1", 0)
@@ -48,8 +50,8 @@ class Rig:
         frame = FramePacker(system, component).pack(message)
         sender.sendto(frame, self.sock.getsockname())
 
-    def received(self, system: int) -> list[dialect.MAVLink_message]:
-        messages = []
+    def received(self, system: int) -> list[Any]:
+        messages: list[Any] = []
         self.peers[system].setblocking(False)
         while True:
             try:
@@ -107,7 +109,7 @@ def test_messages_of_other_systems_and_components_are_dropped(
     rig: Rig, system: int, component: int, reason: DropReason
 ) -> None:
     rig.heartbeat(rig.peers[1], system, False, component)
-    process.run(rig.sock.fileno(), rig.link, rig.plant._fleet, 0.0)
+    run(rig.sock.fileno(), rig.link, rig.plant._fleet, 0.0)
     rig.plant._serve()
     assert rig.plant.refused() == {reason.words: 1}
     assert not rig.link.known.any()
@@ -118,7 +120,7 @@ def test_a_second_autopilot_and_damaged_messages_are_dropped(rig: Rig) -> None:
         rig.heartbeat(sender, 1, False)
     rig.peers[1].sendto(b"\xfd" + bytes(11), rig.sock.getsockname())
     for _ in range(3):
-        process.run(rig.sock.fileno(), rig.link, rig.plant._fleet, 0.0)
+        run(rig.sock.fileno(), rig.link, rig.plant._fleet, 0.0)
         rig.plant._serve()
     assert rig.plant.refused()[DropReason.STRANGER.words] == 1
     assert rig.plant.refused().total() == 2

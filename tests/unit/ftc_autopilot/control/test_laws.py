@@ -175,7 +175,9 @@ class Numbers(Model):
     gain: float = 1.5
     choice: Literal["a", "b", "c"] = "b"
     axes: tuple[float, float, float] = (1.0, 2.0, 3.0)
-    course: Schedule[float] = schedule([{"until_s": 2.0, "value": 7.0}, {"value": 8.0}])
+    course: Schedule[float] = schedule(
+        [{"until_s": 2.0, "value": 7.0}, {"value": 8.0}], doc="Course."
+    )
     inner: Inner = Inner()
 
 

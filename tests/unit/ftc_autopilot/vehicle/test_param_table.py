@@ -15,9 +15,9 @@ from ftc_autopilot.link import new_link
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
+from mavlink_defs.services.param import MAX_NAME
 from mavlink_defs.services.param_server import (
     INT32,
-    MAX_NAME,
     REAL32,
     Parameter,
     ParamValueError,

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
+from command_messages import ACCEPTED, ARM, QUESTIONS, SET_FAULT, int_, long
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_GCS, VEHICLE, LossyNetwork
@@ -13,14 +14,6 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.services.command import CommandClient, CommandFinished, CommandProgress
 from mavlink_defs.services.command_server import LATE_S, CommandReceived, CommandServer
 from mavlink_defs.services.machine import Machine, SystemId
-from tests.unit.mavlink_defs.services.test_command import (
-    ACCEPTED,
-    ARM,
-    QUESTIONS,
-    SET_FAULT,
-    int_,
-    long,
-)
 
 
 class Registers(Machine[None]):

@@ -181,7 +181,7 @@ def test_only_what_is_addressed_to_it_counts() -> None:
 
 @pytest.mark.parametrize("names", [["A", "A"], [""], ["A" * 17], ["Ä"]])
 def test_names_must_fit(names: list[str]) -> None:
-    with pytest.raises(ValueError, match=r"expected 1 to 16|two parameters"):
+    with pytest.raises(ValueError, match=r"expected a name of 1 to 16|two parameters"):
         ParamServer(VEHICLE, [Parameter(name, REAL32, float) for name in names])
 
 

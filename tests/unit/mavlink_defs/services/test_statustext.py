@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from lossy_network import VEHICLE, over_the_wire
 
 from mavlink_defs.framing.frames import text_chunks
-from mavlink_defs.services.statustext import PATIENCE_S, Text, TextAssembler
+from mavlink_defs.services.statustext import CHUNK_TIMEOUT_S, Text, TextAssembler
 
 WARNING = 4
 ascii_text = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=300)
@@ -30,15 +30,17 @@ def test_a_lost_chunk_shows() -> None:
     assembler = TextAssembler()
     first, _, last = chunks(text)
     assert assembler.receive(first, 0.0) == assembler.receive(last, 0.1) == []
-    assert assembler.overdue(PATIENCE_S) == []
-    assert assembler.overdue(0.1 + PATIENCE_S) == [Text(WARNING, "a" * 50 + "…" + "c" * 20)]
-    assert assembler.overdue(10.0) == []
+    assert assembler.handle_timer(CHUNK_TIMEOUT_S) == []
+    assert assembler.handle_timer(0.1 + CHUNK_TIMEOUT_S) == [
+        Text(WARNING, "a" * 50 + "…" + "c" * 20)
+    ]
+    assert assembler.handle_timer(10.0) == []
 
 
 def test_a_lost_last_chunk_shows() -> None:
     assembler = TextAssembler()
     assembler.receive(chunks("a" * 60)[0], 0.0)
-    assert assembler.overdue(PATIENCE_S) == [Text(WARNING, "a" * 50 + "…")]
+    assert assembler.handle_timer(CHUNK_TIMEOUT_S) == [Text(WARNING, "a" * 50 + "…")]
 
 
 def test_two_texts_at_a_time() -> None:
