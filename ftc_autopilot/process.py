@@ -153,7 +153,7 @@ class Autopilot:
         if self._more_to_do:
             return self._hot.step + 1
         due_us = self._vehicle.next_telemetry_us()
-        if not self._in_real_time:  # nothing can be late: save turns
+        if not self._in_real_time:  # no deadline in lockstep: fewer turns
             due_us = -(-due_us // _TURN_US) * _TURN_US
         return -(-due_us // self._config.step_us)
 

@@ -241,7 +241,7 @@ def someone_listens(address: UdpAddress) -> bool:
 
 
 def set_receive_timeout(sock: socket.socket, seconds: float) -> None:
-    """Let `native.receive` on this socket wait at most so long [s], > 0.
+    """Limit the wait of `native.receive` on this socket to `seconds`, > 0.
 
     The kernel rounds up to its tick, up to 10 ms. Python's own ``recv`` then raises
     BlockingIOError on a timeout.

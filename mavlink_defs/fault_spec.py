@@ -1,4 +1,4 @@
-"""An actuator fault as people write it: with the keys of a scenario's `faults`."""
+"""An actuator fault with the keys of a scenario's `faults`."""
 
 import math
 from collections.abc import Iterator
@@ -17,8 +17,8 @@ __all__ = ["FaultSpec"]
 class FaultSpec(Model):
     """An actuator fault (13), (19): applied = effectiveness * commanded + value.
 
-    The value is a bias on what is left of the command, or what the actuator is stuck at. On which
-    UAV it acts is not part of it, and its window may be left open.
+    The value is a bias on the remaining command, or the position of a stuck actuator. The UAV is
+    not part of it, and its window may be left open.
     """
 
     actuator: Actuator = Field(description="The actuator that fails.")

@@ -128,7 +128,7 @@ class InvalidParam(ValueError):  # noqa: N818 - it says what is wrong, as an ans
     Attributes:
         index: Number of the parameter, 1 to 7.
         name: Its label in the dialect.
-        text: One sentence with name, value and expected range, fit for a STATUSTEXT.
+        text: One sentence with name, value and expected range, short enough for a STATUSTEXT.
     """
 
     def __init__(self, index: int, name: str, text: str) -> None:

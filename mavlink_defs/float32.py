@@ -1,8 +1,8 @@
 """Numbers in wire fields.
 
 A MAVLink `float` keeps 24 bits: 0.9 arrives as 0.899999976. Both ends of this project mean
-decimals of at most six or seven significant digits, and those a float32 does identify.
-Packing raises for what a field cannot hold, so what is measured goes through `float32s` and
+decimals of at most six or seven significant digits, which a float32 identifies. Packing raises
+for values that a field cannot hold, so measured values pass through `float32s` and
 `whole_within` first.
 """
 

@@ -30,8 +30,8 @@ MAX_ITEMS = MAX_SEGMENTS + 1  # and home
 
 _DEG_E7 = 1e7
 
-# The command itself fixes what x, y and z mean, so MAV_FRAME_MISSION ("the frame is
-# irrelevant") and every global frame in which clients write their files say the same.
+# The command itself defines x, y and z, so MAV_FRAME_MISSION ("the frame is
+# irrelevant") and every global frame that clients write to their files mean the same.
 _FRAMES = frozenset(
     {
         dialect.MAV_FRAME_GLOBAL,
@@ -82,7 +82,7 @@ class ProfileError(ValueError):
     Attributes:
         seq: Number of the offending item.
         mav_mission_result: The MAV_MISSION_RESULT to answer with.
-        text: One sentence with item, value and expected range, fit for a STATUSTEXT.
+        text: One sentence with item, value and expected range, short enough for a STATUSTEXT.
     """
 
     def __init__(self, seq: int, mav_mission_result: int, text: str) -> None:

@@ -1,4 +1,4 @@
-"""The commands of one vehicle: which are carried out here, and which by the simulator.
+"""The commands of one vehicle: those executed here, and those passed to the simulator.
 
 Faults are passed to the simulator component of the own aircraft unread, and its answer is
 passed back: the controller must not learn of a fault. Unknown commands are
@@ -24,7 +24,7 @@ from mavlink_defs.services.machine import SystemId
 __all__ = ["Commands", "Handler"]
 
 Handler: TypeAlias = Callable[[tuple[float, ...]], int]
-"""Carries a command out, at once: its seven parameters in, MAV_RESULT out."""
+"""Executes a command at once: its seven parameters in, MAV_RESULT out."""
 
 _FOR_THE_SIMULATOR = {
     dialect.MAV_CMD_FTC_SET_FAULT,
@@ -34,10 +34,10 @@ _FOR_THE_SIMULATOR = {
 
 
 class Commands:
-    """Takes commands from ground stations and sees to their answers."""
+    """Receives commands from ground stations, has them executed and answers them."""
 
     def __init__(self, own: SystemId, handlers: Mapping[int, Handler]) -> None:
-        """Start with nothing to do.
+        """Start without pending commands.
 
         Args:
             own: SystemId of the vehicle.

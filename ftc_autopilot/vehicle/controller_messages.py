@@ -1,4 +1,4 @@
-"""Private messages: tracking, events, adaptation, and what was dropped on the links."""
+"""Private messages: tracking, events, adaptation, and datagrams dropped on the links."""
 
 import math
 
@@ -17,7 +17,7 @@ __all__ = ["ControllerMessages"]
 
 
 class ControllerMessages:
-    """Makes messages from what the controller computed last."""
+    """Makes messages from the controller's last step."""
 
     def __init__(self, hot: HotState, controllers: Controllers) -> None:
         self._hot, self._controllers = hot, controllers

@@ -46,7 +46,7 @@ class GcsSigning:
     def set_key(
         self, message: dialect.MAVLink_setup_signing_message, host: str, armed: bool
     ) -> str | None:
-        """Take over the key of an admitted SETUP_SIGNING; zeros mean none.
+        """Adopt the key of an accepted SETUP_SIGNING; zeros mean none.
 
         Args:
             message: The message. If there is a key, it was signed with it.

@@ -1,4 +1,4 @@
-"""The mission of one vehicle: what the mission protocol holds is what the flight flies."""
+"""The mission of one vehicle: the mission protocol's items are the profile that it flies."""
 
 import math
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ _ACCEPTED, _FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED
 
 
 class Mission:
-    """Joins the mission protocol and the modes."""
+    """Connects the mission protocol with the flight modes."""
 
     def __init__(self, own: SystemId, modes: Modes, home: MissionItem, say: Say) -> None:
         self._modes, self._say = modes, say

@@ -1,8 +1,8 @@
 """The parameters of a vehicle, made from the models of its configuration.
 
 A field's name in capitals is the parameter's name; unit and range are those that the field
-declares. What a parameter changes is the record that compiled code reads, between two steps. A
-value that changes in time is read as it is now; to set it makes it constant, at all times.
+declares. Setting a parameter changes the record that compiled code reads, between two steps. A
+scheduled value is read as of now; setting it makes it constant.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Standard messages about the aircraft, made from the state that was measured last.
+"""Standard messages about the aircraft, made from the last measured state.
 
 Nothing of what happens in flight may raise here: numbers that a field cannot hold are cut off.
 """

@@ -36,7 +36,7 @@ _UNKNOWN_U16, _UNKNOWN_I16, _UNKNOWN = 2**16 - 1, 2**15 - 1, -1
 
 
 class StatusMessages:
-    """Makes the messages that no state of the aircraft goes into."""
+    """Makes the messages that do not depend on the aircraft's state."""
 
     def __init__(self, config: AutopilotConfig) -> None:
         self._system = config.id

@@ -84,7 +84,7 @@ class Vehicle:
         match message:
             case dialect.MAVLink_set_attitude_target_message():
                 self.modes.set_attitude_target(message)
-            case dialect.MAVLink_set_mode_message():  # the old way, which has no answer
+            case dialect.MAVLink_set_mode_message():  # superseded message, which has no answer
                 self.modes.set_mode(float(message.custom_mode))
         self._asking = station
         self.telemetry[station].receive(message)

@@ -36,7 +36,7 @@ class Bursts(Model):
 
 
 class Outage(Model):
-    """A time in which nothing passes."""
+    """A time during which nothing passes."""
 
     from_s: float = quantity("s", ge=0.0, doc="Begin, inclusive.")
     to_s: float = quantity("s", gt=0.0, doc="End, exclusive.")
@@ -95,7 +95,7 @@ class Fate:
 
     @property
     def delivered(self) -> int:
-        """Datagrams handed on; each duplicate counts."""
+        """Datagrams delivered; each duplicate counts."""
         return self.taken - self.outage - self.lost + self.duplicated
 
 
@@ -103,7 +103,7 @@ class Impairer:
     """One direction of a link.
 
     Args:
-        impairment: What happens on the link.
+        impairment: Impairment of the link.
         path: Name of the direction. Two paths with one seed do not lose the same datagrams.
     """
 
@@ -127,7 +127,7 @@ class Impairer:
             schedule_s: The time that outages count, if another [s].
 
         Returns:
-            When what arrives at the other end [s]: nothing, one datagram, or two.
+            Times of arrival at the other end [s], and datagrams: none, one or two.
         """
         impairment, fate, random = self._impairment, self.fate, self._random
         fate.taken += 1

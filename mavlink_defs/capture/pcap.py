@@ -1,10 +1,10 @@
 """Packet captures: the UDP datagrams in a pcap or pcapng file, as tcpdump and Wireshark write.
 
 Both byte orders, times in micro- or nanoseconds, and the link types below; IPv4 only. Packets
-that are no whole UDP datagram (other protocols, fragments) are passed over. The formats:
+that are no whole UDP datagram (other protocols, fragments) are skipped. The formats:
 draft-ietf-opsawg-pcap, draft-ietf-opsawg-pcapng, https://www.tcpdump.org/linktypes.html.
 
-Our own reader, because dpkt, which has one, had its last release in 2022.
+The reader is part of this project because that of dpkt had its last release in 2022.
 """
 
 import struct
@@ -34,7 +34,7 @@ class PcapError(ValueError):
 
 
 class PcapCutOff(PcapError):  # noqa: N818 - the name says it
-    """The file ends within a packet; all before it could be read."""
+    """The file ends within a packet; the packets before it are readable."""
 
 
 class Packet(NamedTuple):

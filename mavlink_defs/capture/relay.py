@@ -29,7 +29,7 @@ from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, resolve
 __all__ = ["Relay", "Route"]
 
 _LOOK_S = 0.05
-_MAX_PEERS = 256  # of one route; of more, the one that was silent longest is forgotten
+_MAX_PEERS = 256  # of one route; of more, the one without traffic for longest is forgotten
 _LONGEST_DATAGRAM = 65535
 
 
@@ -41,7 +41,7 @@ class Route:
         link: Name of the link; several routes may have the same.
         listen: Where the relay receives; port 0 lets the system choose.
         target: The fixed end.
-        impairment: What happens to datagrams on the way, in both directions.
+        impairment: Impairment of datagrams in transit, in both directions.
     """
 
     link: str
@@ -108,7 +108,7 @@ class Relay:
         """Open the ports and start.
 
         Raises:
-            EndpointError: A port or a target cannot be had; nothing is open then.
+            EndpointError: A port or a target is unavailable; nothing is open then.
         """
         try:
             for i, route in enumerate(self._routes):

@@ -83,7 +83,7 @@ class Count:
 
 @dataclass
 class Flow:
-    """Datagrams in one direction of one link; `dropped` by reason, each no frame of ours."""
+    """Datagrams in one direction of one link; `dropped` by reason: no frames of the dialect."""
 
     rate: Rate
     datagrams: int = 0
@@ -114,7 +114,7 @@ class Tap:
         """Count one datagram.
 
         Args:
-            time_s: When it was seen [s], on any clock.
+            time_s: Time of the datagram [s], on any clock.
             link: Name of the link.
             direction: "to" or "from" the fixed end of the link.
             datagram: Its UDP payload.
@@ -166,7 +166,7 @@ class Tap:
         """Return everything counted.
 
         Args:
-            now_s: When rates are wanted, not before the last datagram [s]; None: at that one.
+            now_s: Time of the rates, not before the last datagram [s]; None: that datagram's.
         """
         now = self._last_s if now_s is None else now_s
         span_s = self._last_s - (self._first_s or 0.0) if self._flows else 0.0
@@ -182,7 +182,7 @@ class Tap:
         )
 
     def _uav_reports(self) -> tuple[UavReport, ...]:
-        """Return what is counted; for UAVs whose transmissions were not seen, what they report."""
+        """Return the counts; for UAVs whose transmissions were not captured, their own reports."""
         found = [
             uav.report(link, system, self._period_us) for (link, system), uav in self._uavs.items()
         ]
@@ -210,9 +210,9 @@ class Tap:
             self._reports[link, system] = report
         elif message_id in {_ACTUATORS.id, _STATE.id}:
             uav = self._uavs.setdefault((link, system), Transmissions())
-            self._look_into(frame, message_id, uav)
+            self._read_payload(frame, message_id, uav)
 
-    def _look_into(self, frame: bytes, message_id: int, uav: Transmissions) -> None:
+    def _read_payload(self, frame: bytes, message_id: int, uav: Transmissions) -> None:
         payload = frame[dialect.HEADER_LEN_V2 : dialect.HEADER_LEN_V2 + frame[1]]
         unpacker = (_ACTUATORS if message_id == _ACTUATORS.id else _STATE).unpacker
         fields = unpacker.unpack(payload[: unpacker.size].ljust(unpacker.size, b"\0"))
@@ -244,7 +244,7 @@ def _name(message_id: int) -> str:
 
 
 def _total_saving(uavs: Sequence[UavReport]) -> float | None:
-    """Return the saving of all UAVs; what is counted here goes before what they report."""
+    """Return the saving of all UAVs; counts here take precedence over their reports."""
     known = [uav for uav in uavs if uav.periods is not None]
     counted = [uav for uav in known if not uav.reported] or known
     periods = sum(uav.periods or 0 for uav in counted)

@@ -14,7 +14,7 @@ class LinkReport:
     Attributes:
         link: Name of the link.
         direction: "to" or "from" its fixed end.
-        datagrams: How many.
+        datagrams: Their number.
         bytes: Their size.
         rate_hz: Datagrams per second at the time of the report.
         bytes_per_s: Bytes per second at the time of the report.
@@ -41,9 +41,9 @@ class StreamReport:
         component: Component id of the sender.
         message_id: Number of the message.
         message: Name of the message.
-        frames: How many.
+        frames: Their number.
         bytes: Their size.
-        signed: How many carried a signature.
+        signed: Number of frames with a signature.
         rate_hz: Frames per second at the time of the report.
         mean_hz: Frames per second over the whole time; None if that is 0.
     """
@@ -131,7 +131,7 @@ class TapReport:
         messages: By link, direction, sender and message.
         uavs: Actuator transmissions.
         saving: Share of all periodic transmissions that were not sent; None if unknown.
-        fates: What a relay did; None without a relay.
+        fates: Outcomes on a relay's links; None without a relay.
     """
 
     span_s: float

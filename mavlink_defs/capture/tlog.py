@@ -27,7 +27,7 @@ class TlogError(ValueError):
 
 
 class TlogCutOff(TlogError):  # noqa: N818 - the name says it
-    """The file ends within a record; all before it could be read."""
+    """The file ends within a record; the records before it are readable."""
 
 
 class TlogWriter:

@@ -7,7 +7,7 @@ the key, its value, and what was expected with its unit::
     wing.yaml: aircraft.mass_kg: missing; expected a number in kg
     wing.yaml: uavs[1].initial.airspeed_m_s: expected > 0 m/s, got -40
 
-`read` and `validate` are the two halves of `load`, for callers that do something to the tree
+`read` and `validate` are the two halves of `load`, for callers that change the tree
 in between.
 """
 
@@ -99,7 +99,7 @@ def dump(model: BaseModel, path: Path | str) -> None:
     write_text(Path(path), text)
 
 
-# from pydantic's errors to our problems
+# translation of pydantic's errors to `Problem`
 
 
 def _problems(model: type[BaseModel], error: ErrorDetails) -> list[Problem]:
@@ -172,7 +172,7 @@ class _Place:
             if chosen:  # pydantic puts the tag of a union's member into the location
                 self._type = chosen[0]
                 return
-        if part == "[key]":  # pydantic marks a problem of the key, not the value, so
+        if part == "[key]":  # pydantic's mark for a problem of the key, not of the value
             self._type = self._key
             return
         if isinstance(here, type) and issubclass(here, BaseModel):

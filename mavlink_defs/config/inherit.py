@@ -1,11 +1,10 @@
 """Configuration files that state only their differences from another file.
 
-``extends: other.yaml`` in a file names its base, relative to the file itself (`read_inherited` can
-be told to look elsewhere, too). What the file
-says is laid over the base as a JSON Merge Patch (RFC 7396): mappings merge key by key, a null
-takes the base's key away, anything else, lists included, replaces. One rule more: a mapping
-with another `kind` than the base's inherits nothing from it, so that one control law does not
-get the gains of another.
+``extends: other.yaml`` in a file names its base, relative to the file itself (`read_inherited`
+accepts other ways to find it). The file is merged into its base as a JSON Merge Patch (RFC 7396):
+mappings merge key by key, a null removes the base's key, anything else, lists included, replaces.
+One rule is added: a mapping with another `kind` than the base's inherits nothing from it, so that
+one control law does not get the gains of another.
 
 Errors: ValueError ← PlaceError (no such place in a tree); about files `ConfigError`.
 """

@@ -1,4 +1,4 @@
-"""YAML as configuration files have it, read and written so that nothing changes on the way.
+"""YAML as configuration files have it, read and written without loss.
 
 Plain scalars follow YAML 1.2's core schema: 1e-3 is a number, yes is a text. A mapping must not
 have a key twice.

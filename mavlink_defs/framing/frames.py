@@ -1,4 +1,4 @@
-"""Everything that is not hot: messages of one component as frames, packed by pymavlink."""
+"""Frames of all messages that are not hot, packed by pymavlink."""
 
 from collections.abc import Callable
 

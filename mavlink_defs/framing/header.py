@@ -1,4 +1,4 @@
-"""Header of a MAVLink 2 frame: where its fields are, and how long the frame is.
+"""Header of a MAVLink 2 frame: offsets of its fields, and the length of the frame.
 
 https://mavlink.io/en/guide/serialization.html. The offsets serve compiled code, too.
 """

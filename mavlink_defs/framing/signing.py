@@ -2,7 +2,7 @@
 
 https://mavlink.io/en/guide/message_signing.html. A signature covers the key, the frame and a
 timestamp, in units of 10 µs since 2015, which no stream (system, component, link id) may use
-twice. `Signer` is for all that is not hot; `mavlink_defs.framing.hot_signing` does the same in
+twice. `Signer` is for frames that are not hot; `mavlink_defs.framing.hot_signing` does the same in
 compiled code.
 """
 
@@ -146,7 +146,7 @@ def open_time(path: Path | str) -> np.ndarray:
     """Keep the timestamp used last beside a key file, so that a restart does not go behind it.
 
     The file is mapped: all processes of this machine share it, each signature costs one store
-    to memory, what a killed process wrote is kept, and the system writes it to disk at times.
+    to memory, the writes of a killed process are kept, and the system saves them to disk at times.
 
     Returns:
         int64, shape (1,), sharing the file's memory.

@@ -36,7 +36,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def save_arrays(path: Path, arrays: dict[str, Any]) -> None:
-    """Write arrays as .npz; under its name the file is complete.
+    """Write arrays as .npz; the name appears when the file is complete.
 
     Raises:
         OSError: With the file's name; nothing is left of the file.

@@ -149,7 +149,7 @@ class CommandServer(Machine[CommandReceived]):
         progress: int | None = None,
         result_param2: int = 0,
     ) -> None:
-        """Answer a command; one that is already answered (for lack of time) stays so.
+        """Answer a command; no effect on one that has already timed out.
 
         Args:
             token: The token of its `CommandReceived`.
@@ -195,7 +195,7 @@ class CommandServer(Machine[CommandReceived]):
         change = self._changes[subject] if subject is not None else None
         if isinstance(message, MAVLink_command_long_message):
             may_repeat = repeats = message.confirmation > 0
-        else:  # COMMAND_INT does not mark repetitions; one sent before the answer can have arrived
+        else:  # COMMAND_INT marks no repetition; it is one if sent before the answer could arrive
             may_repeat, repeats = True, now <= record.answered + 2.0 * LATE_S
         if change is not None and change.token > record.token:
             if not (may_repeat and change.is_late(message, now)):

@@ -62,7 +62,7 @@ class MissionFinished:
     """An operation is over.
 
     Attributes:
-        result: MAV_MISSION_RESULT; None when the vehicle fell silent.
+        result: MAV_MISSION_RESULT; None when the vehicle did not answer.
         items: The mission, after a download that succeeded.
     """
 
@@ -166,9 +166,9 @@ class _MissionClient(Machine[MissionProgress | MissionFinished]):
 
 
 class MissionUploader(_MissionClient):
-    """Brings a mission to a vehicle; without items it clears the mission.
+    """Uploads a mission to a vehicle; without items it clears the mission.
 
-    The vehicle asks for each item. When it stays silent the last message is repeated: a
+    The vehicle requests each item. While it does not answer, the last message is repeated: a
     MISSION_COUNT begins anew, a last item makes the vehicle repeat its MISSION_ACK.
     """
 
@@ -186,7 +186,7 @@ class MissionUploader(_MissionClient):
         for item in self._items:
             item.target_system, item.target_component = vehicle
             item.mission_type = mission_type
-        self._sent = 0  # items asked for so far, in order
+        self._sent = 0  # items requested so far, in order
 
     def _first_request(self) -> MAVLink_message:
         self._sent = 0
@@ -198,14 +198,14 @@ class MissionUploader(_MissionClient):
         ):
             self._send_item(message.seq, now)
         elif isinstance(message, MAVLink_mission_ack_message) and (
-            # An acceptance before the last item is out belongs to an earlier upload.
+            # An acceptance before the last item is sent belongs to an earlier upload.
             message.type != dialect.MAV_MISSION_ACCEPTED or self._sent == len(self._items)
         ):
             self._finish(message.type)
 
     def _send_item(self, seq: int, now: float) -> None:
         if seq > self._sent or seq >= len(self._items):
-            return  # asked for by an earlier upload: this one is asked in order, from 0
+            return  # requested for an earlier upload: this one's requests come in order, from 0
         if seq == self._sent:
             self._sent += 1
             self._happened.append(MissionProgress(self._sent, len(self._items)))

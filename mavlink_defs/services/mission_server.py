@@ -104,7 +104,7 @@ class MissionServer(Machine[MissionEvent]):
 
     A mission is replaced only when the new one is complete and valid. Geofences and rally
     points are always empty. One client can upload at a time; any number can download, and a
-    download that a change of the mission overtakes is cancelled, so that none is a mixture.
+    download is cancelled if the mission changes meanwhile, so that none is a mixture.
 
     Two ground stations may have the same address by mistake. Their uploads are not mixed: from
     another station the second one is denied; from the same one it must wait until the first is
@@ -139,7 +139,7 @@ class MissionServer(Machine[MissionEvent]):
         self._current = 0
         self._upload: _Upload | None = None
         self._revision = 0
-        self._readers: dict[_Client, int] = {}  # downloads going on: revision that they read
+        self._readers: dict[_Client, int] = {}  # downloads in progress: revision that they read
         self.mission_state = 0
         self.mission_mode = 0
         self.asking = 0
@@ -207,7 +207,7 @@ class MissionServer(Machine[MissionEvent]):
                 self._ack(sender, message.mission_type, dialect.MAV_MISSION_UNSUPPORTED)
 
     def handle_timer(self, now: float) -> None:
-        """Ask for the awaited item again, or cancel the upload."""
+        """Request the awaited item again, or cancel the upload."""
         upload = self._going_on()
         if upload is None or now < upload.deadline:
             return
@@ -220,7 +220,7 @@ class MissionServer(Machine[MissionEvent]):
             self._request_item(upload, now)
 
     def deadline(self) -> float | None:
-        """Return the time at which an awaited item is asked for again [s]."""
+        """Return the time at which an awaited item is requested again [s]."""
         upload = self._going_on()
         return None if upload is None else upload.deadline
 
@@ -244,8 +244,8 @@ class MissionServer(Machine[MissionEvent]):
             if (before.mission_type, before.count) != (mission_type, count):
                 text = f"Mission upload: another one of {count} items was begun meanwhile"
                 self._end_upload(before, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
-            return  # late, or of another client with this address
-        # When items do not come it begins anew: it may be a restarted client's other mission.
+            return  # delayed, or of another client with this address
+        # Without items the upload begins anew: it may be another mission of a restarted client.
         self._upload = upload = _Upload(sender, mission_type, count)
         if mission_type not in _TYPES or (mission_type != _MISSION and count > 0):
             text = f"Mission type {mission_type} is not supported"
@@ -266,7 +266,7 @@ class MissionServer(Machine[MissionEvent]):
         if upload is None or (upload.sender, upload.mission_type) != (sender, item.mission_type):
             self._ack(sender, item.mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
         elif upload.result is not None:
-            # A last item that comes again asks for the answer that was lost; others are late.
+            # A repeated last item means that the answer was lost; other items are delayed.
             if upload.result != dialect.MAV_MISSION_ACCEPTED:
                 self._ack(sender, item.mission_type, upload.result)
             elif item.seq == upload.count - 1:
@@ -281,11 +281,11 @@ class MissionServer(Machine[MissionEvent]):
             else:
                 self._complete(upload)
         elif item.seq > len(upload.items):
-            self._request_item(upload, now)  # out of sequence: the expected one is asked for
+            self._request_item(upload, now)  # out of sequence: the expected one is requested
         elif upload.differs(item, item.seq):
             text = f"Mission upload: item {item.seq} came twice, with different contents"
             self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
-        # An item that we have came twice. To ask then would double all that follow.
+        # A stored item came twice. A request now would double all that follow.
 
     def _complete(self, upload: _Upload) -> None:
         try:
@@ -348,7 +348,7 @@ class MissionServer(Machine[MissionEvent]):
 
     def _replace(self, mission_type: int, items: tuple[MissionItem, ...]) -> None:
         if mission_type not in {_MISSION, dialect.MAV_MISSION_TYPE_ALL}:
-            return  # geofence and rally points are empty as it is
+            return  # geofence and rally points are always empty
         self._items, self._current = items, 0
         self._revision += 1
         self._happened.append(MissionAccepted(items))

@@ -1,4 +1,4 @@
-"""Short answers that a vehicle owes its peers: ping, time, and "no" to what it does not have.
+"""Short answers of a vehicle: ping, time, and refusals of services that it does not have.
 
 https://mavlink.io/en/services/ping.html, timesync.html, ftp.html; the log download is
 ArduPilot's. Requests for files or logs are answered at once with "none", so that no client waits.
@@ -24,14 +24,14 @@ _MAX_NS = 2**63 - 1
 
 
 class Responder(Machine[None]):
-    """Answers, and remembers nothing."""
+    """Answers single messages; it keeps no state."""
 
     def __init__(self, own: SystemId) -> None:
         super().__init__()
         self._own = own
 
     def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in any message; answer it if that is all there is to do.
+        """Take in any message; answer those that need only an answer.
 
         Args:
             message: The message.

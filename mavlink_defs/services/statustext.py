@@ -1,6 +1,6 @@
-"""STATUSTEXTs put together again: a text longer than one message holds comes in chunks.
+"""Assembly of STATUSTEXTs: a text longer than one message holds comes in chunks.
 
-No socket and no clock. Chunks may be lost, doubled and out of order; what was lost shows as "…".
+No socket and no clock. Chunks may be lost, duplicated and out of order; lost ones show as "…".
 """
 
 from dataclasses import dataclass, field
