@@ -1,4 +1,4 @@
-"""The report of `gcs reproduce`: the paper's tables beside ours, and where they differ."""
+"""The report of `gcs reproduce`: the paper's tables beside ours, and the differences."""
 
 import math
 from collections.abc import Iterator, Mapping

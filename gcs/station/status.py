@@ -17,7 +17,7 @@ _QUANTITIES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
 
 
 def fault_dict(fault: Fault, time_s: float | None) -> dict[str, Any]:
-    """A fault as data; `end_s` is None until it is cleared."""
+    """Return a fault as plain data; `end_s` is None for one that lasts until cleared."""
     unit = "n" if ACTUATORS[fault.actuator] == "throttle" else "deg"
     return {
         "actuator": ACTUATORS[fault.actuator],
@@ -31,7 +31,7 @@ def fault_dict(fault: Fault, time_s: float | None) -> dict[str, Any]:
 
 
 def segment_dict(segment: Segment) -> dict[str, Any]:
-    """A segment with the keys of a scenario file."""
+    """Return a segment with the keys of a scenario file."""
     return {
         "start_s": segment.start_s,
         "airspeed_m_s": segment.airspeed_m_s,
@@ -70,7 +70,7 @@ def status_dict(state: VehicleState, now: float) -> dict[str, Any]:
 
 
 def _quantities(values: Iterable[float | None] | None) -> dict[str, Any] | None:
-    """Values by name; what is NaN is not known, as a reference while disarmed."""
+    """Return values by name; NaN, as of a reference while disarmed, becomes None."""
     if values is None:
         return None
     known = (None if value is None or math.isnan(value) else value for value in values)
@@ -94,10 +94,10 @@ def _event_dict(state: VehicleState) -> dict[str, Any]:
 
 
 def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[str]:
-    """What was dropped and why, one line for each that dropped something.
+    """Return counts of dropped datagrams by reason, one line for each process that dropped any.
 
     Args:
-        here: Datagrams that the ground station dropped, by reason.
+        here: Datagrams that this ground station dropped, by reason.
         states: The vehicles.
     """
     dropped: dict[str, Mapping[str, Mapping[str, int]]] = {"here": {"": here}}
@@ -120,7 +120,7 @@ def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[
 
 
 def fleet_table(states: Iterable[VehicleState], now: float) -> Table:
-    """One row per vehicle, for a terminal of 80 columns."""
+    """Return a table with one row per vehicle, for a terminal of 80 columns."""
     table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("UAV", justify="right", no_wrap=True)
     for heading in ("link", "armed", "mode"):

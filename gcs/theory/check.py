@@ -22,12 +22,12 @@ _SURFACES, _THROTTLE = (0, 1, 2), (3,)
 
 @dataclass(frozen=True)
 class UavTheory:
-    """What was found of one UAV.
+    """The findings about one UAV.
 
     Attributes:
         id: System id.
-        missing_steps: Steps without a complete record: the autopilot did not make them, or a
-            number is not finite. They are left out of everything.
+        missing_steps: Steps without a complete record: the autopilot missed them, or a number is
+            not finite. They are excluded from all checks.
         dwell: As `dwell_times` returns it.
         residual: As `residual_sets` returns it.
         proofs: `speed` (Theorem 1) and `attitude` (Theorem 2); empty under another law.
@@ -42,7 +42,7 @@ class UavTheory:
 
 @dataclass(frozen=True)
 class Theory:
-    """What was found of one flight; `dataclasses.asdict` makes it ready for JSON.
+    """The findings about one flight; `dataclasses.asdict` makes it ready for JSON.
 
     Attributes:
         scenario: Its name.
@@ -66,7 +66,7 @@ class Theory:
 
 
 def check_theory(recording: Recording, scenario: Scenario) -> Theory:
-    """Hold one flight against the paper's theorems.
+    """Check one flight against the paper's theorems.
 
     Args:
         recording: The flight, lost or complete.

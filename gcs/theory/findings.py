@@ -23,7 +23,7 @@ ASSUMPTIONS = (
     "them, as the proofs do.",
     "A flight that begins with a command at a stop counts from where it leaves it.",
 )
-"""What was taken where the paper leaves open or the flight differs from it."""
+"""Assumptions where the paper leaves something open or the flight differs from it."""
 
 NOT_CHECKED = (
     "The ideal weights, and with them Φ as a quantity of its own: no simulation knows them.",
@@ -39,13 +39,13 @@ NOT_CHECKED = (
     "well and are compared; inequalities are not.",
     "Limits for t → ∞: a flight is finite.",
 )
-"""What such a check cannot tell."""
+"""Limits of the check."""
 
 _NAMES = {"speed": ("(53)", "|Ṽ'|"), "attitude": ("(69)", "‖e'‖")}
 
 
 def theory_words(theory: Theory) -> list[str]:
-    """Say what `check_theory` found, what it assumed, and what it did not check."""
+    """Return sentences on what `check_theory` found, assumed and did not check."""
     words = [*_missing(theory), *_dwell(theory), *_residual(theory)]
     if not theory.uavs:
         return words
