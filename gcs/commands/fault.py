@@ -9,9 +9,9 @@ from pydantic import ValidationError
 
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput, NoAnswer
+from gcs.station.fault_text import describe_fault
 from gcs.station.status import fault_dict
 from gcs.station.vehicle import Vehicle
-from gcs.station.vehicle_state import describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.config.models import problems_of
 from mavlink_defs.constants import ACTUATORS, Actuator

@@ -12,7 +12,7 @@ from gcs.commands.common import console_of
 from gcs.commands.station import Station, print_json, station_command
 from gcs.errors import CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
-from gcs.station.status import drop_lines, fleet_table, status_dict
+from gcs.station.status import drop_lines, fleet_table, vehicle_status
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 
@@ -103,6 +103,6 @@ def _show(client: Client, vehicles: list[Vehicle], as_json: bool) -> None:
         "connection": str(client.connection),
         "saving": client.fleet.saving,
         "drops": client.drops,
-        "vehicles": [status_dict(vehicle.state, now) for vehicle in vehicles],
+        "vehicles": [vehicle_status(vehicle.state, now).to_json() for vehicle in vehicles],
     }
     print_json(answer)

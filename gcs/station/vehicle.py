@@ -6,9 +6,10 @@ Every operation returns, or raises `CommandRefused` (with the vehicle's reason) 
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from gcs.errors import BadInput, CommandRefused, NoAnswer
+from gcs.station.machine_runner import MachineRunner
 from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
@@ -39,7 +40,7 @@ from mavlink_defs.services.param import (
     ParamSetter,
 )
 
-__all__ = ["PRIVATE_INTERVALS_S", "Progress", "Runner", "Vehicle"]
+__all__ = ["PRIVATE_INTERVALS_S", "Progress", "Vehicle"]
 
 Progress = Callable[[int, int], None]
 """Called with the number of items done and the total."""
@@ -57,32 +58,6 @@ E = TypeVar("E")  # events of a machine
 F = TypeVar("F")  # the last one
 
 
-class Runner(Protocol):
-    """The part of `Client` that operations use."""
-
-    own: SystemId
-
-    def now(self) -> float:
-        """The client's clock [s]."""
-        ...
-
-    def emit(self, notifications: Iterable[Notification]) -> None:
-        """Put notifications into the log."""
-        ...
-
-    async def run(
-        self,
-        turn: tuple[int, str],
-        machine: Machine[E],
-        start: Callable[[float], None],
-        finished: type[F],
-        on_event: Callable[[E], None] | None = None,
-        stop: Callable[[float], None] | None = None,
-    ) -> F:
-        """Start a machine when its turn comes and drive it until an event of type `finished`."""
-        ...
-
-
 class Vehicle:
     """One vehicle: its known state and the operations on it.
 
@@ -91,12 +66,26 @@ class Vehicle:
         state: Its known state.
     """
 
-    def __init__(self, runner: Runner, state: VehicleState) -> None:
+    def __init__(
+        self,
+        own: SystemId,
+        state: VehicleState,
+        machines: MachineRunner,
+        emit: Callable[[Iterable[Notification]], None],
+    ) -> None:
+        """Prepare the operations on a vehicle.
+
+        Args:
+            own: System and component id of the ground station.
+            state: The vehicle's known state.
+            machines: Runs the operations.
+            emit: Called with the notifications of operations.
+        """
         self.system = state.system
         self.state = state
-        self._runner = runner
-        self._own, self._address = runner.own, state.address
-        self._commands = CommandClient(runner.own)
+        self._machines, self._emit = machines, emit
+        self._own, self._address = own, state.address
+        self._commands = CommandClient(own)
 
     # commands
 
@@ -170,7 +159,7 @@ class Vehicle:
         done, reasons = await self._run("command", machine, machine.start, FaultsListed)
         ok = dialect.MAV_RESULT_ACCEPTED
         known = done.faults if done.result == ok else None
-        self._runner.emit(self.state.learn_faults(known, self._now()))
+        self._emit(self.state.learn_faults(known, self._now()))
         self._judge("the request for its faults", done.result, ok, "MAV_RESULT", reasons)
         return done.faults
 
@@ -201,14 +190,7 @@ class Vehicle:
         """Upload a reference profile; if it is refused, the old one stays active."""
         items = segments_to_items(segments, *self._address)
         machine = MissionUploader(self._own, self._address, items)
-        done, reasons = await self._run(
-            "mission",
-            machine,
-            machine.start,
-            MissionFinished,
-            progress,
-            stop=lambda _: machine.cancel(),
-        )
+        done, reasons = await self._transfer(machine, progress)
         ok = dialect.MAV_MISSION_ACCEPTED
         self._judge("the upload of a profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
 
@@ -221,14 +203,7 @@ class Vehicle:
             CommandRefused: The vehicle refused, or holds a mission that is not a profile.
         """
         machine = MissionDownloader(self._own, self._address)
-        done, reasons = await self._run(
-            "mission",
-            machine,
-            machine.start,
-            MissionFinished,
-            progress,
-            stop=lambda _: machine.cancel(),
-        )
+        done, reasons = await self._transfer(machine, progress)
         ok = dialect.MAV_MISSION_ACCEPTED
         segments: tuple[Segment, ...] | None = None
         problem: ProfileError | None = None
@@ -238,7 +213,7 @@ class Vehicle:
                 segments = items_to_segments(done.items, ANY_AIRSPEED) if many else ()
             except ProfileError as error:
                 problem = error
-        self._runner.emit(self.state.learn_profile(segments, self._now()))
+        self._emit(self.state.learn_profile(segments, self._now()))
         self._judge("the download of its profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
         if segments is None:
             text = f"UAV {self.system} holds a mission that is no profile: {problem}"
@@ -283,10 +258,22 @@ class Vehicle:
         self._judge_param(f"{name} = {value:g}", done)
         return done.params[0]
 
-    # inside
+    # internals
 
     def _now(self) -> float:
-        return self._runner.now()
+        return self._machines.now()
+
+    async def _transfer(
+        self, machine: MissionUploader | MissionDownloader, progress: Progress | None
+    ) -> tuple[MissionFinished, list[str]]:
+        return await self._run(
+            "mission",
+            machine,
+            machine.start,
+            MissionFinished,
+            progress,
+            stop=lambda _: machine.cancel(),
+        )
 
     async def _run(
         self,
@@ -310,7 +297,7 @@ class Vehicle:
                 progress(event.done, event.total)
 
         turn = (self.system, service)
-        done = await self._runner.run(turn, machine, begin, finished, on_event, stop)
+        done = await self._machines.run(turn, machine, begin, finished, on_event, stop)
         texts = self.state.texts_since(heard)
         return done, [text.text for text in texts if text.severity <= WARNING]
 
@@ -332,13 +319,13 @@ class Vehicle:
             kept = f"; it keeps {done.params[0].value:g}" if done.params else ""
             reason = enum_name("MAV_PARAM_ERROR", done.error)
             text = f"UAV {self.system} refused {what} ({reason}){kept}"
-            self._runner.emit([Notification(self._now(), self.system, "ack", WARNING, text)])
+            self._emit([Notification(self._now(), self.system, "ack", WARNING, text)])
             raise CommandRefused(text, done.error)
         if len(done.params) == 1:
             param = done.params[0]
             text = f"{param.name} is {param.value:g}"
-            self._runner.emit([Notification(self._now(), self.system, "ack", INFO, text)])
+            self._emit([Notification(self._now(), self.system, "ack", INFO, text)])
 
     def _no_answer(self, text: str) -> NoAnswer:
-        self._runner.emit([Notification(self._now(), self.system, "ack", ERROR, text)])
+        self._emit([Notification(self._now(), self.system, "ack", ERROR, text)])
         return NoAnswer(text)

@@ -14,10 +14,11 @@ from gcs.theory.ground_truth import known_quantities, present_steps
 from gcs.theory.judgement import Judgement, judge
 from gcs.theory.lyapunov import attitude_subsystem, speed_subsystem
 from gcs.theory.residual import residual_sets
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
 
 __all__ = ["Theory", "UavTheory", "check_theory"]
 
-_SURFACES, _THROTTLE = (0, 1, 2), (3,)
+_SURFACES = tuple(i for i in range(N_CHANNELS) if i != THROTTLE)
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def _proofs(
         return {
             "speed": judge(
                 known,
-                _THROTTLE,
+                (THROTTLE,),
                 speed_subsystem(known, law, trigger),
                 speed_definitions(known, law, trigger),
                 np.abs(errors[:, 0]),

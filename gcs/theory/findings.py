@@ -185,9 +185,9 @@ def _certificates(theory: Theory, subsystem: str, judged: dict[int, Judgement]) 
     if any(rate.steps for rate in differences):
         yield (
             f"Within the hypotheses {equation} held by finite differences in "
-            f"{_percent(differences)} of {sum(d.steps for d in differences)} steps "
+            f"{_satisfied(differences)} of {sum(d.steps for d in differences)} steps "
             f"({sum(part.jumps for part in found.values())} jumps of V_L itself left out: ρ or K1 "
-            f"switches, an angle wraps), by the chain rule in {_percent(rules)}. Largest "
+            f"switches, an angle wraps), by the chain rule in {_satisfied(rules)}. Largest "
             f"(V̇_L + κ V_L)/χ: {_use(differences):.2g} and {_use(rules):.2g} (1 is the bound)."
         )
     names = next(iter(found.values())).slack
@@ -217,7 +217,7 @@ def _certificates(theory: Theory, subsystem: str, judged: dict[int, Judgement]) 
     )
 
 
-def _percent(rates: list[Rate]) -> str:
+def _satisfied(rates: list[Rate]) -> str:
     held = sum((rate.satisfied or 0.0) * rate.steps for rate in rates)
     return f"{100.0 * held / sum(rate.steps for rate in rates):.4g} %"
 

@@ -7,11 +7,12 @@ from typing import Any
 import pytest
 
 from gcs.station.event_counts import EventCounts
+from gcs.station.fault_text import describe_fault
 from gcs.station.fleet_state import FleetState
 from gcs.station.history import History
 from gcs.station.notifications import ERROR, WARNING, Notification
-from gcs.station.status import status_dict
-from gcs.station.vehicle_state import LOST_S, VehicleState, describe_fault
+from gcs.station.status import vehicle_status
+from gcs.station.vehicle_state import LOST_S, VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import Fault
@@ -126,7 +127,7 @@ def test_while_disarmed_the_measured_motion_is_shown_without_a_reference() -> No
     row = bench.state().history.rows()[-1]
     assert row["actual"] == pytest.approx([31.0, *map(math.degrees, (0.1, 0.2, 0.3))], rel=1e-6)
     assert all(map(math.isnan, row["reference"]))
-    told = status_dict(bench.state(), 0.1)
+    told = vehicle_status(bench.state(), 0.1).to_json()
     assert told["actual"]["airspeed_m_s"] == 31.0
     for key in ("reference", "error", "sync_error"):
         assert set(told[key].values()) == {None}
