@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from gcs.station.event_counts import EventCounts
-from gcs.station.fault_text import describe_fault
 from gcs.station.fleet_state import FleetState
 from gcs.station.history import History
 from gcs.station.notifications import ERROR, WARNING, Notification
@@ -277,24 +276,6 @@ def test_which_faults_act(time_s: float, active: int) -> None:
     bench.state().learn_faults((FAULT,), 0.0)
     bench.say(tracking(time_s), 0.1)
     assert len(bench.state().active_faults) == active
-
-
-@pytest.mark.parametrize(
-    ("fault", "expected"),
-    [
-        (
-            Fault(0, 1.0, -2.0, 0.3, 1.0, math.inf),
-            "aileron at 100 % - 2 deg · cos 2π 0.3 Hz in (1, until cleared",
-        ),
-        (
-            Fault(3, 0.0, 1.5, 0.0, math.nan, math.nan),
-            "throttle stuck at 1.5 N from now, until cleared",
-        ),
-        (Fault(2, 0.5, 1.0, 0.0, math.nan, 22.0), "rudder at 50 % + 1 deg from now, 22] s"),
-    ],
-)
-def test_faults_in_words(fault: Fault, expected: str) -> None:
-    assert describe_fault(fault) == expected
 
 
 def counts_of(*messages: Any) -> EventCounts:
