@@ -19,7 +19,7 @@ from ftc_autopilot.formation_link import receive_neighbour_states
 from ftc_autopilot.process import Autopilot
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
-from gcs.station.status import drop_lines, fleet_table, status_dict
+from gcs.station.status import drop_lines, fleet_table, vehicle_status
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogError, read_tlog
 from mavlink_defs.endpoint import Connection, parse_address, sockaddr
@@ -257,10 +257,10 @@ class StationTarget:
     target = (255, 190)
 
     def __init__(self) -> None:
-        self.client = Client(Connection("in", parse_address("127.0.0.1:14550")))
+        connection = Connection("in", parse_address("127.0.0.1:14550"))
+        self.client = Client(connection, clock=lambda: self._now)
         heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3)
         self._now = 0.0
-        self.client.now = lambda: self._now  # type: ignore[method-assign]  # our clock
         self.feed(FramePacker(*self.sender).pack(heartbeat))
 
     def feed(self, datagram: bytes) -> None:
@@ -275,7 +275,7 @@ class StationTarget:
         fleet_table(states, now)
         drop_lines(self.client.drops, states)
         for state in states:
-            status_dict(state, now)
+            vehicle_status(state, now).to_json()
             state.counts.rates()
 
     def state(self) -> bytes:

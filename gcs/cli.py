@@ -46,7 +46,7 @@ _NOT_WRITABLE = {
     errno.EPERM,
     errno.EIO,
 }
-_SPACE = "free some space, or choose a place that can be written; what is there is kept"
+_SPACE = "free some space, or choose a writable folder; files written so far are kept"
 
 app = typer.Typer(
     help="Ground station of ftc-sitl: fly a UAV formation over real MAVLink.",
@@ -125,7 +125,7 @@ def main() -> None:
         try:
             app()
         finally:
-            sys.stdout.flush()  # here and not at exit, where nobody could say what is wrong
+            sys.stdout.flush()  # here and not at exit, where an error could not be reported
     except ConfigError as problem:
         _end(BadInput.exit_status, str(problem))
     except Interrupted as problem:
@@ -133,10 +133,10 @@ def main() -> None:
     except GcsError as problem:
         _end(problem.exit_status, f"error: {problem}", problem.hint)
     except SystemExit as end:
-        if end.code == _EXIT_CTRL_C:  # before the command could say what that means
+        if end.code == _EXIT_CTRL_C:  # before the command could handle it
             _end(Interrupted.exit_status, "interrupted")
         raise
-    except BrokenPipeError:  # the reader of our output has gone: nothing left to say
+    except BrokenPipeError:  # the reader of our output has ended: nothing to report
         _close_output()
     except Exception as problem:
         if os.environ.get("FTC_SITL_DEBUG"):
@@ -162,5 +162,5 @@ def _end(status: int, text: str, hint: str = "") -> NoReturn:
 
 
 def _close_output() -> None:
-    """Throw away what still waits to be printed: at exit it would fail again."""
+    """Discard buffered output: at exit it would fail again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -24,7 +24,7 @@ __all__ = [
 
 
 class GcsError(Exception):
-    """Something could not be done; `hint` says what might help."""
+    """Something could not be done; `hint` says what the user can do."""
 
     exit_status = 1
 
@@ -44,7 +44,7 @@ class PortInUse(BadInput):
 
 
 def bad_endpoint(problem: EndpointError) -> BadInput:
-    """The error to end with when an address cannot be used."""
+    """Return the error of an address that cannot be used."""
     return (PortInUse if isinstance(problem, PortTaken) else BadInput)(str(problem))
 
 
@@ -73,6 +73,6 @@ class FlightLost(GcsError):  # noqa: N818 - the name says it
 
 
 class Interrupted(GcsError):  # noqa: N818 - the name says it
-    """The user stopped it; another signal than Ctrl-C sets its own status."""
+    """The user stopped the command; signals other than Ctrl-C set their own status."""
 
     exit_status = 130

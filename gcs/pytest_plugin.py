@@ -64,7 +64,7 @@ def ftc_launch(
 ) -> Iterator[Launch]:
     """Start fleets: ``ftc_launch("scenario.yaml", speed=None, **changes)``.
 
-    They fly in lockstep, or at a real-time factor `speed`, and are ended after the test.
+    They fly in lockstep, or at a real-time factor `speed`, and are stopped after the test.
     """
     from gcs.testing.fixtures import launch, read_scenario
 
@@ -83,7 +83,7 @@ def ftc_launch(
 
 @pytest.fixture
 def ftc_fleet(request: pytest.FixtureRequest, ftc_launch: Launch) -> TestFleet:
-    """The fleet of ``@pytest.mark.ftc_scenario``: it has its profile and faults, is not armed."""
+    """The fleet of ``@pytest.mark.ftc_scenario``, with its profile and faults set, not armed."""
     path, options = _marked(request)
     options.pop("mode", None)
     with _plainly():
@@ -94,7 +94,7 @@ def ftc_fleet(request: pytest.FixtureRequest, ftc_launch: Launch) -> TestFleet:
 def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Fly:
     """Fly scenarios to their end: ``ftc_fly("scenario.yaml", mode="wire", **changes)``.
 
-    In mode "in_process" without processes and wire. The same flight is flown once per session.
+    Mode "in_process" uses no processes and no links. The same flight is flown once per session.
     """
     from gcs.testing.fixtures import fly, read_scenario
 
@@ -128,7 +128,7 @@ def ftc_flight(request: pytest.FixtureRequest, ftc_fly: Fly) -> FlightResult:
 def pytest_runtest_makereport(
     item: pytest.Item,
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Say where a fleet's files are, and how far it came, when its test fails."""
+    """Add a fleet's folder and simulated time to the report of a failed test."""
     report = yield
     if report.failed:
         lines = [f"{fleet!r}, files in {fleet.folder}" for fleet in item.stash.get(_FLEETS, [])]
@@ -139,7 +139,7 @@ def pytest_runtest_makereport(
 
 @contextmanager
 def _plainly() -> Iterator[None]:
-    """Say what is wrong with a scenario or its fleet without a traceback through our code."""
+    """Report errors of a scenario or its fleet without a traceback through our code."""
     from gcs.errors import GcsError
 
     try:
@@ -159,7 +159,7 @@ def _marked(request: pytest.FixtureRequest) -> tuple[str | Path, dict[str, Any]]
 
 
 def _found(request: pytest.FixtureRequest, path: str | Path) -> Path:
-    """A scenario beside the test's file, else below the rootdir, else a bundled one."""
+    """Return a scenario beside the test's file, else below the rootdir, else a bundled one."""
     from gcs.scenario.bundled import find_scenario
     from mavlink_defs.config.models import ConfigError
 

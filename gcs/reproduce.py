@@ -139,14 +139,14 @@ def _draw(
 
 
 def _reference_lag(recording: Recording) -> dict[str, float]:
-    """IAE between follower 2's commands and its filtered reference [m, deg s]."""
+    """Return the IAE between follower 2's commands and its filtered reference [m, deg s]."""
     last = recording.signals[:, -1]
     area = integrated_error(last["command"] - last["reference"], recording.step_us)
     return dict(zip(QUANTITIES, map(float, in_degrees(area)), strict=True))
 
 
 def _write_table(path: Path, summaries: Mapping[str, FlightSummary]) -> None:
-    """One line per flight and UAV."""
+    """Write one line per flight and UAV."""
     with naming(path), path.open("w", newline="") as file:
         writer = csv.writer(file)
         iae = [f"iae_{q}_{IAE_UNITS[q].replace(' ', '_')}" for q in QUANTITIES]

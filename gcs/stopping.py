@@ -1,6 +1,6 @@
-"""Signals that end a command: Ctrl-C, and just as it does SIGTERM and SIGHUP.
+"""Signals that end a command: Ctrl-C, and in the same way SIGTERM and SIGHUP.
 
-So a flight that ``timeout`` or a closed terminal ends keeps what it recorded, too.
+A flight ended by ``timeout`` or a closed terminal therefore keeps its recording, too.
 """
 
 import signal
@@ -11,13 +11,13 @@ __all__ = ["stop_as_ctrl_c", "stop_signals"]
 
 
 def stop_signals() -> list[signal.Signals]:
-    """The signals that end a command; without SIGHUP if it is ignored, as below ``nohup``."""
+    """Return the signals that end a command; without SIGHUP if it is ignored, as by ``nohup``."""
     hang_up = [signal.SIGHUP] if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN else []
     return [signal.SIGINT, signal.SIGTERM, *hang_up]
 
 
 def stop_as_ctrl_c() -> None:
-    """Let SIGTERM and SIGHUP do what Ctrl-C does, with an exit status of their own."""
+    """Make SIGTERM and SIGHUP act like Ctrl-C, with exit statuses of their own."""
     for number in stop_signals():
         if number != signal.SIGINT:
             signal.signal(number, _interrupt)

@@ -1,6 +1,6 @@
-"""Reference pages from the code: the hook of mkdocs that fills them in when the site is built.
+"""Reference pages from the code: a hook of mkdocs that fills them in when the site is built.
 
-A page says where: ``<!-- generated: keys trigger -->`` becomes the table of the keys of `trigger`.
+The comment ``<!-- generated: keys trigger -->`` becomes the table of the keys of `trigger`.
 """
 
 import re
@@ -50,11 +50,11 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "impairment": Impairment,
 }
 OWN_TABLES = set(SECTIONS.values())
-"""Models with a table of their own: where another one holds them, they are one line."""
+"""Models with a table of their own; in the table of another model they are one line."""
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Fill in what a page asks for; mkdocs calls this for each page.
+    """Fill in the generated parts of a page; mkdocs calls this for each page.
 
     Raises:
         KeyError: The page asks for something that does not exist.
@@ -158,14 +158,14 @@ def default_of(field: FieldInfo) -> str:
 
 
 def plain(value: Any) -> str:
-    """Return a value as one writes it in YAML."""
+    """Return a value as it is written in YAML."""
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(plain, value))}]"
     return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
 def meaning(field: FieldInfo, part: type[BaseModel] | None) -> str:
-    """Return what a key means: its own description, else that of what it holds."""
+    """Return the description of a key: its own, else that of the model it holds."""
     if field.description or part is not None:
         return field.description or (part.__doc__ or "").split("\n")[0]
     value = without_none(field.annotation)

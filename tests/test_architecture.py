@@ -34,6 +34,7 @@ USERS_OF_THE_SYSTEM = SHELLS | {
     "gcs.figures.style",
     "gcs.fleet.in_process",
     "gcs.fleet.precompile",
+    "gcs.station.machine_runner",
     "gcs.sweeps.flying",
     "gcs.tui.operations",
     "mavlink_defs.capture.tlog",

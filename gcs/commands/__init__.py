@@ -1,1 +1,1 @@
-"""The subcommands of ``gcs``, one module each: options in, words and exit status out."""
+"""The subcommands of ``gcs``, one module each: options in, output and exit status out."""

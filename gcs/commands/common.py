@@ -1,4 +1,4 @@
-"""What several subcommands show: the compiler at work, a flight's progress."""
+"""Output shared by several subcommands: compilation and progress of a flight."""
 
 import contextlib
 import time
@@ -14,12 +14,12 @@ __all__ = ["console_of", "flight_progress", "warm_up"]
 
 
 def console_of(stderr: bool = True, quiet: bool = False) -> Console:
-    """A console that prints texts as they are: names and paths of users are no markup."""
+    """Return a console that prints text as it is: users' names and paths are not markup."""
     return Console(stderr=stderr, quiet=quiet, markup=False, emoji=False, highlight=False)
 
 
 def warm_up(scenario: Scenario, console: Console) -> None:
-    """Compile the numeric core before processes need it, if that was not done before."""
+    """Compile the numeric core before processes need it, unless it is cached."""
     from mavlink_defs.runtime.jit import cache_is_cold
 
     if not cache_is_cold():
@@ -36,7 +36,7 @@ def warm_up(scenario: Scenario, console: Console) -> None:
 def flight_progress(
     scenario: Scenario, console: Console
 ) -> Iterator[Callable[[float, np.ndarray], None]]:
-    """A progress bar with simulated time, real-time factor and event counts."""
+    """Show a progress bar with simulated time, real-time factor and event counts."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),

@@ -89,7 +89,7 @@ def _hosts(scenario: Scenario, options: Iterable[str]) -> dict[str, str]:
 
 
 def _moved_addresses(scenario: Scenario, hosts: Mapping[str, str]) -> dict[str, str]:
-    """Return where each address of the scenario's one host is when there are several."""
+    """Return the address on its own host for each address on the scenario's single host."""
     links = scenario.links
     ports = {"plant": links.plant_port, "gcs": links.gcs_port}
     ports |= {f"uav{uav.id}": links.formation_base_port + uav.id for uav in scenario.uavs}

@@ -62,7 +62,7 @@ def arm(station: Station) -> None:
 def disarm(
     station: Station,
     force: Annotated[
-        bool, typer.Option("--force", help="In flight, too: the controller stops, no thrust.")
+        bool, typer.Option("--force", help="Even in flight: the controller stops, no thrust.")
     ] = False,
 ) -> None:
     """Disarm vehicles; in flight they refuse unless forced."""
@@ -76,7 +76,7 @@ def disarm(
 
 @station_command
 def start(station: Station) -> None:
-    """Start to fly the profile: at once in flight, else when simulated time begins."""
+    """Start flying the profile: at once in flight, else when simulated time begins."""
 
     async def action(vehicle: Vehicle) -> str:
         await vehicle.start_mission()

@@ -41,12 +41,12 @@ ThemeOption: TypeAlias = Annotated[
 
 
 def has_terminal() -> bool:
-    """Whether there is a terminal to show the dashboard on."""
+    """Return whether there is a terminal to show the dashboard on."""
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
 def refuse_options(context: typer.Context) -> None:
-    """Refuse options of the dashboard before a command: they would be ignored.
+    """Refuse options of the dashboard that precede a command: they would be ignored.
 
     Raises:
         BadInput: There are some.
@@ -57,7 +57,7 @@ def refuse_options(context: typer.Context) -> None:
             command = context.invoked_subcommand
             raise BadInput(
                 f"--{name} before `{command}` is for the dashboard",
-                f"put options behind the command: gcs {command} --{name} ...",
+                f"put options after the command: gcs {command} --{name} ...",
             )
 
 

@@ -9,9 +9,9 @@ from pydantic import ValidationError
 
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput, NoAnswer
+from gcs.station.fault_text import describe_fault
 from gcs.station.status import fault_dict
 from gcs.station.vehicle import Vehicle
-from gcs.station.vehicle_state import describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ACTUATORS, Actuator
@@ -54,7 +54,7 @@ def set_(
     station: Station,
     actuator: Annotated[Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
     effectiveness: Annotated[
-        float | None, typer.Option(help="What is left of the command, 0 to 1.")
+        float | None, typer.Option(help="Remaining share of the command, 0 to 1.")
     ] = None,
     bias_deg: Annotated[float | None, typer.Option(help="Bias of a surface [deg].")] = None,
     bias_n: Annotated[float | None, typer.Option(help="Bias of the throttle [N].")] = None,
@@ -79,7 +79,7 @@ def set_(
     """
     if for_s is not None:
         if end_s is not None:
-            raise BadInput("--end-s and --for-s say the same", "leave one of them out")
+            raise BadInput("--end-s and --for-s both set the end", "leave one of them out")
         if not 0.0 < for_s < math.inf:
             raise BadInput(f"--for-s: expected more than 0 s, got {for_s:g}")
         end_s = None if start_s is None else start_s + for_s
@@ -131,7 +131,7 @@ def clear(
 @app.command(name="list", epilog=_LIST_EPILOG)
 @station_command
 def list_(station: Station) -> None:
-    """List the faults that vehicles have, past and future ones too."""
+    """List the faults of vehicles, including past and future ones."""
 
     async def action(vehicle: Vehicle) -> str:
         faults = await vehicle.list_faults()
@@ -148,7 +148,7 @@ def list_(station: Station) -> None:
 
 
 async def _time_s(vehicle: Vehicle) -> float:
-    """Its simulated time, asked for."""
+    """Request and return its simulated time [s]."""
     await vehicle.request(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
     if (time_s := vehicle.state.time_s) is None:
         raise NoAnswer(f"UAV {vehicle.system} did not tell its simulated time")

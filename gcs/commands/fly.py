@@ -29,8 +29,8 @@ Examples:
 - gcs fly paper/scenario1 --in-process --json | jq .saving
 - gcs fly my.yaml --speed 1 --out runs/demo
 
-Exit status: 0 flown to its end, 1 lost, stopped early or not to be recorded, 2 bad input, 3 a
-vehicle refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
+Exit status: 0 flown to its end, 1 lost, stopped early or not recorded, 2 bad input, 3 a vehicle
+refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
 """
 
 
@@ -51,7 +51,8 @@ def fly(
         ),
     ] = None,
     in_process: Annotated[
-        bool, typer.Option("--in-process", help="Plant and controllers in one process, no wire.")
+        bool,
+        typer.Option("--in-process", help="Plant and controllers in one process, without links."),
     ] = False,
     free_ports: Annotated[
         bool,
@@ -63,7 +64,7 @@ def fly(
     ] = False,
     signing_key: SigningKeyOption = None,
 ) -> None:
-    """Fly a scenario to its end and write down everything.
+    """Fly a scenario to its end and record everything.
 
     Starts one plant and one autopilot process per UAV, uploads the profiles, sets the faults,
     starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,

@@ -26,7 +26,7 @@ Exit status: 0 written, 2 bad input.
 def key(
     file: Annotated[Path, typer.Argument(help="New file.", metavar="FILE")],
     passphrase: Annotated[
-        bool, typer.Option("--passphrase", help="Make it of a passphrase instead of at random.")
+        bool, typer.Option("--passphrase", help="Derive it from a passphrase instead of at random.")
     ] = False,
 ) -> None:
     """Make a key file for MAVLink 2 signing: 32 bytes that only you can read."""

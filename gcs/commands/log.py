@@ -26,14 +26,14 @@ Exit status: 0 left by the operator, 2 bad input.
 def log(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Telemetry log (tlog).")],
     speed: Annotated[
-        float, typer.Option(min=0.1, max=30.0, help="Times as fast as it happened.")
+        float, typer.Option(min=0.1, max=30.0, help="Replay speed: 1 is real time.")
     ] = 1.0,
-    at: Annotated[float, typer.Option(min=0.0, help="Where to begin [s].")] = 0.0,
+    at: Annotated[float, typer.Option(min=0.0, help="Start time in the log [s].")] = 0.0,
     theme: ThemeOption = "dark",
 ) -> None:
     """Replay a telemetry log in the dashboard, with seek and speed.
 
-    Takes logs of `gcs fly` and `gcs record`, and of other ground stations.
+    Reads logs of `gcs fly` and `gcs record`, and of other ground stations.
     """
     try:
         frames = list(read_frames(file))
@@ -42,7 +42,7 @@ def log(
     except TlogError as problem:
         raise BadInput(str(problem), "`gcs record` writes telemetry logs") from problem
     if not frames:
-        raise BadInput(f"{file}: there is no frame in it")
+        raise BadInput(f"{file}: no MAVLink frame in it")
     from gcs.tui.app import Dashboard
     from gcs.tui.playback import Playback
 

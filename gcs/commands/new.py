@@ -1,4 +1,4 @@
-"""``gcs new``: begin a scenario of one's own."""
+"""``gcs new``: start a scenario of your own."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,7 +19,7 @@ Exit status: 0 written, 2 the file exists or cannot be written.
 """
 
 _TEXT = """\
-# A scenario says only in what it differs from the one that it extends: a file, or a bundled
+# A scenario states only its differences from the one that it extends: a file, or a bundled
 # scenario (`gcs scenarios` lists them). Units are part of each key.
 
 extends: paper/scenario1
@@ -42,12 +42,12 @@ faults:
 def new(
     file: Annotated[Path, typer.Argument(help="New scenario file.", metavar="FILE")],
 ) -> None:
-    """Write a small scenario with comments, to begin one's own with."""
+    """Write a small commented scenario as a starting point for your own."""
     try:
         with file.open("x", encoding="utf-8") as out:
             out.write(_TEXT.format(name=yaml_of({"name": file.stem})))
     except FileExistsError:
-        text = f"{file} exists already, and is left as it is"
+        text = f"{file} already exists and was not changed"
         raise BadInput(text, "choose another name, or remove it") from None
     except OSError as problem:
         raise BadInput(f"cannot write {file}: {problem.strerror}") from problem

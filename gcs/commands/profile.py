@@ -57,7 +57,7 @@ def upload(
     station: Station,
     file: _File,
 ) -> None:
-    """Upload a profile. It is in force at once; one that is refused leaves the old in force."""
+    """Upload a profile. It takes effect at once; if it is refused, the old one stays active."""
     segments = load_profile(file)
     console = console_of()
     progress = Progress(
@@ -83,10 +83,10 @@ def download(
     station: Station,
     out: Annotated[
         Path | None,
-        typer.Option(help="Write a profile file; the vehicles must hold the same profile."),
+        typer.Option(help="Write a profile file; all vehicles must have the same profile."),
     ] = None,
 ) -> None:
-    """Print the profiles that vehicles hold, as YAML (one document for each different one)."""
+    """Print the profiles of vehicles as YAML, one document for each distinct profile."""
     held: dict[int, tuple[Segment, ...]] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -111,10 +111,10 @@ def check(
     station: Station,
     file: _File,
     held: Annotated[
-        bool, typer.Option("--held", help="Also compare with what the vehicles hold.")
+        bool, typer.Option("--held", help="Also compare with the profiles of the vehicles.")
     ] = False,
 ) -> None:
-    """Check a profile file and show it; with --held compare it with what vehicles hold."""
+    """Check a profile file and show it; with --held compare it with the vehicles' profiles."""
     segments = load_profile(file)
     if not held:
         if station.as_json:

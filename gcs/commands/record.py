@@ -1,4 +1,4 @@
-"""``gcs record``: the GCS link of a running fleet as a telemetry log."""
+"""``gcs record``: record the GCS link of a running fleet as a telemetry log."""
 
 import asyncio
 import math
@@ -33,8 +33,8 @@ Examples:
 - gcs record flight.tlog --for-s 60
 - gcs record flight.tlog --json && mavlogdump.py flight.tlog --types STATUSTEXT
 
-Exit status: 0 recorded until Ctrl-C, SIGTERM, SIGHUP or the end of --for-s, 1 the file cannot be
-written any more, 2 bad input, 4 no vehicle heard within --timeout.
+Exit status: 0 recorded until Ctrl-C, SIGTERM, SIGHUP or the end of --for-s, 1 writing the file
+failed, 2 bad input, 4 no vehicle heard within --timeout.
 """
 
 
@@ -44,7 +44,7 @@ def record(
         typer.Argument(metavar="FILE", help="New file; gcs-DATE-TIME.tlog by default."),
     ] = None,
     for_s: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop after so long [s]; Ctrl-C by default.")
+        float | None, typer.Option(min=0.0, help="Stop after this time [s]; by default at Ctrl-C.")
     ] = None,
     connect: ConnectOption = None,
     timeout: TimeoutOption = 10.0,
@@ -53,12 +53,12 @@ def record(
 ) -> None:
     """Record every frame that vehicles send, with its time, until Ctrl-C.
 
-    MAVProxy, QGroundControl and mavlogdump.py read such files.
+    MAVProxy, QGroundControl and mavlogdump.py read these files.
     """
     now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     path = file or Path(f"gcs-{now}.tlog")
     if path.exists():
-        raise BadInput(f"{path} exists already", "choose another file, or remove it")
+        raise BadInput(f"{path} already exists", "choose another file, or remove it")
     messages = run(_record(path, for_s, connect, timeout, signing_key))
     total = sum(messages.values())
     if as_json:

@@ -51,7 +51,7 @@ def reproduce(
     ] = SCENARIOS / "paper",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
-    """Fly the paper's scenarios and hold its tables and figures beside ours.
+    """Fly the paper's scenarios and compare its tables and figures with ours.
 
     Writes one folder: report.html (self-contained) and report.md, figures/ (Fig. 5 to 11 as PNG
     and SVG), data/ (each flight as .npz and .csv, its summary, theory.json).
@@ -81,7 +81,7 @@ def reproduce(
                 lambda done: progress.update(task, advance=1, description=done),
             )
     except KeyboardInterrupt:
-        raise Interrupted(f"interrupted; what was finished is in {folder}") from None
+        raise Interrupted(f"interrupted; finished flights are in {folder}") from None
     seconds = time.monotonic() - begin
     console.print(
         f"{len(summaries)} flights in {seconds:.1f} s; open {folder}/report.html", soft_wrap=True
@@ -98,7 +98,7 @@ def _in_process(file: str, scenario: "Scenario") -> "Recording":
 
 
 def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
-    """Fly with processes; each flight's tlog and words go into a folder of its own."""
+    """Fly with processes; each flight's tlog and logs go into a folder of its own."""
     from gcs.fleet.flight import fly_over_udp
     from gcs.fleet.processes import on_free_ports
 

@@ -1,4 +1,4 @@
-"""``gcs scenarios``: the scenarios that come with the package."""
+"""``gcs scenarios``: list the scenarios that come with the package."""
 
 import typer
 
@@ -13,7 +13,7 @@ Examples:
 - gcs scenarios
 - gcs scenarios | grep rudder
 
-A name can stand wherever a scenario file can: gcs fly paper/scenario1
+A name works wherever a scenario file does: gcs fly paper/scenario1
 
 Exit status: 0 listed.
 """

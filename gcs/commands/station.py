@@ -1,7 +1,7 @@
-"""What the commands that talk to a running fleet share: options, outcomes, exit status.
+"""Shared by the commands that talk to a running fleet: options, outcomes, exit status.
 
-Such a command does the same with every chosen vehicle, all at the same time, and reports each
-one's outcome: what went well on standard output, the rest on standard error.
+Such a command does the same with every chosen vehicle concurrently, and reports each outcome:
+successes on standard output, everything else on standard error.
 """
 
 import asyncio
@@ -84,7 +84,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class _Outcome:
-    """What came of an action: "accepted", "refused" or "no answer", and how it is said."""
+    """The outcome of an action: "accepted", "refused" or "no answer", and its text."""
 
     uav: int
     outcome: str
@@ -99,7 +99,7 @@ class _Outcome:
 
 @dataclass(frozen=True)
 class Station:
-    """The options of a command, and how it talks to vehicles."""
+    """The options of a command and its access to vehicles."""
 
     uavs: str | None
     connect: str | None
@@ -112,11 +112,11 @@ class Station:
         action: Callable[[Vehicle], Awaitable[str]],
         data: Callable[[Vehicle], dict[str, Any]] = lambda _: {},
     ) -> None:
-        """Do something with every chosen vehicle and report it; ends with the exit status.
+        """Apply an action to every chosen vehicle and report it; exit with its status.
 
         Args:
-            action: What to do; gives what is to be said of it.
-            data: More that is to be told in JSON when it is done.
+            action: Acts on a vehicle and returns a line for the user.
+            data: Returns further JSON data of a vehicle after the action.
         """
 
         async def with_vehicles(_: Client, vehicles: list[Vehicle]) -> list[_Outcome]:
@@ -138,10 +138,10 @@ class Station:
         inquire: bool = False,
         private: bool = False,
     ) -> T:
-        """Do something with a client and the chosen vehicles.
+        """Run a coroutine with a client and the chosen vehicles.
 
         Args:
-            work: What to do.
+            work: Called with both.
             inquire: As of `Client`.
             private: As of `Client`.
 
@@ -162,7 +162,7 @@ class Station:
                 try:
                     vehicles = await client.discover(self.timeout_s, systems)
                 except NoAnswer as problem:
-                    problem.hint = "start a fleet with `gcs up`, or say where with --connect"
+                    problem.hint = "start a fleet with `gcs up`, or give its address with --connect"
                     raise
                 return await work(client, vehicles)
 
@@ -189,7 +189,7 @@ class Station:
 
 
 def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Callable[..., None]:
-    """Return a command with the options that all which talk to vehicles share, behind its own.
+    """Return a command with the shared options of all station commands after its own.
 
     Args:
         command: Gets the shared options as its argument `station`.
@@ -227,7 +227,7 @@ def run_interruptible(work: Coroutine[Any, Any, T]) -> T:
 
 
 def print_json(value: Any) -> None:
-    """Print a value as one line of JSON; what JSON cannot say (NaN, infinity) is null."""
+    """Print a value as one line of JSON; NaN and infinity become null."""
     print(json.dumps(_finite(value), allow_nan=False), flush=True)
 
 

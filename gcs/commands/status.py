@@ -1,4 +1,4 @@
-"""``gcs status``: what the vehicles of a running fleet do."""
+"""``gcs status``: show the vehicles of a running fleet."""
 
 import asyncio
 from functools import partial
@@ -12,7 +12,7 @@ from gcs.commands.common import console_of
 from gcs.commands.station import Station, print_json, station_command
 from gcs.errors import CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
-from gcs.station.status import drop_lines, fleet_table, status_dict
+from gcs.station.status import drop_lines, fleet_table, vehicle_status
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 
@@ -28,7 +28,7 @@ Examples:
 
 Faults are shown as active/all; below the table, what was dropped on the links, if anything.
 Exit status: 0 shown, 2 bad input, 4 no vehicle heard;
---watch goes on until Ctrl-C (0), or until the reader of its output has gone (0).
+--watch continues until Ctrl-C (0) or until its output is closed (0).
 """
 
 _FIRST_TELEMETRY_S = 1.0
@@ -46,7 +46,7 @@ _WANTED = (
 def status(
     station: Station,
     watch: Annotated[
-        bool, typer.Option("--watch", help="Go on, once a second, until Ctrl-C.")
+        bool, typer.Option("--watch", help="Refresh once a second until Ctrl-C.")
     ] = False,
 ) -> None:
     """Show link, mode, attitude, events, savings and faults of every vehicle."""
@@ -76,12 +76,12 @@ def status(
         return
     try:
         station.run(on_and_on, inquire=True, private=True)
-    except (Interrupted, BrokenPipeError):  # the operator, or the reader of a pipe, has seen enough
+    except (Interrupted, BrokenPipeError):  # Ctrl-C, or the reader of the pipe ended
         return
 
 
 async def _ask(client: Client, vehicle: Vehicle) -> None:
-    """Get everything about a vehicle that can be had."""
+    """Request the faults, profile and drop counts of a vehicle, and await telemetry."""
     drops = partial(vehicle.request, dialect.MAVLINK_MSG_ID_FTC_DROPS)
     for question in (vehicle.list_faults, vehicle.download, drops):
         try:
@@ -103,6 +103,6 @@ def _show(client: Client, vehicles: list[Vehicle], as_json: bool) -> None:
         "connection": str(client.connection),
         "saving": client.fleet.saving,
         "drops": client.drops,
-        "vehicles": [status_dict(vehicle.state, now) for vehicle in vehicles],
+        "vehicles": [vehicle_status(vehicle.state, now).to_json() for vehicle in vehicles],
     }
     print_json(answer)

@@ -31,7 +31,7 @@ Examples:
 
 Exit status: 0 the sweep is complete (lost flights and impossible values are results too),
 1 a run could not be computed or written, 2 bad input, 70 a defect of ftc-sitl, 130 Ctrl-C; the
-same command goes on.
+same command continues.
 """
 
 
@@ -43,7 +43,7 @@ def sweep(
         list[str] | None,
         typer.Option(
             "--set",
-            help="A key of the scenario and the values that it takes, in YAML. Several: "
+            help="A key of the scenario and its values, in YAML. With several, "
             "every combination is flown.",
             metavar="KEY=VALUE,VALUE,...",
         ),
@@ -51,7 +51,7 @@ def sweep(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of the sweep, new or to go on with; runs/sweep-NAME-DIGEST by default, "
+            help="Folder of the sweep, new or to continue; runs/sweep-NAME-DIGEST by default, "
             "the same for the same files and values."
         ),
     ] = None,
@@ -67,8 +67,8 @@ def sweep(
 ) -> None:
     """Fly every combination of values, in process, on all cores.
 
-    Each finished run is kept at once: when interrupted, the same command goes on where it
-    stopped. Lost flights and impossible values are recorded with their reasons. The folder
+    Each finished run is saved at once: after an interruption, the same command continues
+    there. Lost flights and impossible values are recorded with their reasons. The folder
     gets table.csv (every UAV), table.md, and sweep.png and sweep.svg: saving against IAE.
     """
     from gcs.reports.sweep import choose_uav
@@ -90,7 +90,7 @@ def sweep(
         raise Interrupted(
             f"interrupted with {len(known_results(flights, folder))} of {len(flights)} flights "
             f"in {folder}",
-            "the same command goes on where it stopped",
+            "the same command continues where it stopped",
         ) from None
     failed = [result for result in results if result.outcome == "failed"]
     if failed:
@@ -99,12 +99,12 @@ def sweep(
                 raise result.defect
         raise GcsError(
             f"{len(failed)} of {len(results)} runs could not be computed: {failed[0].reason}",
-            "the same command tries them again",
+            "the same command retries them",
         )
 
 
 def _fly(runs: list["Run"], folder: Path, jobs: int, console: Console) -> list["Result"]:
-    """Give each run its result, in order; what was not flown before is flown now."""
+    """Return the result of each run, in order; fly those that have none yet."""
     from gcs.sweeps.flying import fly_runs
     from gcs.sweeps.folder import known_results, result_of
 
@@ -112,7 +112,7 @@ def _fly(runs: list["Run"], folder: Path, jobs: int, console: Console) -> list["
     flown = known_results(flights, folder)
     missing = [run for run in flights if run.digest not in flown]
     if flown:
-        console.print(f"{len(flown)} of {len(flights)} flights are there already")
+        console.print(f"{len(flown)} of {len(flights)} flights already flown")
     if missing and missing[0].scenario is not None:
         warm_up(missing[0].scenario, console)
     with _progress(len(flights), flown, console) as show:
@@ -126,7 +126,7 @@ def _fly(runs: list["Run"], folder: Path, jobs: int, console: Console) -> list["
 
 
 def _flights(runs: list["Run"]) -> list["Run"]:
-    """The runs that can be flown, each flight once."""
+    """Return the runs that can be flown, each flight once."""
     return list({run.digest: run for run in runs if run.scenario is not None}.values())
 
 
@@ -134,7 +134,7 @@ def _flights(runs: list["Run"]) -> list["Run"]:
 def _progress(
     total: int, flown: dict[str, "Result"], console: Console
 ) -> Iterator[Callable[[], None]]:
-    """A progress bar over flights; the function that it gives is called after each of them."""
+    """Show a progress bar over flights; yields a function to call after each of them."""
     columns = (
         TextColumn("flying"),
         BarColumn(),

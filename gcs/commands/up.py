@@ -1,4 +1,4 @@
-"""``gcs up``: a fleet that flies on until it is told to stop."""
+"""``gcs up``: a fleet that flies until it is stopped."""
 
 import asyncio
 import contextlib
@@ -46,9 +46,9 @@ def up(
     ] = None,
     lockstep: Annotated[
         bool,
-        typer.Option("--lockstep", help="As fast as the machine goes, instead of real time."),
+        typer.Option("--lockstep", help="As fast as the machine allows, instead of real time."),
     ] = False,
-    start: Annotated[bool, typer.Option("--start", help="Start the mission and arm, too.")] = False,
+    start: Annotated[bool, typer.Option("--start", help="Also start the mission and arm.")] = False,
     hub_port: Annotated[
         int,
         typer.Option(
@@ -61,14 +61,15 @@ def up(
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print addresses as one line of JSON when it is up.")
+        bool,
+        typer.Option("--json", help="Print addresses as one line of JSON once the fleet is up."),
     ] = False,
     signing_key: SigningKeyOption = None,
 ) -> None:
-    """Start a fleet that flies on until it is told to stop (Ctrl-C).
+    """Start a fleet that flies until it is stopped (Ctrl-C).
 
     The vehicles get profile and faults of the scenario and wait: time begins when all are
-    armed. The duration of the scenario does not matter. One ground station can bind the GCS
+    armed. The duration of the scenario is ignored. One ground station can bind the GCS
     port (14550); any number can connect to the hub, as gcs's own commands do.
     """
     if speed is not None and not 0.0 < speed < float("inf"):
@@ -172,7 +173,7 @@ def _announce(
         f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), profile of "
         f"{_count(scenario.profile, 'segment')}, {_count(scenario.faults, 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
-        f"  words of the processes: {folder / 'processes'}",
+        f"  logs of the processes: {folder / 'processes'}",
         *(f"  {'then:' if i == 0 else '     '} {words}" for i, words in enumerate(then)),
         "  Ctrl-C stops the fleet",
     ]

@@ -1,4 +1,4 @@
-"""``gcs wire``: count what crosses the wire, and disturb it."""
+"""``gcs wire``: count traffic and impair links."""
 
 import json
 import math
@@ -38,9 +38,9 @@ Examples:
 - gcs wire --relay 127.0.0.1:14570=127.0.0.1:14560 --impair loss=0.1,delay_ms=20,seed=3
 - gcs wire --relay ... --impair 'bursts={begin=0.01,end=0.2},outages=[{from_s=3,to_s=5}]'
 
-With a relay as in the last but one, fly a scenario whose `links.plant_relay` is 127.0.0.1:14570.
+For the first relay above, fly a scenario whose `links.plant_relay` is 127.0.0.1:14570.
 
-A relay runs until Ctrl-C or --seconds, then prints what it counted.
+A relay runs until Ctrl-C or --seconds, then prints its counts.
 
 Exit status: 0 counted, 1 no MAVLink 2 frame in the file, 2 bad input.
 """
@@ -54,14 +54,14 @@ def wire(
     relay: Annotated[
         list[str] | None,
         typer.Option(
-            help="Listen at an address, pass on to another and back; may be repeated.",
+            help="Listen at an address and relay to another and back; may be repeated.",
             metavar="LISTEN=TARGET",
         ),
     ] = None,
     impair: Annotated[
         str | None,
         typer.Option(
-            help="What relays do to datagrams: keys of a scenario's links.impairments.",
+            help="Impairments of the relays: keys of a scenario's links.impairments.",
             metavar="KEY=VALUE,...",
         ),
     ] = None,
@@ -78,7 +78,7 @@ def wire(
         int | None,
         typer.Option(
             min=1,
-            help="Control period, for captures without FTC_SIM_STATE, which tells it.",
+            help="Control period, for captures without FTC_SIM_STATE, which carries it.",
             metavar="US",
         ),
     ] = None,
@@ -100,7 +100,7 @@ def wire(
     if (file is None) == (not relay):
         raise BadInput("expected either a FILE or --relay LISTEN=TARGET", "see `gcs wire --help`")
     if impair is not None and not relay:
-        raise BadInput("--impair is for relays; a file has happened already")
+        raise BadInput("--impair is for relays; a file cannot be impaired")
     ports = {**DEFAULT_PORTS, **dict(map(_named_port, link or []))}
     tap = Tap(period_us=period_us)
     if file is not None:
@@ -134,7 +134,7 @@ def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) 
 
 
 def _watch(relay: Relay, seconds: float | None, console: Console | None) -> None:
-    """Show the counts live, if there is a console, until a signal or the time comes."""
+    """Show the counts live, if there is a console, until a signal or the end of `seconds`."""
     stop = threading.Event()
     on_stop(stop.set)
     end = math.inf if seconds is None else time.monotonic() + seconds

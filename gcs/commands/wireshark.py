@@ -19,8 +19,8 @@ Examples:
 - tshark -i lo -f udp -X lua_script:ftc.lua -Y mavlink_proto
 - tshark -r capture.pcap -X lua_script:ftc.lua -Y 'mavlink_proto.msgid == 93' | wc -l
 
-In its plugin folder (Help, About Wireshark, Folders: Personal Lua Plugins) Wireshark finds the
-dissector by itself. Have one MAVLink dissector only. It does not verify checksums.
+Wireshark loads the dissector from its plugin folder (Help, About Wireshark, Folders: Personal Lua
+Plugins). Install only one MAVLink dissector. It does not verify checksums.
 
 Exit status: 0 written, 2 bad input.
 """
@@ -28,7 +28,7 @@ Exit status: 0 written, 2 bad input.
 
 def wireshark(
     out: Annotated[
-        Path | None, typer.Option(help="Where to write; standard output by default.")
+        Path | None, typer.Option(help="Output file; standard output by default.")
     ] = None,
     port: Annotated[
         list[int] | None,

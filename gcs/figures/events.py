@@ -70,7 +70,7 @@ def fig7(flight: PlottedFlight) -> "Figure":
 
 
 def fig8(flight: PlottedFlight) -> "Figure":
-    """Draw when each channel of each UAV had events; the more at a time, the darker."""
+    """Draw the event times of each channel of each UAV; darker where events are denser."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
     names, ids = flight.names, flight.recording.uav_ids
@@ -117,11 +117,11 @@ def fig8(flight: PlottedFlight) -> "Figure":
 
 
 def fig9(flight: PlottedFlight, printed: Mapping[int, Mapping[str, int]]) -> "Figure":
-    """Draw how many events each channel of each UAV had, beside what the paper prints.
+    """Draw the event counts of each channel of each UAV beside those printed in the paper.
 
     Args:
         flight: The flight.
-        printed: The paper's number of events by UAV id and channel; it need not have all.
+        printed: The paper's event counts by UAV id and channel; some may be missing.
     """
     figure = new_figure(3.8)
     axes = figure.subplots(1, len(flight.names), sharey=True, squeeze=False)[0]

@@ -1,4 +1,4 @@
-"""A flight as figures show it: m/s and degrees, names instead of numbers."""
+"""A flight as the figures show it: m/s and degrees, names instead of numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ __all__ = ["FaultWindow", "PlottedFlight", "fault_windows", "literal", "wrapped"
 
 @dataclass(frozen=True)
 class FaultWindow:
-    """Time in which faults act [s], and what they are."""
+    """A time window in which faults act [s], and their description."""
 
     start_s: float
     end_s: float
@@ -24,7 +24,7 @@ class FaultWindow:
 
 
 def literal(text: str) -> str:
-    """Return a user's text with $ escaped, which marks formulas in matplotlib."""
+    """Return a user's text with $ escaped, which starts a formula in matplotlib."""
     return text.replace("$", r"\$")
 
 

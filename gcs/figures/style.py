@@ -1,8 +1,8 @@
-"""What all figures share: page, palette, lines, fault windows, files.
+"""Shared by all figures: page, palette, lines, fault windows, files.
 
 A figure is 10 inches wide with text of 8 to 10 points; set across a page of A4 or letter, text
-has 6 to 7 points. Lines that coincide lie as bands in each other, the widest and lightest at
-the bottom, so they are told apart without colour too.
+has 6 to 7 points. Coinciding lines are nested bands, the widest and lightest at the bottom,
+so that they can be distinguished without colour.
 """
 
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ WIDTH_IN = 10.0
 """Width of a figure [in]."""
 
 SMALL = 8.0
-"""Size of what is read on second look [pt]."""
+"""Size of secondary text [pt]."""
 
 GREY = "0.35"
 """Colour of notes."""
@@ -57,7 +57,7 @@ Dashes: TypeAlias = str | tuple[float, tuple[float, ...]]
 
 @dataclass(frozen=True)
 class Style:
-    """How one UAV or one controller is drawn: colour, dashes, line width [pt]."""
+    """Line style of one UAV or one controller: colour, dashes, line width [pt]."""
 
     colour: str
     dashes: Dashes
@@ -77,7 +77,7 @@ STYLES = (
     Style("#CC79A7", ":", 1.8),
     Style("#E69F00", (0.0, (7.0, 2.0)), 1.2),
 )
-"""Okabe and Ito's palette, told apart with any colour vision, and lines to tell in grey."""
+"""Okabe and Ito's palette, safe for colour-blind readers, with lines that differ in grey."""
 
 REFERENCE: dict[str, Any] = {"color": "black", "ls": (0.0, (4.0, 3.0)), "lw": 0.9, "zorder": 3.0}
 """The line of the reference."""
@@ -102,11 +102,11 @@ def new_figure(height_in: float, layout: Layout | None = "constrained") -> "Figu
 
 
 def decimated(t: np.ndarray, y: np.ndarray, buckets: int = _BUCKETS) -> tuple[np.ndarray, ...]:
-    """Thin out a curve that is denser than what can be seen, but keep its extremes.
+    """Thin out a curve that is denser than the eye can resolve, but keep its extremes.
 
-    Keeps the first and the last sample, and of every bucket of neighbouring samples the least
-    and the greatest; a curve without more samples than that stays as it is. A bucket without
-    any number leaves a gap.
+    Keeps the first and last sample and the minimum and maximum of every bucket of neighbouring
+    samples; a curve with no more samples than that stays as it is. A bucket that is all NaN
+    leaves a gap.
     """
     if len(y) <= 2 * buckets:
         return t, y
@@ -129,7 +129,7 @@ def draw_curve(axis: "Axes", t: np.ndarray, y: np.ndarray, **properties: Any) ->
 
 
 def frame(axis: "Axes", curves: Sequence[np.ndarray], low: float, high: float) -> None:
-    """Limit an axis to what curves take up of [low, high]; say how far they go beyond."""
+    """Limit an axis to the part of [low, high] that curves use; note how far they go beyond."""
     values = np.concatenate(curves)
     values = values[np.isfinite(values)]
     if len(values) == 0:
@@ -159,7 +159,7 @@ def _number(value: float) -> str:
 
 
 def shade_faults(axis: "Axes", flights: Sequence[PlottedFlight], uav_id: int | None = None) -> None:
-    """Shade the time in which faults act, on one UAV or on any, and name them."""
+    """Shade and label the fault windows of one UAV or of all."""
     for window in fault_windows(flights, uav_id):
         axis.axvspan(window.start_s, window.end_s, color=_SHADE, lw=0, zorder=-1, label=window.text)
 
@@ -172,7 +172,7 @@ def mark_loss(axis: "Axes", flight: PlottedFlight) -> None:
 
 
 def tidy(axis: "Axes", duration_s: float | None = None) -> None:
-    """Take away ink: no box, a faint grid; a time axis from 0 s to the end."""
+    """Remove the box, draw a faint grid, and limit the time axis to 0 s to the end."""
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(color="0.9", lw=0.6)
     axis.set_axisbelow(True)
@@ -188,7 +188,7 @@ def letter(axis: "Axes", k: int) -> None:
 
 
 def draw_legend(figure: "Figure") -> None:
-    """Put one legend over a figure: what is named in any panel, once."""
+    """Put one legend above a figure, with each label of its panels once."""
     named: dict[str, Any] = {}
     for axis in figure.axes:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
@@ -206,7 +206,7 @@ def draw_legend(figure: "Figure") -> None:
 
 
 def _columns(labels: list[str]) -> int:
-    """In how many columns a legend fits over the page."""
+    """Return how many columns of a legend fit on the page."""
     widths = [_HANDLE_IN + _LETTER_IN * len(label) for label in labels]
     fits = [
         n

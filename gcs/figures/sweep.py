@@ -29,7 +29,7 @@ _NONE: Dimension = ("", [""])
 
 @dataclass(frozen=True)
 class _Styles:
-    """How a run's place in the grid is shown: an axis as colours, one as markers, or `_NONE`."""
+    """Colour and marker of a run: which axes of the grid they show, or `_NONE`."""
 
     colours: Dimension
     markers: Dimension
@@ -58,10 +58,10 @@ class _Styles:
 def draw_sweep(results: Sequence[Result], uav_id: int | None, folder: Path) -> None:
     """Draw saving against IAE, a panel for each quantity, into sweep.png and sweep.svg.
 
-    The axis with the most values gives the colours, if they are numbers or few; the next one
-    the markers; each combination of the others has a row of panels. A line joins points whose
-    colour means a number, and that differ in nothing else. Runs without a complete flight
-    stand behind crosses at the right margin.
+    The axis with the most values sets the colours if its values are numbers or few, the next
+    axis the markers; each combination of the others has a row of panels. If the colours mean
+    numbers, a line joins points that differ in colour only. Runs without a complete flight are
+    listed beside crosses at the right margin.
     """
     styles, rows = _arrange(results)
     legend_lines = 6 + len(styles.colours[1]) + len(styles.markers[1])
@@ -85,7 +85,7 @@ def draw_sweep(results: Sequence[Result], uav_id: int | None, folder: Path) -> N
 
 
 def _arrange(results: Sequence[Result]) -> tuple[_Styles, list[tuple[str, list[Result]]]]:
-    """Share the axes out between colours, markers and rows; a row is its name and its results."""
+    """Divide the axes among colours, markers and rows; return each row's name and results."""
     left = sorted(
         (axis for axis in dimensions_of(results) if len(axis[1]) > 1), key=lambda a: -len(a[1])
     )
@@ -140,7 +140,7 @@ def _draw_points(
 def _draw_crosses(
     figure: "Figure", panel: "Axes", missing: Sequence[Result], styles: _Styles
 ) -> None:
-    """Put a cross and its style beside the panel for each run without an IAE; count them."""
+    """Draw a cross beside the panel for each run without an IAE; return how many there are."""
     from matplotlib.transforms import offset_copy
 
     right = [offset_copy(panel.transAxes, figure, x, units="points") for x in (9, 19, 26)]

@@ -49,8 +49,8 @@ def fig6(flight: PlottedFlight) -> "Figure":
     """Draw how all UAVs track airspeed and attitude.
 
     Panels: responses (a) to (d), tracking errors (e) to (h), synchronisation errors (i) to (l).
-    Errors are framed as they are after the first second, and within ±5 m/s or deg; a note over
-    a panel tells the extremes of what leaves it.
+    The error axes fit the errors after the first second, within ±5 m/s or deg; a note above
+    a panel gives the extremes of what leaves it.
     """
     figure = new_figure(6.6)
     axes = figure.subplots(3, len(QUANTITIES), sharex=True)
@@ -77,7 +77,7 @@ def draw_tracking(axes: Sequence["Axes"], flight: PlottedFlight) -> None:
 def fig10(flights: Sequence[PlottedFlight], uav_id: int = 3) -> "Figure":
     """Draw how one UAV tracks under several controllers.
 
-    Panels: responses (a) to (d), tracking errors (e) to (h), framed as in `fig6`.
+    Panels: responses (a) to (d), tracking errors (e) to (h), with the axes of `fig6`.
     """
     return _compare(flights, uav_id, None)
 
@@ -98,7 +98,7 @@ def fig11(flights: Sequence[PlottedFlight], uav_id: int = 3) -> "Figure":
 def _compare(
     flights: Sequence[PlottedFlight], uav_id: int, seen_s: tuple[float, float] | None
 ) -> "Figure":
-    """Compare flights of one UAV; their errors in the times from and to [s], or in all."""
+    """Compare flights of one UAV; errors within a time window [s], or over the whole flight."""
     figure = new_figure(4.9)
     axes = figure.subplots(2, len(QUANTITIES), sharex="row")
     responses, errors, references = [], [], []

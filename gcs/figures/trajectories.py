@@ -1,4 +1,4 @@
-"""Figure 5: where the UAVs flew."""
+"""Figure 5: the UAVs' trajectories."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -40,8 +40,8 @@ _GLYPH = np.array(
 def fig5(flight: PlottedFlight, times_s: Sequence[float] = (0.0, 15.0, 24.0)) -> "Figure":
     """Draw the UAVs' paths over the ground, and the aircraft's attitude at some times [s].
 
-    The axes' scales differ, so that turn and climb are seen; aircraft are drawn far too large,
-    with the attitude that they would show if the scales were the same.
+    The axes' scales differ, so that turn and climb are visible; aircraft are drawn much too
+    large, with the attitude that they would have at equal scales.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -84,7 +84,7 @@ def fig5(flight: PlottedFlight, times_s: Sequence[float] = (0.0, 15.0, 24.0)) ->
 
 
 def _limits(paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest north, east, up [m] of the axes, with room for aircraft."""
+    """Return the lower and upper limits of north, east, up [m], with room for the aircraft."""
     points = paths.reshape(-1, 3) if len(paths) else np.zeros((1, 3))
     low, high = points.min(axis=0), points.max(axis=0)
     room = np.maximum(1.2 * _WING / _BOX * (high - low), 2.0)
@@ -92,7 +92,7 @@ def _limits(paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moments(flight: PlottedFlight, times_s: Sequence[float]) -> list[tuple[int, str]]:
-    """Step and name of each time that was flown, and of the flight's end if it was lost."""
+    """Return step and label of each time that was flown, and of the end of a lost flight."""
     steps = len(flight.recording.states)
     moments = [
         (min(round(t / flight.step_s), steps - 1), f"{t:g} s")

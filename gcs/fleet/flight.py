@@ -1,4 +1,4 @@
-"""Flying a scenario with real processes, as an operator would: all by MAVLink.
+"""Fly a scenario with real processes, entirely by MAVLink, as an operator would.
 
 Upload the profile to every vehicle, set the faults, start the missions, arm. When the last
 vehicle is armed simulated time begins; when the plant ends, the flight is over.
@@ -76,7 +76,7 @@ async def fly_over_udp(
                         await asyncio.sleep(_LOOK_S)
                     fleet.check()
                     fleet.wait(_END_TIMEOUT_S)
-                    await asyncio.sleep(_LOOK_S)  # to read the autopilots' last words
+                    await asyncio.sleep(_LOOK_S)  # to receive the autopilots' last messages
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
                     if relay.via:
@@ -86,7 +86,7 @@ async def fly_over_udp(
 
 
 async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, start: bool) -> None:
-    """Bring profiles and faults to a fleet that starts up.
+    """Upload profiles and faults to a fleet that is starting.
 
     Args:
         client: Connected to the fleet.
@@ -96,7 +96,7 @@ async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, sta
 
     Raises:
         BadInput, FlightLost: A process ended.
-        CommandRefused, NoAnswer: What a vehicle answered, or not.
+        CommandRefused, NoAnswer: As of `fly_over_udp`.
     """
     ids = [uav.id for uav in scenario.uavs]
     waiting = asyncio.create_task(client.wait_for(ids, _START_TIMEOUT_S))
@@ -115,10 +115,10 @@ async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, sta
 
 
 def collect(scenario: Scenario, fleet: FleetProcesses, mode: Mode) -> Recording:
-    """Put together what the processes of a fleet have recorded when they ended.
+    """Combine the recordings that the processes of a fleet wrote at their end.
 
-    The flight is as long as the plant has flown it. It is lost if a process says so, and if an
-    autopilot did not hear that the plant had come to the end.
+    The flight is as long as the plant flew it. It is lost if a process says so, or if an
+    autopilot was not told that the plant had ended.
 
     Raises:
         FlightLost: A process left no recording.

@@ -1,8 +1,8 @@
 """The hub of ``gcs up``: lets any number of ground stations talk to the same vehicles.
 
-A ground station that binds the GCS port has it for itself. The hub has a port of its own:
-vehicles send there as well, and whoever speaks to it gets what they send. No socket and no
-clock: datagrams and the time go in, addresses to pass them on to come out.
+Only one ground station can bind the GCS port. The hub has a port of its own: vehicles send there
+as well, and every ground station that sends to it receives their traffic. No socket and no clock:
+datagrams and the time go in, destination addresses come out.
 """
 
 from collections import Counter
@@ -19,9 +19,9 @@ from mavlink_defs.framing.signing import Signer
 __all__ = ["MAX_STATIONS", "PATIENCE_S", "Hub"]
 
 PATIENCE_S = 5.0
-"""How long a ground station is served after it was heard last; they send heartbeats."""
+"""Time without traffic after which a ground station is removed; they send heartbeats."""
 MAX_STATIONS = 256
-"""Ground stations served at a time; more are turned away."""
+"""Ground stations served at the same time; datagrams of further ones are dropped."""
 
 _Peer: TypeAlias = tuple[str, int]
 
@@ -30,9 +30,9 @@ class Hub:
     """Passes datagrams on between the vehicles of one fleet and its ground stations.
 
     Attributes:
-        drops: Datagrams that were not passed on, by reason in words.
-        moved: Vehicles that were heard from another address than before, as one that was
-            started again is; whoever takes note of them removes them.
+        drops: Datagrams that were not forwarded, by reason in words.
+        moved: Vehicles heard from a new address, as after a restart; the caller that handles
+            them removes them.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Hub:
 
         Args:
             systems: System ids of the vehicles.
-            signer: Checks what comes from either side; frames are passed on as they are.
+            signer: Verifies frames from both sides; they are forwarded unchanged.
             host: IPv4 address of the hub. Vehicles are on the same machine.
         """
         self.drops: Counter[str] = Counter()
@@ -54,9 +54,9 @@ class Hub:
         self._stations: dict[_Peer, float] = {}  # when each was heard last
 
     def route(self, datagram: bytes, sender: _Peer, now: float) -> list[_Peer]:
-        """Give the addresses that a datagram is to be sent on to."""
+        """Return the addresses to forward a datagram to."""
         if not datagram:
-            return []  # of a command that looks whether a hub is there
+            return []  # a command probes for a hub
         wrong = None if self._signer is None else self._signer.problem(datagram)
         if wrong is not None:
             return self._drop(wrong.words)
@@ -83,7 +83,7 @@ class Hub:
         target = getattr(message, "target_system", 0)
         if isinstance(message, dialect.MAVLink_setup_signing_message) and (
             target == 0  # a key is for one
-            # to the vehicle it would seem to come from this machine
+            # the vehicle would see it come from this machine
             or (self._signer is None and not ip_address(sender[0]).is_loopback)
         ):
             return self._drop("SETUP_SIGNING to all or from another machine")
@@ -101,6 +101,6 @@ class Hub:
         return sender[0] == self._host or ip_address(sender[0]).is_loopback
 
     def _is_of_vehicle(self, header: FrameHeader) -> bool:
-        """Look at the header only: most of what passes is telemetry from where it came before."""
+        """Check the header only: most traffic is telemetry from a known address."""
         autopilot = dialect.MAV_COMP_ID_AUTOPILOT1
         return header.system in self._systems and header.component == autopilot

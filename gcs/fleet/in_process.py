@@ -1,7 +1,7 @@
 """A whole scenario in one process: plant and controllers in one compiled loop, no sockets.
 
-The loop calls the very functions that the processes call, on the very payloads that would
-have crossed the wire, so it gives the same events bit for bit as a lockstep flight over UDP.
+The loop calls the same functions as the processes, on the same payloads that would cross the
+links, so its events are bit for bit those of a lockstep flight over UDP.
 """
 
 import time
@@ -86,7 +86,7 @@ def fly_in_process(
 def _brief(
     scenario: Scenario, fleet: PlantState, controllers: Controllers, ids: tuple[int, ...]
 ) -> None:
-    """Set profile and faults to the values that they have after transmission."""
+    """Set profile and faults, rounded as by transmission."""
     aircraft = scenario.aircraft
     items = segments_to_items(scenario.segments(), 0, 0)
     controllers.profiles[:] = profile_record(items_to_segments(items, aircraft.airspeed_limits))

@@ -1,4 +1,4 @@
-"""Compiling the numeric core ahead of its first use, for all processes at once."""
+"""Compile the numeric core ahead of its first use, once for all processes."""
 
 import socket
 
@@ -21,7 +21,7 @@ __all__ = ["compile_everything"]
 
 
 def compile_everything(scenario: Scenario) -> None:
-    """Call every compiled entry point once, so that its machine code lies in the cache.
+    """Call every compiled entry point once, so that its machine code is in the cache.
 
     Args:
         scenario: Any scenario; a few steps of it are flown in process.

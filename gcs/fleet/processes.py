@@ -1,8 +1,8 @@
 """Starting and stopping the processes of a fleet: one plant, one autopilot per UAV.
 
-Processes get a configuration file each on their command line; all else reaches them over the
-wire. They run in sessions of their own, so that Ctrl-C reaches only the ground station, which
-stops them in order; and they stop by themselves when it is gone.
+Each process gets a configuration file on its command line; everything else reaches it over UDP.
+Processes run in sessions of their own, so that Ctrl-C reaches only the ground station, which
+stops them in order; they stop by themselves if it ends without doing so.
 """
 
 import contextlib
@@ -39,7 +39,7 @@ class _Process:
     address: UdpAddress  # that it binds
 
     def last_words(self) -> str:
-        """What it said last on standard error, or how it ended."""
+        """Its last line on standard error, or its exit status."""
         if self.popen.returncode is not None and self.popen.returncode < 0:
             return f"ended by signal {-self.popen.returncode}"
         lines = self.log.read_text(errors="replace").strip().splitlines()
@@ -47,14 +47,14 @@ class _Process:
 
 
 def on_free_ports(scenario: Scenario, work: Callable[[Scenario, UdpAddress], T]) -> T:
-    """Do some work on UDP ports that are free, and again if others take one of them meanwhile.
+    """Call `work` with free UDP ports, and again if another program takes one meanwhile.
 
     Args:
         scenario: On any ports.
         work: Called with the scenario on free ports of its host, and with an address for a hub.
 
     Raises:
-        BadInput: The host is not this machine, or ports were taken again and again.
+        BadInput: The host is not this machine, or ports were taken on every attempt.
     """
     ids = [uav.id for uav in scenario.uavs]
     host = scenario.links.host
@@ -79,11 +79,11 @@ def on_free_ports(scenario: Scenario, work: Callable[[Scenario, UdpAddress], T])
 
 
 def check_ports(scenario: Scenario, hub: UdpAddress | None = None) -> None:
-    """Make sure that every port can be had, before any process starts.
+    """Check that every port is free before any process starts.
 
     Args:
         scenario: The scenario.
-        hub: Where a hub is to be bound; the GCS port is left to others then.
+        hub: Address for a hub; the GCS port is then not bound.
 
     Raises:
         BadInput: A port is in use, or the host is not this machine.
@@ -113,10 +113,10 @@ def check_ports(scenario: Scenario, hub: UdpAddress | None = None) -> None:
 
 
 class FleetProcesses:
-    """The processes of one scenario, as a context manager: on leaving it none is left.
+    """The processes of one scenario, as a context manager that stops them all.
 
-    Their configuration, what they print and what they record go into `folder`. `via` tells
-    autopilots where to send instead of to some addresses, as `Relay.via` does.
+    Their configurations, logs and recordings go into `folder`. `via` maps addresses that
+    autopilots send to onto those of relays, as `Relay.via` does.
     """
 
     def __init__(
@@ -135,9 +135,9 @@ class FleetProcesses:
             scenario: The scenario.
             speed: Real-time factor; None for lockstep.
             folder: For the files of the processes.
-            endless: Fly on whatever the scenario's duration is, record nothing, and wait for
-                autopilots that fell silent.
-            ground_stations: Whom the autopilots talk to besides the scenario's GCS port.
+            endless: Ignore the scenario's duration, record nothing, and wait for autopilots that
+                have fallen silent.
+            ground_stations: Addresses that autopilots send to besides the scenario's GCS port.
             via: Relays to send through, as of `gcs.fleet.relays`.
         """
         self._scenario = scenario
@@ -172,11 +172,11 @@ class FleetProcesses:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Stop whatever still runs."""
+        """Stop all processes that still run."""
         self.stop()
 
     def recording_of(self, name: str) -> Path:
-        """Where a process ("plant", "uav3") writes what it recorded when it ends."""
+        """Return the file to which a process ("plant", "uav3") writes its recording at its end."""
         return self._folder / f"{name}.npz"
 
     @property
@@ -185,13 +185,13 @@ class FleetProcesses:
         return self._processes[0].popen.poll()
 
     def check(self) -> None:
-        """Notice a process that ended before its time.
+        """Check that no process has ended early.
 
-        The plant may have ended because the flight was lost, which is its business to record.
+        The plant may have ended because the flight was lost, which its recording says.
 
         Raises:
-            BadInput: A process could not start; its log says why. PortInUse if its port is
-                another's.
+            BadInput: A process could not start; its log says why. PortInUse if another program
+                has its port.
             FlightLost: An autopilot ended in mid-flight, or the plant without a recording.
         """
         for process in self._processes:
@@ -214,7 +214,7 @@ class FleetProcesses:
         return [(process.name, process.last_words()) for process in over]
 
     def wait(self, timeout_s: float) -> None:
-        """Give all processes time to end by themselves, then stop the rest."""
+        """Wait for all processes to end by themselves, then stop the rest."""
         end = time.monotonic() + timeout_s
         for process in self._processes:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -222,7 +222,7 @@ class FleetProcesses:
         self.stop()
 
     def stop(self) -> None:
-        """Ask every process to stop, and end those that do not."""
+        """Terminate every process, and kill those that do not end."""
         running = [p.popen for p in self._processes if p.popen.poll() is None]
         for popen in running:
             popen.terminate()
@@ -235,7 +235,7 @@ class FleetProcesses:
                 popen.wait()
 
     def _configure(self) -> None:
-        """Write what each process is told."""
+        """Write the configuration file of each process."""
         plant = self._scenario.plant_config(self._speed, endless=self._endless)
         dump(plant, self._folder / f"{_PLANT}.yaml")
         for uav in self._scenario.uavs:
@@ -246,7 +246,7 @@ class FleetProcesses:
     def _start(self, name: str, module: str, port: int, arguments: list[str]) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         record = [] if self._endless else ["--record", str(self.recording_of(name))]
-        # -P: what lies in the user's current folder is not imported
+        # -P: do not import from the user's current folder
         command = [
             sys.executable,
             "-P",

@@ -1,4 +1,4 @@
-"""What stands between the processes of a flight: the relays that its scenario asks for."""
+"""The relays between the processes of a flight, as its scenario asks for them."""
 
 from collections.abc import Callable, Mapping
 
@@ -13,9 +13,9 @@ __all__ = ["relay_of", "through"]
 
 
 def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None = None) -> Relay:
-    """The relay that a scenario's `links.impairments` ask for; without them, one of no routes.
+    """Return the relay for a scenario's `links.impairments`; without them, one with no routes.
 
-    The plant link is relayed with any other, since it is what tells the simulation time.
+    The plant link is relayed along with any other link, since it carries the simulated time.
 
     Args:
         scenario: The scenario.
@@ -35,7 +35,7 @@ def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None 
 
 
 def through(config: AutopilotConfig, via: Mapping[str, str]) -> AutopilotConfig:
-    """The same configuration, but sending to relays where `Relay.via` has some."""
+    """Return the configuration with addresses replaced by those of relays, as in `Relay.via`."""
     neighbours = (
         n.model_copy(update={"address": via.get(n.address, n.address)}) for n in config.neighbours
     )

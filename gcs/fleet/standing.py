@@ -1,4 +1,4 @@
-"""A fleet that flies on until it is told to stop, and its hub."""
+"""A fleet that flies until it is stopped, and its hub."""
 
 import asyncio
 import shlex
@@ -31,16 +31,16 @@ async def keep_up(
     on_ready: Callable[[], None],
     on_word: Callable[[str], None],
 ) -> None:
-    """Start a fleet, bring profile and faults to it, and keep it until this task is cancelled.
+    """Start a fleet, upload profile and faults, and keep it running until this task is cancelled.
 
     Args:
         scenario: The scenario; its duration does not matter.
         folder: Run folder, exists; gets `processes/`.
-        hub: Where any number of ground stations can connect to.
+        hub: Address to which any number of ground stations can connect.
         speed: Real-time factor; None for lockstep, as fast as the machine goes.
         start: Start the mission and arm, too.
         on_ready: Called when the fleet is up.
-        on_word: Called with what is worth saying later on.
+        on_word: Called with later messages to the user.
 
     Raises:
         BadInput: A port is in use.

@@ -1,4 +1,4 @@
-"""A flight's figures as tables for the terminal."""
+"""The results of a flight as tables for the terminal."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""The report of `gcs reproduce`: the paper's tables beside ours, and where they differ."""
+"""The report of `gcs reproduce`: the paper's tables beside ours, and the differences."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -122,7 +122,7 @@ def _table_iv(results: Results) -> str:
     header = ["IAE against the commands", *(f"{q} [{IAE_UNITS[q]}]" for q in QUANTITIES)]
     return table(header, rows) + (
         "\nThe last row is the area between the commands, which step, and the filtered reference, "
-        "which every controller is asked to follow: no tracking can take it away.\n"
+        "which every controller has to follow: no tracking can reduce it.\n"
     )
 
 
@@ -168,10 +168,10 @@ def _differences(results: Results) -> Iterator[str]:
         "initial estimates, the unit of b2, the limits, the reference filter."
     )
     yield (
-        "Misprints put right: R2 in (6) has ψ where φ and θ belong; R1(1,2) is -sψcφ; β is "
+        "Misprints corrected: R2 in (6) has ψ where φ and θ belong; R1(1,2) is -sψcφ; β is "
         "asin(v/V); (17) lacks the trailing ω; the Zeno bounds are upside down (t* ≥ a2/µ, b2/µ); "
         "z(0) = 100 m is an altitude. Fault modes 3 and 4 print the matrices of elevator and "
-        "aileron in another order of channels than that of δ; we follow the words."
+        "aileron in another order of channels than that of δ; we follow the text."
     )
 
 
@@ -190,9 +190,9 @@ def _on_tracking(results: Results) -> Iterator[str]:
     printed = TABLE_IV["scenario2_periodic"]
     theirs = max(abs(paper[q] - printed[q]) / printed[q] for q in QUANTITIES)
     yield (
-        f"Taking the trigger away (compared controller 1) changes no IAE of ours by more than "
-        f"{cost:.2%}; the paper's two differ by up to {theirs:.0%}, in both directions. With ours "
-        "the trigger's cost in tracking is too small to be seen under this law."
+        f"Removing the trigger (compared controller 1) changes no IAE of ours by more than "
+        f"{cost:.2%}; the paper's two differ by up to {theirs:.0%}, in both directions. With ours, "
+        "the trigger costs no measurable tracking accuracy under this law."
     )
 
 
@@ -210,13 +210,14 @@ def _on_comparators(results: Results) -> Iterator[str]:
         if better and worse:
             verdict += f", worse in {_listed(worse)}"
         if file == "scenario2_pid":
-            yield f"{verdict}. The paper does not compare with what autopilots fly today."
+            yield f"{verdict}. The paper does not compare with today's autopilots."
             continue
         claim = "; the paper finds it the worst of all" if better else ", as the paper finds"
         yield f"{verdict}{claim}." + (
             " The paper prints neither its equations nor its gains. Ours inverts a nominal model "
-            "that is exact in these scenarios, with the proposed law's own gains, and a tenth of "
-            "the rudder for 3 s does not upset it. What a wrong model does to it stands in "
+            "that is exact in these scenarios, with the proposed law's own gains, and losing a "
+            "tenth of the rudder for 3 s does not disturb it. The effect of a wrong model is "
+            "shown in "
             "`docs/explanation/results.md`."
             if better
             else ""
@@ -227,7 +228,7 @@ def _on_counts(results: Results) -> Iterator[str]:
     ours, paper = results.events("scenario2_proposed"), TABLE_V["scenario2_proposed"]
     listed = ", ".join(f"{c} {ours[c] / paper[c]:.2f}" for c in PAPER_ORDER)
     yield (
-        f"Transmissions, ours by the paper's: {listed}. Both save much "
+        f"Transmissions, ours relative to the paper's: {listed}. Both save much "
         f"({results.saving('scenario2_proposed'):.1%} against {SAVING:.1%}), but not in the same "
         "channels. What sets the number of events is the bandwidth of each loop, not the threshold "
         "and not the disturbances: `docs/explanation/results.md` has the sweeps that show it."
@@ -239,8 +240,8 @@ def _on_counts(results: Results) -> Iterator[str]:
         "channel, and so do we by default."
     )
     yield (
-        "The paper's 24000 transmissions of a periodic sender are 24 s at 1 ms, which is how we "
-        "know its control period."
+        "The paper's 24000 transmissions of a periodic sender are 24 s at 1 ms, which "
+        "implies its control period."
     )
 
 

@@ -1,4 +1,4 @@
-"""What the paper prints: Tables IV and V and the numbers on Fig. 9's bars.
+"""Values printed in the paper: Tables IV and V and the numbers on the bars of Fig. 9.
 
 Airspeed IAE in m, angles in deg s; transmissions in 24 s of 24 000 control periods.
 """

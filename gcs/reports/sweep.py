@@ -1,7 +1,7 @@
 """A sweep's results: table.csv with everything, table.md and the terminal's for one UAV.
 
-What a lost flight saved, and its errors, count only its beginning: table.csv has them beside the
-time flown; the others leave them out.
+Savings and errors of a lost flight cover only the part flown: table.csv has them beside the time
+flown; the other tables leave them out.
 """
 
 import csv
@@ -180,7 +180,7 @@ def _lost(result: Result, uav_id: int | None) -> tuple[str, str] | None:
     uav = uav_of(result, uav_id)
     if uav is None:
         return None
-    losses = (  # the graver one first
+    losses = (  # the worse one first
         ("attitude lost", uav.attitude_lost_at_s, ("roll", "pitch")),
         ("heading lost", uav.heading_lost_at_s, ("yaw",)),
     )

@@ -1,4 +1,4 @@
-"""The report's section on the theory: what was held against the flights, and how it came out."""
+"""The report's section on the theory: the checks of the flights and their results."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -27,12 +27,12 @@ _ERRORS = {
 def theory_section(
     scenarios: Mapping[str, Scenario], recordings: Mapping[str, Recording], path: Path
 ) -> str:
-    """Check every flight, keep all that was found, and put the main part into words.
+    """Check every flight, write all findings as JSON, and return the main ones as text.
 
     Args:
         scenarios: By file name.
         recordings: By file name.
-        path: Gets everything, for all UAVs, as JSON.
+        path: File for all findings on all UAVs, as JSON.
 
     Returns:
         Markdown; tables show UAV 3, the one with the faults.

@@ -1,4 +1,4 @@
-"""What a tap counted, as tables for the terminal and as CSV."""
+"""The counts of a tap as tables for the terminal and as CSV."""
 
 import csv
 from collections.abc import Sequence
@@ -55,7 +55,7 @@ def wire_tables(report: TapReport, live: bool = False) -> list[Table | str]:
 def write_csv(report: TapReport, file: TextIO) -> None:
     """Write one row per message stream, actuator channel, and reason to drop a datagram.
 
-    Column `kind` tells them apart: "message", "channel" and "dropped".
+    Column `kind` distinguishes them: "message", "channel" and "dropped".
     """
     writer = csv.DictWriter(file, _COLUMNS)
     writer.writeheader()

@@ -1,1 +1,1 @@
-"""What a flight leaves: recordings, summaries, exports, run folders."""
+"""Results of flights: recordings, summaries, exports, run folders."""

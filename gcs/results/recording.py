@@ -1,7 +1,7 @@
 """The recording of a flight, the same however it was flown: arrays over steps and UAVs.
 
 The plant records the true state of every step. An autopilot records what it computed: nothing
-where no state reached it, and while it is disarmed only what it measures and holds.
+where it received no state, and while disarmed only what it measures and holds.
 """
 
 from dataclasses import dataclass
@@ -57,13 +57,13 @@ class Recording:
 
     @property
     def missing(self) -> np.ndarray:
-        """Whether a UAV's autopilot received no state in a step, shape (steps, n)."""
+        """Steps in which a UAV's autopilot received no state, a mask of shape (steps, n)."""
         missing: np.ndarray = np.isnan(self.signals["V"])
         return missing
 
     @property
     def active(self) -> np.ndarray:
-        """Whether a UAV's law was evaluated in a step, shape (steps, n)."""
+        """Steps in which a UAV's law was evaluated, a mask of shape (steps, n)."""
         active: np.ndarray = np.isfinite(self.signals["command"][..., 0])
         return active
 

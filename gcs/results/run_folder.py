@@ -21,7 +21,7 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
     """Make the run folder.
 
     Args:
-        wanted: Where; None for a new folder below `runs`.
+        wanted: The folder; None for a new one below `runs`.
         scenario_name: Part of the name of a new folder.
 
     Raises:

@@ -1,6 +1,6 @@
 """The scenarios that come with the package, by name: ``paper/scenario1``.
 
-Where a command takes a scenario, a file that exists is meant first, then a bundled scenario.
+Where a command takes a scenario, an existing file takes precedence over a bundled one.
 """
 
 import difflib
@@ -23,19 +23,19 @@ def bundled_names() -> list[str]:
 
 
 def find_scenario(name: Path | str) -> Path:
-    """Return the file that the name of a scenario means.
+    """Return the file that the name of a scenario refers to.
 
     Args:
         name: A path, or the name of a bundled scenario with or without ``.yaml``.
 
     Raises:
-        ConfigError: There is neither; names that are similar are suggested.
+        ConfigError: There is neither; similar names are suggested.
     """
     return _find(Path(name), str(name))
 
 
 def base_of(folder: Path, name: str) -> Path:
-    """Return the file that ``extends: name`` means in a file of a folder.
+    """Return the file that ``extends: name`` refers to in a file of a folder.
 
     Raises:
         ConfigError: As of `find_scenario`.

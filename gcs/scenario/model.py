@@ -1,8 +1,8 @@
-"""Scenario files: one YAML tree that says everything about a flight.
+"""Scenario files: one YAML tree that fully describes a flight.
 
-The parts are those of plant and autopilots; here they are put together, checked against each
-other, and taken apart again into what each process is told. Times of the profile and of faults
-count simulation time, which starts together with the mission.
+The sections are those of plant and autopilots; this module assembles them, checks them against
+each other, and derives the configuration of each process. Times of the profile and of faults
+are simulated time, which starts together with the mission.
 """
 
 from pathlib import Path
@@ -85,7 +85,7 @@ class Scenario(Model):
 
         Args:
             speed: Real-time factor; None for lockstep.
-            endless: Fly on whatever the scenario's duration is, and wait for autopilots that fell
+            endless: Ignore the scenario's duration, and wait for autopilots that have fallen
                 silent.
         """
         aircraft = true_aircraft(self.aircraft, self.uncertainty)
@@ -291,16 +291,16 @@ def scenario_tree(name: Path | str) -> dict[Any, Any]:
         name: A file, or the name of a bundled scenario.
 
     Raises:
-        ConfigError: A file cannot be read, or is not YAML of a mapping, or extends itself.
+        ConfigError: A file cannot be read, is not a YAML mapping, or extends itself.
     """
     return read_inherited(find_scenario(name), base_of)
 
 
 def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:
-    """Check plain data that came from a scenario file.
+    """Check plain data read from a scenario file.
 
     Raises:
-        ConfigError: It is no scenario; every problem is named, after the path.
+        ConfigError: It is not a valid scenario; every problem is named, after the path.
     """
     scenario = validate(path, tree, Scenario)
     key = scenario.links.signing_key

@@ -1,4 +1,4 @@
-"""Profiles as files: YAML with a `profile:` list, which every scenario file has as well."""
+"""Profile files: YAML with a `profile:` list, as in every scenario file."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -57,7 +57,7 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
 
 
 def profile_yaml(segments: Iterable[Segment]) -> str:
-    """A profile file of these segments."""
+    """Return the text of a profile file with these segments."""
     lines = [
         yaml.safe_dump(segment_dict(segment), default_flow_style=True, sort_keys=False, width=1000)
         for segment in segments

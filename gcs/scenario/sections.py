@@ -1,6 +1,6 @@
 """Parts of a scenario that are neither the plant's nor the autopilots' own.
 
-Each part is right by itself; that they fit together is checked by `gcs.scenario.model`.
+Each part is checked by itself here; `gcs.scenario.model` checks that they fit together.
 """
 
 import math
@@ -57,7 +57,7 @@ class Network(Model):
 
 
 class ProfileSegment(Model):
-    """Reference values from a time on; those of a ramp are reached when the next one starts."""
+    """Reference values from a time on; a ramp reaches its values when the next segment starts."""
 
     start_s: float = quantity("s", ge=0.0, doc="Start, exclusive.")
     airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed V_r.")
@@ -88,19 +88,19 @@ class ScenarioFault(FaultSpec):
 
     @property
     def window(self) -> str:
-        """When it acts, in words."""
+        """The time window in words."""
         end = "...)" if self.end_s is None else f"{self.end_s:g}]"
         return f"({self.start_s:g}, {end} s"
 
     def overlaps(self, other: "ScenarioFault") -> bool:
-        """Tell whether both act on the same actuator at some time."""
+        """Return whether both act on the same actuator at some time."""
         ends = [math.inf if fault.end_s is None else fault.end_s for fault in (self, other)]
         same = (self.uav, self.actuator) == (other.uav, other.actuator)
         return same and self.start_s < ends[1] and other.start_s < ends[0]
 
 
 class Impairments(Model):
-    """Links that are relayed and made worse; one with no keys is relayed and counted only."""
+    """Links that are relayed and impaired; a link with no keys is only relayed and counted."""
 
     plant: Impairment | None = Field(
         default=None, description="The simulator link; none: no relay."

@@ -1,8 +1,8 @@
 """The ground station's MAVLink client: one UDP port, any number of vehicles.
 
-`Client` is the thin shell around what the ground station knows (`FleetState`) and the
-microservice machines of `mavlink_defs`: it owns the socket, the clock and the record of all
-that crosses the link. Use it inside a running asyncio event loop::
+`Client` is the thin shell around the known state of the vehicles (`FleetState`) and the
+microservice machines of `mavlink_defs`: it owns the socket, the clock and the log of the
+link's traffic. Use it inside a running asyncio event loop::
 
     async with Client(parse_connection("udpin:127.0.0.1:14550")) as client:
         await client.wait_for([1, 2, 3], timeout_s=10.0)
@@ -12,15 +12,15 @@ that crosses the link. Use it inside a running asyncio event loop::
 
 import asyncio
 import contextlib
-import math
 import time
-from collections import Counter, defaultdict, deque
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Coroutine, Iterable
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 from gcs.errors import BadInput, NoAnswer, bad_endpoint
 from gcs.station.fleet_state import FleetState
+from gcs.station.machine_runner import MachineRunner
 from gcs.station.notifications import ERROR, Notification
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -29,7 +29,7 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, EndpointError, bind_udp, connect_udp
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.signing import SigningError, load_signer
-from mavlink_defs.services.machine import Machine, SystemId
+from mavlink_defs.services.machine import SystemId
 
 __all__ = ["GROUND_STATION", "Client"]
 
@@ -42,20 +42,18 @@ _NOTIFICATIONS_KEPT = 2000
 _SHARE_HINT = "go through the hub of `gcs up` with --connect udpout:HOST:PORT"
 
 
-E = TypeVar("E")  # events of a machine
-F = TypeVar("F")  # the last one
-
-
 class Client(asyncio.DatagramProtocol):
     """The ground station's end of the GCS link; an async context manager.
 
     Attributes:
         own: System and component id that it sends as.
-        connection: How it meets the vehicles.
-        fleet: What is known of the vehicles.
+        connection: Its connection to the vehicles.
+        fleet: The known state of the vehicles.
+        machines: Runs the microservice machines of all vehicles.
         log: The latest notifications, oldest first.
-        unreachable: Whether nobody listens where an outgoing connection leads.
+        unreachable: Whether nobody listens at the address of an outgoing connection.
         drops: Datagrams that were dropped here, by reason in words.
+        now: The clock [s].
     """
 
     def __init__(
@@ -69,21 +67,23 @@ class Client(asyncio.DatagramProtocol):
         private: bool = False,
         own: SystemId = GROUND_STATION,
         signing_key: str | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Prepare a client.
 
         Args:
-            connection: How to meet the vehicles.
+            connection: Connection to the vehicles.
             tlog: Where to record every frame of the link, both directions.
-            on_message: Called with every message received, after `fleet` knows of it.
+            on_message: Called with every message received, after `fleet` has processed it.
             on_notification: Called with all notifications.
-            inquire: Ask every vehicle for its faults and its profile, and again whenever they
-                may have changed.
-            private: Let every vehicle stream its private messages (errors, events, estimates,
-                drops), which it does not do on its own.
+            inquire: Request faults and profile of every vehicle, and again whenever they may have
+                changed.
+            private: Request the private messages (errors, events, estimates, drops), which
+                vehicles stream only on request.
             own: System and component id. Ground stations that talk to the same vehicles at the
                 same time should have different ones.
             signing_key: Key file; with one, unsigned frames are refused.
+            clock: Returns the time [s].
 
         Raises:
             BadInput: The key cannot be used.
@@ -105,10 +105,9 @@ class Client(asyncio.DatagramProtocol):
             raise BadInput(str(problem)) from None
         self._vehicles: dict[int, Vehicle] = {}
         self._peers: dict[int, tuple[str, int]] = {}
-        self._machines: dict[Machine[Any], Callable[[Any], None]] = {}
-        self._turns: defaultdict[tuple[int, str], asyncio.Lock] = defaultdict(asyncio.Lock)
-        self._heard = asyncio.Event()  # something has come from a vehicle, or cannot come
-        self._timer: asyncio.TimerHandle | None = None
+        self.now = clock
+        self.machines = MachineRunner(clock, self._send_to_target)
+        self._heard = asyncio.Event()  # a vehicle has sent something, or is unreachable
         self._transport: asyncio.DatagramTransport | None = None
         self._pulse: asyncio.Task[None] | None = None
         self._inquiries: dict[tuple[int, str], asyncio.Task[None]] = {}
@@ -144,8 +143,7 @@ class Client(asyncio.DatagramProtocol):
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        if self._timer is not None:
-            self._timer.cancel()
+        self.machines.close()
         if self._transport is not None:
             self._transport.close()
 
@@ -153,20 +151,20 @@ class Client(asyncio.DatagramProtocol):
 
     @property
     def vehicles(self) -> dict[int, Vehicle]:
-        """Vehicles heard of, by system id in ascending order."""
+        """Vehicles heard, by system id in ascending order."""
         return dict(sorted(self._vehicles.items()))
 
     def vehicle(self, system: int) -> Vehicle:
-        """A vehicle that has been heard of; KeyError if not."""
+        """Return a vehicle that has been heard; KeyError if there is none."""
         return self._vehicles[system]
 
     async def wait_for(self, systems: Iterable[int], timeout_s: float) -> None:
-        """Wait until every one of these vehicles has been heard and is ready to be armed.
+        """Wait until all these vehicles have been heard and are ready to be armed.
 
-        If private messages are wanted, they come then.
+        If private messages are wanted, wait until they arrive, too.
 
         Raises:
-            NoAnswer: Some are not; they are named.
+            NoAnswer: Some are not ready; they are named.
         """
         wanted = set(systems)
 
@@ -186,7 +184,7 @@ class Client(asyncio.DatagramProtocol):
     async def discover(
         self, timeout_s: float, systems: Collection[int] | None = None
     ) -> list[Vehicle]:
-        """Wait until these vehicles, or all that there seem to be, have been heard.
+        """Wait until these vehicles, or all that seem to exist, have been heard; return them.
 
         Raises:
             NoAnswer: No vehicle, or one of `systems`, was not heard.
@@ -210,16 +208,16 @@ class Client(asyncio.DatagramProtocol):
         return [v for i, v in self.vehicles.items() if systems is None or i in systems]
 
     def check(self) -> None:
-        """Notice that what crosses the link can no longer be recorded.
+        """Raise the error that stopped the recording of the link, if any.
 
         Raises:
-            OSError: Of writing the log.
+            OSError: The log could not be written.
         """
         if self._failure is not None:
             raise self._failure
 
     async def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait for a condition that messages or time bring about; False if it stays untrue.
+        """Wait until a condition holds; return False if it still does not after the timeout.
 
         Raises:
             OSError: As of `check`.
@@ -235,64 +233,17 @@ class Client(asyncio.DatagramProtocol):
                     await self._heard.wait()
         return True
 
-    # what vehicles need of their link
-
-    def now(self) -> float:
-        """The client's clock [s]."""
-        return time.monotonic()
+    # the link
 
     def emit(self, notifications: Iterable[Notification]) -> None:
-        """Put notifications into the log."""
+        """Add notifications to the log."""
         for one in notifications:
             self.log.append(one)
             if self._on_notification is not None:
                 self._on_notification(one)
 
-    async def run(
-        self,
-        turn: tuple[int, str],
-        machine: Machine[E],
-        start: Callable[[float], None],
-        finished: type[F],
-        on_event: Callable[[E], None] | None = None,
-        stop: Callable[[float], None] | None = None,
-    ) -> F:
-        """Start a machine when its turn comes and drive it until an event of type `finished`.
-
-        Args:
-            turn: System and service: machines of the same one wait for each other, because
-                answers do not say which request they are for.
-            machine: The machine.
-            start: Called with the time to start it.
-            finished: Type of its last event, which is returned.
-            on_event: Called with its other events.
-            stop: Called with the time if the caller loses patience.
-        """
-        future: asyncio.Future[F] = asyncio.get_running_loop().create_future()
-
-        def deliver(event: E) -> None:
-            if isinstance(event, finished) and not future.done():
-                future.set_result(event)
-            elif on_event is not None:
-                on_event(event)
-
-        async with self._turns[turn]:
-            self._machines[machine] = deliver
-            try:
-                start(self.now())
-                self._pump()
-                return await future
-            finally:
-                if not future.done() or future.cancelled():
-                    if stop is not None:
-                        stop(self.now())
-                    self._pump()  # what the machine has to send at its end
-                del self._machines[machine]
-
-    # the link
-
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        """Take in a datagram; called by asyncio."""
+        """Process a datagram; called by asyncio."""
         wrong = None if self.signer is None else self.signer.problem(data)
         message = parse(data) if wrong is None else None
         if message is None:
@@ -305,13 +256,12 @@ class Client(asyncio.DatagramProtocol):
             self._peers[system] = addr
         self.emit(self.fleet.receive(message, now))
         if system not in self._vehicles and system in self.fleet.vehicles:
-            self._vehicles[system] = Vehicle(self, self.fleet.vehicles[system])
+            self._vehicles[system] = Vehicle(
+                self.own, self.fleet.vehicles[system], self.machines, self.emit
+            )
             self._ask_what_is_due(now)
         self._heard.set()
-        for machine in list(self._machines):
-            machine.receive(message, now)
-        if self._machines:
-            self._pump()
+        self.machines.receive(message, now)
         if self._on_message is not None:
             self._on_message(message)
 
@@ -324,7 +274,7 @@ class Client(asyncio.DatagramProtocol):
             self._heard.set()
 
     async def _live(self) -> None:
-        """Do what is due by the clock: heartbeats, silence, inquiries."""
+        """Handle everything due by the clock: heartbeats, lost links, requests."""
         beat_due = 0.0
         while True:
             now = self.now()
@@ -350,6 +300,10 @@ class Client(asyncio.DatagramProtocol):
             task = asyncio.get_running_loop().create_task(ask())
             self._inquiries[vehicle.system, what] = task
 
+    def _send_to_target(self, message: MAVLink_message) -> None:
+        peer = self._peers.get(getattr(message, "target_system", 0))
+        self._send(message, [peer] if peer else [])
+
     def _send(self, message: MAVLink_message, peers: Collection[tuple[str, int]]) -> None:
         if self._transport is None or self._transport.is_closing():
             return
@@ -370,29 +324,6 @@ class Client(asyncio.DatagramProtocol):
             self._tlog.write(frame, time.time_ns() // 1000)
         except OSError as problem:
             self._failure = problem
-
-    def _pump(self) -> None:
-        """Send what the machines want sent, deliver what has happened, set the next alarm."""
-        deadline = math.inf
-        for machine, deliver in list(self._machines.items()):
-            for message in machine.messages_to_send():
-                peer = self._peers.get(getattr(message, "target_system", 0))
-                self._send(message, [peer] if peer else [])
-            for event in machine.events():
-                deliver(event)
-            deadline = min(deadline, machine.deadline() or math.inf)
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-        if deadline < math.inf:
-            loop = asyncio.get_running_loop()
-            self._timer = loop.call_later(max(deadline - self.now(), 0.0), self._ring)
-
-    def _ring(self) -> None:
-        now = self.now()
-        for machine in list(self._machines):
-            machine.handle_timer(now)
-        self._pump()
 
 
 def _heartbeat() -> MAVLink_message:

@@ -1,4 +1,4 @@
-"""Where commands and dashboard meet the vehicles, and as whom."""
+"""The connection and the system id that commands and the dashboard use."""
 
 import os
 
@@ -22,15 +22,15 @@ _FIRST_COMPONENT, _COMPONENTS = 25, 75  # MAV_COMP_ID_USER1 to USER75
 
 
 def choose_connection(wanted: str | None, signing_key: str | None = None) -> Connection:
-    """Return the user's; else that of the hub of ``gcs up`` if there is one, else of the GCS port.
+    """Return the user's connection, else the hub of ``gcs up`` if it runs, else the GCS port.
 
     Args:
-        wanted: What the user asked for; None: nothing.
-        signing_key: Key file that the connection is used with; a port that can be reached from
-            other machines is warned of in another way without one.
+        wanted: The user's ``--connect``; None without one.
+        signing_key: Key file of the connection; it decides the warning about a port that other
+            machines can reach.
 
     Raises:
-        BadInput: It is no connection.
+        BadInput: `wanted` is not a connection.
     """
     if wanted is not None:
         try:
@@ -47,9 +47,9 @@ def choose_connection(wanted: str | None, signing_key: str | None = None) -> Con
 
 
 def own_identity() -> SystemId:
-    """System and component id of this process.
+    """Return the system and component id of this process.
 
-    Several may talk to a vehicle at a time or shortly one after the other. The id tells its
-    answers apart.
+    Several processes may talk to a vehicle at the same time or in quick succession; the component
+    id, derived from the process id, tells their answers apart.
     """
     return SystemId(_SYSTEM, _FIRST_COMPONENT + os.getpid() % _COMPONENTS)

@@ -1,6 +1,6 @@
-"""The event counters of one vehicle, and how they grew.
+"""The event counters of one vehicle and their recent history.
 
-Times are simulated times, so that a rate means the same at any speed of the simulation.
+Times are simulated times, so that rates do not depend on the speed of the simulation.
 """
 
 from collections import deque
@@ -17,25 +17,25 @@ Four = tuple[int, int, int, int]
 """One number per channel: aileron, elevator, rudder, throttle."""
 
 WINDOW_S = 10.0
-"""What counts as "the last events" [s of simulated time]."""
+"""Window of the recent events [s of simulated time]."""
 SPAN_S = 120.0
-"""How far back rates are known [s of simulated time]."""
+"""Span that is kept for rates [s of simulated time]."""
 
 _NONE_YET = 0xFFFFFFFF
 _ZERO: Four = (0, 0, 0, 0)
 
 
 class EventCounts:
-    """What the FTC_EVENTS of one vehicle tell; zeros until the first one.
+    """The counters in the FTC_EVENTS of one vehicle; zeros until the first one.
 
     Attributes:
         time_s: Simulated time of the counters [s].
-        steps: Control steps with active control: what periodic sending would have cost.
+        steps: Control steps with active control: transmissions per channel of a periodic sender.
         events: Events per channel.
         repeats: Events that were sent again because they were lost, per channel.
         min_interval_s: Smallest time between two events per channel, None with fewer than two.
         messages: Actuator messages sent because of an event.
-        edge_changes: Times that a neighbour was dropped or taken up again.
+        edge_changes: Times that a neighbour was dropped or re-added.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class EventCounts:
         self._samples: deque[tuple[float, Four]] = deque()
 
     def receive(self, message: MAVLink_ftc_events_message) -> None:
-        """Take in a message; one that came late (older than the last) is ignored."""
+        """Process a message; one older than the last is ignored."""
         time_s = message.time_boot_ms / 1e3
         if time_s < self.time_s:
             return
@@ -77,11 +77,11 @@ class EventCounts:
 
     @property
     def saving(self) -> float | None:
-        """The same for all channels together."""
+        """Share that was saved over all channels together; None before any step."""
         return saving(self.total, self.steps)
 
     def recent(self, window_s: float = WINDOW_S) -> Four:
-        """Events per channel in the last `window_s` of simulated time, as far as it is known."""
+        """Return the events per channel in the last `window_s` of simulated time."""
         before = self._samples[0][1] if self._samples else _ZERO
         for time_s, events in self._samples:
             if time_s > self.time_s - window_s:
@@ -90,9 +90,9 @@ class EventCounts:
         return _four([now - then for now, then in zip(self.events, before, strict=True)])
 
     def rates(self, bins: int = 60, bin_s: float = 1.0) -> np.ndarray:
-        """Events per second of simulated time, shape (bins, 4), oldest first, newest last.
+        """Return events per second of simulated time, shape (bins, 4), oldest first.
 
-        Bins before the first counter was heard hold 0.
+        Bins before the first FTC_EVENTS hold 0.
         """
         if not self._samples:
             return np.zeros((bins, 4))

@@ -1,4 +1,4 @@
-"""What a ground station knows of all vehicles. No socket and no clock, like `VehicleState`."""
+"""The known state of all vehicles. No socket and no clock, like `VehicleState`."""
 
 from gcs.station.notifications import NOTICE, Notification
 from gcs.station.vehicle_state import VehicleState
@@ -11,11 +11,11 @@ __all__ = ["FleetState"]
 
 
 class FleetState:
-    """Vehicles by system id, as their HEARTBEATs make them known.
+    """Vehicles by system id, discovered by their HEARTBEATs.
 
     Attributes:
         vehicles: The vehicles heard so far, lost ones included.
-        unconfirmed: Systems that something came from, but no HEARTBEAT yet.
+        unconfirmed: Systems that have sent something, but no HEARTBEAT yet.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class FleetState:
         self.unconfirmed: set[int] = set()
 
     def receive(self, message: MAVLink_message, now: float) -> list[Notification]:
-        """Take in any message."""
+        """Process any message."""
         sender = sender_of(message)
         state = self.vehicles.get(sender.system)
         if state is not None:
@@ -41,7 +41,7 @@ class FleetState:
         return [found, *state.receive(message, now)]
 
     def handle_timer(self, now: float) -> list[Notification]:
-        """Notice what silence tells; call it often."""
+        """Detect lost links; call it often."""
         return [
             notifications
             for state in self.vehicles.values()

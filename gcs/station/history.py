@@ -1,4 +1,4 @@
-"""What one vehicle did in the last minutes, for plots."""
+"""The telemetry of one vehicle over the last minutes, for plots."""
 
 import math
 
@@ -17,16 +17,16 @@ ROW = np.dtype(
         ("position", "f8", 3),  # north, east, down [m]
     ]
 )
-"""One row; NaN where a message has not come yet."""
+"""One row; NaN where a message has not arrived yet."""
 
 _ROWS = 6000  # ten minutes at 10 Hz
 
 
 class History:
-    """The latest rows, in a ring."""
+    """The latest rows, in a ring buffer."""
 
     def __init__(self) -> None:
-        self._rows = np.empty(_ROWS, ROW)  # memory is taken as it fills
+        self._rows = np.empty(_ROWS, ROW)  # memory is committed as it fills
         self._count = 0
 
     def __len__(self) -> int:
@@ -38,7 +38,7 @@ class History:
         self._count += 1
 
     def rows(self, span_s: float = math.inf) -> np.ndarray:
-        """Copy the rows of the last `span_s` of simulated time, dtype `ROW`, oldest first."""
+        """Return a copy of the rows of the last `span_s` of simulated time, oldest first."""
         if self._count <= _ROWS:
             rows = self._rows[: self._count]
         else:

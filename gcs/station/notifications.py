@@ -1,4 +1,4 @@
-"""What happens to vehicles, as lines of an event log."""
+"""Entries of the event log: changes of vehicles, their texts and answers."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
@@ -26,16 +26,16 @@ INFO = dialect.MAV_SEVERITY_INFO
 
 @dataclass(frozen=True)
 class Notification:
-    """One thing that happened.
+    """One entry of the event log.
 
     Attributes:
-        at: When, on the clock of the client [s].
+        at: Time on the client's clock [s].
         system: System id of the vehicle; 0 for the link itself.
-        kind: What it is about: the link, mode and arming, a STATUSTEXT, an answer to a command
-            of any ground station (or that there was none), faults, the profile.
+        kind: Its subject: the link, mode and arming, a STATUSTEXT, an answer to a command of any
+            ground station (or its absence), faults, the profile.
         severity: MAV_SEVERITY, 0 emergency to 7 debug.
-        text: The line.
-        about: The message, faults or segments that it is about, if any.
+        text: One line of text.
+        about: The message, faults or segments concerned, if any.
     """
 
     at: float
@@ -47,11 +47,11 @@ class Notification:
 
 
 def enum_name(enum: str, value: int, prefix: str = "") -> str:
-    """Name of a value in an enum of the dialect, without `prefix`; its number if it has none."""
+    """Return the name of a value of an enum, without `prefix`; its number if it has no name."""
     entry = dialect.enums[enum].get(value)
     return f"{enum} {value}" if entry is None else str(entry.name).removeprefix(prefix)
 
 
 def severity_name(severity: int) -> str:
-    """Name of a MAV_SEVERITY in lower case: "warning"."""
+    """Return the name of a MAV_SEVERITY in lower case: "warning"."""
     return enum_name("MAV_SEVERITY", severity, "MAV_SEVERITY_").lower()

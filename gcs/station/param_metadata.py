@@ -23,7 +23,7 @@ _TOLD = {
 
 
 def known_quantity(name: str) -> Quantity | None:
-    """Unit, range and meaning of a parameter; None for one that no vehicle of ours has."""
+    """Return unit, range and meaning of a parameter; None for one that our vehicles lack."""
     return _known().get(name)
 
 

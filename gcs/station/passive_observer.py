@@ -1,7 +1,7 @@
-"""What a log tells of faults and profiles: from the commands, missions and answers in it.
+"""Faults and profiles reconstructed from the commands, missions and answers in a log.
 
-A live station asks the vehicles. In a log it can only be overheard when some station asked or
-told them. No socket and no clock.
+A live station requests them from the vehicles. A log has them only if some station requested or
+set them. No socket and no clock.
 """
 
 import math
@@ -24,7 +24,7 @@ _Item = dialect.MAVLink_mission_item_int_message
 
 
 class PassiveObserver:
-    """Tells a fleet state what passes by."""
+    """Updates a fleet state from observed messages."""
 
     def __init__(self, fleet: FleetState) -> None:
         self._fleet = fleet
@@ -34,7 +34,7 @@ class PassiveObserver:
         self._counts: dict[int, int] = {}
 
     def receive(self, message: MAVLink_message, now: float) -> list[Notification]:
-        """Take in any message, after the fleet state had it."""
+        """Process any message, after the fleet state has processed it."""
         source = message.get_srcSystem()
         target = getattr(message, "target_system", 0)
         vehicles = self._fleet.vehicles

@@ -1,4 +1,4 @@
-"""The signing key that a user gives: for a scenario's links, and for ports that others reach."""
+"""The user's signing key for a scenario's links, and the warning about exposed ports."""
 
 import contextlib
 import sys
@@ -13,10 +13,10 @@ __all__ = ["signed", "warn_if_exposed"]
 
 
 def signed(scenario: Scenario, path: str | None) -> Scenario:
-    """Return the scenario with another key file; as it is if `path` is None.
+    """Return the scenario with another key file; unchanged if `path` is None.
 
     Raises:
-        BadInput: The key, or that of the scenario, cannot be used.
+        BadInput: The key file, or that of the scenario, cannot be used.
     """
     if path is not None:
         scenario = scenario.signed(Path(path))
@@ -30,6 +30,6 @@ def signed(scenario: Scenario, path: str | None) -> Scenario:
 
 def warn_if_exposed(address: UdpAddress, with_key: bool) -> None:
     """Warn on standard error if a port to be bound can be reached from other machines."""
-    with contextlib.suppress(EndpointError):  # whoever binds it will complain
+    with contextlib.suppress(EndpointError):  # binding it will report the error
         if not is_loopback(address):
             print(exposed(address, with_key), file=sys.stderr)

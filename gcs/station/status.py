@@ -1,23 +1,34 @@
-"""The state of vehicles as plain data and as a table."""
+"""The state of vehicles as data, as a table and as text."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from rich.table import Table
 
+from gcs.station.event_counts import EventCounts
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 
-__all__ = ["drop_lines", "fault_dict", "fleet_table", "segment_dict", "status_dict"]
+__all__ = [
+    "ChannelStatus",
+    "LinkStatus",
+    "VehicleStatus",
+    "drop_lines",
+    "fault_dict",
+    "fleet_table",
+    "segment_dict",
+    "vehicle_status",
+]
 
 _QUANTITIES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
 
 
 def fault_dict(fault: Fault, time_s: float | None) -> dict[str, Any]:
-    """A fault as data; `end_s` is None until it is cleared."""
+    """Return a fault as plain data; `end_s` is None for one that lasts until cleared."""
     unit = "n" if ACTUATORS[fault.actuator] == "throttle" else "deg"
     return {
         "actuator": ACTUATORS[fault.actuator],
@@ -31,7 +42,7 @@ def fault_dict(fault: Fault, time_s: float | None) -> dict[str, Any]:
 
 
 def segment_dict(segment: Segment) -> dict[str, Any]:
-    """A segment with the keys of a scenario file."""
+    """Return a segment with the keys of a scenario file."""
     return {
         "start_s": segment.start_s,
         "airspeed_m_s": segment.airspeed_m_s,
@@ -42,62 +53,145 @@ def segment_dict(segment: Segment) -> dict[str, Any]:
     }
 
 
-def status_dict(state: VehicleState, now: float) -> dict[str, Any]:
-    """All that is known of a vehicle; None for what is not."""
-    attitude = state.attitude_deg
-    return {
-        "uav": state.system,
-        "link": {
-            "lost": state.lost,
-            "age_s": state.age_s(now),
-            "rate_hz": state.rate_hz(now),
-            "restarts": state.restarts,
-            "drops": state.drops,
-        },
-        "armed": state.armed,
-        "ready": state.is_ready,
-        "mode": state.mode,
-        "time_s": state.time_s,
-        "actual": _quantities(attitude and (state.airspeed_m_s, *attitude)),
-        "reference": _quantities(state.reference),
-        "error": _quantities(state.error),
-        "sync_error": _quantities(state.sync_error),
-        "held": state.held and dict(zip(ACTUATORS, state.held, strict=True)),
-        **_event_dict(state),
-        "faults": state.faults and [fault_dict(f, state.time_s) for f in state.faults],
-        "profile": state.profile and [segment_dict(s) for s in state.profile],
-    }
+@dataclass(frozen=True)
+class LinkStatus:
+    """The link to a vehicle.
+
+    Attributes:
+        lost: Whether the vehicle has fallen silent.
+        age_s: Time since anything was received [s].
+        rate_hz: Messages per second of wall-clock time.
+        restarts: Restarts of the vehicle since it was first heard.
+        drops: Datagrams dropped by vehicle and plant, by link and reason; None if unknown.
+    """
+
+    lost: bool
+    age_s: float
+    rate_hz: float
+    restarts: int
+    drops: Mapping[str, Mapping[str, int]] | None
 
 
-def _quantities(values: Iterable[float | None] | None) -> dict[str, Any] | None:
-    """Values by name; what is NaN is not known, as a reference while disarmed."""
+@dataclass(frozen=True)
+class ChannelStatus:
+    """The events of one actuator channel.
+
+    Attributes:
+        events: Events so far.
+        events_10_s: Events in the last 10 s of simulated time.
+        saving: Share of periodic transmissions that was saved; None before any step.
+        min_interval_s: Shortest time between two events [s]; None with fewer than two.
+        repeats: Events sent again because they were lost.
+    """
+
+    events: int
+    events_10_s: int
+    saving: float | None
+    min_interval_s: float | None
+    repeats: int
+
+
+@dataclass(frozen=True)
+class VehicleStatus:
+    """One vehicle in the output of `gcs status --json`; None for what is unknown.
+
+    Attributes:
+        uav: System id.
+        link: The link to it.
+        armed: Whether it is armed.
+        ready: Whether it is armed or can be.
+        mode: Its mode.
+        time_s: Its simulated time [s].
+        actual: Airspeed [m/s] and attitude [deg], by quantity.
+        reference: The filtered reference, likewise.
+        error: Actual minus reference, likewise.
+        sync_error: Synchronisation error (31), (32), likewise.
+        held: Commands held, as shares of their limits, by channel.
+        steps: Control steps with active control.
+        saving: Share of periodic transmissions that was saved.
+        channels: Events by channel.
+        faults: Its faults, as of `fault_dict`.
+        profile: Its profile, as of `segment_dict`.
+    """
+
+    uav: int
+    link: LinkStatus
+    armed: bool
+    ready: bool
+    mode: str
+    time_s: float | None
+    actual: Mapping[str, float | None] | None
+    reference: Mapping[str, float | None] | None
+    error: Mapping[str, float | None] | None
+    sync_error: Mapping[str, float | None] | None
+    held: Mapping[str, float] | None
+    steps: int
+    saving: float | None
+    channels: Mapping[str, ChannelStatus]
+    faults: Sequence[Mapping[str, Any]] | None
+    profile: Sequence[Mapping[str, Any]] | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the status as plain data."""
+        return asdict(self)
+
+
+def vehicle_status(state: VehicleState, now: float) -> VehicleStatus:
+    """Summarise the state of a vehicle at a time of the client's clock [s]."""
+    attitude, held, faults, profile = state.attitude_deg, state.held, state.faults, state.profile
+    return VehicleStatus(
+        uav=state.system,
+        link=LinkStatus(
+            lost=state.lost,
+            age_s=state.age_s(now),
+            rate_hz=state.rate_hz(now),
+            restarts=state.restarts,
+            drops=state.drops,
+        ),
+        armed=state.armed,
+        ready=state.is_ready,
+        mode=state.mode,
+        time_s=state.time_s,
+        actual=_quantities(attitude and (state.airspeed_m_s, *attitude)),
+        reference=_quantities(state.reference),
+        error=_quantities(state.error),
+        sync_error=_quantities(state.sync_error),
+        held=None if held is None else dict(zip(ACTUATORS, held, strict=True)),
+        steps=state.counts.steps,
+        saving=state.counts.saving,
+        channels=_channels(state.counts),
+        faults=None if faults is None else [fault_dict(f, state.time_s) for f in faults],
+        profile=None if profile is None else [segment_dict(s) for s in profile],
+    )
+
+
+def _quantities(values: Iterable[float | None] | None) -> dict[str, float | None] | None:
+    """Return values by name; NaN, as of a reference while disarmed, becomes None."""
     if values is None:
         return None
     known = (None if value is None or math.isnan(value) else value for value in values)
     return dict(zip(_QUANTITIES, known, strict=True))
 
 
-def _event_dict(state: VehicleState) -> dict[str, Any]:
-    counts = state.counts
+def _channels(counts: EventCounts) -> dict[str, ChannelStatus]:
     recent = counts.recent()
-    channels = {
-        name: {
-            "events": counts.events[i],
-            "events_10_s": recent[i],
-            "saving": counts.savings[i],
-            "min_interval_s": counts.min_interval_s[i],
-            "repeats": counts.repeats[i],
-        }
+    return {
+        name: ChannelStatus(
+            events=counts.events[i],
+            events_10_s=recent[i],
+            saving=counts.savings[i],
+            min_interval_s=counts.min_interval_s[i],
+            repeats=counts.repeats[i],
+        )
         for i, name in enumerate(ACTUATORS)
     }
-    return {"steps": counts.steps, "saving": counts.saving, "channels": channels}
 
 
 def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[str]:
-    """What was dropped and why, one line for each that dropped something.
+    """Return counts of dropped datagrams by reason, one line for each process that dropped any.
 
     Args:
-        here: Datagrams that the ground station dropped, by reason.
+        here: Datagrams that this ground station dropped, by reason.
         states: The vehicles.
     """
     dropped: dict[str, Mapping[str, Mapping[str, int]]] = {"here": {"": here}}
@@ -120,7 +214,7 @@ def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[
 
 
 def fleet_table(states: Iterable[VehicleState], now: float) -> Table:
-    """One row per vehicle, for a terminal of 80 columns."""
+    """Return a table with one row per vehicle, for a terminal of 80 columns."""
     table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("UAV", justify="right", no_wrap=True)
     for heading in ("link", "armed", "mode"):

@@ -1,14 +1,15 @@
-"""What a ground station can ask of one vehicle, by the microservices of MAVLink.
+"""Operations on one vehicle by MAVLink's microservices: commands, faults, profile, parameters.
 
-Every operation ends in one of three ways: it returns, it raises `CommandRefused` (the vehicle
-said no; the text has its reason), or `NoAnswer` (it said nothing, after several tries).
+Every operation returns, or raises `CommandRefused` (with the vehicle's reason) or `NoAnswer`
+(after several retries).
 """
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from gcs.errors import BadInput, CommandRefused, NoAnswer
+from gcs.station.machine_runner import MachineRunner
 from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
@@ -39,69 +40,57 @@ from mavlink_defs.services.param import (
     ParamSetter,
 )
 
-__all__ = ["PRIVATE_INTERVALS_S", "Progress", "Runner", "Vehicle"]
+__all__ = ["PRIVATE_INTERVALS_S", "Progress", "Vehicle"]
 
 Progress = Callable[[int, int], None]
-"""Called with what is done and what there is in all."""
+"""Called with the number of items done and the total."""
 
 PRIVATE_INTERVALS_S = {
     dialect.MAVLINK_MSG_ID_FTC_TRACKING: 0.1,
     dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 0.5,
     dialect.MAVLINK_MSG_ID_FTC_DROPS: 2.0,
-    dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: when it comes, all do
+    dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: once it arrives, all do
 }
-"""Private messages that vehicles stream on demand, and how often they are to come [s]."""
+"""Private messages that vehicles stream on demand, with their intervals [s]."""
 
 
 E = TypeVar("E")  # events of a machine
 F = TypeVar("F")  # the last one
 
 
-class Runner(Protocol):
-    """What operations need of the link."""
-
-    own: SystemId
-
-    def now(self) -> float:
-        """The client's clock [s]."""
-        ...
-
-    def emit(self, notifications: Iterable[Notification]) -> None:
-        """Put notifications into the log."""
-        ...
-
-    async def run(
-        self,
-        turn: tuple[int, str],
-        machine: Machine[E],
-        start: Callable[[float], None],
-        finished: type[F],
-        on_event: Callable[[E], None] | None = None,
-        stop: Callable[[float], None] | None = None,
-    ) -> F:
-        """Start a machine when its turn comes and drive it until an event of type `finished`."""
-        ...
-
-
 class Vehicle:
-    """One vehicle: what is known of it, and what it can be asked.
+    """One vehicle: its known state and the operations on it.
 
     Attributes:
         system: Its system id.
-        state: What is known of it.
+        state: Its known state.
     """
 
-    def __init__(self, runner: Runner, state: VehicleState) -> None:
+    def __init__(
+        self,
+        own: SystemId,
+        state: VehicleState,
+        machines: MachineRunner,
+        emit: Callable[[Iterable[Notification]], None],
+    ) -> None:
+        """Prepare the operations on a vehicle.
+
+        Args:
+            own: System and component id of the ground station.
+            state: The vehicle's known state.
+            machines: Runs the operations.
+            emit: Called with the notifications of operations.
+        """
         self.system = state.system
         self.state = state
-        self._runner = runner
-        self._own, self._address = runner.own, state.address
-        self._commands = CommandClient(runner.own)
+        self._machines, self._emit = machines, emit
+        self._own, self._address = own, state.address
+        self._commands = CommandClient(own)
 
     # commands
 
     async def command(self, number: int, params: Iterable[float] = ()) -> None:
-        """Send a COMMAND_LONG: MAV_CMD and up to seven parameters, the rest is 0."""
+        """Send a COMMAND_LONG: a MAV_CMD and up to seven parameters, the others 0."""
         seven = (*params, *[0.0] * 7)[:7]
         message = dialect.MAVLink_command_long_message(*self._address, number, 0, *seven)
         what, ok = enum_name("MAV_CMD", number), dialect.MAV_RESULT_ACCEPTED
@@ -119,12 +108,12 @@ class Vehicle:
         await self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
 
     async def disarm(self, force: bool = False) -> None:
-        """Disarm; in flight only by `force`, which cuts the thrust."""
+        """Disarm; in flight only with `force`, which cuts the thrust."""
         params = (0.0, FORCE_DISARM if force else 0.0)
         await self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, params)
 
     async def start_mission(self) -> None:
-        """Start to fly the profile."""
+        """Start flying the profile."""
         await self.command(dialect.MAV_CMD_MISSION_START)
 
     async def set_mode(self, mode: str) -> None:
@@ -134,12 +123,12 @@ class Vehicle:
         await self.command(dialect.MAV_CMD_DO_SET_MODE, (custom, number))
 
     async def set_interval(self, message_id: int, interval_s: float) -> None:
-        """Let a message come every `interval_s`; 0 the vehicle's default, negative never."""
+        """Request a message every `interval_s`; 0 is the vehicle's default, negative is never."""
         params = (message_id, interval_s * 1e6 if interval_s >= 0.0 else -1.0)
         await self.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, params)
 
     async def ask_for_private(self) -> None:
-        """Let its private messages come; what it refuses is not asked for again."""
+        """Request its private messages; a refused one is not requested again."""
         try:
             for message_id, interval_s in PRIVATE_INTERVALS_S.items():
                 await self.set_interval(message_id, interval_s)
@@ -150,7 +139,7 @@ class Vehicle:
         self.state.learn_private(self._now())
 
     async def request(self, message_id: int) -> None:
-        """Ask for one message now; `state.latest` has it when this returns, unless it got lost."""
+        """Request one message now; `state.latest` has it when this returns, unless it was lost."""
         await self.command(dialect.MAV_CMD_REQUEST_MESSAGE, (message_id,))
 
     # faults
@@ -165,19 +154,19 @@ class Vehicle:
         await self.command(dialect.MAV_CMD_FTC_CLEAR_FAULTS, (which,))
 
     async def list_faults(self) -> tuple[Fault, ...]:
-        """Ask for its faults; `state.faults` holds them from then on."""
+        """Request its faults; `state.faults` holds them from then on."""
         machine = FaultLister(self._own, self._address)
         done, reasons = await self._run("command", machine, machine.start, FaultsListed)
         ok = dialect.MAV_RESULT_ACCEPTED
         known = done.faults if done.result == ok else None
-        self._runner.emit(self.state.learn_faults(known, self._now()))
+        self._emit(self.state.learn_faults(known, self._now()))
         self._judge("the request for its faults", done.result, ok, "MAV_RESULT", reasons)
         return done.faults
 
     async def ask_what_is_due(self) -> None:
-        """Ask for faults and profile if `state` wants notifications of them.
+        """Request faults and profile if they are due.
 
-        What the vehicle refuses is not asked for again.
+        A request that the vehicle refuses is not repeated.
         """
         state = self.state
         if state.offers_faults and self._now() >= state.faults_due:
@@ -198,34 +187,23 @@ class Vehicle:
     # profile
 
     async def upload(self, segments: Sequence[Segment], progress: Progress | None = None) -> None:
-        """Upload a reference profile; if it is refused, the old one stays in force."""
+        """Upload a reference profile; if it is refused, the old one stays active."""
         items = segments_to_items(segments, *self._address)
         machine = MissionUploader(self._own, self._address, items)
-        done, reasons = await self._run(
-            "mission",
-            machine,
-            machine.start,
-            MissionFinished,
-            progress,
-            stop=lambda _: machine.cancel(),
-        )
+        done, reasons = await self._transfer(machine, progress)
         ok = dialect.MAV_MISSION_ACCEPTED
         self._judge("the upload of a profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
 
     async def download(self, progress: Progress | None = None) -> tuple[Segment, ...]:
-        """Ask for the profile that it holds, empty if it holds none.
+        """Download its profile, empty if it has none.
 
-        `state.profile` holds it from then on. A mission that is no profile is refused.
+        `state.profile` holds it from then on.
+
+        Raises:
+            CommandRefused: The vehicle refused, or holds a mission that is not a profile.
         """
         machine = MissionDownloader(self._own, self._address)
-        done, reasons = await self._run(
-            "mission",
-            machine,
-            machine.start,
-            MissionFinished,
-            progress,
-            stop=lambda _: machine.cancel(),
-        )
+        done, reasons = await self._transfer(machine, progress)
         ok = dialect.MAV_MISSION_ACCEPTED
         segments: tuple[Segment, ...] | None = None
         problem: ProfileError | None = None
@@ -235,7 +213,7 @@ class Vehicle:
                 segments = items_to_segments(done.items, ANY_AIRSPEED) if many else ()
             except ProfileError as error:
                 problem = error
-        self._runner.emit(self.state.learn_profile(segments, self._now()))
+        self._emit(self.state.learn_profile(segments, self._now()))
         self._judge("the download of its profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
         if segments is None:
             text = f"UAV {self.system} holds a mission that is no profile: {problem}"
@@ -245,17 +223,17 @@ class Vehicle:
     # parameters
 
     async def list_params(self, progress: Progress | None = None) -> tuple[Param, ...]:
-        """Ask for all parameters."""
+        """Read all parameters."""
         machine = ParamLister(self._own, self._address)
         done, _ = await self._run("param", machine, machine.start, ParamFinished, progress)
         self._judge_param("its parameters", done)
         return done.params
 
     async def get_param(self, name: str) -> Param:
-        """Ask for one parameter.
+        """Read one parameter.
 
         Raises:
-            BadInput: No parameter can have this name.
+            BadInput: The name is not a valid parameter name.
         """
         try:
             machine = ParamReader(self._own, self._address, name)
@@ -266,10 +244,10 @@ class Vehicle:
         return done.params[0]
 
     async def set_param(self, name: str, value: float) -> Param:
-        """Set one parameter; gives what the vehicle holds then.
+        """Set one parameter; return it as the vehicle then holds it.
 
         Raises:
-            BadInput: The name cannot be, or the value is not of the parameter's type.
+            BadInput: The name is not valid, or the value is not of the parameter's type.
         """
         known = await self.get_param(name)
         if not math.isfinite(value) or (known.is_integer and value != int(value)):
@@ -280,10 +258,22 @@ class Vehicle:
         self._judge_param(f"{name} = {value:g}", done)
         return done.params[0]
 
-    # inside
+    # internals
 
     def _now(self) -> float:
-        return self._runner.now()
+        return self._machines.now()
+
+    async def _transfer(
+        self, machine: MissionUploader | MissionDownloader, progress: Progress | None
+    ) -> tuple[MissionFinished, list[str]]:
+        return await self._run(
+            "mission",
+            machine,
+            machine.start,
+            MissionFinished,
+            progress,
+            stop=lambda _: machine.cancel(),
+        )
 
     async def _run(
         self,
@@ -294,7 +284,7 @@ class Vehicle:
         progress: Progress | None = None,
         stop: Callable[[float], None] | None = None,
     ) -> tuple[F, list[str]]:
-        """Run a machine; return its last event, and the vehicle's complaints meanwhile."""
+        """Run a machine; return its last event and the vehicle's warnings meanwhile."""
         heard = 0
 
         def begin(now: float) -> None:
@@ -307,12 +297,12 @@ class Vehicle:
                 progress(event.done, event.total)
 
         turn = (self.system, service)
-        done = await self._runner.run(turn, machine, begin, finished, on_event, stop)
+        done = await self._machines.run(turn, machine, begin, finished, on_event, stop)
         texts = self.state.texts_since(heard)
         return done, [text.text for text in texts if text.severity <= WARNING]
 
     def _judge(self, what: str, result: int | None, ok: int, enum: str, reasons: list[str]) -> None:
-        """Raise what a result means that is not `ok`."""
+        """Raise the error that belongs to a result other than `ok`."""
         if result == ok:
             return
         if result is None:
@@ -329,13 +319,13 @@ class Vehicle:
             kept = f"; it keeps {done.params[0].value:g}" if done.params else ""
             reason = enum_name("MAV_PARAM_ERROR", done.error)
             text = f"UAV {self.system} refused {what} ({reason}){kept}"
-            self._runner.emit([Notification(self._now(), self.system, "ack", WARNING, text)])
+            self._emit([Notification(self._now(), self.system, "ack", WARNING, text)])
             raise CommandRefused(text, done.error)
         if len(done.params) == 1:
             param = done.params[0]
             text = f"{param.name} is {param.value:g}"
-            self._runner.emit([Notification(self._now(), self.system, "ack", INFO, text)])
+            self._emit([Notification(self._now(), self.system, "ack", INFO, text)])
 
     def _no_answer(self, text: str) -> NoAnswer:
-        self._runner.emit([Notification(self._now(), self.system, "ack", ERROR, text)])
+        self._emit([Notification(self._now(), self.system, "ack", ERROR, text)])
         return NoAnswer(text)

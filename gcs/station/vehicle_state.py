@@ -1,7 +1,7 @@
-"""What a ground station knows of one vehicle.
+"""The known state of one vehicle.
 
 No socket and no clock: messages and the time go in, notifications come out. Times are those of the
-client's clock [s]; simulated time is called so.
+client's clock [s] unless they are called simulated time.
 """
 
 import math
@@ -9,10 +9,11 @@ from collections import deque
 from typing import Any
 
 from gcs.station.event_counts import EventCounts
+from gcs.station.fault_text import describe_fault
 from gcs.station.history import History
 from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
 from mavlink_defs import dialect
-from mavlink_defs.constants import ACTUATORS, MODE_NAMES
+from mavlink_defs.constants import MODE_NAMES
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import Fault
 from mavlink_defs.framing.drop_reason import DropReason
@@ -20,14 +21,13 @@ from mavlink_defs.profile import Segment
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
 
-__all__ = ["LOST_S", "VehicleState", "describe_fault"]
+__all__ = ["LOST_S", "VehicleState"]
 
 LOST_S = 2.0
 """Silence after which the link to a vehicle counts as lost."""
-"""Modes that our vehicles know, by custom_mode."""
 
 _RATE_WINDOW_S = 2.0
-_BACK_IN_TIME_S = 1.0  # older messages than the newest only, for so long: another run
+_BACK_IN_TIME_S = 1.0  # only messages older than the newest for this long: a restart
 _FAULTS_REFRESH_S = 5.0
 _PROFILE_REFRESH_S = 30.0
 _PRIVATE_PATIENCE_S = 5.0
@@ -38,7 +38,7 @@ _FAULT_COMMANDS = {
     dialect.MAV_CMD_FTC_CLEAR_FAULTS,
     dialect.MAV_CMD_INJECT_FAILURE,
 }
-_NOT_WORTH_A_WORD = {dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL}
+_UNREPORTED = {dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL}
 _ACKED = {dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS}
 
 
@@ -48,16 +48,16 @@ class VehicleState:
     Attributes:
         address: Its system and component id.
         latest: Last message of each type, by message id.
-        received_at: When each of them came.
-        heard_at: When anything came last.
+        received_at: Time at which each of them was received.
+        heard_at: Time at which anything was last received.
         lost: Whether it has been silent for `LOST_S`.
-        restarts: How often it was started again since it was first heard.
+        restarts: Restarts since it was first heard.
         counts: Its event counters.
-        history: What it did, for plots.
+        history: Its telemetry, for plots.
         texts: Its last STATUSTEXTs, oldest first.
-        faults: Its faults, past and future ones too; None until it was asked.
-        profile: The segments that it holds; None until it was asked.
-        offers_faults: Whether it answers when asked for its faults; True until shown otherwise.
+        faults: Its faults, including past and future ones; None until it has listed them.
+        profile: The segments of its profile; None until it was downloaded.
+        offers_faults: Whether it answers requests for its faults; True until it refuses.
         offers_profile: The same for its profile.
         offers_private: The same for the streams of its private messages.
     """
@@ -77,7 +77,7 @@ class VehicleState:
         self._forget(now)
 
     def _forget(self, now: float) -> None:
-        """Drop all that belongs to a run of the vehicle."""
+        """Discard everything that belongs to the previous run of the vehicle."""
         self.counts = EventCounts()
         self.history = History()
         self.faults: tuple[Fault, ...] | None = None
@@ -86,10 +86,10 @@ class VehicleState:
         self._newest_ms = -1
         self._back_since: float | None = None
 
-    # messages and time in
+    # input: messages and time
 
     def receive(self, message: MAVLink_message, now: float) -> list[Notification]:
-        """Take in a message of the vehicle."""
+        """Process a message of the vehicle."""
         notifications = []
         if self.lost:
             self.lost = False
@@ -107,7 +107,7 @@ class VehicleState:
         self.latest[number], self.received_at[number] = message, now
         match message:
             case dialect.MAVLink_heartbeat_message():
-                notifications += self._mode_news(before, now)
+                notifications += self._mode_changes(before, now)
             case dialect.MAVLink_statustext_message():
                 notifications += self._said(self._assembler.receive(message, now), now)
             case dialect.MAVLink_ftc_events_message():
@@ -117,7 +117,7 @@ class VehicleState:
                 self._remember(message)
             case dialect.MAVLink_mission_current_message(total=total):
                 if before is not None and before.total != total:
-                    self.profile_due = now  # uploaded from where we do not hear the answers
+                    self.profile_due = now  # uploaded by a station whose answers we do not receive
             case dialect.MAVLink_command_ack_message():
                 notifications += self._acknowledged(message, now)
             case dialect.MAVLink_mission_ack_message():
@@ -125,7 +125,7 @@ class VehicleState:
         return notifications
 
     def handle_timer(self, now: float) -> list[Notification]:
-        """Notice silence, and texts that will not be completed; call it often."""
+        """Detect a lost link and texts that stay incomplete; call it often."""
         notifications = self._said(self._assembler.handle_timer(now), now)
         while self._arrivals and self._arrivals[0] < now - _RATE_WINDOW_S:
             self._arrivals.popleft()
@@ -136,7 +136,7 @@ class VehicleState:
         return notifications
 
     def learn_faults(self, faults: tuple[Fault, ...] | None, now: float) -> list[Notification]:
-        """Note its answer when asked for its faults; None if there was none."""
+        """Record its answer to a request for its faults; None if there was none."""
         self.faults_due = now + (_TRY_AGAIN_S if faults is None else _FAULTS_REFRESH_S)
         before = self.faults
         if faults is None or faults == before:
@@ -148,7 +148,7 @@ class VehicleState:
         return [self._notifications(now, "faults", NOTICE, f"faults: {words}", faults)]
 
     def learn_profile(self, profile: tuple[Segment, ...] | None, now: float) -> list[Notification]:
-        """Note its answer when asked for its profile; None if there was none."""
+        """Record its answer to a request for its profile; None if there was none."""
         self.profile_due = now + (_TRY_AGAIN_S if profile is None else _PROFILE_REFRESH_S)
         if profile is None or profile == self.profile:
             return []
@@ -157,10 +157,10 @@ class VehicleState:
         return [self._notifications(now, "profile", INFO, f"holds {words}", profile)]
 
     def learn_private(self, now: float) -> None:
-        """Note that it was asked for its private messages."""
+        """Record that its private messages were requested."""
         self.private_due = now + _PRIVATE_PATIENCE_S
 
-    # what is known
+    # output: the known state
 
     @property
     def system(self) -> int:
@@ -168,46 +168,46 @@ class VehicleState:
         return self.address.system
 
     def is_asking_due(self, now: float) -> bool:
-        """Whether it should be asked for its faults or its profile (again)."""
+        """Return whether to request its faults or its profile (again)."""
         faults = self.offers_faults and now >= self.faults_due
         profile = self.offers_profile and now >= self.profile_due
         return not self.lost and (faults or profile)
 
     def is_private_due(self, now: float) -> bool:
-        """Whether it should be asked to stream its private messages (again)."""
+        """Return whether to request the streams of its private messages (again)."""
         return not self.lost and self.offers_private and now >= self.private_due
 
     @property
     def tells_private(self) -> bool:
-        """Whether its private messages come."""
+        """Whether it streams its private messages."""
         return dialect.MAVLINK_MSG_ID_FTC_EVENTS in self.latest
 
     def texts_since(self, heard: int) -> list[Text]:
-        """The texts that came after `texts_heard` was `heard`, as far as they are kept."""
+        """Return the texts received since `texts_heard` was `heard`, as far as they are kept."""
         new = min(self.texts_heard - heard, len(self.texts))
         return list(self.texts)[len(self.texts) - new :]
 
     def age_s(self, now: float) -> float:
-        """Time since anything came from it [s]."""
+        """Return the time since anything was received from it [s]."""
         return max(now - self.heard_at, 0.0)
 
     def rate_hz(self, now: float) -> float:
-        """Messages per second of wall-clock time, over the last two seconds."""
+        """Return messages per second of wall-clock time over the last two seconds."""
         return sum(at >= now - _RATE_WINDOW_S for at in self._arrivals) / _RATE_WINDOW_S
 
     @property
     def armed(self) -> bool:
-        """Whether its HEARTBEAT says so."""
+        """Whether it is armed, by its HEARTBEAT."""
         return bool(self._heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
 
     @property
     def mode(self) -> str:
-        """Its mode: "AUTO", or the number of one that we do not know."""
+        """Its mode, such as "AUTO"; the number of an unknown mode."""
         return _mode_name(self._heartbeat)
 
     @property
     def is_ready(self) -> bool:
-        """Whether it can be armed, or is: its HEARTBEAT says STANDBY or ACTIVE."""
+        """Whether it is armed or can be: its HEARTBEAT says STANDBY or ACTIVE."""
         return self._heartbeat.system_status in {
             dialect.MAV_STATE_STANDBY,
             dialect.MAV_STATE_ACTIVE,
@@ -215,7 +215,7 @@ class VehicleState:
 
     @property
     def time_s(self) -> float | None:
-        """Simulated time of its newest message [s]; None before it told."""
+        """Simulated time of its newest message [s]; None before the first one."""
         return None if self._newest_ms < 0 else self._newest_ms / 1e3
 
     @property
@@ -259,13 +259,13 @@ class VehicleState:
 
     @property
     def active_faults(self) -> tuple[Fault, ...]:
-        """The faults that act now, by simulated time."""
+        """The faults that are active now, in simulated time."""
         time_s = self.time_s or 0.0
         return tuple(f for f in self.faults or () if f.start_s < time_s <= f.end_s)
 
     @property
     def drops(self) -> dict[str, dict[str, int]] | None:
-        """Datagrams that it and the plant dropped, by link and reason; None before it told."""
+        """Datagrams that it and the plant dropped, by link and reason; None before FTC_DROPS."""
         message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_DROPS)
         if message is None:
             return None
@@ -274,7 +274,7 @@ class VehicleState:
         told = {link: zip(words, getattr(message, link), strict=True) for link in links}
         return {link: {word: n for word, n in counts if n} for link, counts in told.items()}
 
-    # inside
+    # internals
 
     @property
     def _heartbeat(self) -> Any:
@@ -296,8 +296,8 @@ class VehicleState:
     def _is_another_run(self, message: MAVLink_message, now: float) -> bool:
         """Return whether the vehicle has been started again.
 
-        It boots; or its control steps fell while time went on; or its time has gone back and
-        stays so, unlike that of messages that are merely late.
+        It boots, its step counter fell while time advanced, or its time went back and stays back,
+        unlike that of messages that are merely late.
         """
         if isinstance(message, dialect.MAVLink_heartbeat_message):
             before = self.latest.get(dialect.MAVLINK_MSG_ID_HEARTBEAT)
@@ -318,7 +318,7 @@ class VehicleState:
             and message.steps < self.counts.steps
         )
 
-    def _mode_news(self, before: Any, now: float) -> list[Notification]:
+    def _mode_changes(self, before: Any, now: float) -> list[Notification]:
         heartbeat = self._heartbeat
         if before is None:
             return []
@@ -360,7 +360,7 @@ class VehicleState:
         accepted = message.result == dialect.MAV_RESULT_ACCEPTED
         if accepted and message.command in _FAULT_COMMANDS:
             self.faults_due = now
-        if message.result in _ACKED and message.command in _NOT_WORTH_A_WORD:
+        if message.result in _ACKED and message.command in _UNREPORTED:
             return []
         result = enum_name("MAV_RESULT", message.result, "MAV_RESULT_")
         text = f"{enum_name('MAV_CMD', message.command, 'MAV_CMD_')}: {result}"
@@ -375,25 +375,6 @@ class VehicleState:
             self.profile_due = now
         text = f"mission: {enum_name('MAV_MISSION_RESULT', message.type, 'MAV_MISSION_')}"
         return [self._notifications(now, "ack", INFO if accepted else WARNING, text, message)]
-
-
-def describe_fault(fault: Fault) -> str:
-    """A fault in words: "rudder at 90 % + 1 deg in (19, 22] s"."""
-    unit = "N" if fault.actuator == dialect.FTC_ACTUATOR_THROTTLE else "deg"
-    wave = f" · cos 2π {fault.frequency_hz:g} Hz" if fault.frequency_hz else ""
-    if fault.effectiveness == 0.0:
-        what = f"stuck at {fault.value:g} {unit}{wave}"
-    else:
-        what = f"at {100.0 * fault.effectiveness:g} %"
-        if fault.value:
-            what += f" {'-' if fault.value < 0.0 else '+'} {abs(fault.value):g} {unit}{wave}"
-    return f"{ACTUATORS[fault.actuator]} {what} {_window(fault)}"
-
-
-def _window(fault: Fault) -> str:
-    begins = "now" if math.isnan(fault.start_s) else f"({fault.start_s:g}"
-    ends = f"{fault.end_s:g}] s" if math.isfinite(fault.end_s) else "until cleared"
-    return f"from {begins}, {ends}" if begins == "now" else f"in {begins}, {ends}"
 
 
 def _mode_name(heartbeat: Any) -> str:

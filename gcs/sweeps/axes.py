@@ -57,5 +57,5 @@ def _parse_axis(text: str) -> Axis:
 
 
 def label(value: Any) -> str:
-    """Format a value on one line: a text as it is, anything else as JSON."""
+    """Format a value on one line: text as it is, anything else as JSON."""
     return value if isinstance(value, str) else json.dumps(value)

@@ -2,11 +2,11 @@
 
 It holds::
 
-    sweep.json          what was asked for; it marks the folder as a sweep's
+    sweep.json          files and axes; it marks the folder as that of a sweep
     runs/DIGEST.json    one flown run: its values, its whole scenario, its summary
 
-A run that has a file is not flown again. A file appears under its name only when it is complete,
-so however a sweep ends, only the flights in progress are lost.
+A run that has a file is not flown again. A file gets its name only when it is complete, so
+however a sweep ends, only the flights in progress are lost.
 """
 
 import hashlib
@@ -45,7 +45,7 @@ class Result:
         outcome: Flown to its end; lost on the way; not a scenario; not flown for another reason.
         reason: Why it was not flown to its end; else empty.
         summary: Of the part that was flown; None if nothing was.
-        defect: What was raised, if that is a defect of ours.
+        defect: The exception, if it is a defect of ours.
     """
 
     run: Run

@@ -43,10 +43,10 @@ class Run:
         file: Scenario file.
         name: Name of the file among those of the sweep.
         values: Values laid over it, by key.
-        scenario: The two together; None if they do not make a scenario.
+        scenario: File and values together; None if they are not a valid scenario.
         problems: Why they do not.
         misplaced: Those problems that are about a key, whatever its value.
-        digest: What `identity` gives; empty without a scenario.
+        digest: As `identity` returns it; empty without a scenario.
     """
 
     file: Path
@@ -64,7 +64,7 @@ def plan(files: Sequence[Path], axes: Sequence[Axis]) -> list[Run]:
     A combination that is not a valid scenario stays in it, with its problems.
 
     Raises:
-        ConfigError: A file cannot be read, or has a problem that no combination mends.
+        ConfigError: A file cannot be read, or has a problem that no combination fixes.
         BadInput: A key is wrong in every file, whatever the values.
     """
     runs: list[Run] = []
@@ -106,7 +106,7 @@ def _shared(groups: Iterable[tuple[Problem, ...]]) -> list[Problem]:
 
 
 def identity(scenario: Scenario) -> str:
-    """Return a digest of all that a flight's summary depends on: the scenario and the code."""
+    """Return a digest of everything that a flight's summary depends on: scenario and code."""
     tree = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
     return hashlib.sha256(f"{_code_digest()} {tree}".encode()).hexdigest()[:16]
 

@@ -1,1 +1,1 @@
-"""What the pytest plugin `gcs.pytest_plugin` gives to tests; see docs/reference/pytest.md."""
+"""Types behind the fixtures of `gcs.pytest_plugin`; see docs/reference/pytest.md."""

@@ -26,8 +26,8 @@ def read_scenario(path: Path, changes: Mapping[str, Any]) -> Scenario:
 
     Args:
         path: Scenario file.
-        changes: From top-level keys or places (``trigger.b2_deg``) to values, as `extends`
-            does it: mappings merge, None removes.
+        changes: Values by top-level key or path (``trigger.b2_deg``), merged as by `extends`:
+            mappings merge, None removes.
 
     Raises:
         BadInput: The file or the changes cannot be used; the text has every problem.
@@ -44,11 +44,11 @@ def read_scenario(path: Path, changes: Mapping[str, Any]) -> Scenario:
 
 
 def launch(scenario: Scenario, folder: Path, speed: float | None) -> TestFleet:
-    """Start a fleet on free ports; the caller has to close it.
+    """Start a fleet on free ports; the caller must close it.
 
     Args:
         scenario: On any ports.
-        folder: Exists; for the files of processes.
+        folder: Existing folder for the files of the processes.
         speed: Real-time factor; None for lockstep.
 
     Raises:

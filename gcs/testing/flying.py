@@ -1,8 +1,8 @@
 """A fleet in a test: real processes and a connected client, behind plain function calls.
 
-The asyncio client lives on a thread of its own. In lockstep simulated time stands still except
-within `run_until` and its like, so that whatever a test does meanwhile happens at an exact step,
-and every run gives the same events. At a given speed time runs on, as it does for an operator.
+The asyncio client runs on a thread of its own. In lockstep, simulated time advances only within
+`run_until` and similar calls, so that everything a test does in between happens at an exact step,
+and every run gives the same events. At a given speed, time runs on as for an operator.
 """
 
 import asyncio
@@ -32,13 +32,13 @@ __all__ = ["TestFleet"]
 T = TypeVar("T")
 
 _LOOK_S = 0.005
-_SETTLE_S = 0.03  # until autopilots have told what they know at the step that time stands at
+_SETTLE_S = 0.03  # until autopilots have sent their telemetry of the step at which time stopped
 _END_TIMEOUT_S = 10.0
 _PATIENCE_S = 10.0
 
 
 class TestFleet:
-    """The processes of a scenario, and what a test can do with them.
+    """The processes of a scenario and the operations of a test on them.
 
     Attributes:
         scenario: The scenario, on the ports that it flies on.
@@ -46,7 +46,7 @@ class TestFleet:
         client: The asyncio client; `call` runs its coroutines.
     """
 
-    __test__ = False  # pytest takes a class of such a name for tests
+    __test__ = False  # pytest would collect a class of this name
 
     def __init__(self, scenario: Scenario, folder: Path, speed: float | None = None) -> None:
         """Prepare a fleet.
@@ -69,7 +69,7 @@ class TestFleet:
     def open(self) -> None:
         """Start everything, upload profile and faults; no UAV is armed.
 
-        The caller has to `close` the fleet, unless this fails, which leaves nothing behind.
+        The caller must `close` the fleet, unless this fails: then nothing is left running.
 
         Raises:
             GcsError: As of `gcs.fleet.flight.prepare`.
@@ -148,7 +148,7 @@ class TestFleet:
         Raises:
             BadInput: The scenario ends before that time, or it has passed.
             FlightLost: An aircraft or a process was lost.
-            NoAnswer: Time does not pass, because not every UAV is armed.
+            NoAnswer: Time does not advance, because not every UAV is armed.
         """
         step = round(time_s * 1e6 / self.scenario.step_us)
         if not self.time_s <= step * self.scenario.step_us / 1e6 < self.scenario.duration_s:
@@ -217,7 +217,7 @@ class TestFleet:
             return tap.simulated_s is not None
 
     def _wait(self, condition: Callable[[], bool]) -> None:
-        """Wait for a condition or the end of the plant, as long as time passes."""
+        """Wait for a condition or the end of the plant while simulated time advances."""
         newest_s, moved_at = -math.inf, time.monotonic()
         while not condition() and self._fleet.plant_returncode is None:
             self._fleet.check()

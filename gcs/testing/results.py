@@ -1,4 +1,4 @@
-"""The result of a flight in a test: plain values to assert on, and assertions that say where.
+"""The result of a flight in a test: plain values, and assertions that report where they fail.
 
 Transmissions are those that the tap counted on the wire. A flight in one process has no wire; there
 they are the events that the controllers recorded.
@@ -24,7 +24,7 @@ __all__ = ["Channel", "Errors", "FlightResult", "UavFlight"]
 
 
 class Errors(NamedTuple):
-    """One value for each quantity that is tracked."""
+    """One value for each tracked quantity."""
 
     airspeed_m_s: float
     roll_deg: float
@@ -43,8 +43,8 @@ class Channel:
         min_interval_s: Shortest time between two of them [s]; None with fewer than two.
         saving: Share of the periodic sender's transmissions that were not sent.
         times_s: When the controller had an event [s], from its recording.
-        claimed: How many the vehicle reports to have sent.
-        repeats: How many it sent again because the plant had not applied them.
+        claimed: Transmissions that the vehicle reports.
+        repeats: Transmissions repeated because the plant had not applied them.
     """
 
     uav: int
@@ -83,7 +83,7 @@ class UavFlight:
     Attributes:
         id: Its system id.
         summary: Its part of `summary.json`.
-        channels: By name; `aileron`, `elevator`, `rudder`, `throttle` give them, too.
+        channels: By name; also as `aileron`, `elevator`, `rudder`, `throttle`.
         sent: Transmissions of all channels.
         messages: HIL_ACTUATOR_CONTROLS that carried them; several may travel in one.
         saving: Share of the periodic sender's transmissions that were not sent.
@@ -198,7 +198,7 @@ class UavFlight:
 
 
 class FlightResult:
-    """One flight that is over.
+    """One finished flight.
 
     Attributes:
         scenario: As it was flown.

@@ -1,8 +1,8 @@
 """The step gate lets simulated time pass up to a step, and no further.
 
-In lockstep the plant waits for the FTC_STEP_DONE of every autopilot. The gate holds back those
-from a step on. The plant asks again every 50 ms until they pass, so no link times out
-meanwhile, commands are obeyed, and the flight continues unchanged.
+In lockstep the plant waits for the FTC_STEP_DONE of every autopilot. From a given step on, the
+gate blocks them. The plant asks again every 50 ms until they pass, so no link times out
+meanwhile, commands still work, and the flight continues unchanged.
 """
 
 import math
@@ -28,7 +28,7 @@ class StepGate:
         self._arrived = dict.fromkeys(systems, -1)
 
     def __call__(self, link: str, direction: str, datagram: bytes) -> bool:
-        """Tell whether a datagram passes; called for each datagram of the relay."""
+        """Return whether a datagram passes; called for each datagram of the relay."""
         head = dialect.HEADER_LEN_V2
         message_id = int.from_bytes(datagram[7:head], "little")
         if link != "plant" or direction != "to" or message_id != _DONE.id:
@@ -50,5 +50,5 @@ class StepGate:
 
     @property
     def is_reached(self) -> bool:
-        """Whether all UAVs have done the step at which it is closed, so that time stands still."""
+        """Whether all UAVs have done the step at which it is closed, so that time has stopped."""
         return all(step >= self._step for step in self._arrived.values())

@@ -19,9 +19,9 @@ __all__ = ["FlyingUav"]
 
 
 class FlyingUav:
-    """One UAV in flight; each call returns when it has answered.
+    """One UAV in flight; each call returns once the UAV has answered.
 
-    All raise `gcs.errors.CommandRefused` if it refuses and `NoAnswer` if it does not answer.
+    Calls raise `gcs.errors.CommandRefused` if it refuses and `NoAnswer` if it does not answer.
 
     Attributes:
         id: Its system id.
@@ -43,7 +43,7 @@ class FlyingUav:
 
     @property
     def state(self) -> VehicleState:
-        """Its state as of the newest telemetry."""
+        """Its state by the latest telemetry."""
         return self.vehicle.state
 
     def sent(self, channel: str) -> int:
@@ -55,11 +55,11 @@ class FlyingUav:
         self._call(self.vehicle.arm())
 
     def disarm(self, force: bool = False) -> None:
-        """Disarm; in flight only by `force`, which cuts the thrust."""
+        """Disarm; in flight only with `force`, which cuts the thrust."""
         self._call(self.vehicle.disarm(force))
 
     def start(self) -> None:
-        """Start to fly the profile."""
+        """Start flying the profile."""
         self._call(self.vehicle.start_mission())
 
     def set_mode(self, mode: str) -> None:
@@ -67,11 +67,11 @@ class FlyingUav:
         self._call(self.vehicle.set_mode(mode))
 
     def upload(self, segments: Sequence[Segment]) -> None:
-        """Upload another profile than the scenario's, which it has already."""
+        """Upload a profile in place of the scenario's, which it already has."""
         self._call(self.vehicle.upload(segments))
 
     def download(self) -> tuple[Segment, ...]:
-        """Download the profile that it holds."""
+        """Download its profile."""
         segments: tuple[Segment, ...] = self._call(self.vehicle.download())
         return segments
 
@@ -99,7 +99,7 @@ class FlyingUav:
                 `frequency_hz`, `end_s`.
 
         Raises:
-            BadInput: They do not make a fault.
+            BadInput: They do not describe a fault.
         """
         tree = {"actuator": actuator, "start_s": start_s, **keys}
         try:

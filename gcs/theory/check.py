@@ -14,20 +14,21 @@ from gcs.theory.ground_truth import known_quantities, present_steps
 from gcs.theory.judgement import Judgement, judge
 from gcs.theory.lyapunov import attitude_subsystem, speed_subsystem
 from gcs.theory.residual import residual_sets
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
 
 __all__ = ["Theory", "UavTheory", "check_theory"]
 
-_SURFACES, _THROTTLE = (0, 1, 2), (3,)
+_SURFACES = tuple(i for i in range(N_CHANNELS) if i != THROTTLE)
 
 
 @dataclass(frozen=True)
 class UavTheory:
-    """What was found of one UAV.
+    """The findings about one UAV.
 
     Attributes:
         id: System id.
-        missing_steps: Steps without a complete record: the autopilot did not make them, or a
-            number is not finite. They are left out of everything.
+        missing_steps: Steps without a complete record: the autopilot missed them, or a number is
+            not finite. They are excluded from all checks.
         dwell: As `dwell_times` returns it.
         residual: As `residual_sets` returns it.
         proofs: `speed` (Theorem 1) and `attitude` (Theorem 2); empty under another law.
@@ -42,7 +43,7 @@ class UavTheory:
 
 @dataclass(frozen=True)
 class Theory:
-    """What was found of one flight; `dataclasses.asdict` makes it ready for JSON.
+    """The findings about one flight; `dataclasses.asdict` makes it ready for JSON.
 
     Attributes:
         scenario: Its name.
@@ -66,7 +67,7 @@ class Theory:
 
 
 def check_theory(recording: Recording, scenario: Scenario) -> Theory:
-    """Hold one flight against the paper's theorems.
+    """Check one flight against the paper's theorems.
 
     Args:
         recording: The flight, lost or complete.
@@ -113,7 +114,7 @@ def _proofs(
         return {
             "speed": judge(
                 known,
-                _THROTTLE,
+                (THROTTLE,),
                 speed_subsystem(known, law, trigger),
                 speed_definitions(known, law, trigger),
                 np.abs(errors[:, 0]),

@@ -1,7 +1,7 @@
-"""The laws' own equations, evaluated again from what was recorded, apart from the laws' code.
+"""The laws' equations, evaluated again from the recording, independently of the laws' code.
 
-Each equation is given the recorded quantities that enter it, which have equations of their own,
-so that an error shows in the equation in which it stands.
+Each equation takes the recorded values of the quantities in it, which have equations of their
+own, so that an error shows in the equation in which it occurs.
 """
 
 from functools import partial
@@ -22,7 +22,7 @@ _SURFACES, _THRUST = np.arange(THROTTLE), np.array([THROTTLE])
 
 
 def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equality]:
-    """Check (31), (33) to (36) with all that they are made of, trigger and actuator."""
+    """Check (31), (33) to (36) with all their terms, trigger and actuator."""
     same = partial(compare, where=known.present, time_s=known.time_s)
     heard = partial(compare, where=known.reported, time_s=known.time_s)
     s, near, lam, V = known.signals, known.neighbours, known.lambda_v, known.signals["V"]
@@ -106,7 +106,7 @@ def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equ
 
 
 def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equality]:
-    """Check (23), (32), (57), (37) to (39) with all that they are made of, trigger, actuators."""
+    """Check (23), (32), (57), (37) to (39) with all their terms, trigger and actuators."""
     same = partial(compare, where=known.present, time_s=known.time_s)
     heard = partial(compare, where=known.reported, time_s=known.time_s)
     s, near, lam, lambda4 = known.signals, known.neighbours, known.lambda_omega, law.lambda4
@@ -190,7 +190,7 @@ def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[
 
 
 def thresholds(known: Known, trigger: Trigger) -> tuple[np.ndarray, np.ndarray]:
-    """Relative and absolute thresholds by channel, b1 and b2 [rad], a1 and a2 [N]; (n, 4)."""
+    """Return relative and absolute thresholds by channel, b1, b2 [rad], a1, a2 [N]; (n, 4)."""
     a1, a2, b1, b2 = (
         in_force(schedule, known.time_s)
         for schedule in (trigger.a1, trigger.a2_n, trigger.b1, trigger.b2_deg)
@@ -286,7 +286,7 @@ def _basis(known: Known, law: Proposed) -> np.ndarray:
 
 
 def _consecutive(present: np.ndarray) -> np.ndarray:
-    """Present steps whose predecessor is present, too, or that are the first; (n,)."""
+    """Return a mask of present steps that are first or whose predecessor is present, (n,)."""
     before = np.roll(present, 1)
     before[:1] = True
     both: np.ndarray = present & before

@@ -2,8 +2,8 @@
 
 Between two events the command moves from the held value by a1 |held| + a2 or more, at no more
 than µ per second, so that at least a2/µ passes. µ is measured on the saturated command,
-because the triggers compare after saturation, from one control step to the next: a rate that
-sampling cannot see is not in it, and a jump counts as its height per period.
+because the triggers compare after saturation, from one control step to the next: rates between
+samples are not seen, and a jump counts as its height per period.
 """
 
 from typing import Any
@@ -24,14 +24,14 @@ WIRE_ROUNDING = 2.0**-24
 
 
 def in_force(schedule: Schedule[Any], time_s: np.ndarray) -> np.ndarray:
-    """Value of a schedule at each time [s]; a window includes its last instant."""
+    """Return the value of a schedule at each time [s]; a window includes its last instant."""
     untils, values = zip(*schedule.windows(), strict=True)
     chosen: np.ndarray = np.array(values, dtype=np.float64)[np.searchsorted(untils, time_s)]
     return chosen
 
 
 def dwell_times(recording: Recording, i: int, scenario: Scenario) -> dict[str, Any]:
-    """Smallest interval of each channel of UAV index i, and the bound that belongs to it.
+    """Return the smallest interval of each channel of UAV index i and its bound.
 
     Returns:
         Per channel, with n (throttle) or deg (surfaces) for *: `events`, `min_interval_s`,
@@ -39,7 +39,7 @@ def dwell_times(recording: Recording, i: int, scenario: Scenario) -> dict[str, A
         of the command), `threshold_*` (smallest a2 or b2 that was in force), `bound_s`
         (threshold/µ; joint surfaces share the largest µ of the three), `bound_below_period`,
         `intervals_below_bound` (each against the threshold in force at its end), `held`.
-        What does not exist is None.
+        Missing values are None.
     """
     demand, limits = _demand(recording, i, scenario)
     mu = _largest_rates(np.clip(demand, *limits), recording)
@@ -68,7 +68,7 @@ def dwell_times(recording: Recording, i: int, scenario: Scenario) -> dict[str, A
 def _demand(
     recording: Recording, i: int, scenario: Scenario
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-    """Command before saturation [deg, deg, deg, N], shape (steps, 4), and its limits."""
+    """Return the command before saturation [deg, deg, deg, N], (steps, 4), and its limits."""
     demand = recording.signals["demand"][:, i].copy()
     demand[:, :3] = np.degrees(demand[:, :3])
     stop, thrust = scenario.aircraft.surface_limit_deg, scenario.aircraft.thrust_limit_n
@@ -76,7 +76,7 @@ def _demand(
 
 
 def _largest_rates(command: np.ndarray, recording: Recording) -> dict[str, float]:
-    """Largest change per period by channel [deg/s, N/s]; 0 if there is none."""
+    """Return the largest change per period by channel [deg/s, N/s]; 0 if there is none."""
     with np.errstate(invalid="ignore"):
         changes = np.abs(np.diff(command, axis=0)) / (recording.step_us / 1e6)
     changes = changes[np.isfinite(changes).all(axis=1)]

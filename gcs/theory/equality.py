@@ -11,16 +11,16 @@ ROUNDING = 1e-11
 
 A side is made of at most about 200 operations, each with a relative error of 2⁻⁵³, and the worst
 conditioned of them, R2⁻¹, multiplies errors by less than 60 up to ±89° of pitch: 200 · 60 · 2⁻⁵³
-= 1.3e-12. No discretisation enters: all that is compared stands at one step, and what goes from
-one step to the next is one explicit Euler step in the law as well.
+= 1.3e-12. There is no discretisation error: everything compared belongs to one step, and what
+advances from one step to the next is one explicit Euler step in the law as well.
 """
 
-_TINY = 1e-300  # far away from its centres the network's basis underflows
+_TINY = 1e-300  # far from its centres the network's basis underflows
 
 
 @dataclass(frozen=True)
 class Equality:
-    """How an equality held along a flight.
+    """An equality evaluated along a flight.
 
     Attributes:
         equation: Its number in the paper.
@@ -29,7 +29,7 @@ class Equality:
         violated: Those at which the sides differ by more than `ROUNDING`.
         largest: Largest deviation as a share of the summands' magnitudes; None if there is no
             step, or if it is not finite.
-        at_s: When.
+        at_s: Time of the largest deviation [s]; None without one.
     """
 
     equation: str

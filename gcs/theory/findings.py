@@ -23,7 +23,7 @@ ASSUMPTIONS = (
     "them, as the proofs do.",
     "A flight that begins with a command at a stop counts from where it leaves it.",
 )
-"""What was taken where the paper leaves open or the flight differs from it."""
+"""Assumptions where the paper leaves something open or the flight differs from it."""
 
 NOT_CHECKED = (
     "The ideal weights, and with them Φ as a quantity of its own: no simulation knows them.",
@@ -39,13 +39,13 @@ NOT_CHECKED = (
     "well and are compared; inequalities are not.",
     "Limits for t → ∞: a flight is finite.",
 )
-"""What such a check cannot tell."""
+"""Limits of the check."""
 
 _NAMES = {"speed": ("(53)", "|Ṽ'|"), "attitude": ("(69)", "‖e'‖")}
 
 
 def theory_words(theory: Theory) -> list[str]:
-    """Say what `check_theory` found, what it assumed, and what it did not check."""
+    """Return sentences on what `check_theory` found, assumed and did not check."""
     words = [*_missing(theory), *_dwell(theory), *_residual(theory)]
     if not theory.uavs:
         return words
@@ -185,9 +185,9 @@ def _certificates(theory: Theory, subsystem: str, judged: dict[int, Judgement]) 
     if any(rate.steps for rate in differences):
         yield (
             f"Within the hypotheses {equation} held by finite differences in "
-            f"{_percent(differences)} of {sum(d.steps for d in differences)} steps "
+            f"{_satisfied(differences)} of {sum(d.steps for d in differences)} steps "
             f"({sum(part.jumps for part in found.values())} jumps of V_L itself left out: ρ or K1 "
-            f"switches, an angle wraps), by the chain rule in {_percent(rules)}. Largest "
+            f"switches, an angle wraps), by the chain rule in {_satisfied(rules)}. Largest "
             f"(V̇_L + κ V_L)/χ: {_use(differences):.2g} and {_use(rules):.2g} (1 is the bound)."
         )
     names = next(iter(found.values())).slack
@@ -217,7 +217,7 @@ def _certificates(theory: Theory, subsystem: str, judged: dict[int, Judgement]) 
     )
 
 
-def _percent(rates: list[Rate]) -> str:
+def _satisfied(rates: list[Rate]) -> str:
     held = sum((rate.satisfied or 0.0) * rate.steps for rate in rates)
     return f"{100.0 * held / sum(rate.steps for rate in rates):.4g} %"
 

@@ -1,4 +1,4 @@
-"""What a simulation knows of one UAV's flight and a controller must not know."""
+"""Quantities of one UAV's flight that the simulation knows and the controller must not."""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ __all__ = ["R2", "Known", "Neighbours", "known_quantities", "present_steps", "so
 
 @dataclass(frozen=True)
 class Neighbours:
-    """What the neighbours reported last, as the laws had it at each step; SI, rad.
+    """The neighbours' last reports, as the laws had them at each step; SI, rad.
 
     Attributes:
         weights: a_ij, (degree,).
@@ -44,16 +44,16 @@ class Known:
         period_s: Control period.
         signals: Shape (n,), dtype `ftc_autopilot.control.controller.SIGNALS`.
         present: Steps that the autopilot made and of which every number is finite, (n,).
-        reported: Present steps for which `neighbours` is known, too, (n,); none in real time,
+        reported: Present steps for which `neighbours` is also known, (n,); none in real time,
             where the age of the neighbours' reports is not recorded.
         prompt: Steps at which the plant has received the held command, (n,); none in real time.
-        neighbours: What they reported.
+        neighbours: Their last reports.
         v: Velocity, body axes, (n, 3).
         attitude: Roll, pitch, yaw, (n, 3).
         omega: Angular velocity, body axes, (n, 3).
         lambda_v: λ = λ1 + λ2 Σ a_ij of the whole neighbourhood.
         lambda_omega: λ' = λ3 + λ4 Σ a_ij, likewise.
-        applied: What the actuators did as the period began, (n, 4).
+        applied: Actuator positions and thrust at the start of the period, (n, 4).
         faulty: Whether a fault acts on the actuator, (n, 4).
         rho: Effectiveness of aileron, elevator, rudder, throttle, (n, 4).
         fault: Applied minus ρ times held, (n, 4): f of (13), (19), what the stops cut off, and
@@ -107,7 +107,7 @@ class Known:
 
 
 def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
-    """Compute them for UAV index i of a recording with at least one step."""
+    """Compute `Known` for UAV index i of a recording with at least one step."""
     uav_id, time_s = recording.uav_ids[i], recording.time_s
     states = np.ascontiguousarray(recording.states[:, i])
     applied = np.ascontiguousarray(recording.applied[:, i])
@@ -163,7 +163,7 @@ def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
 
 
 def present_steps(recording: Recording, i: int) -> np.ndarray:
-    """Steps that UAV index i made, with every recorded number finite; (n,)."""
+    """Return a mask of the steps of UAV index i in which every recorded number is finite, (n,)."""
     signals = recording.signals[:, i]
     present: np.ndarray = np.isfinite(recording.states[:, i]).all(axis=1)
     present &= np.isfinite(recording.applied[:, i]).all(axis=1)
@@ -174,7 +174,7 @@ def present_steps(recording: Recording, i: int) -> np.ndarray:
 
 
 def R2(attitude: np.ndarray) -> np.ndarray:
-    """Matrices from Euler angle rates to body rates, eq. (6), of attitudes (n, 3) [rad]."""
+    """Return the matrices (6) from Euler angle rates to body rates; attitudes (n, 3) [rad]."""
     roll, pitch = attitude[:, 0], attitude[:, 1]
     zero, one = np.zeros_like(roll), np.ones_like(roll)
     rows = (
@@ -186,7 +186,7 @@ def R2(attitude: np.ndarray) -> np.ndarray:
 
 
 def short_way(angle: np.ndarray) -> np.ndarray:
-    """Give angle differences of any shape, each in (-π, π] [rad]."""
+    """Wrap angle differences of any shape to (-π, π] [rad]."""
     turned: np.ndarray = angle - 2.0 * np.pi * np.ceil((angle - np.pi) / (2.0 * np.pi))
     return turned
 
@@ -198,7 +198,7 @@ def solve(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 def _neighbours(recording: Recording, i: int, scenario: Scenario) -> tuple[Neighbours, np.ndarray]:
-    """What UAV index i had of its neighbours, and at which steps they had reported it; (n,).
+    """Return the reports that UAV index i had, and a mask of the steps that had them, (n,).
 
     Step k uses what they derived from the state of step k - 1; step 0 that of step 0.
     """
@@ -223,7 +223,7 @@ def _neighbours(recording: Recording, i: int, scenario: Scenario) -> tuple[Neigh
 
 
 def _heard(values: np.ndarray, before: np.ndarray, others: list[int]) -> np.ndarray:
-    """Values of other UAVs at earlier steps, from (n, uavs, ...) to (n, degree, ...)."""
+    """Return values of other UAVs at earlier steps, from (n, uavs, ...) to (n, degree, ...)."""
     heard: np.ndarray = values[before[:, None], others]
     return heard
 

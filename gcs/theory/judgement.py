@@ -18,20 +18,20 @@ _END_S = 3.0
 
 
 class Verdict(StrEnum):
-    """What became of a theorem's premise and conclusion; the first that applies."""
+    """The outcome of a theorem's premises and conclusion; the first that applies."""
 
     VIOLATED = "equalities violated"  # the flight was not flown by the paper's equations
     CONTRADICTED = "contradicted"  # an inequality of the proof fails within its hypotheses
-    LEFT = "left the hypotheses"  # the theorem says nothing of this flight as a whole
+    LEFT = "left the hypotheses"  # the theorem makes no statement about this flight as a whole
     HELD = "held"
 
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """Whether a flight met what the theorem asks for.
+    """Whether a flight met the theorem's hypotheses.
 
     Attributes:
-        steps: Steps that the autopilot made.
+        steps: Recorded steps.
         from_s: First instant at which all was met; the theorem counts from there. None if never.
         at_stop: Steps from there on at which a command was beyond the trigger's threshold,
             |p| > 1 in (26), (30), because an actuator stood at its stop.
@@ -90,7 +90,7 @@ class Slack:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What a theorem promises of a flight, and how much of it was needed.
+    """A theorem's bound for a flight, and how much of it the flight used.
 
     V_L, χ and what is made of them have V_L's unit, in which the paper adds unlike quantities.
 
@@ -102,7 +102,7 @@ class Certificate:
         initial: V_L at the first step at which it exists.
         largest: Largest V_L.
         sup_last_3s: The same over the last 3 s; None if there is none.
-        error_bound: What the ultimate bound says of |Ṽ'| or ‖e'‖: sqrt(2χ/κ).
+        error_bound: The bound that follows for |Ṽ'| or ‖e'‖: sqrt(2χ/κ).
         error_sup_last_3s: Largest |Ṽ'| or ‖e'‖ of the last 3 s.
         error_unit: Of both, m/s or deg.
         finite_difference: Of V_L from step to step, at the counted steps.
@@ -110,7 +110,7 @@ class Certificate:
         slack: By inequality.
         used: Mean (V̇_L + κ V_L)/χ by the chain rule; with all `slack` means it makes 1.
         jumps: Counted steps left out of `finite_difference` because V_L jumps by definition.
-        constants: What entered κ and χ.
+        constants: The constants in κ and χ.
     """
 
     kappa_1_s: float
@@ -272,7 +272,7 @@ def _rate(s: Subsystem, where: np.ndarray, rate: np.ndarray, time_s: np.ndarray)
 
 
 def _error_bound(ultimate: float, unit: str) -> float:
-    """What V_L <= χ/κ says of the error alone: half its square is one of V_L's summands."""
+    """Return the error's bound under V_L <= χ/κ: half its square is one of V_L's summands."""
     bound = math.sqrt(2.0 * ultimate)
     return math.degrees(bound) if unit == "deg" else bound
 

@@ -1,12 +1,12 @@
 """The Lyapunov functions of the paper's proofs along a flight: (48) with (53), (64) with (69).
 
-The paper's ideal weights W* are no known quantities. Its proofs hold for any W*, so W* = 0 is
-taken: Φ = W*ᵀW* = 0, and all that is uncertain is the approximation error, whose largest
-value τ̄ is measured. So are g_v and g_ω, which the paper defines as extrema along the flight.
+The paper's ideal weights W* are unknown. Its proofs hold for any W*, so W* = 0 is used:
+Φ = W*ᵀW* = 0, and all uncertainty is approximation error, whose largest value τ̄ is measured.
+So are g_v and g_ω, which the paper defines as extrema along the flight.
 
 A proof is a chain of equalities and inequalities. The equalities are compared to rounding; of
-each inequality the slack is kept, right side minus left side. With the slacks put back,
-V̇_L <= -κ V_L + χ is an equality as well.
+each inequality the slack is kept, right side minus left side. With the slacks added back,
+V̇_L <= -κ V_L + χ becomes an equality.
 """
 
 from dataclasses import dataclass
@@ -41,10 +41,10 @@ class Subsystem:
         counted: Covered steps at which |p| <= 1, (26) and (29), holds; (n,).
         jumps: Between which steps V_L jumps by definition, (n - 1,).
         chi_parts: The summands of χ at the last counted step.
-        slack: What each inequality of the proof gives away, right side minus left side, by its
-            equation; (n,) each. At counted steps none is negative, as the proof has it.
+        slack: Slack of each inequality of the proof, right side minus left side, by equation;
+            (n,) each. By the proof, none is negative at counted steps.
         equalities: The proof's equalities along the flight.
-        constants: What entered them.
+        constants: The constants in κ and χ.
     """
 
     V_L: np.ndarray
@@ -66,7 +66,7 @@ class _Error:
 
     energy: np.ndarray  # half its square
     change: np.ndarray  # of that, per second
-    decay: np.ndarray  # what the gains take away, per second
+    decay: np.ndarray  # decay by the gains, per second
     rate: np.ndarray  # smallest decay per energy [1/s]
 
 
@@ -292,7 +292,7 @@ def _subsystem(
     equalities: list[Equality],
     constants: dict[str, float | list[float]],
 ) -> Subsystem:
-    """Put V_L together from the error and the estimates, and end the proof, alike for both.
+    """Assemble V_L from the error and the estimates, and finish the proof, the same for both.
 
     Args:
         known: The flight.
@@ -301,7 +301,7 @@ def _subsystem(
         estimates: The estimates' parts, by name.
         before: Summands of V̇_L before the inequalities, apart from the error's decay and the
             estimates' change.
-        cancelled: Magnitudes of what cancels within them.
+        cancelled: Magnitudes of terms that cancel within them.
         slack: Of the inequalities up to there.
         parts: Summands of χ but those of the estimates.
         covered: As in `Subsystem`.
@@ -377,7 +377,7 @@ def _norm(a: np.ndarray) -> np.ndarray:
 
 
 def _filter_error(known: Known, K1: np.ndarray, counted: np.ndarray) -> list[float]:
-    """Largest difference of filtered and true ω̇_d by axis, where K1 does not switch."""
+    """Return the largest difference of filtered and true ω̇_d by axis, where K1 is constant."""
     signals = known.signals
     steady = counted[:-1] & ~np.diff(K1, axis=0).any(axis=1)
     true = np.diff(signals["omega_d"], axis=0) / np.diff(known.time_s)[:, None]
@@ -387,7 +387,7 @@ def _filter_error(known: Known, K1: np.ndarray, counted: np.ndarray) -> list[flo
 
 
 def _at_last(values: dict[str, Any], counted: np.ndarray) -> dict[str, float]:
-    """The values, each a number or an array over steps, at the last counted step."""
+    """Return values, each a number or an array over steps, at the last counted step."""
     last = np.flatnonzero(counted)[-1]
     return {
         name: float(np.broadcast_to(value, counted.shape)[last]) for name, value in values.items()

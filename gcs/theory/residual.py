@@ -1,4 +1,4 @@
-"""Size of the set in which each error ends, per segment of the profile."""
+"""Size of the residual set of each error, per segment of the profile."""
 
 from typing import Any
 
@@ -14,13 +14,13 @@ _WINDOW_S = 3.0
 
 
 def residual_sets(recording: Recording, i: int, scenario: Scenario) -> list[dict[str, Any]]:
-    """Largest |error| of UAV index i over the last 3 s of each segment that was flown.
+    """Return the largest |error| of UAV index i over the last 3 s of each segment flown.
 
-    A segment that the flight's end cuts off counts to there; of one shorter than 3 s all counts.
-    Steps that are missing in the record (NaN) do not.
+    A segment cut off by the end of the flight counts up to there; one shorter than 3 s counts
+    whole. Steps missing in the record (NaN) do not count.
 
     Returns:
-        Per segment `start_s`, `end_s` (as flown), `from_s` (begin of the window), `tracking`
+        Per segment `start_s`, `end_s` (as flown), `from_s` (start of the window), `tracking`
         (Ṽ, e) and `synchronisation` (Ṽ', e' of (31), (32): weighted by λ1 to λ4), each by
         `airspeed_m_s`, `roll_deg`, `pitch_deg`, `yaw_deg`.
     """

@@ -18,11 +18,11 @@ def slopes(
     disturbance: np.ndarray,
     aircraft: np.void,
 ) -> np.ndarray:
-    """v̇ [m/s²] and ω̇ [rad/s²] of (2) and (4) at each step, shape (steps, 6), body axes.
+    """Return v̇ [m/s²] and ω̇ [rad/s²] of (2), (4) at each step, shape (steps, 6), body axes.
 
     Args:
         states: Shape (steps, 12).
-        applied: What the actuators did: aileron, elevator, rudder [rad], thrust [N]; (steps, 4).
+        applied: Aileron, elevator, rudder [rad], thrust [N], as applied; (steps, 4).
         time_s: Shape (steps,).
         disturbance: As `sitl_plant.disturbance.disturbance_table` returns it.
         aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.

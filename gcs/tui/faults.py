@@ -7,8 +7,8 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 
+from gcs.station.fault_text import describe_fault
 from gcs.station.vehicle import Vehicle
-from gcs.station.vehicle_state import describe_fault
 from gcs.tui.cached_static import CachedStatic
 from gcs.tui.fault_form import ALL, FaultForm
 from gcs.tui.fault_history import FaultRecord

@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
-from gcs.station.vehicle_state import VehicleState, describe_fault
+from gcs.station.fault_text import describe_fault
+from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, number, seconds
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.requests import Refresh

@@ -1,4 +1,4 @@
-"""Files that hold what crossed the wire, counted: captures, telemetry logs, reports of a relay."""
+"""Counts of recorded traffic: captures, telemetry logs, reports of a relay."""
 
 import json
 from pathlib import Path
@@ -15,15 +15,15 @@ __all__ = ["count_file"]
 
 
 def count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]:
-    """Count what a file holds; its first bytes tell what it is.
+    """Count the traffic in a file; its first bytes tell its format.
 
     Args:
         path: A pcap, pcapng or tlog file, or the wire.json of a flight.
-        tap: Counts; nothing was counted before.
+        tap: Tap that counts, with no counts yet.
         names: How to name the links of a capture. Those of a telemetry log are "gcs".
 
     Returns:
-        The report, and what the user should know about it or "".
+        The report, and a remark for the user or "".
 
     Raises:
         BadInput: The file cannot be read, or is something else.
@@ -62,7 +62,7 @@ def _report(path: Path) -> TapReport | None:
 
 
 def _direction(frame: bytes) -> str:
-    """Direction of a logged frame, seen from the ground station."""
+    """Return the direction of a logged frame, seen from the ground station."""
     version_2 = frame[0] == dialect.PROTOCOL_MARKER_V2
     system, component = frame[5:7] if version_2 else frame[3:5]
     ground = system > LAST_SYSTEM or component == dialect.MAV_COMP_ID_MISSIONPLANNER

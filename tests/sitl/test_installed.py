@@ -206,7 +206,7 @@ def test_a_new_scenario_never_overwrites(programs: Path, folder: Path) -> None:
     done = run(programs, folder, "gcs", "new", "my.yaml")
     assert done.returncode == 2
     assert_one_message(done.stderr)
-    assert "my.yaml exists already" in done.stderr
+    assert "my.yaml already exists" in done.stderr
     assert (folder / "my.yaml").read_text() == "mine"
     done = run(programs, folder, "gcs", "new", "no/my.yaml")
     assert done.returncode == 2

@@ -137,7 +137,7 @@ def test_killed_in_the_middle(tmp_path: Path) -> None:
     assert not (folder / "table.csv").exists()
     done = sweep(scenario, *MANY, "--out", folder)
     assert done.returncode == 0, done.stderr
-    assert f"{len(before)} of 15 flights are there already" in done.stderr
+    assert f"{len(before)} of 15 flights already flown" in done.stderr
     after = kept(folder)
     assert len(after) == 15
     assert {name: after[name] for name in before} == before

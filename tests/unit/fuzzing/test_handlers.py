@@ -20,7 +20,7 @@ from fuzzing.targets import (
     records_of_tlog,
 )
 from gcs.scenario.model import Scenario
-from gcs.station.vehicle_state import describe_fault
+from gcs.station.fault_text import describe_fault
 from mavlink_defs import dialect
 from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
 from mavlink_defs.framing import codec

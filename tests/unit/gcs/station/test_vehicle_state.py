@@ -10,8 +10,8 @@ from gcs.station.event_counts import EventCounts
 from gcs.station.fleet_state import FleetState
 from gcs.station.history import History
 from gcs.station.notifications import ERROR, WARNING, Notification
-from gcs.station.status import status_dict
-from gcs.station.vehicle_state import LOST_S, VehicleState, describe_fault
+from gcs.station.status import vehicle_status
+from gcs.station.vehicle_state import LOST_S, VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import Fault
@@ -126,7 +126,7 @@ def test_while_disarmed_the_measured_motion_is_shown_without_a_reference() -> No
     row = bench.state().history.rows()[-1]
     assert row["actual"] == pytest.approx([31.0, *map(math.degrees, (0.1, 0.2, 0.3))], rel=1e-6)
     assert all(map(math.isnan, row["reference"]))
-    told = status_dict(bench.state(), 0.1)
+    told = vehicle_status(bench.state(), 0.1).to_json()
     assert told["actual"]["airspeed_m_s"] == 31.0
     for key in ("reference", "error", "sync_error"):
         assert set(told[key].values()) == {None}
@@ -276,24 +276,6 @@ def test_which_faults_act(time_s: float, active: int) -> None:
     bench.state().learn_faults((FAULT,), 0.0)
     bench.say(tracking(time_s), 0.1)
     assert len(bench.state().active_faults) == active
-
-
-@pytest.mark.parametrize(
-    ("fault", "expected"),
-    [
-        (
-            Fault(0, 1.0, -2.0, 0.3, 1.0, math.inf),
-            "aileron at 100 % - 2 deg · cos 2π 0.3 Hz in (1, until cleared",
-        ),
-        (
-            Fault(3, 0.0, 1.5, 0.0, math.nan, math.nan),
-            "throttle stuck at 1.5 N from now, until cleared",
-        ),
-        (Fault(2, 0.5, 1.0, 0.0, math.nan, 22.0), "rudder at 50 % + 1 deg from now, 22] s"),
-    ],
-)
-def test_faults_in_words(fault: Fault, expected: str) -> None:
-    assert describe_fault(fault) == expected
 
 
 def counts_of(*messages: Any) -> EventCounts:

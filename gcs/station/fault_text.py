@@ -1,0 +1,27 @@
+"""Faults in words, for the terminal and the dashboard."""
+
+import math
+
+from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.faults import Fault
+
+__all__ = ["describe_fault"]
+
+
+def describe_fault(fault: Fault) -> str:
+    """Return a fault in words: "rudder at 90 % + 1 deg in (19, 22] s"."""
+    unit = "N" if fault.actuator == THROTTLE else "deg"
+    wave = f" · cos 2π {fault.frequency_hz:g} Hz" if fault.frequency_hz else ""
+    if fault.effectiveness == 0.0:
+        what = f"stuck at {fault.value:g} {unit}{wave}"
+    else:
+        what = f"at {100.0 * fault.effectiveness:g} %"
+        if fault.value:
+            what += f" {'-' if fault.value < 0.0 else '+'} {abs(fault.value):g} {unit}{wave}"
+    return f"{ACTUATORS[fault.actuator]} {what} {_window(fault)}"
+
+
+def _window(fault: Fault) -> str:
+    begins = "now" if math.isnan(fault.start_s) else f"({fault.start_s:g}"
+    ends = f"{fault.end_s:g}] s" if math.isfinite(fault.end_s) else "until cleared"
+    return f"from {begins}, {ends}" if begins == "now" else f"in {begins}, {ends}"
