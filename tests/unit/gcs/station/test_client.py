@@ -23,7 +23,7 @@ from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission_server import MissionServer
 
 REAL, INT = dialect.MAV_PARAM_TYPE_REAL32, dialect.MAV_PARAM_TYPE_INT32
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 class FakeVehicle(asyncio.DatagramProtocol):
