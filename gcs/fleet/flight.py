@@ -76,7 +76,7 @@ async def fly_over_udp(
                         await asyncio.sleep(_LOOK_S)
                     fleet.check()
                     fleet.wait(_END_TIMEOUT_S)
-                    await asyncio.sleep(_LOOK_S)  # to read the autopilots' last words
+                    await client.catch_up(_END_TIMEOUT_S)  # with the autopilots' last messages
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
                     if relay.via:

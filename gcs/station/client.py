@@ -13,6 +13,7 @@ that crosses the link. Use it inside a running asyncio event loop::
 import asyncio
 import contextlib
 import math
+import select
 import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Collection, Coroutine, Iterable
@@ -234,6 +235,14 @@ class Client(asyncio.DatagramProtocol):
                 async with asyncio.timeout(min(left, _TICK_S)):
                     await self._heard.wait()
         return True
+
+    async def catch_up(self, timeout_s: float) -> None:
+        """Take in all that has arrived so far, for at most `timeout_s` if more keeps coming."""
+        if self._transport is None:
+            return
+        sock, end = self._transport.get_extra_info("socket"), self.now() + timeout_s
+        while select.select([sock], [], [], 0.0)[0] and self.now() < end:
+            await asyncio.sleep(0.0)
 
     # what vehicles need of their link
 

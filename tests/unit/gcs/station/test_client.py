@@ -227,6 +227,18 @@ def test_private_messages_are_not_asked_for_without_need_nor_of_who_has_none() -
     run(test)
 
 
+def test_a_client_catches_up_with_all_that_has_arrived() -> None:
+    async def test() -> None:
+        async with connected() as (client, vehicle, fake):
+            begin = vehicle.state.texts_heard
+            for i in range(100):
+                fake.say(*text_chunks(dialect.MAV_SEVERITY_INFO, f"text {i}", i))
+            await client.catch_up(PATIENCE_S)
+            assert vehicle.state.texts_heard - begin == 100
+
+    run(test)
+
+
 def test_heartbeats_go_on() -> None:
     async def test() -> None:
         async with connected() as (client, _, fake):
