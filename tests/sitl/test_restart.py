@@ -123,7 +123,9 @@ def test_an_autopilot_that_was_started_again_flies_on(scenario: Scenario, tmp_pa
             await client.wait_for([1], PATIENCE_S)
             await client.vehicle(1).arm()
             await until(lambda: simulated_ms(client, 1) > 1000)
-            events = client.vehicle(1).state.latest.pop(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
+            latest = client.vehicle(1).state.latest
+            await until(lambda: dialect.MAVLINK_MSG_ID_FTC_EVENTS in latest)
+            events = latest.pop(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
             assert events.get_srcSystem() == 1
             processes.kill("uav1")
             await until(lambda: processes.log("plant").rstrip().endswith(WAITING))
@@ -163,7 +165,8 @@ def test_a_plant_that_was_started_again_flies_only_when_all_are_armed_again(
             processes.start_plant(speed=speed)
             await until(lambda: not any(v.state.armed for v in vehicles))
             for vehicle in vehicles:
-                assert "plant restarted" in " ".join(t.text for t in vehicle.state.texts)
+                texts = vehicle.state.texts
+                await until(lambda texts=texts: any("plant restarted" in t.text for t in texts))
                 await vehicle.start_mission()
             for vehicle in vehicles[1:]:
                 await vehicle.arm()

@@ -206,7 +206,7 @@ class Capture:
                     self.path.exists() and probe in self.path.read_bytes()
                 )
 
-            wait_until(captured, f"tshark captures {probe!r}", 30.0)
+            wait_until(captured, f"tshark captures {probe!r}")
 
 
 @needs("tshark")
