@@ -146,8 +146,8 @@ def test_a_fleet_is_armed_and_started_and_its_flight_shows(fleet: Up) -> None:
             await someone.sees(
                 lambda: all("→" in str(c.border_title) for c in charts[1:5]), "plots"
             )
-            for name in ("airspeed", "formation"):
-                await someone.sees(lambda name=name: name in someone.app.export_screenshot(), name)
+            await someone.sees(lambda: "airspeed" in someone.app.export_screenshot(), "airspeed")
+            await someone.sees(lambda: "formation" in someone.app.export_screenshot(), "formation")
 
     drive(work())
 

@@ -211,9 +211,10 @@ def test_missions_of_all_types(fleet: Standing, leader: System) -> None:
     raw = MissionRaw(leader)
     raw.upload_mission(mission(fleet))
     assert contents(raw.download_mission())[1:] == contents(mission(fleet))[1:]
-    for item in (2, 1):
-        raw.set_current_mission_item(item)
-        wait(lambda item=item: raw.mission_progress().current == item, f"item {item}")
+    raw.set_current_mission_item(2)
+    wait(lambda: raw.mission_progress().current == 2, "item 2")
+    raw.set_current_mission_item(1)
+    wait(lambda: raw.mission_progress().current == 1, "item 1")
     assert raw.download_geofence() == raw.download_rallypoints() == []
     raw.clear_mission()
     assert len(raw.download_mission()) == 1

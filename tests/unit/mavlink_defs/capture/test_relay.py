@@ -4,6 +4,7 @@ import contextlib
 import socket
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -57,6 +58,10 @@ def nothing_more(sock: socket.socket) -> bool:
 def fate_of(relay: Relay) -> dict[str, Any]:
     (fate,) = [f for f in relay.report().to_json()["fates"] if f["direction"] == "to"]
     return dict(fate)
+
+
+def is_in_outage(relay: Relay) -> bool:
+    return bool(fate_of(relay)["outage"] == 1)
 
 
 def test_both_ways_and_who_is_who_is_kept() -> None:
@@ -134,7 +139,7 @@ def test_outages_count_seconds_or_simulated_time() -> None:
                 if simulated:  # no simulated time yet
                     assert end.recv(4096) == b"x"
                 else:
-                    wait_until(lambda relay=relay: fate_of(relay)["outage"] == 1)
+                    wait_until(partial(is_in_outage, relay))
                 assert nothing_more(end)
 
 

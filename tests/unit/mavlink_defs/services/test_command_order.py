@@ -4,6 +4,14 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
+from command_messages import (
+    ACCEPTED,
+    ARM,
+    QUESTIONS,
+    SET_FAULT,
+    int_,
+    long,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_GCS, VEHICLE, LossyNetwork
@@ -19,14 +27,6 @@ from mavlink_defs.services.command import (
     CommandServer,
 )
 from mavlink_defs.services.machine import Machine, SystemId
-from tests.unit.mavlink_defs.services.test_command import (
-    ACCEPTED,
-    ARM,
-    QUESTIONS,
-    SET_FAULT,
-    int_,
-    long,
-)
 
 
 class Registers(Machine[None]):
