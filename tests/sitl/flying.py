@@ -1,4 +1,4 @@
-"""What the whole-process tests share: scenario files, running commands, looking for leftovers."""
+"""Tools of the whole-process tests: scenario files, commands, processes that are left."""
 
 import contextlib
 import itertools

@@ -1,4 +1,4 @@
-"""What the tests of the operator's station share: a fleet kept up, commands that talk to it."""
+"""Tools of the tests of the operator's station: a running fleet, commands that talk to it."""
 
 import contextlib
 import json
@@ -44,7 +44,7 @@ class Up:
         return run("gcs", *arguments, env=env)
 
     def gcs_json(self, *arguments: str | Path, status: int = 0) -> Any:
-        """The same with --json; what it printed."""
+        """Run it with --json and return its output."""
         done = self.gcs(*arguments, "--json")
         assert done.returncode == status, done.stderr
         return json.loads(done.stdout)

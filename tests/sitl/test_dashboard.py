@@ -333,7 +333,7 @@ def test_the_event_log_is_filtered(fleet: Up) -> None:
 
 
 def test_a_silent_vehicle_shows_and_is_picked_up_again(fleet: Up) -> None:
-    """How soon is told by the clock of the dashboard: tests/unit/gcs/tui/test_tui.py."""
+    """The delay is tested with the dashboard's clock in tests/unit/gcs/tui/test_tui.py."""
 
     async def work() -> None:
         async with operator(fleet, size=(80, 24)) as someone:

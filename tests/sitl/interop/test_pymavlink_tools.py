@@ -19,7 +19,7 @@ def tlog(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def tool(*arguments: str | Path) -> str:
-    """What a tool prints; it must not complain."""
+    """Return the output of a tool, which must not complain."""
     done = subprocess.run(
         [sys.executable, "-m", "mavlink_defs.runtime.run_with_dialect", *arguments],
         capture_output=True,

@@ -1,4 +1,4 @@
-"""What QGroundControl asks of a vehicle at connect, in its order; every request has an answer.
+"""QGroundControl's requests to a vehicle at connect, in its order; every one has an answer.
 
 QGroundControl cannot be installed here. Requests and their fields follow its source, master of
 2025: `InitialConnectStateMachine.cc` (its states in order), `StandardModes.cc`,

@@ -1,4 +1,4 @@
-"""What a plant does about an autopilot that has fallen silent."""
+"""A plant whose autopilot has fallen silent."""
 
 import time
 from collections.abc import Iterator

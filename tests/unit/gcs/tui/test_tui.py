@@ -123,8 +123,8 @@ def test_the_fault_history_knows_who_acknowledged_what_and_when() -> None:
     fault_history, state = FaultHistory(OWN), VehicleState(SystemId(3, 1), 0.0)
     fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_FAULT), 50.0)
     state.faults = (RUDDER,)
-    fault_history.observe(state, 51.0)
-    fault_history.observe(state, 52.0)
+    fault_history.update(state, 51.0)
+    fault_history.update(state, 52.0)
     (record,) = fault_history.records
     assert record.acknowledged is not None
     assert (record.acknowledged.at, record.acknowledged.asked_by) == (50.0, "this station")
@@ -138,7 +138,7 @@ def test_the_fault_history_knows_who_acknowledged_what_and_when() -> None:
 
     fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_FAULT, (255, 190)), 60.0)
     state.faults = (replace(RUDDER, effectiveness=0.1),)
-    fault_history.observe(state, 61.0)
+    fault_history.update(state, 61.0)
     assert record.phase(15.0) == "replaced"
     assert fault_history.last is not None
     assert fault_history.last.acknowledged is not None
@@ -146,7 +146,7 @@ def test_the_fault_history_knows_who_acknowledged_what_and_when() -> None:
 
     fault_history.receive(ack(dialect.MAV_CMD_FTC_CLEAR_FAULTS), 70.0)
     state.faults = ()
-    fault_history.observe(state, 71.0)
+    fault_history.update(state, 71.0)
     assert (fault_history.last.gone, fault_history.last.gone_at) == ("cleared", 71.0)
     assert fault_history.last.cleared is not None
 
@@ -154,10 +154,10 @@ def test_the_fault_history_knows_who_acknowledged_what_and_when() -> None:
 def test_a_restarted_vehicle_has_lost_its_faults() -> None:
     fault_history, state = FaultHistory(OWN), VehicleState(SystemId(3, 1), 0.0)
     state.faults = (RUDDER,)
-    fault_history.observe(state, 1.0)
+    fault_history.update(state, 1.0)
     assert fault_history.records[0].acknowledged is None
     state.restarts, state.faults = 1, None
-    fault_history.observe(state, 2.0)
+    fault_history.update(state, 2.0)
     assert fault_history.records[0].phase(15.0) == "restarted"
 
 
@@ -167,8 +167,8 @@ def test_a_restarted_vehicle_has_lost_its_faults() -> None:
 def test_a_view_says_whether_anything_is_new() -> None:
     station = Station(1, 2)
     view = FleetView(live(station))
-    assert view.look()
-    assert not view.look()
+    assert view.update()
+    assert not view.update()
     assert view.selected == 1
     view.select_next(-1)
     assert view.selected == 2
@@ -177,7 +177,7 @@ def test_a_view_says_whether_anything_is_new() -> None:
     assert list(view.targets) == [1, 2]
     station.time_s += SILENT_S
     station.receive(1)
-    assert view.look()
+    assert view.update()
     silent = {state.system for state in view.states if view.is_silent(state)}
     assert silent == {2}
 

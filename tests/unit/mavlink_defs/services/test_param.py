@@ -95,7 +95,7 @@ class Vehicle(Machine[None]):
 def run(
     machine: Any, vehicle: Vehicle, network: LossyNetwork | None = None
 ) -> tuple[ParamFinished, Node]:
-    """What the operation ends with."""
+    """Return the last event of the operation."""
     network = network or LossyNetwork()
     node = network.join(machine, GCS)
     network.join(vehicle, VEHICLE)
