@@ -14,7 +14,7 @@ ALLOWED: dict[str, set[str]] = {
     "gcs": {"mavlink_defs", "sitl_plant", "ftc_autopilot"},
 }
 MODEL = {"aerodynamics", "aircraft", "config", "rigid_body", "vec3"}
-"""What an autopilot may know of `sitl_plant`: the aircraft's model, not the plant that runs."""
+"""Modules of `sitl_plant` that an autopilot may import: the aircraft's model, not its process."""
 SHELLS = {
     "ftc_autopilot.process",
     "gcs.cli",

@@ -1,4 +1,4 @@
-"""Fly a scenario with real processes, entirely by MAVLink, as an operator would.
+"""Flying a scenario with real processes, as an operator would: all by MAVLink.
 
 Upload the profile to every vehicle, set the faults, start the missions, arm. When the last
 vehicle is armed simulated time begins; when the plant ends, the flight is over.
@@ -76,7 +76,7 @@ async def fly_over_udp(
                         await asyncio.sleep(_LOOK_S)
                     fleet.check()
                     fleet.wait(_END_TIMEOUT_S)
-                    await asyncio.sleep(_LOOK_S)  # to receive the autopilots' last messages
+                    await client.catch_up(_END_TIMEOUT_S)  # with the autopilots' last messages
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
                     if relay.via:
@@ -86,7 +86,7 @@ async def fly_over_udp(
 
 
 async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, start: bool) -> None:
-    """Upload profiles and faults to a fleet that is starting.
+    """Bring profiles and faults to a fleet that starts up.
 
     Args:
         client: Connected to the fleet.
@@ -96,7 +96,7 @@ async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, sta
 
     Raises:
         BadInput, FlightLost: A process ended.
-        CommandRefused, NoAnswer: As of `fly_over_udp`.
+        CommandRefused, NoAnswer: What a vehicle answered, or not.
     """
     ids = [uav.id for uav in scenario.uavs]
     waiting = asyncio.create_task(client.wait_for(ids, _START_TIMEOUT_S))
@@ -115,10 +115,10 @@ async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, sta
 
 
 def collect(scenario: Scenario, fleet: FleetProcesses, mode: Mode) -> Recording:
-    """Combine the recordings that the processes of a fleet wrote at their end.
+    """Put together what the processes of a fleet have recorded when they ended.
 
-    The flight is as long as the plant flew it. It is lost if a process says so, or if an
-    autopilot was not told that the plant had ended.
+    The flight is as long as the plant has flown it. It is lost if a process says so, and if an
+    autopilot did not hear that the plant had come to the end.
 
     Raises:
         FlightLost: A process left no recording.

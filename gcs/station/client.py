@@ -12,6 +12,7 @@ link's traffic. Use it inside a running asyncio event loop::
 
 import asyncio
 import contextlib
+import select
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Coroutine, Iterable
@@ -232,6 +233,14 @@ class Client(asyncio.DatagramProtocol):
                 async with asyncio.timeout(min(left, _TICK_S)):
                     await self._heard.wait()
         return True
+
+    async def catch_up(self, timeout_s: float) -> None:
+        """Take in all that has arrived so far, for at most `timeout_s` if more keeps coming."""
+        if self._transport is None:
+            return
+        sock, end = self._transport.get_extra_info("socket"), self.now() + timeout_s
+        while select.select([sock], [], [], 0.0)[0] and self.now() < end:
+            await asyncio.sleep(0.0)
 
     # the link
 

@@ -204,6 +204,7 @@ class TestFleet:
             self._gate.open()
             over = self._fleet.plant_returncode is not None
             self._fleet.wait(_END_TIMEOUT_S if over else 0.0)
+            self.call(self.client.catch_up(_END_TIMEOUT_S))
             mode: Mode = "real_time" if self._speed else "lockstep"
             recording = collect(self.scenario, self._fleet, mode)
             self._flight = FlightResult(self.scenario, recording, self._relay.report(), self.folder)

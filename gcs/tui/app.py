@@ -36,7 +36,7 @@ from gcs.tui.view import FleetView, Panel, Source
 __all__ = ["MIN_SIZE", "REFRESH_S", "Dashboard"]
 
 REFRESH_S = 0.2
-"""How often the data are looked at."""
+"""Period of refreshing the visible panel."""
 
 MIN_SIZE = (80, 24)
 
@@ -93,7 +93,7 @@ class Dashboard(App[None]):
         self.refresh_view(force=True)
 
     def on_resize(self, event: Resize) -> None:
-        """Say when the terminal is too small."""
+        """Show a notice if the terminal is too small."""
         width, height = event.size
         small = width < MIN_SIZE[0] or height < MIN_SIZE[1]
         self.screen.set_class(small, "-too-small")
@@ -104,13 +104,13 @@ class Dashboard(App[None]):
     # data
 
     def refresh_view(self, force: bool = False) -> None:
-        """Look at the data; draw what has changed on the visible panel."""
+        """Update the data; draw the changes on the visible panel."""
         if not self.is_running:  # the timer outlives the widgets by a moment
             return
         if self.playback is not None:
             self.playback.advance()
             self.query_one(ReplayBar).show_playback(self.playback)
-        if self.view.look() or force or self.operations.going_on:
+        if self.view.update() or force or self.operations.going_on:
             self.query_one(StatusBar).show_view(self.view, self.operations.going_on)
             if (panel := self._panel) is not None:
                 panel.show_view(self.view)
@@ -179,7 +179,7 @@ class Dashboard(App[None]):
         return bool(self.check_action(name, ()))
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """What the command palette offers."""
+        """Return the commands of the palette."""
         yield from super().get_system_commands(screen)
         for binding in self.BINDINGS:
             if isinstance(binding, Binding) and self._is_usable(binding):
@@ -190,7 +190,7 @@ class Dashboard(App[None]):
     # a log
 
     def action_play(self) -> None:
-        """Play or pause; at the end play again from the begin."""
+        """Play or pause; at the end play again from the beginning."""
         if self.playback is not None:
             if not self.playback.playing and self.playback.wanted_s >= self.playback.length_s:
                 self.playback.seek(0.0)
@@ -198,13 +198,13 @@ class Dashboard(App[None]):
             self.refresh_view()
 
     def action_seek(self, step_s: float) -> None:
-        """Go on or back."""
+        """Seek forward or back."""
         if self.playback is not None:
             self.playback.seek(self.playback.wanted_s + step_s)
             self.refresh_view(force=True)
 
     def action_speed(self, step: int) -> None:
-        """Go faster or slower."""
+        """Play faster or slower."""
         if self.playback is not None:
             self.playback.change_speed(step)
             self.refresh_view()
@@ -218,7 +218,7 @@ class Dashboard(App[None]):
     # acting
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """A log cannot be acted upon."""
+        """Return whether an action is possible: a log takes no actions."""
         if action in REPLAYING:
             return self.playback is not None
         return self.view.source.can_act if action in ACTING else True
@@ -287,7 +287,7 @@ class Dashboard(App[None]):
     # the end
 
     def _fatal_error(self) -> None:
-        """Leave the telling of a defect to the command line."""
+        """Leave the report of a defect to the command line."""
         if os.environ.get("FTC_SITL_DEBUG"):
             super()._fatal_error()
         else:
@@ -295,5 +295,5 @@ class Dashboard(App[None]):
 
     @property
     def defect(self) -> Exception | None:
-        """What ended the dashboard, if it was not the operator."""
+        """The exception that ended the dashboard; None if the operator did."""
         return self._exception

@@ -8,7 +8,7 @@ __all__ = ["CachedStatic"]
 
 
 class CachedStatic(Static):
-    """A Static for texts that are set often; its size is fixed unless it is told to `grow`."""
+    """A Static for texts that are set often; its size is fixed unless `grow` is set."""
 
     def __init__(self, text: str = "", grow: bool = False, **kwargs: Any) -> None:
         super().__init__(text, **{"markup": False, **kwargs})

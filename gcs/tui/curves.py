@@ -1,4 +1,4 @@
-"""What the plots show, drawn with plotext; no widget and no app in here."""
+"""The curves of the plots, drawn with plotext, without a widget or an app."""
 
 import math
 from collections.abc import Mapping, Sequence

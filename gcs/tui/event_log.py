@@ -8,7 +8,7 @@ from gcs.station.notifications import Notification
 __all__ = ["KINDS", "Entry", "EventLog"]
 
 KINDS = ("link", "mode", "text", "ack", "faults", "profile", "action")
-"""What entries are about; "action" is what came of something the operator asked for here."""
+"""Subjects of entries; "action" is the outcome of a request of this station's operator."""
 
 _KEPT = 5000
 
@@ -67,6 +67,6 @@ class EventLog:
         return [self.entries[i] for i in range(len(self.entries) - new, len(self.entries))]
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Forget all entries."""
         self.entries.clear()
         self.count = 0

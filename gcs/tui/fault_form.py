@@ -36,7 +36,7 @@ _HINTS = {
 
 @dataclass(frozen=True)
 class _Read:
-    """What a form says: a fault, or what is wrong with it."""
+    """The content of a form: a fault, or the problems with it."""
 
     fault: Fault | None
     problems: tuple[str, ...] = ()
@@ -138,7 +138,7 @@ class FaultForm(Vertical):
 
     @property
     def read(self) -> _Read:
-        """What the form says now."""
+        """The present content of the form."""
         texts = {name: self.query_one(f"#{name}", Input).value for name in _FIELDS}
         return read_fault(self._chosen("actuator"), self._chosen("fault-kind"), texts)
 

@@ -1,4 +1,4 @@
-"""All faults that were seen: who acknowledged them when, and when they went."""
+"""All faults that were seen: when they were acknowledged, to which station, and when they ended."""
 
 from collections import defaultdict, deque
 from dataclasses import dataclass, replace
@@ -50,7 +50,7 @@ class FaultRecord:
     cleared: Acknowledgement | None = None
 
     def phase(self, time_s: float | None) -> str:
-        """Give "waiting", "active", "over", or why it has gone."""
+        """Return "waiting", "active", "over", or why it has gone."""
         if self.gone_at is not None:
             return self.gone
         now = time_s or 0.0
@@ -66,7 +66,7 @@ class FaultHistory:
     """Keeps records of faults, the latest last."""
 
     def __init__(self, own: tuple[int, int]) -> None:
-        """Begin an empty fault_history.
+        """Make an empty history.
 
         Args:
             own: System and component id of this station.
@@ -91,7 +91,7 @@ class FaultHistory:
         if ack.command in _CLEARING:
             self._cleared[notifications.system] = Acknowledgement(at, by)
 
-    def observe(self, state: VehicleState, at: float) -> None:
+    def update(self, state: VehicleState, at: float) -> None:
         """Compare the faults that a vehicle has with those it had."""
         restarts, before = self._known.get(state.system, (state.restarts, None))
         if (restarts, before) == (state.restarts, state.faults):
@@ -118,7 +118,7 @@ class FaultHistory:
             self.records.append(FaultRecord(state.system, fault, ack))
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Forget all records."""
         self.records.clear()
         self._set.clear()
         self._cleared.clear()
@@ -126,7 +126,7 @@ class FaultHistory:
 
     @property
     def last(self) -> FaultRecord | None:
-        """The record that came last."""
+        """The latest record."""
         return self.records[-1] if self.records else None
 
     def _correct_starts(self, records: list[FaultRecord], faults: tuple[Fault, ...]) -> None:

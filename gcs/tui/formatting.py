@@ -1,4 +1,4 @@
-"""How numbers and states read on the screen."""
+"""Numbers and states as text on the screen."""
 
 import math
 from collections.abc import Iterable, Sequence

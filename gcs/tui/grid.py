@@ -42,7 +42,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Row:
-    """A row: what it stands for, and its cells."""
+    """A row: the key of its subject, and its cells."""
 
     key: Any
     cells: tuple[Cell, ...]

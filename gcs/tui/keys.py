@@ -1,4 +1,4 @@
-"""The keys that work on every panel; those of one panel stand with its class."""
+"""The keys that work on every panel; those of one panel are in its class."""
 
 from textual.binding import Binding
 

@@ -33,7 +33,7 @@ class Operations:
         self._view, self._notify = view, notify
 
     async def carry_out(self, action: VehicleAction, choice: str) -> None:
-        """Do it with every vehicle at the same time; never raises what vehicles answer."""
+        """Act on all vehicles at the same time; refusals and silence are reported, not raised."""
         words = f"{action.what}: {ids(action.systems)}"
         self.going_on.append(words)
         try:

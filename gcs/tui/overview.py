@@ -18,7 +18,7 @@ _FORMATION_S = 1.0
 
 
 class Overview(Vertical):
-    """What an operator looks at most of the time."""
+    """The first panel: fleet, formation, transmissions and events."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -33,7 +33,7 @@ class Overview(Vertical):
         yield EventLog(short=True, id="overview-events", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
-        """Show what is known now; what costs more or says less is shown less often."""
+        """Show the present state; formation and transmissions less often."""
         self.query_one(FleetTable).show_view(view)
         self.query_one(EventLog).show_view(view)
         wire, formation = self.query_one(WirePanel), self.query_one(Chart)

@@ -21,13 +21,13 @@ _MAX_FRAMES = 1500  # at a time, so that keys never wait for long
 class Playback:
     """Plays frames into a fleet state of its own; a `Source` that cannot act.
 
-    To go back it begins anew. Going far takes several calls of `advance`, so that the screen
-    stays alive meanwhile.
+    To go back it restarts from the beginning. A long way takes several calls of `advance`, so
+    that the screen stays alive meanwhile.
 
     Attributes:
-        playing: Whether it goes on by itself.
-        speed: Times as fast as it happened.
-        wanted_s: Where it shall be [s from the begin].
+        playing: Whether time passes.
+        speed: Factor of real time.
+        wanted_s: Wanted position [s from the beginning].
     """
 
     can_act = False
@@ -35,7 +35,7 @@ class Playback:
     def __init__(
         self, title: str, frames: Sequence[tuple[int, bytes]], clock: Callable[[], float]
     ) -> None:
-        """Prepare it.
+        """Prepare to play from the beginning.
 
         Args:
             title: What is shown as the connection.
@@ -48,7 +48,7 @@ class Playback:
         self._frames, self._clock = frames, clock
         self._begin_s = min(time_us for time_us, _ in frames) / 1e6
         self.length_s = max(time_us for time_us, _ in frames) / 1e6 - self._begin_s
-        self._looked_at = clock()
+        self._advanced_at = clock()
         self._restart()
 
     def _restart(self) -> None:
@@ -63,60 +63,62 @@ class Playback:
 
     @property
     def fleet(self) -> FleetState:
-        """What the log told up to now."""
+        """The state of the vehicles at the position."""
         return self._fleet
 
     def now(self) -> float:
-        """Where it is, as time since 1970 [s]."""
+        """Return the position as time since 1970 [s]."""
         return self._begin_s + self.position_s
 
     def since_1970(self, at: float) -> float:
-        """The clock of a log counts from 1970."""
+        """Return the time: the clock of a log counts from 1970."""
         return at
 
     def vehicle(self, system: int) -> NoReturn:
-        """A log has no vehicles to talk to."""
+        """Raise KeyError: a log has no vehicles to talk to."""
         raise KeyError(system)
 
     # as a player
 
     @property
     def is_seeking(self) -> bool:
-        """Whether it is on its way to another place."""
+        """Whether the position is still before the wanted one."""
         return self.position_s < self.wanted_s
 
     def seek(self, position_s: float) -> None:
-        """Go to another place."""
+        """Set another wanted position."""
         self.wanted_s = min(max(position_s, 0.0), self.length_s)
         if self.wanted_s < self.position_s:
             self._restart()
 
     def change_speed(self, step: int) -> None:
-        """Go faster or slower."""
+        """Play faster or slower."""
         at = min(range(len(SPEEDS)), key=lambda i: abs(SPEEDS[i] - self.speed))
         self.speed = SPEEDS[min(max(at + step, 0), len(SPEEDS) - 1)]
 
     def advance(self) -> bool:
-        """Do what is due by the clock; call it often. Tells whether it is where it shall be."""
+        """Advance by the clock; call it often. Return whether the wanted position is reached."""
         now = self._clock()
         if self.playing and not self.is_seeking:
-            self.wanted_s = min(self.wanted_s + (now - self._looked_at) * self.speed, self.length_s)
+            self.wanted_s = min(
+                self.wanted_s + (now - self._advanced_at) * self.speed, self.length_s
+            )
             self.playing = self.wanted_s < self.length_s
-        self._looked_at = now
+        self._advanced_at = now
         for _ in range(_MAX_FRAMES):
             if not self._step():
                 break
         return not self.is_seeking
 
     def _step(self) -> bool:
-        """Take in the next frame, or note that there is none before the wanted place."""
+        """Take in the next frame, or note that there is none before the wanted position."""
         if self._next < len(self._frames):
             time_us, frame = self._frames[self._next]
             at = max(time_us / 1e6 - self._begin_s, self.position_s)
             if at <= self.wanted_s:
                 self._next += 1
                 self._go_to(at)
-                self._take(frame)
+                self._receive(frame)
                 return True
         self._go_to(self.wanted_s)
         return False
@@ -127,7 +129,7 @@ class Playback:
             self._tick_due += _TICK_S
         self.position_s = at
 
-    def _take(self, frame: bytes) -> None:
+    def _receive(self, frame: bytes) -> None:
         message = parse(frame)
         if message is not None:
             now = self.now()

@@ -45,7 +45,7 @@ class Chart(PlotextPlot):
         self._drawn: object = None
 
     def draw(self, view: FleetView, span_s: float, until_s: float | None) -> bool:
-        """Draw what is known; False if that is drawn already."""
+        """Draw the present data; return False if they are drawn already."""
         state = view.state
         times = tuple(s.history.rows(0.0)["time_s"][-1:].tolist() for s in self._about(view))
         token = (view.selected, span_s, until_s, times, self.size, self.app.theme)
@@ -126,13 +126,13 @@ class PlotsPanel(Vertical):
         self.set_interval(_DRAW_S, self._draw_next)
 
     def show_view(self, view: FleetView) -> None:
-        """Note the vehicles; the plots follow one by one."""
+        """Keep the view; the plots are drawn one by one."""
         self._view = view
         self._say()
 
     @property
     def paused(self) -> bool:
-        """Whether the plots stand still."""
+        """Whether the plots are frozen."""
         return self._until_s is not None
 
     @property
@@ -172,7 +172,7 @@ class PlotsPanel(Vertical):
         return self.has_class("-zoomed") or not roomy
 
     def action_pause(self) -> None:
-        """Freeze the plots, or let them go on."""
+        """Freeze or resume the plots."""
         state = self._view.state if self._view else None
         self._until_s = None if self.paused or state is None else state.time_s
         self._say()

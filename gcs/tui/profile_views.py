@@ -40,7 +40,7 @@ class ProfileFiles(DirectoryTree):
 
 
 class ProfileTable(Grid):
-    """Segments; where another profile differs, its value stands behind."""
+    """Segments; where another profile differs, its value follows."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("choose a YAML file, or download what a vehicle holds", **kwargs)
@@ -86,7 +86,7 @@ def polyline(segments: Sequence[Segment], key: str) -> tuple[list[float], list[f
 
 
 def differences(a: Sequence[Segment], b: Sequence[Segment]) -> int:
-    """In how many values two profiles differ; a missing segment counts as one."""
+    """Count the values in which two profiles differ; a missing segment counts as one."""
     count = abs(len(a) - len(b))
     for one, other in zip(a, b, strict=False):
         left, right = segment_dict(one), segment_dict(other)

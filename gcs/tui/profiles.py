@@ -29,7 +29,7 @@ _BAR = 10
 
 
 class Holdings(Grid):
-    """What each vehicle holds, and how it compares with the file."""
+    """The profile of each vehicle, compared with the file."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "mark", "mark", show=False)]
 
@@ -108,7 +108,7 @@ class ProfilesPanel(Horizontal):
             yield ProfilePlot(id="profile-plot", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
-        """Show what vehicles hold."""
+        """Show the vehicles' profiles."""
         self._view = view
         holdings = self.query_one(Holdings)
         holdings.show_holdings(view, self.segments)

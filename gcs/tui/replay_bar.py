@@ -1,4 +1,4 @@
-"""Where a log is, and how fast it goes."""
+"""The bar below a log: position and speed of the playback."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ class ReplayBar(Widget):
         self._bar = range(0)
 
     def show_playback(self, playback: Playback) -> None:
-        """Say how it stands."""
+        """Show position and speed."""
         sign = "⧗" if playback.is_seeking else "▶" if playback.playing else "‖"
         place, length = _time(playback.position_s), _time(playback.length_s)
         share = playback.position_s / playback.length_s if playback.length_s else 1.0

@@ -1,4 +1,4 @@
-"""What widgets ask of the app."""
+"""Messages of widgets to the app: redraw, or act on vehicles."""
 
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a action with one vehicle."""
+    """The outcome of an action on one vehicle."""
 
     system: int
     accepted: bool

@@ -1,4 +1,4 @@
-"""The first line: connection, fleet in short, what goes on."""
+"""The first line: vehicles, time, savings, rate, connection and operations in progress."""
 
 from rich.text import Text
 from textual.reactive import reactive
@@ -17,7 +17,7 @@ class StatusBar(Widget):
     aside: reactive[str] = reactive("")
 
     def show_view(self, view: FleetView, going_on: list[str]) -> None:
-        """Say how things stand."""
+        """Show vehicles, time, savings, rate and connection."""
         colours = self.app.theme_variables
         silent = [state.system for state in view.states if view.is_silent(state)]
         armed = sum(state.armed for state in view.states)

@@ -1,4 +1,4 @@
-"""The one thing that widgets read: vehicles, event_log and faults, as of the last refresh.
+"""The data that widgets read: vehicles, events and faults, as of the last refresh.
 
 `Source` is where it all comes from: a running fleet (`LiveSource`), or a telemetry log
 (`gcs.tui.playback`). `FleetView` adds what the operator has chosen.
@@ -23,24 +23,24 @@ _AGEING_S = 0.5
 
 
 class FleetClient(Protocol):
-    """What the dashboard needs of a client."""
+    """The part of a client that the dashboard uses."""
 
     @property
     def fleet(self) -> FleetState:
-        """What is known of the vehicles."""
+        """The state of the vehicles."""
         ...
 
     def now(self) -> float:
-        """Its clock [s]."""
+        """Return the time on its clock [s]."""
         ...
 
     def vehicle(self, system: int) -> Vehicle:
-        """A vehicle that has been heard of."""
+        """Return a vehicle that was heard."""
         ...
 
 
 class Source(Protocol):
-    """Where the data of the dashboard come from."""
+    """A source of the dashboard's data: a running fleet or a log."""
 
     title: str
     can_act: bool
@@ -49,19 +49,19 @@ class Source(Protocol):
 
     @property
     def fleet(self) -> FleetState:
-        """What is known of the vehicles."""
+        """The state of the vehicles."""
         ...
 
     def now(self) -> float:
-        """The clock of the data [s]."""
+        """Return the time on the clock of the data [s]."""
         ...
 
     def since_1970(self, at: float) -> float:
-        """A time of that clock as time since 1970 [s]."""
+        """Convert a time of that clock to time since 1970 [s]."""
         ...
 
     def vehicle(self, system: int) -> Vehicle:
-        """What can be asked of a vehicle; only if `can_act`."""
+        """Return a vehicle to send requests to; only if `can_act`."""
         ...
 
 
@@ -71,7 +71,7 @@ class LiveSource:
     can_act = True
 
     def __init__(self, title: str, epoch: float, identity: tuple[int, int] = (255, 190)) -> None:
-        """Prepare it.
+        """Make a source without a client.
 
         Args:
             title: What is shown as the connection.
@@ -102,28 +102,28 @@ class LiveSource:
 
     @property
     def fleet(self) -> FleetState:
-        """What is known of the vehicles."""
+        """The state of the vehicles."""
         return self._attached.fleet
 
     def now(self) -> float:
-        """The client's clock [s]."""
+        """Return the time on the client's clock [s]."""
         return self._attached.now()
 
     def since_1970(self, at: float) -> float:
-        """A time of the client's clock as time since 1970 [s]."""
+        """Convert a time of the client's clock to time since 1970 [s]."""
         return self._epoch + at
 
     def vehicle(self, system: int) -> Vehicle:
-        """What can be asked of a vehicle."""
+        """Return a vehicle to send requests to."""
         return self._attached.vehicle(system)
 
 
 class FleetView:
-    """Vehicles as of the last `look`, and the operator's choice among them.
+    """Vehicles as of the last `update`, and the operator's choice among them.
 
     Attributes:
         source: Where the data come from.
-        now: Time of the last look, on the clock of the source [s].
+        now: Time of the last update, on the clock of the source [s].
         states: The vehicles in ascending order, lost ones included.
         marked: System ids that actions are for; none means the selected one.
     """
@@ -136,14 +136,14 @@ class FleetView:
         self.marked: set[int] = set()
         self._token: object = None
 
-    def look(self) -> bool:
-        """Take in what has happened; tell whether there is anything new to be shown."""
+    def update(self) -> bool:
+        """Update the states; return whether there is anything new to show."""
         source = self.source
         self.now = source.now()
         vehicles = source.fleet.vehicles
         self.states = tuple(vehicles[system] for system in sorted(vehicles))
         for state in self.states:
-            source.fault_history.observe(state, source.since_1970(self.now))
+            source.fault_history.update(state, source.since_1970(self.now))
         self.marked &= vehicles.keys()
         heard = tuple((state.system, state.heard_at) for state in self.states)
         ages = any(state.age_s(self.now) > _AGEING_S for state in self.states)
@@ -175,24 +175,24 @@ class FleetView:
 
     @property
     def targets(self) -> tuple[int, ...]:
-        """Whom actions are for: the marked vehicles, else the selected one."""
+        """The vehicles that actions are for: the marked ones, else the selected one."""
         if self.marked:
             return tuple(sorted(self.marked))
         return () if self.selected is None else (self.selected,)
 
     def is_silent(self, state: VehicleState) -> bool:
-        """Whether nothing has come from a vehicle for some time."""
+        """Return whether nothing has come from a vehicle for `SILENT_S`."""
         return state.lost or state.age_s(self.now) >= SILENT_S
 
     def select_next(self, step: int) -> None:
-        """Select the vehicle that stands `step` further in the list, round and round."""
+        """Select the vehicle `step` further in the list, which wraps around."""
         systems = self.systems
         if systems:
             at = systems.index(self.selected) if self.selected is not None else 0
             self._chosen = systems[(at + step) % len(systems)]
 
     def first(self, wanted: Callable[[VehicleState], bool]) -> int | None:
-        """The first vehicle, from the selected one on, for which this holds."""
+        """Return the first vehicle, from the selected one on, that is wanted."""
         systems = self.systems
         at = systems.index(self.selected) if self.selected is not None else 0
         order = (*self.states[at:], *self.states[:at])

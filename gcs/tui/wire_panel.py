@@ -1,4 +1,4 @@
-"""What event triggering saves: events per vehicle and channel, and how they come."""
+"""The savings of event triggering: events and rates per vehicle and channel."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Commands and answers as the tests of the command microservice send them."""
+"""Commands and acknowledgements for tests of the command protocol."""
 
 import math
 from typing import Any

@@ -9,7 +9,7 @@ import heapq
 import itertools
 from collections.abc import Callable
 from random import Random
-from typing import Any
+from typing import Any, TypeVar
 
 from mavlink_defs.dialect import MAVLink, MAVLink_message
 from mavlink_defs.services.machine import Machine, SystemId
@@ -19,14 +19,24 @@ OTHER_GCS = SystemId(254, 190)
 VEHICLE = SystemId(1, 1)
 OTHER_VEHICLE = SystemId(2, 1)
 
+M = TypeVar("M", bound=MAVLink_message)
+
 
 def over_the_wire(message: MAVLink_message, source: SystemId, seq: int = 0) -> MAVLink_message:
-    """Give `message` as a receiver gets it from `source`, without a network."""
+    """Return `message` as a receiver gets it from `source`, without a network."""
     mav = MAVLink(None, *source)
     mav.seq = seq
     received = MAVLink(None).parse_buffer(message.pack(mav))
     assert received is not None
     return received[0]
+
+
+def sent_by(machine: Machine[Any], kind: type[M]) -> list[M]:
+    """Return the messages that a machine has to send; all are of this type."""
+    messages = machine.messages_to_send()
+    found = [message for message in messages if isinstance(message, kind)]
+    assert len(found) == len(messages), messages
+    return found
 
 
 class Node:

@@ -36,7 +36,7 @@ class Bench:
         self.hot.flags = flags
 
     def say(self, message: Any, station: int = 0) -> list[Any]:
-        """Send a message as a ground station; what the vehicle answers it."""
+        """Send a message as a ground station; return the vehicle's answers."""
         self.now += 0.01
         received = parse(GCS.pack(message))
         assert received is not None

@@ -1,8 +1,10 @@
-"""What the whole-process tests share: scenario files, running commands, looking for leftovers."""
+"""Tools of the whole-process tests: scenario files, commands, processes that are left."""
 
 import contextlib
+import itertools
 import json
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -16,12 +18,13 @@ import yaml
 
 from gcs.fleet.processes import FleetProcesses, on_free_ports
 from gcs.scenario.model import Scenario
-from mavlink_defs.endpoint import UdpAddress, free_ports
+from mavlink_defs.endpoint import PortTaken, UdpAddress, bind_udp
 
 BIN = Path(sys.executable).parent
 SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml"
-TIMEOUT_S = 120.0
+TIMEOUT_S = 300.0  # only a defect takes so long, on whatever machine
 CHANNELS = ("throttle", "aileron", "elevator", "rudder")
+_PORT_BLOCKS = itertools.count(random.randrange(60))
 RESULTS = {"summary.json", "flight.tlog", "events.npz", "trajectory.npz", "flight.png"}
 
 
@@ -38,9 +41,18 @@ def write_scenario(folder: Path, tree: dict[str, Any] | None = None, **changes: 
 
 
 def free_links(uavs: int = 3) -> dict[str, Any]:
-    """The links section of a scenario, on ports that are free at this moment."""
-    gcs, plant, first, *_ = free_ports(2 + uavs)
-    return {"gcs_port": gcs, "plant_port": plant, "formation_base_port": first - 1}
+    """Return the links section of a scenario on free ports that no other test is given.
+
+    They lie below those of `--free-ports`. Each worker of pytest-xdist has its own.
+    """
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 8
+    while True:
+        first = 15_000 + 600 * worker + 10 * (next(_PORT_BLOCKS) % 60)
+        gcs, plant, *formation = range(first, first + 2 + uavs)
+        with contextlib.ExitStack() as sockets, contextlib.suppress(PortTaken):
+            for port in (gcs, plant, *formation):
+                sockets.enter_context(bind_udp(UdpAddress("127.0.0.1", port), "free port"))
+            return {"gcs_port": gcs, "plant_port": plant, "formation_base_port": formation[0] - 1}
 
 
 def environment(**changes: str) -> dict[str, str]:

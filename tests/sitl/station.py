@@ -1,4 +1,4 @@
-"""What the tests of the operator's station share: a fleet kept up, commands that talk to it."""
+"""Tools of the tests of the operator's station: a running fleet, commands that talk to it."""
 
 import contextlib
 import json
@@ -7,13 +7,26 @@ import signal
 import socket
 import subprocess
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
 
-from flying import BIN, TIMEOUT_S, environment, kill_all, run, write_scenario
+from flying import (
+    BIN,
+    TIMEOUT_S,
+    assert_one_message,
+    environment,
+    kill_all,
+    processes_of,
+    run,
+    wait_until,
+    write_scenario,
+)
+
+ACCEPTED, BAD_INPUT, REFUSED, NO_ANSWER = 0, 2, 3, 4  # exit status
+SOMEDAY = ("--start-s", "10000")  # of a fault that is set but never acts
 
 
 @dataclass
@@ -31,7 +44,7 @@ class Up:
         return run("gcs", *arguments, env=env)
 
     def gcs_json(self, *arguments: str | Path, status: int = 0) -> Any:
-        """The same with --json; what it printed."""
+        """Run it with --json and return its output."""
         done = self.gcs(*arguments, "--json")
         assert done.returncode == status, done.stderr
         return json.loads(done.stdout)
@@ -87,6 +100,50 @@ def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None)
         yield Up(popen, folder / "run", addresses["hub"], gcs_port)
     finally:
         kill_all(popen, folder)
+
+
+@contextlib.contextmanager
+def flying_fleet(folder: Path) -> Iterator[Up]:
+    """Scenario 1, flying in real time; in the end its `gcs up` is killed, and nothing is left."""
+    with up(folder, "--start") as fleet:
+        yield fleet
+        assert len(processes_of(fleet.folder)) == 5
+        assert fleet.stop(signal.SIGKILL)[0] == -signal.SIGKILL
+        wait_until(lambda: not processes_of(fleet.folder), "no process is left")
+
+
+def failed(done: subprocess.CompletedProcess[str], status: int) -> str:
+    """Return the message of a command that failed with this exit status."""
+    assert done.returncode == status, (done.stdout, done.stderr)
+    assert_one_message(done.stderr)
+    return done.stderr
+
+
+def status_when(
+    fleet: Up, condition: Callable[[list[dict[str, Any]]], bool], *options: str
+) -> dict[str, Any]:
+    """Ask for the status until a condition on the vehicles in it holds.
+
+    One status shows what has arrived within a second, which on a busy machine may not be all.
+    """
+    status: dict[str, Any] = {}
+
+    def holds() -> bool:
+        status.update(fleet.gcs_json("status", *options))
+        return condition(status["vehicles"])
+
+    wait_until(holds, "the status")
+    return status
+
+
+def state_of(fleet: Up, uav: int) -> dict[str, Any]:
+    """Return all that a vehicle tells; nothing is None that it would tell later."""
+
+    def complete(states: list[dict[str, Any]]) -> bool:
+        return all(states[0][key] is not None for key in ("time_s", "steps", "faults", "profile"))
+
+    (state,) = status_when(fleet, complete, "--uav", str(uav))["vehicles"]
+    return dict(state)
 
 
 class LossyRelay(threading.Thread):

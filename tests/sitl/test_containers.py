@@ -34,7 +34,7 @@ def address_of(service: str) -> str:
 
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the service `config` writes into the volume /fleet."""
+    """Files that the service `config` writes into the volume /fleet."""
     folder = tmp_path_factory.mktemp("fleet")
     program, *arguments = SERVICES["config"]["command"]
     arguments = [argument.replace("/fleet", str(folder)) for argument in arguments]
@@ -51,7 +51,7 @@ def test_hadolint_has_nothing_to_say() -> None:
 
 
 def test_the_image_gets_the_locked_versions() -> None:
-    """What sed makes of requirements.txt is understood by pip, and has every dependency."""
+    """The requirements.txt that sed makes is understood by pip, and has every dependency."""
     (script,) = re.findall(r"sed -n '(.*)' requirements\.txt", (ROOT / "Dockerfile").read_text())
     requirements = ROOT / "requirements.txt"
     made = subprocess.run(

@@ -15,6 +15,7 @@ from flying import SCENARIO_1, process_of, scenario_tree
 from station import Up, up
 from textual.pilot import Pilot
 from textual.widgets import Input, Select, TabbedContent
+from waiting import answer, until_focused
 
 from gcs.station.client import Client
 from gcs.station.vehicle_state import VehicleState
@@ -34,7 +35,7 @@ from mavlink_defs.services.machine import SystemId
 pytestmark = pytest.mark.sitl
 
 OWN = SystemId(255, 77)
-TIMEOUT_S = 30.0
+TIMEOUT_S = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +54,9 @@ class Operator:
     async def press(self, *keys: str) -> None:
         await self.pilot.press(*keys)
         await self.pilot.pause()
+
+    async def answer(self, *keys: str) -> None:
+        await answer(self.pilot, *keys)
 
     async def sees(self, condition: Callable[[], Any], what: str) -> None:
         end = time.monotonic() + TIMEOUT_S
@@ -121,7 +125,7 @@ async def make_fly(someone: Operator) -> None:
     for system in (1, 2, 3):
         await someone.sees_event(f"{system} action", "start mission: accepted")
     await someone.press("a")
-    await someone.press("enter")
+    await someone.answer("enter")
     await someone.sees(lambda: all("ARMED" in someone.row(i) for i in (1, 2, 3)), "ARMED")
     await someone.sees_event("3 action", "arm: accepted")
     await someone.press("asterisk")
@@ -132,19 +136,18 @@ def test_a_fleet_is_armed_and_started_and_its_flight_shows(fleet: Up) -> None:
         async with operator(fleet) as someone:
             await make_fly(someone)
             await someone.sees(lambda: (someone.state(2).time_s or 0.0) > 1.5, "time runs")
-            assert "AUTO" in someone.row(2)
+            await someone.sees(lambda: "AUTO" in someone.row(2), "AUTO")
             wire = someone.app.query_one(WirePanel)
             await someone.sees(lambda: "saved" in str(wire.border_title), "savings")
             await someone.sees(lambda: "rudder" in wire.text and "█" in wire.text, "a rate")
-            assert len(wire.rows) == 15
+            await someone.sees(lambda: len(wire.rows) == 15, "15 rows")
             await someone.press("2")
             charts = list(someone.app.query(Chart))
             await someone.sees(
                 lambda: all("→" in str(c.border_title) for c in charts[1:5]), "plots"
             )
-            shown = someone.app.export_screenshot()
-            assert "airspeed" in shown
-            assert "formation" in shown
+            await someone.sees(lambda: "airspeed" in someone.app.export_screenshot(), "airspeed")
+            await someone.sees(lambda: "formation" in someone.app.export_screenshot(), "formation")
 
     drive(work())
 
@@ -158,8 +161,9 @@ def test_a_fault_goes_from_the_form_to_the_plant_and_is_cleared(fleet: Up) -> No
             await someone.choose("vehicle", 2)
             await someone.choose("actuator", "elevator")
             await someone.write("effectiveness", "1.5")
-            says = someone.app.query_one("#form-says", CachedStatic).says
-            assert "effectiveness: expected [0, 1], got 1.5" in says
+            form = someone.app.query_one("#form-says", CachedStatic)
+            problem = "effectiveness: expected [0, 1], got 1.5"
+            await someone.sees(lambda: problem in form.says, problem)
             assert someone.app.query_one("#set").disabled
             # what the aircraft cannot do it refuses, and that is reported
             await someone.choose("fault-kind", "stuck")
@@ -191,13 +195,17 @@ def test_a_fault_goes_from_the_form_to_the_plant_and_is_cleared(fleet: Up) -> No
             acks = [record.acknowledged for record in history.records]
             assert [ack and ack.asked_by for ack in acks] == ["this station"] * 2
 
-            await someone.press("3", "home", "d", "enter")  # the latest one
+            await someone.press("3", "home", "d")  # the latest one
+            await someone.answer("enter")
             await someone.sees_event("1 action", "faults of the elevator cleared")
             await someone.sees(lambda: someone.state(1).faults == (), "cleared")
-            await someone.press("C", "enter")
+            await someone.press("C")
+            await someone.answer("enter")
             await someone.sees_event("2 action", "all faults cleared")
-            await someone.sees(lambda: not faults.text.count("active"), "past faults")
-            assert [row.cells[1][0] for row in faults.rows] == ["cleared", "cleared"]
+            both = ["cleared", "cleared"]
+            await someone.sees(
+                lambda: [row.cells[1][0] for row in faults.rows] == both, "past faults"
+            )
 
     drive(work())
 
@@ -225,19 +233,23 @@ def test_a_profile_is_uploaded_downloaded_and_compared(fleet: Up, tmp_path: Path
                 "what is wrong with the file",
             )
             await someone.press("o")
+            await until_focused(someone.pilot, "profile-path")
             await someone.write("profile-path", str(SCENARIO_1))
             await someone.press("enter")
             await someone.sees(lambda: holdings.text.count("= file") == 3, "compared")
 
             await someone.press("o")
+            await until_focused(someone.pilot, "profile-path")
             await someone.write("profile-path", str(other))
-            await someone.press("enter", "down")
+            await someone.press("enter")
+            await someone.sees(lambda: someone.app.focused is holdings, "focus on the list")
+            await someone.press("down")
             await someone.sees(lambda: "≠ file: 1 value" in holdings.text, "a difference")
             await someone.sees(
                 lambda: "44≠45" in someone.app.query_one("#profile-table", Grid).text, "44≠45"
             )
             await someone.press("space", "u")
-            await someone.press("enter")  # it flies: the question whether
+            await someone.answer("enter")  # it flies: the question whether
             await someone.sees_event("2 action", "other.yaml, 3 segments uploaded")
             await someone.sees(lambda: holdings.text.count("= file") == 1, "uploaded to one")
             await someone.press("g")
@@ -245,7 +257,7 @@ def test_a_profile_is_uploaded_downloaded_and_compared(fleet: Up, tmp_path: Path
 
             panel.load(bad)
             await someone.press("u")
-            await someone.press("enter")
+            await someone.answer("enter")
             await someone.sees_event("2 action", "refused the upload", "airspeed 500")
             assert len(someone.state(2).profile or ()) == 3
 
@@ -277,18 +289,21 @@ def test_parameters_and_disarming_in_flight(fleet: Up) -> None:
             await someone.press("5")
             params = someone.app.query_one("#params", Grid)
             await someone.sees(lambda: "TRIG_B2_DEG" in params.text, "the parameters")
-            assert ">= 0 deg" in params.text
+            await someone.sees(lambda: ">= 0 deg" in params.text, "the range")
             await someone.press("1", "x")
-            await someone.press("escape")
+            await someone.answer("escape")
             assert someone.state(1).armed
-            await someone.press("x", "enter")
+            await someone.press("x")
+            await someone.answer("enter")
             await someone.sees_event("1 action", "refused MAV_CMD_COMPONENT_ARM_DISARM")
-            await someone.press("m", "right", "enter")
+            await someone.press("m")
+            await someone.answer("right", "enter")
             await someone.sees(lambda: "LOITER" in someone.row(1), "LOITER")
-            await someone.press("m", "enter")
+            await someone.press("m")
+            await someone.answer("enter")
             await someone.sees(lambda: "AUTO" in someone.row(1), "AUTO")
             await someone.press("left_square_bracket")
-            assert someone.app.view.selected == 3
+            await someone.sees(lambda: someone.app.view.selected == 3, "UAV 3 selected")
 
     drive(work())
 
@@ -302,19 +317,23 @@ def test_the_event_log_is_filtered(fleet: Up) -> None:
             await someone.choose("of", 2)
             await someone.sees(lambda: log.text.count("vehicle found") == 1, "of UAV 2")
             await someone.choose("of", 0)
-            await someone.press("slash", *"found")
+            await someone.press("slash")
+            await until_focused(someone.pilot, "words")
+            await someone.press(*"found")
             await someone.sees(lambda: len(log.rows) == 3, "lines with a word")
             await someone.press("enter")
+            await someone.sees(lambda: someone.app.focused is log, "focus on the list")
             await someone.choose("severity", 4)
             await someone.sees(lambda: not log.rows, "warnings only")
             await someone.press("1")
-            assert someone.app.query_one(TabbedContent).active == "fleet"
+            tabs = someone.app.query_one(TabbedContent)
+            await someone.sees(lambda: tabs.active == "fleet", "the fleet")
 
     drive(work())
 
 
 def test_a_silent_vehicle_shows_and_is_picked_up_again(fleet: Up) -> None:
-    """How soon is told by the clock of the dashboard: tests/unit/gcs/tui/test_tui.py."""
+    """The delay is tested with the dashboard's clock in tests/unit/gcs/tui/test_tui.py."""
 
     async def work() -> None:
         async with operator(fleet, size=(80, 24)) as someone:

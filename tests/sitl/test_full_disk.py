@@ -62,7 +62,7 @@ def test_a_process_that_cannot_keep_its_recording_says_so(tmp_path: Path) -> Non
     folder = tmp_path / "run"
     scenario = write_scenario(tmp_path, duration_s=2.0)
     options = ("--free-ports", "--quiet", "--out", folder)
-    done = limited(200_000, "fly", scenario, *options)
+    done = limited(600_000, "fly", scenario, *options)
     assert done.returncode == 1, done.stderr
     assert_one_message(done.stderr)
     assert re.search(rf"cannot write {folder}/processes/\w+\.npz: {NO_SPACE}", done.stderr)

@@ -1,5 +1,6 @@
 """Whom the processes of a fleet hear: this machine, and of it their ground stations."""
 
+import contextlib
 import os
 import time
 from collections.abc import Iterator
@@ -21,7 +22,10 @@ LOITER, GUIDED = 12, 15
 
 def bound(pid: int) -> set[tuple[str, int]]:
     """Addresses that the UDP sockets of a process are bound to (Linux)."""
-    links = [os.readlink(entry) for entry in Path(f"/proc/{pid}/fd").iterdir()]
+    links = []
+    for entry in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(FileNotFoundError):  # closed meanwhile
+            links.append(os.readlink(entry))
     inodes = {link[8:-1] for link in links if link.startswith("socket:[")}
     rows = [row.split() for row in Path("/proc/net/udp").read_text().splitlines()[1:]]
     texts = [row[1].split(":") for row in rows if row[9] in inodes]

@@ -48,7 +48,7 @@ def test_a_law_is_one_file_and_one_registration(tmp_path: Path) -> None:
         [sys.executable, "-c", run, *arguments],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         cwd=tmp_path,
         env=environment,
         check=False,

@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
-from flying import environment, processes_of, wait_until
+from flying import TIMEOUT_S, environment, processes_of, wait_until
 
 pytestmark = pytest.mark.sitl
 
@@ -114,7 +114,7 @@ def start(project: Path, *options: str) -> subprocess.Popen[str]:
 
 def run(project: Path, *options: str) -> tuple[int, str]:
     popen = start(project, *options)
-    output, _ = popen.communicate(timeout=120.0)
+    output, _ = popen.communicate(timeout=TIMEOUT_S)
     assert processes_of(project / "temp") == {}
     return popen.returncode, output
 
@@ -158,7 +158,7 @@ def test_nothing_is_left_of_an_interrupted_test(project: Path) -> None:
         wait_until(lambda: (project / "up").exists() or popen.poll() is not None, "fleet is up")
         assert len(processes_of(project / "temp")) == 3
         popen.send_signal(signal.SIGINT)
-        output, _ = popen.communicate(timeout=30.0)
+        output, _ = popen.communicate(timeout=TIMEOUT_S)
     finally:
         popen.kill()
         popen.wait()

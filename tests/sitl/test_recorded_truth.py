@@ -1,4 +1,4 @@
-"""What is recorded is what was flown: nothing is made up where an autopilot knew nothing."""
+"""Recordings hold what was flown: nothing is made up where an autopilot knew nothing."""
 
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ def impaired(folder: Path, duration_s: float, **plant: Any) -> Path:
 
 
 def computed(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What an autopilot computes, as floats, steps and UAVs first."""
+    """Return the signals of the autopilots as floats, steps and UAVs first."""
     of_the_plant = {"uav", "time_s", "state", "applied", "events"}
     return {name: values for name, values in arrays.items() if name not in of_the_plant}
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from flying import arrays_of, free_links
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
+from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import Connection, UdpAddress
@@ -99,6 +101,10 @@ def simulated_ms(client: Client, uav: int) -> int:
     return 0 if message is None else int(message.time_boot_ms)
 
 
+def is_told(vehicle: Vehicle, words: str) -> bool:
+    return any(words in text.text for text in vehicle.state.texts)
+
+
 async def until(condition: Callable[[], bool]) -> None:
     end = time.monotonic() + PATIENCE_S
     while not condition():
@@ -123,7 +129,9 @@ def test_an_autopilot_that_was_started_again_flies_on(scenario: Scenario, tmp_pa
             await client.wait_for([1], PATIENCE_S)
             await client.vehicle(1).arm()
             await until(lambda: simulated_ms(client, 1) > 1000)
-            events = client.vehicle(1).state.latest.pop(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
+            latest = client.vehicle(1).state.latest
+            await until(lambda: dialect.MAVLINK_MSG_ID_FTC_EVENTS in latest)
+            events = latest.pop(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
             assert events.get_srcSystem() == 1
             processes.kill("uav1")
             await until(lambda: processes.log("plant").rstrip().endswith(WAITING))
@@ -163,7 +171,7 @@ def test_a_plant_that_was_started_again_flies_only_when_all_are_armed_again(
             processes.start_plant(speed=speed)
             await until(lambda: not any(v.state.armed for v in vehicles))
             for vehicle in vehicles:
-                assert "plant restarted" in " ".join(t.text for t in vehicle.state.texts)
+                await until(partial(is_told, vehicle, "plant restarted"))
                 await vehicle.start_mission()
             for vehicle in vehicles[1:]:
                 await vehicle.arm()

@@ -67,7 +67,7 @@ def assert_cells_alike(ours: list[str], shown: list[str], rel: float) -> None:
 
 
 def section(text: str, heading: str) -> str:
-    """What stands below a heading, to the next one of any level."""
+    """Return the text below a heading, to the next one of any level."""
     return text.partition(f"{heading}\n")[2].partition("\n#")[0]
 
 

@@ -175,7 +175,7 @@ def test_gcs_wire_shows_the_relays_report_of_a_flight(clean: Path) -> None:
 
 
 class Capture:
-    """What tshark captures on the loopback interface; skips the test where it may not."""
+    """A capture of tshark on the loopback interface; skips the test where it is not permitted."""
 
     def __init__(self, path: Path, port: int) -> None:
         self.path = path
@@ -206,7 +206,7 @@ class Capture:
                     self.path.exists() and probe in self.path.read_bytes()
                 )
 
-            wait_until(captured, f"tshark captures {probe!r}", 30.0)
+            wait_until(captured, f"tshark captures {probe!r}")
 
 
 @needs("tshark")

@@ -1,4 +1,4 @@
-"""What crossed the wire, counted by a relay and by pymavlink alone.
+"""Transmissions on the wire, counted by a relay and by pymavlink alone.
 
 No counter, codec or dialect of this project takes part in the counting.
 """

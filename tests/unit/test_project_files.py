@@ -1,4 +1,4 @@
-"""What stands beside the code says the same as the package's metadata."""
+"""Files beside the code agree with the package's metadata."""
 
 import re
 import tomllib

@@ -11,7 +11,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-TIMEOUT_S = 30.0
+TIMEOUT_S = 60.0
+_ANSWER_S = 2.0
 _NO_WINDOWS = "log,signing,wp,ftp,param,arm,mode,misc,cmdlong,fence,rally"
 
 
@@ -76,9 +77,34 @@ class MavProxy:
         self._type(line)
         return self.wait_for(expected, begin)
 
-    def wait_for(self, expected: str, begin: int = 0) -> "re.Match[str]":
-        """Wait for a pattern in what was printed since line `begin`."""
+    def ask(self, line: str, expected: str) -> "re.Match[str]":
+        """Type a line that shows something, again and again until it shows a pattern."""
         end = time.monotonic() + TIMEOUT_S
+        begin = len(self._lines)
+        while True:
+            self._type(line)
+            with contextlib.suppress(AssertionError):
+                return self.wait_for(expected, begin, _ANSWER_S)
+            assert time.monotonic() < end, f"{line}: no {expected!r} in:\n{self.text}"
+
+    def watch_link(self, packets: int) -> tuple[int, int]:
+        """Return how many packets were lost before and after this many more packets came.
+
+        What was lost before is lost in the receive buffer, while modules are loaded.
+        """
+        pattern = r"link 1 OK \((\d+) packets.* (\d+) lost, "
+        first = self.say("link", pattern)
+        end = time.monotonic() + TIMEOUT_S
+        while int((last := self.say("link", pattern))[1]) < int(first[1]) + packets:
+            assert time.monotonic() < end, self.text
+            time.sleep(0.1)
+        return int(first[2]), int(last[2])
+
+    def wait_for(
+        self, expected: str, begin: int = 0, timeout_s: float = TIMEOUT_S
+    ) -> "re.Match[str]":
+        """Wait for a pattern in what was printed since line `begin`."""
+        end = time.monotonic() + timeout_s
         while True:
             text = "\n".join(self._lines[begin:])
             if (match := re.search(expected, text)) is not None:

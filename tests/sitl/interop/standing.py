@@ -6,7 +6,7 @@ from gcs.scenario.model import Scenario
 
 
 class Standing:
-    """What a test needs to know of the fleet."""
+    """Scenario, folder, port and system ids of the fleet."""
 
     def __init__(self, scenario: Scenario, folder: Path) -> None:
         self.scenario, self.folder = scenario, folder

@@ -26,8 +26,9 @@ def mavproxy(fleet: Standing, tmp_path_factory: pytest.TempPathFactory) -> Itera
 
 
 def test_link_and_status(mavproxy: MavProxy) -> None:
-    mavproxy.say("link", r"link 1 OK \(\d+ packets.* 0 lost, 0.0% loss")
-    mavproxy.say("status", r"HEARTBEAT \{type : 1, autopilot : 3")
+    before, after = mavproxy.watch_link(packets=300)
+    assert after == before
+    mavproxy.ask("status", r"HEARTBEAT \{type : 1, autopilot : 3")
     mavproxy.say("long SET_MESSAGE_INTERVAL 53104 200000 0 0 0 0 0", r"INTERVAL: ACCEPTED")
     mavproxy.say("watch FTC_EVENTS", r"FTC_EVENTS \{time_boot_ms : 0")
     mavproxy.say("watch", "")
@@ -35,42 +36,42 @@ def test_link_and_status(mavproxy: MavProxy) -> None:
 
 def test_the_vehicle_is_chosen(mavproxy: MavProxy) -> None:
     mavproxy.say("vehicle 2", r"Set vehicle 2 \(link 1\)")
-    mavproxy.say("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 2")
+    mavproxy.ask("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 2")
     mavproxy.say("vehicle 1", r"Set vehicle 1 \(link 1\)")
-    mavproxy.say("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 1")
+    mavproxy.ask("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 1")
 
 
 def test_parameters(mavproxy: MavProxy) -> None:
     mavproxy.say("param fetch", r"Received \d\d parameters")
-    mavproxy.say("param show K1_*", r"K1_YAW +51\.0")
+    mavproxy.ask("param show K1_*", r"K1_YAW +51\.0")
     mavproxy.say("param set K1_ROLL 42.5", r"AP: K1_ROLL is 42\.5 now")
-    mavproxy.say("param show K1_ROLL", r"K1_ROLL +42\.5")
+    mavproxy.ask("param show K1_ROLL", r"K1_ROLL +42\.5")
     mavproxy.say("param set TRIG_MODE 1", r"AP: TRIG_MODE is 1 now")
     mavproxy.say("param set TRIG_MODE 0", r"AP: TRIG_MODE is 0 now")
     mavproxy.say("param set K1_ROLL -3", r"AP: K1_ROLL is -3, must be > 0 1/s")
-    mavproxy.say("param fetch K1_ROLL", r"K1_ROLL = 42\.5")
+    mavproxy.ask("param fetch K1_ROLL", r"K1_ROLL = 42\.5")
 
 
 def test_missions(mavproxy: MavProxy, tmp_path: Path) -> None:
     loaded, saved = tmp_path / "in.txt", tmp_path / "out.txt"
     loaded.write_text(WAYPOINTS)
     mavproxy.say(f"wp load {loaded}", r"Got MISSION_ACK: TYPE_MISSION: ACCEPTED")
-    mavproxy.say("wp list", r"53100 0 5\.0\d* 5\.0\d* 0\.0\d* p1=4\.0 p2=45\.0 p3=0\.0 p4=10\.0")
+    mavproxy.ask("wp list", r"53100 0 5\.0\d* 5\.0\d* 0\.0\d* p1=4\.0 p2=45\.0 p3=0\.0 p4=10\.0")
     mavproxy.say(f"wp save {saved}", r"Saved 3 waypoints to .*out\.txt")
     rows = [[float(x) for x in line.split()] for line in WAYPOINTS.splitlines()[1:]]
     assert [[float(x) for x in line.split()] for line in saved.read_text().splitlines()[1:]] == rows
     mavproxy.say("wp set 2", r"waypoint 2")
     mavproxy.say("mode AUTO", r"AP: mode AUTO")
     mavproxy.say("wp clear", r"Got MISSION_ACK: TYPE_MISSION: ACCEPTED")
-    mavproxy.say("wp list", r"Requesting 0 waypoints")
+    mavproxy.ask("wp list", r"Requesting 0 waypoints")
 
 
 def test_signing(mavproxy: MavProxy) -> None:
     mavproxy.say("vehicle 2", r"Set vehicle 2 \(link 1\)")
     mavproxy.say("signing setup correct-horse", r"AP: signing: key set")
-    mavproxy.say("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 2")
+    mavproxy.ask("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 2")
     mavproxy.say("signing remove", r"AP: signing: off, anyone may command")
-    mavproxy.say("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 2")
+    mavproxy.ask("param fetch SYSID_THISMAV", r"SYSID_THISMAV = 2")
     mavproxy.say("vehicle 1", r"Set vehicle 1 \(link 1\)")
 
 
@@ -90,6 +91,6 @@ def test_private_commands(mavproxy: MavProxy) -> None:
 
 def test_nothing_looks_wrong(mavproxy: MavProxy) -> None:
     """Runs last: no breach, no loss, no message that it does not know."""
-    mavproxy.say("status", r"MAV Errors: 0")
+    mavproxy.ask("status", r"MAV Errors: 0")
     for word in ("breach", "Traceback", "BAD_DATA", "UNKNOWN_"):
         assert word not in mavproxy.text, word

@@ -19,12 +19,12 @@ def tlog(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def tool(*arguments: str | Path) -> str:
-    """What a tool prints; it must not complain."""
+    """Return the output of a tool, which must not complain."""
     done = subprocess.run(
         [sys.executable, "-m", "mavlink_defs.runtime.run_with_dialect", *arguments],
         capture_output=True,
         text=True,
-        timeout=60.0,
+        timeout=300.0,
         stdin=subprocess.DEVNULL,
         check=False,
     )

@@ -1,4 +1,4 @@
-"""What QGroundControl asks of a vehicle at connect, in its order; every request has an answer.
+"""QGroundControl's requests to a vehicle at connect, in its order; every one has an answer.
 
 QGroundControl cannot be installed here. Requests and their fields follow its source, master of
 2025: `InitialConnectStateMachine.cc` (its states in order), `StandardModes.cc`,
@@ -21,6 +21,7 @@ from mavlink_defs.profile import segments_to_items
 pytestmark = pytest.mark.sitl
 
 UAV, AUTOPILOT = 2, 1
+TIMEOUT_S = 60.0
 ACCEPTED, UNSUPPORTED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_UNSUPPORTED
 REQUEST, SET_INTERVAL = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL
 
@@ -39,8 +40,7 @@ class QGroundControl:
         self._socket.settimeout(0.5)
         self._speaker = FramePacker(255, 190)
         self._peer: Any = None
-        while self._peer is None:
-            self.hear()
+        self.wait_for("HEARTBEAT")
 
     def close(self) -> None:
         self._socket.close()
@@ -60,8 +60,8 @@ class QGroundControl:
         self._peer = peer
         return message
 
-    def wait_for(self, name: str, timeout_s: float = 5.0, **fields: Any) -> Any:
-        end = time.monotonic() + timeout_s
+    def wait_for(self, name: str, **fields: Any) -> Any:
+        end = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end:
             message = self.hear()
             if message is None or message.get_type() != name:
@@ -79,7 +79,7 @@ class QGroundControl:
         """REQUEST_MESSAGE as Vehicle::requestMessage does it: message and ACK in any order."""
         seven = (number, *params, *[0.0] * 7)[:7]
         self.send(dialect.MAVLink_command_long_message(UAV, AUTOPILOT, REQUEST, 0, *seven))
-        end, answer, result = time.monotonic() + 5.0, None, None
+        end, answer, result = time.monotonic() + TIMEOUT_S, None, None
         while (answer is None or result is None) and time.monotonic() < end:
             message = self.hear()
             if message is not None and message.get_type() == name:

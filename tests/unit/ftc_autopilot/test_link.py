@@ -1,119 +1,27 @@
-"""The autopilot's hot path over real loopback sockets, one state at a time."""
+"""The autopilot's link to the plant over real loopback sockets, one state at a time."""
 
-import itertools
 import math
-import socket
 import time
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from link_bench import LOCKSTEP, UAV, Rig
 
-from ftc_autopilot import formation_link, link
+from ftc_autopilot import link
 from ftc_autopilot.control.controller import restart_law
-from ftc_autopilot.control.controllers import new_controllers, reset_controllers
-from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.link import FORMATION, new_link, reset_link, run
+from ftc_autopilot.control.controllers import reset_controllers
+from ftc_autopilot.link import SIMULATOR, reset_link
 from gcs.scenario.model import Scenario
+from mavlink_defs import dialect
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOCKSTEP,
     FTC_SIM_FLAGS_RUNNING,
 )
-from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.frames import FramePacker
 from mavlink_defs.framing.hot_link import Outcome
-
-UAV, NEIGHBOUR = 2, 1  # follower 1 has one neighbour, the leader
-LOCKSTEP = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
-NOTHING_APPLIED = 2**64 - 1
-TIMEOUT_STEPS = 250
-
-
-class Rig:
-    """One autopilot's link between a plant and a neighbour that the test plays."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        self.plant, self.neighbour, self.own, self.formation = (
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(4)
-        )
-        for sock in (self.plant, self.neighbour, self.own, self.formation):
-            sock.bind(("127.0.0.1", 0))
-        self.own.connect(self.plant.getsockname())
-        set_receive_timeout(self.own, 0.05)
-        set_receive_timeout(self.formation, 0.005)
-        self.plant.setblocking(False)
-        self.neighbour.setblocking(False)
-        address = "{}:{}".format(*self.neighbour.getsockname())
-        config = scenario.autopilot_config(UAV)
-        others = tuple(n.model_copy(update={"address": address}) for n in config.neighbours)
-        self.controllers = new_controllers([config])
-        self.controllers.profiles[0] = profile_record(scenario.segments())
-        for key, value in (("active", 1), ("auto", 1), ("start_step", 0)):
-            self.controllers.guidance[0][key] = value
-        self.link = new_link(UAV, others, 1000, TIMEOUT_STEPS / 1000, 0)
-
-    def close(self) -> None:
-        for sock in (self.plant, self.neighbour, self.own, self.formation):
-            sock.close()
-
-    def state(
-        self, step: int, flags: int = LOCKSTEP, applied_usec: int | None = None, run: int = 7
-    ) -> Outcome:
-        """Send a state; by default the plant has applied all that it was sent."""
-        flown = self.controllers.states[0]["steps"] > 0
-        sent = int(self.controllers.actuators[0]["time_usec"]) if flown else -1
-        state = np.zeros(1, codec.SIM_STATE)
-        state["step"], state["time_usec"], state["flags"] = step, step * 1000, flags
-        state["run"] = run
-        state["velocity"], state["attitude"] = (40.0, 0.0, 0.5), (0.0, math.radians(1.0), 0.0)
-        applied = sent if applied_usec is None else applied_usec
-        state["actuator_time_usec"] = NOTHING_APPLIED if applied < 0 else applied
-        datagram = codec.new_buffer()
-        length = codec.pack(datagram, state, codec.MessageId.SIM_STATE, UAV, 25, step)
-        self.plant.sendto(datagram[:length].tobytes(), self.own.getsockname())
-        return self.run()
-
-    def run(self) -> Outcome:
-        fds = self.own.fileno(), self.formation.fileno()
-        return run(*fds, self.link, self.controllers, time.monotonic(), 2**62)
-
-    def no_more_events(self) -> None:
-        thresholds = self.controllers.parameters["trigger"]
-        thresholds["a2_n"] = thresholds["b2_rad"] = 1e9
-
-    def send_neighbour_state(
-        self,
-        step: int,
-        airspeed: float = 41.0,
-        system: int = NEIGHBOUR,
-        sock: socket.socket | None = None,
-    ) -> None:
-        payload = np.zeros(1, codec.NEIGHBOUR)
-        payload["step"], payload["airspeed"] = step, airspeed
-        datagram = codec.new_buffer()
-        length = codec.pack(datagram, payload, codec.MessageId.NEIGHBOUR, system, 1, step)
-        sock = sock or self.neighbour
-        sock.sendto(datagram[:length].tobytes(), self.formation.getsockname())
-
-    def heard(self, sock: socket.socket) -> list[int]:
-        """Ids of the hot messages that have arrived."""
-        ids: list[int] = []
-        datagram = codec.new_buffer()
-        while True:
-            try:
-                length = sock.recv_into(datagram.data)
-            except BlockingIOError:
-                return ids
-            ids.append(codec.check(datagram, length))
-
-
-@pytest.fixture
-def rig(scenario1: Scenario) -> Iterator[Rig]:
-    rig = Rig(scenario1)
-    yield rig
-    rig.close()
 
 
 def test_a_lockstep_step_is_answered_with_actuators_then_step_done(rig: Rig) -> None:
@@ -135,12 +43,15 @@ def test_a_frozen_aircraft_sends_the_plant_nothing(rig: Rig) -> None:
 
 
 def test_without_an_event_only_step_done_is_sent(rig: Rig) -> None:
-    silent = 0
-    for step in range(200):
+    rig.send_neighbour_state(0)
+    rig.state(0)
+    rig.no_more_events()
+    rig.heard(rig.plant)
+    for step in range(1, 200):
         rig.send_neighbour_state(step)
         rig.state(step)
-        silent += rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
-    assert silent > 0
+        assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
+    assert rig.controllers.states[0]["events"].tolist() == [1, 1, 1, 1]
 
 
 def test_the_same_state_again_is_answered_but_not_worked_on_again(rig: Rig) -> None:
@@ -297,64 +208,37 @@ def test_after_a_reset_nothing_is_left_of_the_flight(scenario1: Scenario, rig: R
     fresh.close()
 
 
-def test_a_step_uses_states_of_the_step_before_even_if_newer_ones_have_arrived(rig: Rig) -> None:
-    for step in range(3):
-        rig.send_neighbour_state(step, airspeed=40.0 + step)
-    rig.state(0)
-    assert rig.controllers.neighbour_states[0, 0]["step"] == 0
-    rig.state(1)
-    assert rig.controllers.neighbour_states[0, 0]["step"] == 0
-    rig.state(2)
-    assert rig.controllers.neighbour_states[0, 0]["step"] == 1
-    assert rig.controllers.neighbour_states[0, 0]["airspeed"] == 41.0
+_FALSE_CRC = b"\xfd" + bytes(6) + codec.MessageId.STEP_DONE.to_bytes(3, "little") + b"no"
 
 
-def test_a_silent_neighbour_is_dropped_and_restored(rig: Rig) -> None:
-    rig.send_neighbour_state(0)
-    for step in range(TIMEOUT_STEPS + 1):
-        rig.state(step, FTC_SIM_FLAGS_RUNNING)
-    assert rig.controllers.weights[0, 0] == 1.0
-    rig.state(TIMEOUT_STEPS + 1, FTC_SIM_FLAGS_RUNNING)
-    assert rig.controllers.weights[0, 0] == 0.0
-    assert rig.link.formation.state[0]["edge_changes"] == 1
-    rig.send_neighbour_state(TIMEOUT_STEPS + 1)
-    rig.state(TIMEOUT_STEPS + 2, FTC_SIM_FLAGS_RUNNING)
-    assert rig.controllers.weights[0, 0] == 1.0
-    assert rig.link.formation.state[0]["edge_changes"] == 2
-
-
-def test_a_neighbour_state_from_another_address_is_dropped_and_counted(rig: Rig) -> None:
-    rig.send_neighbour_state(0, sock=rig.plant)
-    rig.state(0, FTC_SIM_FLAGS_RUNNING)
-    assert rig.link.drops[FORMATION, -DropReason.STRANGER] == 1
-    assert rig.controllers.weights[0, 0] == 0.0
-    rig.send_neighbour_state(0)
-    rig.state(1, FTC_SIM_FLAGS_RUNNING)
-    assert rig.controllers.weights[0, 0] == 1.0
-
-
-def test_a_state_of_a_far_later_step_is_not_kept_as_pending(rig: Rig) -> None:
-    """As they lie in the socket when the plant, and so the count of steps, was started again."""
-    rig.send_neighbour_state(1)
-    rig.send_neighbour_state(25_000)
-    rig.state(0, FTC_SIM_FLAGS_RUNNING)
-    assert rig.link.drops[FORMATION, -DropReason.OUT_OF_RANGE] == 1
-    assert rig.link.formation.pending_step[0] == 1
-
-
-def test_states_of_strangers_and_states_that_are_not_finite_are_ignored(rig: Rig) -> None:
-    rig.send_neighbour_state(0, system=77)
-    rig.send_neighbour_state(0, airspeed=math.nan)
-    rig.state(0, FTC_SIM_FLAGS_RUNNING)
-    assert rig.controllers.weights[0, 0] == 0.0
-
-
-def test_noise_changes_nothing_and_is_counted(rig: Rig) -> None:
-    for noise in (b"", b"noise", bytes(300), b"\xfd" + bytes(11)):
-        rig.plant.sendto(noise, rig.own.getsockname())
-        assert rig.run() in {Outcome.TICK, Outcome.SERVICE}
+@pytest.mark.parametrize(
+    ("noise", "reason"),
+    [
+        (b"", DropReason.TRUNCATED),
+        (b"noise", DropReason.BAD_MAGIC),
+        (bytes(300), DropReason.BAD_MAGIC),
+        (b"\xfd" + bytes(10), DropReason.TRUNCATED),
+        (
+            b"\xfd" + bytes(6) + codec.MessageId.STEP_DONE.to_bytes(3, "little") + b"no",
+            DropReason.BAD_CRC,
+        ),
+    ],
+)
+def test_noise_changes_nothing_and_is_counted(rig: Rig, noise: bytes, reason: DropReason) -> None:
+    rig.plant.sendto(noise, rig.own.getsockname())
+    assert rig.run() == Outcome.TICK
     assert rig.link.state[0]["step"] == -1
-    assert rig.link.drops.sum() >= 3
+    expected = np.zeros_like(rig.link.drops)
+    expected[SIMULATOR, -reason] = 1
+    assert rig.link.drops.tolist() == expected.tolist()
+
+
+def test_a_frame_that_only_python_parses_asks_for_service(rig: Rig) -> None:
+    heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
+    rig.plant.sendto(FramePacker(UAV, 1).pack(heartbeat), rig.own.getsockname())
+    assert rig.run() == Outcome.SERVICE
+    assert rig.link.state[0]["step"] == -1
+    assert not rig.link.drops.any()
 
 
 def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:
@@ -375,42 +259,3 @@ def test_disarmed_in_flight_thrust_goes_to_zero_once(rig: Rig) -> None:
     rig.send_neighbour_state(2)
     rig.state(2)
     assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
-
-
-def test_lockstep_uses_its_only_neighbour_again_after_a_lost_state(rig: Rig) -> None:
-    rig.send_neighbour_state(0)
-    rig.state(0)
-    rig.state(1)
-    rig.state(2)  # the state of step 1 is lost
-    assert rig.link.formation.misses[0] == 1  # waited for in vain
-    rig.send_neighbour_state(2)
-    rig.state(3)
-    assert rig.controllers.neighbour_states[0, 0]["step"] == 2
-
-
-def test_a_state_in_the_socket_is_taken_even_if_the_process_is_late(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A busy machine may let more time pass between two lines than the wait takes."""
-    rig.send_neighbour_state(0)
-    rig.state(0)
-    for step in (0, 1):
-        rig.send_neighbour_state(step)
-    seconds = itertools.count()
-    monkeypatch.setattr(formation_link, "monotonic_s", lambda: next(seconds))
-    compiled = formation_link.collect_neighbour_states
-    collect = getattr(compiled, "py_func", compiled)
-    collect(rig.formation.fileno(), rig.link.formation, rig.controllers, 2, True)
-    assert rig.controllers.neighbour_states[0, 0]["step"] == 1
-    assert rig.link.formation.misses[0] == 0
-
-
-def test_lockstep_stops_waiting_but_hears_a_neighbour_that_is_back(rig: Rig) -> None:
-    rig.send_neighbour_state(0)
-    for step in range(TIMEOUT_STEPS + 2):
-        rig.state(step)
-    assert rig.link.formation.misses[0] == 5  # steps that waited, of more than 250
-    assert rig.controllers.weights[0, 0] == 0.0
-    rig.send_neighbour_state(TIMEOUT_STEPS + 1)
-    rig.state(TIMEOUT_STEPS + 2)
-    assert rig.controllers.weights[0, 0] == 1.0

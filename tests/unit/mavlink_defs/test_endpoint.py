@@ -107,7 +107,7 @@ def test_connected_sockets_hear_their_peer_only() -> None:
         bind_udp(ANY_PORT, "other") as other,
         connect_udp(UdpAddress(*peer.getsockname())) as sock,
     ):
-        set_receive_timeout(sock, 5.0)
+        set_receive_timeout(sock, 60.0)
         other.sendto(b"other", sock.getsockname())
         peer.sendto(b"peer", sock.getsockname())
         assert sock.recv(10) == b"peer"
@@ -119,8 +119,8 @@ def test_a_socket_for_peers_of_this_machine_is_reached_from_this_machine_only(ho
         address = UdpAddress(host, peer.getsockname()[1])
         destination = (resolve(address).host, address.port)
         with open_udp([address, UdpAddress("127.0.0.1", 9)]) as sock:
-            peer.settimeout(5.0)
-            sock.settimeout(5.0)
+            peer.settimeout(60.0)
+            sock.settimeout(60.0)
             assert sock.getsockname()[0] == "127.0.0.1"
             sock.sendto(b"?", destination)
             datagram, sender = peer.recvfrom(10)
@@ -136,13 +136,13 @@ def test_a_socket_for_peers_that_cannot_be_found_is_refused() -> None:
 
 def test_receive_timeout_undoes_pythons_own() -> None:
     with bind_udp(ANY_PORT, "test") as sock:
-        sock.settimeout(60.0)
+        sock.settimeout(120.0)
         set_receive_timeout(sock, 0.01)
         assert sock.getblocking()
         start = time.monotonic()
         with pytest.raises(BlockingIOError):
             sock.recv(1)
-        assert time.monotonic() - start < 2.0
+        assert time.monotonic() - start < 60.0
         set_receive_timeout(sock, 1e-9)  # not 0, which would wait for ever
         with pytest.raises(BlockingIOError):
             sock.recv(1)

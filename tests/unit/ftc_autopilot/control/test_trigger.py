@@ -85,7 +85,7 @@ def test_what_was_just_sent_does_not_fire_again(
 def test_an_event_is_a_change_of_the_value_on_the_wire(
     mode: int, commands: list[tuple[float, float, float, float]], nominal: np.void
 ) -> None:
-    """What lets any sniffer count events: per channel exactly, jointly for the group."""
+    """Any sniffer can count events: per channel exactly, jointly for the group."""
     held, controls = new_actuators()
     for k, (da, de, dr, T) in enumerate(commands):
         before = controls.copy()

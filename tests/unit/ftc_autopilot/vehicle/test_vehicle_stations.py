@@ -1,4 +1,4 @@
-"""What a vehicle tells which ground station."""
+"""A vehicle's messages to each of its ground stations."""
 
 from vehicle_bench import ACCEPTED, UAV, Bench, of_type
 

@@ -1,4 +1,4 @@
-"""What the commands refuse before they talk to any vehicle, and what their help holds."""
+"""Bad input that commands refuse before they talk to any vehicle, and their help."""
 
 import os
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ RUDDER = ("fault", "set", "rudder", "--effectiveness", "0.5", *NOWHERE)
 
 
 def complaint(*arguments: str) -> str:
-    """What a command says about bad input, ours or typer's, with exit status 2."""
+    """Return the message about bad input, ours or typer's, with exit status 2."""
     result = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, arguments)
     assert result.stdout == ""
     if isinstance(result.exception, BadInput | ConfigError):

@@ -1,4 +1,4 @@
-"""How `gcs sweep` ends."""
+"""The exit status of `gcs sweep`."""
 
 from pathlib import Path
 from typing import Any

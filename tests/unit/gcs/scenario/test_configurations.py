@@ -9,7 +9,8 @@ from scenario_edits import DELETE, edit
 from ftc_autopilot.config import AutopilotConfig, Trigger
 from ftc_autopilot.control.laws.proposed import Proposed
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs.config.models import ConfigError, Model, dump, load
+from mavlink_defs.config.files import dump, load
+from mavlink_defs.config.models import ConfigError, Model
 from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 from sitl_plant.config import PlantConfig

@@ -23,7 +23,7 @@ from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission_server import MissionServer
 
 REAL, INT = dialect.MAV_PARAM_TYPE_REAL32, dialect.MAV_PARAM_TYPE_INT32
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 class FakeVehicle(asyncio.DatagramProtocol):
@@ -223,6 +223,18 @@ def test_private_messages_are_not_asked_for_without_need_nor_of_who_has_none() -
         async with connected(private=True) as (client, vehicle, _):
             await client.wait_for([7], PATIENCE_S)
             assert not vehicle.state.offers_private
+
+    run(test)
+
+
+def test_a_client_catches_up_with_all_that_has_arrived() -> None:
+    async def test() -> None:
+        async with connected() as (client, vehicle, fake):
+            begin = vehicle.state.texts_heard
+            for i in range(100):
+                fake.say(*text_chunks(dialect.MAV_SEVERITY_INFO, f"text {i}", i))
+            await client.catch_up(PATIENCE_S)
+            assert vehicle.state.texts_heard - begin == 100
 
     run(test)
 

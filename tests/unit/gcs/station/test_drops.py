@@ -1,4 +1,4 @@
-"""What was dropped, as `gcs status` tells it, and what invalid frames cannot do to a hub."""
+"""Dropped datagrams, as `gcs status` shows them; invalid frames do not disturb a hub."""
 
 from collections import Counter
 

@@ -62,7 +62,7 @@ class Log:
             *self._overheard.receive(message, 0.0),
         ):
             self.fault_history.receive(notifications, 0.0)
-        self.fault_history.observe(self.state, 0.0)
+        self.fault_history.update(self.state, 0.0)
 
     def tell_time(self, time_s: float) -> None:
         zeros = [0.0] * 4
@@ -103,7 +103,7 @@ def listing(faults: Sequence[Fault]) -> list[MAVLink_message]:
 
 
 def listed_live(faults: Sequence[Fault]) -> tuple[Fault, ...]:
-    """What a station that asks the vehicle is told."""
+    """Return the answers to a station that asks the vehicle."""
     lister, server = FaultLister(STATION, VEHICLE), CommandServer(VEHICLE)
     lister.start(0.0)
     for message in lister.messages_to_send():

@@ -1,4 +1,4 @@
-"""What a ground station makes of a vehicle's messages, with time passed in."""
+"""The state of a vehicle from its messages, with time passed in."""
 
 import json
 import math

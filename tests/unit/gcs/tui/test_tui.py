@@ -1,80 +1,31 @@
-"""What the dashboard knows and says, without a fleet and mostly without a screen."""
+"""The data behind the dashboard, without a fleet and without a screen."""
 
-import asyncio
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from textual.pilot import Pilot
-from textual.widgets import Input
-from waiting import until
+from tui_bench import OWN, Station, live, playback
 
 from gcs.commands.log import log
-from gcs.errors import BadInput, CommandRefused, NoAnswer
+from gcs.errors import BadInput
 from gcs.scenario.model import Scenario
 from gcs.scenario.profile_file import load_profile
-from gcs.station.fleet_state import FleetState
 from gcs.station.notifications import INFO, Notification
 from gcs.station.vehicle_state import VehicleState
-from gcs.tui.app import Dashboard
 from gcs.tui.event_log import EventLog
 from gcs.tui.fault_form import read_fault
 from gcs.tui.fault_history import FaultHistory
 from gcs.tui.formatting import count, number, percent, seconds, sparkline
-from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.playback import Playback
 from gcs.tui.profile_views import differences, polyline
-from gcs.tui.view import SILENT_S, FleetView, LiveSource
+from gcs.tui.view import SILENT_S, FleetView
 from mavlink_defs import dialect
-from mavlink_defs.capture.tlog import read_frames
 from mavlink_defs.faults import Fault
 from mavlink_defs.services.machine import SystemId
-from mavlink_defs.services.param import Param
 
-DATA = Path(__file__).parents[3] / "data" / "dashboard"
 SCENARIO_1 = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
-OWN = (255, 77)
 RUDDER = Fault(2, 0.5, 0.0, 0.0, 10.0, 20.0)
-
-
-def heartbeat(system: int, armed: bool = False) -> Any:
-    flag = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
-    message = dialect.MAVLink_heartbeat_message(1, 3, flag | 1, 12, dialect.MAV_STATE_STANDBY, 3)
-    return sent(message, system)
-
-
-def sent(message: Any, system: int) -> Any:
-    message.get_srcSystem = lambda: system
-    message.get_srcComponent = lambda: 1
-    return message
-
-
-class Station:
-    """A client without a link; vehicles do what `act` says."""
-
-    def __init__(self, *systems: int) -> None:
-        self.fleet, self.time_s = FleetState(), 100.0
-        self.vehicles: dict[int, Any] = {}
-        for system in systems:
-            self.receive(system)
-
-    def receive(self, system: int) -> None:
-        self.fleet.receive(heartbeat(system), self.time_s)
-
-    def now(self) -> float:
-        return self.time_s
-
-    def vehicle(self, system: int) -> Any:
-        return self.vehicles[system]
-
-
-def live(station: Station) -> LiveSource:
-    source = LiveSource("test", 1.0e9, OWN)
-    source.attach(station)
-    return source
 
 
 # words
@@ -154,7 +105,7 @@ def test_a_form_that_cannot_be_sent_says_why(
 # event_log and fault_history
 
 
-def test_a_journal_keeps_the_latest() -> None:
+def test_the_event_log_keeps_the_latest() -> None:
     event_log = EventLog()
     for i in range(5010):
         event_log.receive(Notification(0.0, 1, "text", INFO, str(i)), 0.0, None)
@@ -168,12 +119,12 @@ def ack(command: int, asker: tuple[int, int] = OWN) -> Notification:
     return Notification(0.0, 3, "ack", INFO, "", message)
 
 
-def test_a_ledger_knows_who_acknowledged_what_and_when() -> None:
+def test_the_fault_history_knows_who_acknowledged_what_and_when() -> None:
     fault_history, state = FaultHistory(OWN), VehicleState(SystemId(3, 1), 0.0)
     fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_FAULT), 50.0)
     state.faults = (RUDDER,)
-    fault_history.observe(state, 51.0)
-    fault_history.observe(state, 52.0)
+    fault_history.update(state, 51.0)
+    fault_history.update(state, 52.0)
     (record,) = fault_history.records
     assert record.acknowledged is not None
     assert (record.acknowledged.at, record.acknowledged.asked_by) == (50.0, "this station")
@@ -187,7 +138,7 @@ def test_a_ledger_knows_who_acknowledged_what_and_when() -> None:
 
     fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_FAULT, (255, 190)), 60.0)
     state.faults = (replace(RUDDER, effectiveness=0.1),)
-    fault_history.observe(state, 61.0)
+    fault_history.update(state, 61.0)
     assert record.phase(15.0) == "replaced"
     assert fault_history.last is not None
     assert fault_history.last.acknowledged is not None
@@ -195,7 +146,7 @@ def test_a_ledger_knows_who_acknowledged_what_and_when() -> None:
 
     fault_history.receive(ack(dialect.MAV_CMD_FTC_CLEAR_FAULTS), 70.0)
     state.faults = ()
-    fault_history.observe(state, 71.0)
+    fault_history.update(state, 71.0)
     assert (fault_history.last.gone, fault_history.last.gone_at) == ("cleared", 71.0)
     assert fault_history.last.cleared is not None
 
@@ -203,10 +154,10 @@ def test_a_ledger_knows_who_acknowledged_what_and_when() -> None:
 def test_a_restarted_vehicle_has_lost_its_faults() -> None:
     fault_history, state = FaultHistory(OWN), VehicleState(SystemId(3, 1), 0.0)
     state.faults = (RUDDER,)
-    fault_history.observe(state, 1.0)
+    fault_history.update(state, 1.0)
     assert fault_history.records[0].acknowledged is None
     state.restarts, state.faults = 1, None
-    fault_history.observe(state, 2.0)
+    fault_history.update(state, 2.0)
     assert fault_history.records[0].phase(15.0) == "restarted"
 
 
@@ -216,8 +167,8 @@ def test_a_restarted_vehicle_has_lost_its_faults() -> None:
 def test_a_view_says_whether_anything_is_new() -> None:
     station = Station(1, 2)
     view = FleetView(live(station))
-    assert view.look()
-    assert not view.look()
+    assert view.update()
+    assert not view.update()
     assert view.selected == 1
     view.select_next(-1)
     assert view.selected == 2
@@ -226,7 +177,7 @@ def test_a_view_says_whether_anything_is_new() -> None:
     assert list(view.targets) == [1, 2]
     station.time_s += SILENT_S
     station.receive(1)
-    assert view.look()
+    assert view.update()
     silent = {state.system for state in view.states if view.is_silent(state)}
     assert silent == {2}
 
@@ -248,10 +199,6 @@ def test_corners_and_differences_of_profiles(scenario1: Scenario) -> None:
 
 
 # logs
-
-
-def playback(clock: Callable[[], float] = lambda: 0.0) -> Playback:
-    return Playback("log", list(read_frames(DATA / "flight.tlog")), clock)
 
 
 def go(player: Playback, position_s: float) -> None:
@@ -314,155 +261,3 @@ def test_a_file_that_is_no_log_is_refused(
 def test_a_log_cannot_be_asked() -> None:
     with pytest.raises(KeyError):
         playback().vehicle(1)
-
-
-# on a screen
-
-
-def at_screen(
-    source: Any, work: Callable[[Dashboard, Pilot[None]], Any], size: tuple[int, int] = (100, 30)
-) -> None:
-    async def run() -> None:
-        app = Dashboard(source)
-        async with app.run_test(size=size) as pilot:
-            await pilot.pause()
-            await work(app, pilot)
-
-    asyncio.run(run())
-
-
-def test_an_empty_fleet_says_what_to_do() -> None:
-    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        assert "gcs up" in app.export_screenshot().replace("&#160;", " ")
-        for key in (*"123456", "r", "C", "enter", "a", "s"):
-            await pilot.press(key)
-        await pilot.pause()
-        assert app.defect is None
-
-    at_screen(live(Station()), work)
-
-
-class Obstinate:
-    """A vehicle with parameters that answers as it is told."""
-
-    system = 1
-
-    def __init__(self) -> None:
-        self.params = (Param("TRG_B1", 0.01, 9), Param("CTL_CV", 10.0, 9))
-        self.refuses = False
-
-    async def list_params(self) -> tuple[Param, ...]:
-        return self.params
-
-    async def set_param(self, name: str, value: float) -> Param:
-        if self.refuses:
-            raise CommandRefused(f"UAV 1 refused {name} = {value:g} (READ_ONLY)", 3)
-        return Param(name, value, 9)
-
-    async def arm(self) -> None:
-        raise NoAnswer("UAV 1 did not answer MAV_CMD_COMPONENT_ARM_DISARM")
-
-
-def test_parameters_are_searched_and_set_after_a_question() -> None:
-    station, vehicle = Station(1), Obstinate()
-    station.vehicles[1] = vehicle
-
-    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        entries = app.view.source.event_log.entries
-        await pilot.press("5")
-        grid = app.query_one("#params", Grid)
-        await until(pilot, lambda: "TRG_B1" in grid.text)
-        assert grid.text.splitlines()[0].split()[:2] == ["TRG_B1", "0.01"]
-        await pilot.press("slash", *"cv", "enter")
-        assert len(grid.rows) == 1
-        app.query_one("#param-search", Input).value = ""
-        await pilot.press("home", "enter", *"0.02", "enter")
-        await pilot.pause()
-        assert "from 0.01 to 0.02" in app.export_screenshot().replace("&#160;", " ")
-        await pilot.press("enter")
-        await until(pilot, lambda: entries[-1].text == "TRG_B1 is 0.02")
-        await until(pilot, lambda: "TRG_B1 0.02" in grid.text)
-        vehicle.refuses = True
-        await pilot.press("enter", *"7", "enter", "enter")
-        refused = "UAV 1 refused TRG_B1 = 7 (READ_ONLY)"
-        await until(pilot, lambda: entries[-1].text == refused)
-        await pilot.press("enter", *"x", "enter")
-        assert "TRG_B1 0.02" in grid.text
-
-    at_screen(live(station), work)
-
-
-def test_every_failure_is_told() -> None:
-    station = Station(1, 2)
-    station.vehicles[1] = Obstinate()
-
-    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        entries = app.view.source.event_log.entries
-        await pilot.press("asterisk", "a", "enter")
-
-        def texts() -> dict[int, str]:
-            return {entry.system: entry.text for entry in entries if entry.kind == "action"}
-
-        await until(pilot, lambda: texts().keys() >= {1, 2})
-        assert "did not answer" in texts()[1]
-        assert "has not been heard of" in texts()[2]
-
-    at_screen(live(station), work)
-
-
-def test_the_palette_and_the_help_know_the_actions() -> None:
-    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        titles = {command.title for command in app.get_system_commands(app.screen)}
-        assert {"Arm", "Disarm", "Repeat fault", "Clear all faults", "Quit"} <= titles
-        await pilot.press("question_mark")
-        await pilot.pause()
-        help_text = app.export_screenshot().replace("&#160;", " ")
-        assert "Arm the marked UAVs" in help_text
-        await pilot.press("escape", "t")
-        assert app.theme == "ftc-light"
-
-    at_screen(live(Station(1)), work, (120, 60))
-
-
-def test_in_a_log_nothing_can_be_done() -> None:
-    player = playback()
-
-    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        for key in ("a", "s", "x", "m", "r", "C"):
-            await pilot.press(key)
-            assert len(app.screen_stack) == 1
-        titles = {command.title for command in app.get_system_commands(app.screen)}
-        assert "Arm" not in titles
-        await pilot.press("k", "l", "greater_than_sign")
-        assert player.speed == 2.0
-        assert not player.playing
-
-    at_screen(player, work)
-
-
-def test_a_grid_keeps_its_cursor_on_what_it_stands_for() -> None:
-    columns = (Column("name", 8, "left"), Column("value", 0))
-
-    def rows(*names: str) -> list[Row]:
-        return [Row(name, ((name, ""), ("1", "good"))) for name in names]
-
-    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        grid = Grid()
-        await app.screen.mount(grid)
-        grid.show(columns, rows("a", "b", "c"))
-        grid.focus()
-        await pilot.press("down")
-        assert grid.key == "b"
-        grid.show(columns, rows("0", "a", "b", "c"))
-        assert grid.key == "b"
-        grid.show(columns, rows("a"))
-        assert grid.key == "a"
-        grid.show(columns, [])
-        assert grid.key is None
-        grid.show(columns, rows(*map(str, range(100))))
-        await pilot.press("end")
-        assert grid.key == "99"
-        await pilot.press("pageup", "home", "up")
-        assert grid.key == "0"
-
-    at_screen(live(Station()), work)

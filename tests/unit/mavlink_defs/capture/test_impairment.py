@@ -150,7 +150,7 @@ def test_more_loss_loses_the_same_and_more() -> None:
 
 
 def test_the_fate_of_a_message_does_not_depend_on_its_number_or_what_came_before() -> None:
-    """What makes lossy lockstep flights repeatable: their start takes any number of messages."""
+    """Lossy lockstep flights are repeatable, though their start takes any number of messages."""
     message = dialect.MAVLink_ftc_step_done_message
 
     def lost(heartbeats: int) -> list[bool]:

@@ -55,7 +55,7 @@ def test_mavlogdump_reads_it(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=True,
-        timeout=60,
+        timeout=300,
     )
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     kinds = [line["meta"]["type"] for line in lines]

@@ -42,7 +42,7 @@ def at(tree: Any, way: tuple[Any, ...]) -> Any:
 
 
 def clash(a: Any, b: Any) -> bool:
-    """Tell whether a mapping stands in one where something else stands in the other."""
+    """Return whether one has a mapping where the other has something else."""
     if isinstance(a, dict) and isinstance(b, dict):
         return any(clash(a[key], b[key]) for key in a.keys() & b.keys())
     return isinstance(a, dict) or isinstance(b, dict)

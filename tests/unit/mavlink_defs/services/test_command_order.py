@@ -4,7 +4,14 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from command_messages import ACCEPTED, ARM, QUESTIONS, SET_FAULT, int_, long
+from command_messages import (
+    ACCEPTED,
+    ARM,
+    QUESTIONS,
+    SET_FAULT,
+    int_,
+    long,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_GCS, VEHICLE, LossyNetwork

@@ -1,3 +1,5 @@
+"""The vehicle's end of the command protocol, message by message."""
+
 from collections.abc import Callable
 
 import pytest
@@ -19,16 +21,16 @@ from lossy_network import (
     OTHER_VEHICLE,
     VEHICLE,
     over_the_wire,
+    sent_by,
 )
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import (
+    MAVLink_command_ack_message,
     MAVLink_command_long_message,
     MAVLink_message,
 )
-from mavlink_defs.services.command import (
-    CommandMessage,
-)
+from mavlink_defs.services.command import CommandMessage
 from mavlink_defs.services.command_server import (
     CONFIRMED_WINDOW_S,
     LATE_S,
@@ -56,14 +58,17 @@ class Vehicle:
         return self.server.events()
 
     def executes(self, message: CommandMessage, now: float, source: SystemId = GCS) -> bool:
-        """Accept every command at once; tell whether `message` was executed."""
+        """Accept every command at once; return whether `message` was executed."""
         events = self.gets(message, now, source)
         for event in events:
             self.server.finish(event.token, ACCEPTED, now=now)
-        (answer,) = self.server.messages_to_send()
+        (answer,) = sent_by(self.server, MAVLink_command_ack_message)
         assert (answer.command, answer.result) == (message.command, ACCEPTED)
         assert (answer.target_system, answer.target_component) == source
         return bool(events)
+
+    def results(self) -> list[int]:
+        return [ack.result for ack in sent_by(self.server, MAVLink_command_ack_message)]
 
 
 class TestServer:
@@ -172,7 +177,7 @@ class TestServer:
         assert (event.sender, event.message.command) == (GCS, ARM)
         assert vehicle.server.messages_to_send() == []
         assert vehicle.gets(long(), now=PENDING_TIMEOUT_S - 1.0) == []
-        (answer,) = vehicle.server.messages_to_send()
+        (answer,) = sent_by(vehicle.server, MAVLink_command_ack_message)
         assert (answer.result, answer.progress) == (IN_PROGRESS, 255)
 
     def test_progress_is_passed_on_and_gives_more_time(self) -> None:
@@ -182,7 +187,7 @@ class TestServer:
         assert vehicle.server.deadline() == 5.0 + PENDING_TIMEOUT_S
         vehicle.gets(long(confirmation=1), now=6.0)
         vehicle.server.finish(event.token, ACCEPTED, now=7.0, result_param2=-3)
-        answers = vehicle.server.messages_to_send()
+        answers = sent_by(vehicle.server, MAVLink_command_ack_message)
         assert [(a.result, a.progress) for a in answers] == [
             (IN_PROGRESS, 30),
             (IN_PROGRESS, 30),
@@ -198,9 +203,9 @@ class TestServer:
         assert vehicle.server.messages_to_send() == []
         vehicle.server.handle_timer(PENDING_TIMEOUT_S)
         vehicle.server.finish(event.token, ACCEPTED, now=PENDING_TIMEOUT_S + 0.1)
-        assert [m.result for m in vehicle.server.messages_to_send()] == [FAILED]
+        assert vehicle.results() == [FAILED]
         assert vehicle.gets(long(confirmation=9), now=PENDING_TIMEOUT_S + 0.2) == []
-        assert [m.result for m in vehicle.server.messages_to_send()] == [FAILED]
+        assert vehicle.results() == [FAILED]
 
     @pytest.mark.parametrize("target", [SystemId(0, 0), SystemId(1, 0), SystemId(0, 1), VEHICLE])
     def test_addressed_to_us(self, target: SystemId) -> None:
@@ -220,7 +225,7 @@ class TestServer:
         for i in range(MAX_PENDING):
             assert vehicle.gets(long(float(i)), now=0.0)
         assert vehicle.gets(long(-1.0), now=0.0) == []
-        (answer,) = vehicle.server.messages_to_send()
+        (answer,) = sent_by(vehicle.server, MAVLink_command_ack_message)
         assert answer.result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
 
     def test_memory_is_bounded_and_pending_ones_are_kept(self) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lossy_network import GCS, VEHICLE, LossyNetwork, over_the_wire
+from lossy_network import GCS, VEHICLE, LossyNetwork, over_the_wire, sent_by
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
@@ -90,7 +90,7 @@ def test_acknowledgements_without_faults_are_given_up() -> None:
     while (at := lister.deadline()) is not None:
         now = max(now + 0.01, at)
         lister.handle_timer(now)
-        for request in lister.messages_to_send():
+        for request in sent_by(lister, dialect.MAVLink_command_long_message):
             requests += request.confirmation == 0
             answers += 1
             ack = dialect.MAVLink_command_ack_message(

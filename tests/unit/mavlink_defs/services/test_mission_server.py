@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lossy_network import GCS, OTHER_GCS, OTHER_VEHICLE, VEHICLE, over_the_wire
+from lossy_network import GCS, OTHER_GCS, OTHER_VEHICLE, VEHICLE, over_the_wire, sent_by
 from mission_bench import (
     ACCEPTED,
     ALL,
@@ -272,7 +272,8 @@ class TestServerDownload:
         vehicle.sent()
         for seq, current in ((1, 1), (2, 0)):
             vehicle.server.receive(over_the_wire(request(seq), GCS), 0.0)
-            assert [m.current for m in vehicle.server.messages_to_send()] == [current]
+            sent = sent_by(vehicle.server, dialect.MAVLink_mission_item_int_message)
+            assert [m.current for m in sent] == [current]
 
     def test_download_overtaken_by_a_change_is_cancelled(self) -> None:
         vehicle = Vehicle(segments=2)

@@ -1,0 +1,99 @@
+"""One autopilot's link between a plant and a neighbour that the test plays."""
+
+import math
+import socket
+import time
+
+import numpy as np
+
+from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.control.reference import profile_record
+from ftc_autopilot.link import new_link, run
+from gcs.scenario.model import Scenario
+from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
+from mavlink_defs.endpoint import set_receive_timeout
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.hot_link import Outcome
+
+UAV, NEIGHBOUR = 2, 1  # follower 1 has one neighbour, the leader
+LOCKSTEP = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
+NOTHING_APPLIED = 2**64 - 1
+TIMEOUT_STEPS = 250
+
+
+class Rig:
+    """The link, over real loopback sockets."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.plant, self.neighbour, self.own, self.formation = (
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(4)
+        )
+        for sock in (self.plant, self.neighbour, self.own, self.formation):
+            sock.bind(("127.0.0.1", 0))
+        self.own.connect(self.plant.getsockname())
+        set_receive_timeout(self.own, 0.05)
+        set_receive_timeout(self.formation, 0.005)
+        self.plant.setblocking(False)
+        self.neighbour.setblocking(False)
+        address = "{}:{}".format(*self.neighbour.getsockname())
+        config = scenario.autopilot_config(UAV)
+        others = tuple(n.model_copy(update={"address": address}) for n in config.neighbours)
+        self.controllers = new_controllers([config])
+        self.controllers.profiles[0] = profile_record(scenario.segments())
+        for key, value in (("active", 1), ("auto", 1), ("start_step", 0)):
+            self.controllers.guidance[0][key] = value
+        self.link = new_link(UAV, others, 1000, TIMEOUT_STEPS / 1000, 0)
+
+    def close(self) -> None:
+        for sock in (self.plant, self.neighbour, self.own, self.formation):
+            sock.close()
+
+    def state(
+        self, step: int, flags: int = LOCKSTEP, applied_usec: int | None = None, run: int = 7
+    ) -> Outcome:
+        """Send a state; by default the plant has applied all that it was sent."""
+        flown = self.controllers.states[0]["steps"] > 0
+        sent = int(self.controllers.actuators[0]["time_usec"]) if flown else -1
+        state = np.zeros(1, codec.SIM_STATE)
+        state["step"], state["time_usec"], state["flags"] = step, step * 1000, flags
+        state["run"] = run
+        state["velocity"], state["attitude"] = (40.0, 0.0, 0.5), (0.0, math.radians(1.0), 0.0)
+        applied = sent if applied_usec is None else applied_usec
+        state["actuator_time_usec"] = NOTHING_APPLIED if applied < 0 else applied
+        datagram = codec.new_buffer()
+        length = codec.pack(datagram, state, codec.MessageId.SIM_STATE, UAV, 25, step)
+        self.plant.sendto(datagram[:length].tobytes(), self.own.getsockname())
+        return self.run()
+
+    def run(self) -> Outcome:
+        fds = self.own.fileno(), self.formation.fileno()
+        return run(*fds, self.link, self.controllers, time.monotonic(), 2**62)
+
+    def no_more_events(self) -> None:
+        thresholds = self.controllers.parameters["trigger"]
+        thresholds["a2_n"] = thresholds["b2_rad"] = 1e9
+
+    def send_neighbour_state(
+        self,
+        step: int,
+        airspeed: float = 41.0,
+        system: int = NEIGHBOUR,
+        sock: socket.socket | None = None,
+    ) -> None:
+        payload = np.zeros(1, codec.NEIGHBOUR)
+        payload["step"], payload["airspeed"] = step, airspeed
+        datagram = codec.new_buffer()
+        length = codec.pack(datagram, payload, codec.MessageId.NEIGHBOUR, system, 1, step)
+        sock = sock or self.neighbour
+        sock.sendto(datagram[:length].tobytes(), self.formation.getsockname())
+
+    def heard(self, sock: socket.socket) -> list[int]:
+        """Return the ids of the hot messages that have arrived."""
+        ids: list[int] = []
+        datagram = codec.new_buffer()
+        while True:
+            try:
+                length = sock.recv_into(datagram.data)
+            except BlockingIOError:
+                return ids
+            ids.append(codec.check(datagram, length))

@@ -1,0 +1,56 @@
+"""A ground station without a link, and a log to be played, for tests of the dashboard."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gcs.station.fleet_state import FleetState
+from gcs.tui.playback import Playback
+from gcs.tui.view import LiveSource
+from mavlink_defs import dialect
+from mavlink_defs.capture.tlog import read_frames
+from mavlink_defs.services.machine import SystemId
+
+LOG = Path(__file__).parents[1] / "data" / "dashboard" / "flight.tlog"
+OWN = SystemId(255, 77)
+
+
+def heartbeat(system: int, armed: bool = False) -> Any:
+    flag = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+    message = dialect.MAVLink_heartbeat_message(1, 3, flag | 1, 12, dialect.MAV_STATE_STANDBY, 3)
+    return sent(message, system)
+
+
+def sent(message: Any, system: int) -> Any:
+    message.get_srcSystem = lambda: system
+    message.get_srcComponent = lambda: 1
+    return message
+
+
+class Station:
+    """A client without a link; its vehicles are set by the test."""
+
+    def __init__(self, *systems: int) -> None:
+        self.fleet, self.time_s = FleetState(), 100.0
+        self.vehicles: dict[int, Any] = {}
+        for system in systems:
+            self.receive(system)
+
+    def receive(self, system: int) -> None:
+        self.fleet.receive(heartbeat(system), self.time_s)
+
+    def now(self) -> float:
+        return self.time_s
+
+    def vehicle(self, system: int) -> Any:
+        return self.vehicles[system]
+
+
+def live(station: Station) -> LiveSource:
+    source = LiveSource("test", 1.0e9, OWN)
+    source.attach(station)
+    return source
+
+
+def playback(clock: Callable[[], float] = lambda: 0.0) -> Playback:
+    return Playback("log", list(read_frames(LOG)), clock)

@@ -1,0 +1,103 @@
+"""Neighbours' states on the formation link, over real loopback sockets."""
+
+import itertools
+import math
+
+import pytest
+from link_bench import TIMEOUT_STEPS, Rig
+
+from ftc_autopilot import formation_link
+from ftc_autopilot.link import FORMATION
+from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
+from mavlink_defs.framing.drop_reason import DropReason
+
+
+def test_a_step_uses_states_of_the_step_before_even_if_newer_ones_have_arrived(rig: Rig) -> None:
+    for step in range(3):
+        rig.send_neighbour_state(step, airspeed=40.0 + step)
+    rig.state(0)
+    assert rig.controllers.neighbour_states[0, 0]["step"] == 0
+    rig.state(1)
+    assert rig.controllers.neighbour_states[0, 0]["step"] == 0
+    rig.state(2)
+    assert rig.controllers.neighbour_states[0, 0]["step"] == 1
+    assert rig.controllers.neighbour_states[0, 0]["airspeed"] == 41.0
+
+
+def test_a_silent_neighbour_is_dropped_and_restored(rig: Rig) -> None:
+    rig.send_neighbour_state(0)
+    for step in range(TIMEOUT_STEPS + 1):
+        rig.state(step, FTC_SIM_FLAGS_RUNNING)
+    assert rig.controllers.weights[0, 0] == 1.0
+    rig.state(TIMEOUT_STEPS + 1, FTC_SIM_FLAGS_RUNNING)
+    assert rig.controllers.weights[0, 0] == 0.0
+    assert rig.link.formation.state[0]["edge_changes"] == 1
+    rig.send_neighbour_state(TIMEOUT_STEPS + 1)
+    rig.state(TIMEOUT_STEPS + 2, FTC_SIM_FLAGS_RUNNING)
+    assert rig.controllers.weights[0, 0] == 1.0
+    assert rig.link.formation.state[0]["edge_changes"] == 2
+
+
+def test_a_neighbour_state_from_another_address_is_dropped_and_counted(rig: Rig) -> None:
+    rig.send_neighbour_state(0, sock=rig.plant)
+    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+    assert rig.link.drops[FORMATION, -DropReason.STRANGER] == 1
+    assert rig.controllers.weights[0, 0] == 0.0
+    rig.send_neighbour_state(0)
+    rig.state(1, FTC_SIM_FLAGS_RUNNING)
+    assert rig.controllers.weights[0, 0] == 1.0
+
+
+def test_a_state_of_a_far_later_step_is_not_kept_as_pending(rig: Rig) -> None:
+    """As they lie in the socket when the plant, and so the count of steps, was started again."""
+    rig.send_neighbour_state(1)
+    rig.send_neighbour_state(25_000)
+    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+    assert rig.link.drops[FORMATION, -DropReason.OUT_OF_RANGE] == 1
+    assert rig.link.formation.pending_step[0] == 1
+
+
+def test_states_of_strangers_and_states_that_are_not_finite_are_ignored(rig: Rig) -> None:
+    rig.send_neighbour_state(0, system=77)
+    rig.send_neighbour_state(0, airspeed=math.nan)
+    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+    assert rig.controllers.weights[0, 0] == 0.0
+
+
+def test_lockstep_uses_its_only_neighbour_again_after_a_lost_state(rig: Rig) -> None:
+    rig.send_neighbour_state(0)
+    rig.state(0)
+    rig.state(1)
+    rig.state(2)  # the state of step 1 is lost
+    assert rig.link.formation.misses[0] == 1  # waited for in vain
+    rig.send_neighbour_state(2)
+    rig.state(3)
+    assert rig.controllers.neighbour_states[0, 0]["step"] == 2
+
+
+def test_a_state_in_the_socket_is_taken_even_if_the_process_is_late(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A busy machine may let more time pass between two lines than the wait takes."""
+    rig.send_neighbour_state(0)
+    rig.state(0)
+    for step in (0, 1):
+        rig.send_neighbour_state(step)
+    seconds = itertools.count()
+    monkeypatch.setattr(formation_link, "monotonic_s", lambda: next(seconds))
+    compiled = formation_link.collect_neighbour_states
+    collect = getattr(compiled, "py_func", compiled)
+    collect(rig.formation.fileno(), rig.link.formation, rig.controllers, 2, True)
+    assert rig.controllers.neighbour_states[0, 0]["step"] == 1
+    assert rig.link.formation.misses[0] == 0
+
+
+def test_lockstep_stops_waiting_but_hears_a_neighbour_that_is_back(rig: Rig) -> None:
+    rig.send_neighbour_state(0)
+    for step in range(TIMEOUT_STEPS + 2):
+        rig.state(step)
+    assert rig.link.formation.misses[0] == 5  # steps that waited, of more than 250
+    assert rig.controllers.weights[0, 0] == 0.0
+    rig.send_neighbour_state(TIMEOUT_STEPS + 1)
+    rig.state(TIMEOUT_STEPS + 2)
+    assert rig.controllers.weights[0, 0] == 1.0

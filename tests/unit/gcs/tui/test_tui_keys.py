@@ -1,0 +1,182 @@
+"""Keys pressed at the dashboard, without a fleet."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from textual.pilot import Pilot
+from textual.widgets import Input
+from tui_bench import Station, live, playback
+from waiting import answer, until, until_focused
+
+from gcs.errors import CommandRefused, NoAnswer
+from gcs.tui.app import Dashboard
+from gcs.tui.grid import Column, Grid, Row
+from mavlink_defs.services.param import Param
+
+
+def shown(app: Dashboard) -> str:
+    """Return the screen as SVG, with its spaces."""
+    return app.export_screenshot().replace("&#160;", " ")
+
+
+def at_screen(
+    source: Any, work: Callable[[Dashboard, Pilot[None]], Any], size: tuple[int, int] = (100, 30)
+) -> None:
+    async def run() -> None:
+        app = Dashboard(source)
+        async with app.run_test(size=size) as pilot:
+            await pilot.pause()
+            await work(app, pilot)
+
+    asyncio.run(run())
+
+
+def test_an_empty_fleet_says_what_to_do() -> None:
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        await until(pilot, lambda: "gcs up" in shown(app))
+        for key in (*"123456", "r", "C", "enter", "a", "s"):
+            await pilot.press(key)
+        await pilot.pause()
+        assert app.defect is None
+
+    at_screen(live(Station()), work)
+
+
+class FakeVehicle:
+    """A vehicle with parameters that answers as it is told."""
+
+    system = 1
+
+    def __init__(self) -> None:
+        self.params = (Param("TRG_B1", 0.01, 9), Param("CTL_CV", 10.0, 9))
+        self.refuses = False
+
+    async def list_params(self) -> tuple[Param, ...]:
+        return self.params
+
+    async def set_param(self, name: str, value: float) -> Param:
+        if self.refuses:
+            raise CommandRefused(f"UAV 1 refused {name} = {value:g} (READ_ONLY)", 3)
+        return Param(name, value, 9)
+
+    async def arm(self) -> None:
+        raise NoAnswer("UAV 1 did not answer MAV_CMD_COMPONENT_ARM_DISARM")
+
+
+def test_parameters_are_searched_and_set_after_a_question() -> None:
+    station, vehicle = Station(1), FakeVehicle()
+    station.vehicles[1] = vehicle
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        entries = app.view.source.event_log.entries
+        await pilot.press("5")
+        grid = app.query_one("#params", Grid)
+        await until(pilot, lambda: "TRG_B1" in grid.text)
+        assert grid.text.splitlines()[0].split()[:2] == ["TRG_B1", "0.01"]
+        await pilot.press("slash")
+        await until_focused(pilot, "param-search")
+        await pilot.press(*"cv", "enter")
+        await until(pilot, lambda: len(grid.rows) == 1)
+        await until_focused(pilot, "params")
+        app.query_one("#param-search", Input).value = ""
+        await until(pilot, lambda: len(grid.rows) == 2)
+        await pilot.press("home", "enter")
+        await until_focused(pilot, "param-value")
+        await pilot.press(*"0.02", "enter")
+        await until(pilot, lambda: "from 0.01 to 0.02" in shown(app))
+        await answer(pilot, "enter")
+        await until(pilot, lambda: entries[-1].text == "TRG_B1 is 0.02")
+        await until(pilot, lambda: "TRG_B1 0.02" in grid.text)
+        vehicle.refuses = True
+        await until_focused(pilot, "params")
+        await pilot.press("enter")
+        await until_focused(pilot, "param-value")
+        await pilot.press(*"7", "enter")
+        await answer(pilot, "enter")
+        refused = "UAV 1 refused TRG_B1 = 7 (READ_ONLY)"
+        await until(pilot, lambda: entries[-1].text == refused)
+        await until_focused(pilot, "params")
+        await pilot.press("enter")
+        await until_focused(pilot, "param-value")
+        await pilot.press(*"x", "enter")
+        assert "TRG_B1 0.02" in grid.text
+
+    at_screen(live(station), work)
+
+
+def test_every_failure_is_told() -> None:
+    station = Station(1, 2)
+    station.vehicles[1] = FakeVehicle()
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        entries = app.view.source.event_log.entries
+        await pilot.press("asterisk", "a")
+        await answer(pilot, "enter")
+
+        def texts() -> dict[int, str]:
+            return {entry.system: entry.text for entry in entries if entry.kind == "action"}
+
+        await until(pilot, lambda: texts().keys() >= {1, 2})
+        assert "did not answer" in texts()[1]
+        assert "has not been heard of" in texts()[2]
+
+    at_screen(live(station), work)
+
+
+def test_the_palette_and_the_help_know_the_actions() -> None:
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        titles = {command.title for command in app.get_system_commands(app.screen)}
+        assert {"Arm", "Disarm", "Repeat fault", "Clear all faults", "Quit"} <= titles
+        await pilot.press("question_mark")
+        await until(pilot, lambda: "Arm the marked UAVs" in shown(app))
+        await pilot.press("escape")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        await pilot.press("t")
+        await until(pilot, lambda: app.theme == "ftc-light")
+
+    at_screen(live(Station(1)), work, (120, 60))
+
+
+def test_in_a_log_nothing_can_be_done() -> None:
+    player = playback()
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        for key in ("a", "s", "x", "m", "r", "C"):
+            await pilot.press(key)
+            assert len(app.screen_stack) == 1
+        titles = {command.title for command in app.get_system_commands(app.screen)}
+        assert "Arm" not in titles
+        await pilot.press("k", "l", "greater_than_sign")
+        await until(pilot, lambda: (player.speed, player.playing) == (2.0, False))
+
+    at_screen(player, work)
+
+
+def test_a_grid_keeps_its_cursor_on_what_it_stands_for() -> None:
+    columns = (Column("name", 8, "left"), Column("value", 0))
+
+    def rows(*names: str) -> list[Row]:
+        return [Row(name, ((name, ""), ("1", "good"))) for name in names]
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        grid = Grid()
+        await app.screen.mount(grid)
+        grid.show(columns, rows("a", "b", "c"))
+        grid.focus()
+        await until(pilot, lambda: app.focused is grid)
+        await pilot.press("down")
+        await until(pilot, lambda: grid.key == "b")
+        grid.show(columns, rows("0", "a", "b", "c"))
+        assert grid.key == "b"
+        grid.show(columns, rows("a"))
+        assert grid.key == "a"
+        grid.show(columns, [])
+        assert grid.key is None
+        grid.show(columns, rows(*map(str, range(100))))
+        await pilot.press("end")
+        await until(pilot, lambda: grid.key == "99")
+        await pilot.press("pageup", "home", "up")
+        await until(pilot, lambda: grid.key == "0")
+
+    at_screen(live(Station()), work)
