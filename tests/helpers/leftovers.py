@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 _VARIABLE = "FTC_SITL_TESTS"
-_GRACE_S = 60.0  # some are about to end
+_GRACE_S = 5.0  # some are about to end
 _PYTHONS_OWN = "multiprocessing.resource_tracker"  # ends with its parent
 
 

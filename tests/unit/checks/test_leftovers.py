@@ -6,7 +6,7 @@ LEAVES_ONE = """
 import os, subprocess, sys
 
 def test_leaves_one():
-    os.spawnl(os.P_NOWAIT, sys.executable, sys.executable, "-c", "import time; time.sleep(60)")
+    os.spawnl(os.P_NOWAIT, sys.executable, sys.executable, "-c", "import time; time.sleep(600)")
 
 def test_leaves_none():
     subprocess.run([sys.executable, "-c", ""], check=True)
