@@ -1,16 +1,38 @@
-"""Output shared by several subcommands: compilation and progress of a flight."""
+"""Options and output shared by several subcommands."""
 
 import contextlib
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gcs.scenario.model import Scenario
 
-__all__ = ["console_of", "flight_progress", "warm_up"]
+__all__ = [
+    "FreePortsOption",
+    "QuietOption",
+    "RunFolderOption",
+    "ScenarioArgument",
+    "console_of",
+    "flight_progress",
+    "warm_up",
+]
+
+ScenarioArgument = Annotated[
+    Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
+]
+RunFolderOption = Annotated[
+    Path | None, typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default.")
+]
+FreePortsOption = Annotated[
+    bool, typer.Option("--free-ports", help="Use free UDP ports instead of the scenario's.")
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 
 def console_of(stderr: bool = True, quiet: bool = False) -> Console:
@@ -26,7 +48,7 @@ def warm_up(scenario: Scenario, console: Console) -> None:
         return
     from gcs.fleet.precompile import compile_everything
 
-    message = "compiling the numeric core (only the first run after an install pays this)"
+    message = "compiling the numeric core (on the first run after an install only)"
     console.print(message)
     with console.status(message):
         compile_everything(scenario)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from ftc_autopilot.config import AutopilotConfig
-from gcs.commands.common import console_of, warm_up
+from gcs.commands.common import ScenarioArgument, console_of, warm_up
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario
@@ -29,9 +29,7 @@ Exit status: 0 written, 1 a file cannot be written, 2 bad input.
 
 
 def config(
-    scenario: Annotated[
-        Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
-    ],
+    scenario: ScenarioArgument,
     out: Annotated[
         Path, typer.Option(help="Folder for the files; those of the same names are replaced.")
     ],

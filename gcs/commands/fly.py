@@ -10,7 +10,15 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from gcs.commands.common import console_of, flight_progress, warm_up
+from gcs.commands.common import (
+    FreePortsOption,
+    QuietOption,
+    RunFolderOption,
+    ScenarioArgument,
+    console_of,
+    flight_progress,
+    warm_up,
+)
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.scenario.model import Scenario, load_scenario
@@ -35,18 +43,13 @@ refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGH
 
 
 def fly(
-    scenario: Annotated[
-        Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default."),
-    ] = None,
+    scenario: ScenarioArgument,
+    out: RunFolderOption = None,
     speed: Annotated[
         float | None,
         typer.Option(
             help="Real-time factor: 1 is real time, 0.5 half of it. "
-            "Without it: lockstep, as fast as the machine goes.",
+            "Without it: lockstep, as fast as the machine allows.",
             metavar="FACTOR",
         ),
     ] = None,
@@ -54,11 +57,8 @@ def fly(
         bool,
         typer.Option("--in-process", help="Plant and controllers in one process, without links."),
     ] = False,
-    free_ports: Annotated[
-        bool,
-        typer.Option("--free-ports", help="Use free UDP ports instead of the scenario's."),
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    free_ports: FreePortsOption = False,
+    quiet: QuietOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
     ] = False,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from gcs.commands.common import console_of, warm_up
+from gcs.commands.common import QuietOption, console_of, warm_up
 from gcs.errors import FlightLost, Interrupted
 from gcs.scenario.bundled import SCENARIOS
 
@@ -49,7 +49,7 @@ def reproduce(
             show_default=False,
         ),
     ] = SCENARIOS / "paper",
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Fly the paper's scenarios and compare its tables and figures with ours.
 

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from gcs.commands.common import console_of, warm_up
+from gcs.commands.common import QuietOption, console_of, warm_up
 from gcs.errors import GcsError, Interrupted
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def sweep(
         int | None,
         typer.Option(help="UAV in table.md and plot; by default one with a fault, or the last."),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Fly every combination of values, in process, on all cores.
 

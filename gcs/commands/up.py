@@ -10,7 +10,14 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from gcs.commands.common import console_of, warm_up
+from gcs.commands.common import (
+    FreePortsOption,
+    QuietOption,
+    RunFolderOption,
+    ScenarioArgument,
+    console_of,
+    warm_up,
+)
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario.model import Scenario, load_scenario
@@ -34,13 +41,8 @@ something, 4 a vehicle did not answer.
 
 
 def up(
-    scenario: Annotated[
-        Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default."),
-    ] = None,
+    scenario: ScenarioArgument,
+    out: RunFolderOption = None,
     speed: Annotated[
         float | None, typer.Option(help="Real-time factor; 1 by default.", metavar="FACTOR")
     ] = None,
@@ -55,11 +57,8 @@ def up(
             min=1, max=65535, help="UDP port that any number of ground stations can connect to."
         ),
     ] = HUB_PORT,
-    free: Annotated[
-        bool,
-        typer.Option("--free-ports", help="Use free UDP ports instead of the scenario's."),
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    free: FreePortsOption = False,
+    quiet: QuietOption = False,
     as_json: Annotated[
         bool,
         typer.Option("--json", help="Print addresses as one line of JSON once the fleet is up."),
@@ -129,12 +128,12 @@ def _up(
         speed=speed,
         start=start,
         on_ready=ready,
-        on_word=lambda text: words.print(text, soft_wrap=True),
+        on_message=lambda text: words.print(text, soft_wrap=True),
     )
-    asyncio.run(_until_told_to_stop(keeping))
+    asyncio.run(_until_stopped(keeping))
 
 
-async def _until_told_to_stop(work: Coroutine[Any, Any, None]) -> None:
+async def _until_stopped(work: Coroutine[Any, Any, None]) -> None:
     task = asyncio.ensure_future(work)
     loop = asyncio.get_running_loop()
     for number in stop_signals():

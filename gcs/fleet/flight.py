@@ -42,7 +42,7 @@ async def fly_over_udp(
         scenario: The scenario.
         folder: Run folder, exists; gets `flight.tlog`, and `processes/` with the configuration
             and the log of each process; with `links.impairments` also `wire.json`.
-        speed: Real-time factor; None for lockstep, as fast as the machine goes.
+        speed: Real-time factor; None for lockstep, as fast as the machine allows.
         on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
 
     Raises:

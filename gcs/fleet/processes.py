@@ -38,7 +38,7 @@ class _Process:
     log: Path
     address: UdpAddress  # that it binds
 
-    def last_words(self) -> str:
+    def last_line(self) -> str:
         """Its last line on standard error, or its exit status."""
         if self.popen.returncode is not None and self.popen.returncode < 0:
             return f"ended by signal {-self.popen.returncode}"
@@ -101,7 +101,7 @@ def check_ports(scenario: Scenario, hub: UdpAddress | None = None) -> None:
     if hub is None:
         ports = {"links.gcs_port of the scenario": links.gcs_port, **ports}
     elif hub.port in {links.gcs_port, *ports.values()}:
-        raise BadInput(f"--hub-port is {hub.port}, which the scenario has a use for already")
+        raise BadInput(f"--hub-port is {hub.port}, which the scenario already uses")
     else:
         ports = {"--hub-port": hub.port, **ports}
     for what, port in ports.items():
@@ -200,10 +200,10 @@ class FleetProcesses:
                 try:
                     bind_udp(process.address, process.name).close()
                 except PortTaken:
-                    raise PortInUse(process.last_words()) from None
-                raise BadInput(process.last_words())
+                    raise PortInUse(process.last_line()) from None
+                raise BadInput(process.last_line())
             if status and not self.recording_of(process.name).exists():
-                raise FlightLost(f"{process.name}: {process.last_words()}")
+                raise FlightLost(f"{process.name}: {process.last_line()}")
 
     def newly_ended(self) -> list[tuple[str, str]]:
         """Return name and last log line of each process that has ended since the last call."""
@@ -211,7 +211,7 @@ class FleetProcesses:
             p for p in self._processes if p.popen.poll() is not None and p.name not in self._ended
         ]
         self._ended |= {process.name for process in over}
-        return [(process.name, process.last_words()) for process in over]
+        return [(process.name, process.last_line()) for process in over]
 
     def wait(self, timeout_s: float) -> None:
         """Wait for all processes to end by themselves, then stop the rest."""

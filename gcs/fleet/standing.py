@@ -29,7 +29,7 @@ async def keep_up(
     speed: float | None,
     start: bool,
     on_ready: Callable[[], None],
-    on_word: Callable[[str], None],
+    on_message: Callable[[str], None],
 ) -> None:
     """Start a fleet, upload profile and faults, and keep it running until this task is cancelled.
 
@@ -37,10 +37,10 @@ async def keep_up(
         scenario: The scenario; its duration does not matter.
         folder: Run folder, exists; gets `processes/`.
         hub: Address to which any number of ground stations can connect.
-        speed: Real-time factor; None for lockstep, as fast as the machine goes.
+        speed: Real-time factor; None for lockstep, as fast as the machine allows.
         start: Start the mission and arm, too.
         on_ready: Called when the fleet is up.
-        on_word: Called with later messages to the user.
+        on_message: Called with later messages to the user.
 
     Raises:
         BadInput: A port is in use.
@@ -81,13 +81,13 @@ async def keep_up(
                         raise FlightLost(words)
                     ended.add(int(name.removeprefix("uav")))
                     again = shlex.join(["ftc-autopilot", f"{processes / name}.yaml"])
-                    on_word(
+                    on_message(
                         f"{name}: {words}; the others fly on, its aircraft with the last command. "
                         f"`{again}` starts it again, disarmed and without a profile"
                     )
                 for system in sorted(ended & set(route.moved)):
                     ended.remove(system)
-                    on_word(
+                    on_message(
                         f"uav{system} is back, disarmed and without a profile: "
                         f"`gcs profile upload FILE --uav {system}`, `gcs start --uav {system}`, "
                         f"`gcs arm --uav {system}`"
@@ -95,11 +95,11 @@ async def keep_up(
                 route.moved.clear()
                 if route.drops.keys() - told:
                     told |= route.drops.keys()
-                    on_word(f"hub: dropped {words_of(route.drops)}")
+                    on_message(f"hub: dropped {words_of(route.drops)}")
     finally:
         transport.close()
         if route.drops:
-            on_word(f"hub: dropped {words_of(route.drops)} in all")
+            on_message(f"hub: dropped {words_of(route.drops)} in all")
 
 
 class _HubProtocol(asyncio.DatagramProtocol):
