@@ -62,7 +62,7 @@ class Log:
             *self._overheard.receive(message, 0.0),
         ):
             self.fault_history.receive(notifications, 0.0)
-        self.fault_history.observe(self.state, 0.0)
+        self.fault_history.update(self.state, 0.0)
 
     def tell_time(self, time_s: float) -> None:
         zeros = [0.0] * 4
