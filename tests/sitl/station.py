@@ -26,6 +26,7 @@ from flying import (
 )
 
 ACCEPTED, BAD_INPUT, REFUSED, NO_ANSWER = 0, 2, 3, 4  # exit status
+ALL = ("--uav", "1,2,3")  # waits for each of them
 SOMEDAY = ("--start-s", "10000")  # of a fault that is set but never acts
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
-from flying import SCENARIO_1, process_of, scenario_tree
+from flying import SCENARIO_1, TIMEOUT_S, process_of, scenario_tree
 from station import Up, up
 from textual.pilot import Pilot
 from textual.widgets import Input, Select, TabbedContent
@@ -35,7 +35,6 @@ from mavlink_defs.services.machine import SystemId
 pytestmark = pytest.mark.sitl
 
 OWN = SystemId(255, 77)
-TIMEOUT_S = 60.0
 
 
 @pytest.fixture(scope="module")

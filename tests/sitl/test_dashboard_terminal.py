@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from flying import BIN, environment, processes_of, run, scenario_tree, wait_until
+from flying import BIN, TIMEOUT_S, environment, processes_of, run, scenario_tree, wait_until
 from needs import needs
 from station import Up, up
 
@@ -28,7 +28,7 @@ class Tmux:
     def __init__(self, folder: Path, *command: str | Path) -> None:
         self._socket = folder / "tmux"
         env = environment(TERM="xterm-256color", NO_COLOR="", COLUMNS="")
-        ended = f"{' '.join(map(str, command))}; echo status $?; sleep 60"
+        ended = f"{' '.join(map(str, command))}; echo status $?; sleep 300"
         self._run("new-session", "-d", "-x", "80", "-y", "24", ended, env=env)
 
     def _run(self, *arguments: str, env: dict[str, str] | None = None) -> str:
@@ -46,13 +46,13 @@ class Tmux:
         return self._run("capture-pane", "-p")
 
     def shows(self, *words: str) -> None:
-        end = time.monotonic() + 60.0
+        end = time.monotonic() + TIMEOUT_S
         while missing := [word for word in words if word not in (screen := self.screen)]:
             assert time.monotonic() < end, f"{missing} not on the screen:\n{screen}"
             time.sleep(0.05)
 
     def hides(self, word: str) -> None:
-        wait_until(lambda: word not in self.screen, f"no {word}", 60.0)
+        wait_until(lambda: word not in self.screen, f"no {word}")
 
     def close(self) -> None:
         with contextlib.suppress(subprocess.CalledProcessError):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from flying import (
+    TIMEOUT_S,
     arrays_of,
     fly_well,
     free_links,
@@ -49,7 +50,7 @@ class Stranger:
         else:
             self.link.setup_signing(key, allow_unsigned_callback=lambda *_: False)
 
-    def hear(self, kind: str, timeout_s: float = 60.0, **fields: Any) -> Any:
+    def hear(self, kind: str, timeout_s: float = TIMEOUT_S, **fields: Any) -> Any:
         """The next message of UAV 1 of this kind with these fields, or None."""
         end = time.monotonic() + timeout_s
         while (left := end - time.monotonic()) > 0.0:

@@ -111,14 +111,15 @@ def test_faults_are_set_listed_and_cleared(fleet: Up) -> None:
 
 
 def test_a_fault_for_some_time_acts_now(fleet: Up) -> None:
-    fleet.gcs_json(
-        "fault", "set", "elevator", "--uav", "1", "--effectiveness", "0.99", "--for-s", "60"
-    )
-    (listed,) = fleet.gcs_json("fault", "list", "--uav", "1")
-    (fault,) = (fault for fault in listed["faults"] if fault["actuator"] == "elevator")
+    uav = ("--uav", "1")
+    (before,) = fleet.gcs_json("fault", "list", *uav)
+    fleet.gcs_json("fault", "set", "elevator", *uav, "--effectiveness", "0.99", "--for-s", "60")
+    (after,) = fleet.gcs_json("fault", "list", *uav)
+    (fault,) = (fault for fault in after["faults"] if fault["actuator"] == "elevator")
     assert fault["active"] is True
-    assert fault["end_s"] - fault["start_s"] == pytest.approx(60.0, abs=1.0)
-    assert fleet.gcs("fault", "clear", "--uav", "1", "--actuator", "elevator").returncode == 0
+    times_s = [before["time_s"], fault["end_s"] - 60.0, fault["start_s"], after["time_s"]]
+    assert times_s == pytest.approx(sorted(times_s), abs=0.01)
+    assert fleet.gcs("fault", "clear", *uav, "--actuator", "elevator").returncode == 0
 
 
 def test_refusals_have_the_vehicle_s_reason(fleet: Up) -> None:
@@ -134,7 +135,8 @@ def test_refusals_have_the_vehicle_s_reason(fleet: Up) -> None:
 
 
 def test_arm_start_and_mode(fleet: Up) -> None:
-    assert outcomes(fleet.gcs_json("arm")) == {1: "accepted", 2: "accepted", 3: "accepted"}
+    all_accept = {1: "accepted", 2: "accepted", 3: "accepted"}
+    wait_until(lambda: outcomes(fleet.gcs_json("arm")) == all_accept, "all are found and armed")
     done = fleet.gcs("mode", "loiter", "--uav", "1")
     assert (done.returncode, done.stdout) == (ACCEPTED, "UAV 1 in mode LOITER\n")
     assert state_of(fleet, 1)["mode"] == "LOITER"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from flying import TIMEOUT_S, arrays_of, flying, processes_of, wait_until, write_scenario
-from station import ACCEPTED, up
+from station import ACCEPTED, ALL, up
 
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.summary import event_table
@@ -46,8 +46,8 @@ def test_stopped_and_killed_ground_stations_change_nothing(
                 assert station.stdout is not None
                 assert station.stdout.readline()
             wait_until(lambda: log.exists() and log.stat().st_size > 0, "recording begins")
-            assert fleet.gcs("start").returncode == ACCEPTED
-            assert fleet.gcs("arm").returncode == ACCEPTED
+            assert fleet.gcs("start", *ALL).returncode == ACCEPTED
+            assert fleet.gcs("arm", *ALL).returncode == ACCEPTED
             frozen.send_signal(signal.SIGSTOP)
             doomed.kill()
             assert watch.stdout is not None

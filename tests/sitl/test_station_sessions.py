@@ -20,6 +20,7 @@ from flying import (
 )
 from station import (
     ACCEPTED,
+    ALL,
     BAD_INPUT,
     NO_ANSWER,
     SOMEDAY,
@@ -104,9 +105,9 @@ def test_an_operator_s_session(tmp_path: Path) -> None:
         assert [len(s["profile"]) for s in states] == [3, 3, 3]
         assert [len(s["faults"]) for s in states] == [0, 0, 1]
         watch_silence(fleet, tmp_path / "lines")
-        assert fleet.gcs("start").returncode == ACCEPTED
+        assert fleet.gcs("start", *ALL).returncode == ACCEPTED
         assert state_of(fleet, 1)["time_s"] == 0.0
-        assert fleet.gcs("arm").returncode == ACCEPTED
+        assert fleet.gcs("arm", *ALL).returncode == ACCEPTED
         wait_until(lambda: state_of(fleet, 1)["time_s"] > 0.0, "simulated time runs")
         os.kill(process_of(fleet.folder, "uav2"), signal.SIGKILL)
         said = failed(fleet.gcs("status", "--uav", "2", "--timeout", "1.5"), NO_ANSWER)
