@@ -246,7 +246,7 @@ def test_a_log_plays_at_its_speed_to_its_end() -> None:
 
 @pytest.mark.parametrize(
     ("content", "problem"),
-    [(None, "cannot read"), (b"", "no frame in it"), (b"x" * 50, "no MAVLink frame")],
+    [(None, "cannot read"), (b"", "no MAVLink frame in it"), (b"x" * 50, "no MAVLink frame")],
 )
 def test_a_file_that_is_no_log_is_refused(
     content: bytes | None, problem: str, tmp_path: Path
