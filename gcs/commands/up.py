@@ -21,7 +21,7 @@ from gcs.commands.common import (
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario.model import Scenario, load_scenario
-from gcs.station.signing_key import signed, warn_if_exposed
+from gcs.station.signing_key import refuse_unsigned, signed, warn_if_exposed
 from gcs.stopping import stop_signals
 from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
@@ -64,12 +64,17 @@ def up(
         typer.Option("--json", help="Print addresses as one line of JSON once the fleet is up."),
     ] = False,
     signing_key: SigningKeyOption = None,
+    insecure: Annotated[
+        bool,
+        typer.Option("--insecure", help="Allow unsigned links that other machines can reach."),
+    ] = False,
 ) -> None:
     """Start a fleet that flies until it is stopped (Ctrl-C).
 
     The vehicles get profile and faults of the scenario and wait: time begins when all are
     armed. The duration of the scenario is ignored. One ground station can bind the GCS
-    port (14550); any number can connect to the hub, as gcs's own commands do.
+    port (14550); any number can connect to the hub, as gcs's own commands do. Links that
+    other machines can reach must be signed, unless --insecure is given.
     """
     if speed is not None and not 0.0 < speed < float("inf"):
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
@@ -79,6 +84,8 @@ def up(
     from gcs.results.run_folder import make_run_folder
 
     loaded = signed(load_scenario(scenario), signing_key)
+    if not insecure:
+        refuse_unsigned(loaded)
     hub = UdpAddress(loaded.links.host, hub_port)
     if not free:
         check_ports(loaded, hub)

@@ -1,4 +1,4 @@
-"""The user's signing key for a scenario's links, and the warning about exposed ports."""
+"""The user's signing key for a scenario's links, and ports that other machines can reach."""
 
 import contextlib
 import sys
@@ -9,7 +9,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
 from mavlink_defs.framing.signing import SigningError, read_key
 
-__all__ = ["signed", "warn_if_exposed"]
+__all__ = ["refuse_unsigned", "signed", "warn_if_exposed"]
 
 
 def signed(scenario: Scenario, path: str | None) -> Scenario:
@@ -26,6 +26,25 @@ def signed(scenario: Scenario, path: str | None) -> Scenario:
         except SigningError as problem:
             raise BadInput(str(problem)) from None
     return scenario
+
+
+def refuse_unsigned(scenario: Scenario) -> None:
+    """Refuse links without a key on an address that other machines can reach.
+
+    Raises:
+        BadInput: `links.host` is such an address, and there is no key.
+    """
+    links = scenario.links
+    if links.signing_key is not None:
+        return
+    with contextlib.suppress(EndpointError):  # binding it will report the error
+        if not is_loopback(UdpAddress(links.host, links.gcs_port)):
+            raise BadInput(
+                f"links.host is {links.host}, which other machines can reach, and "
+                "links.signing_key is not set: anyone there could fly the fleet",
+                "make a key with `gcs key FILE` and give --signing-key FILE; or set links.host to "
+                "127.0.0.1; or accept it with --insecure",
+            )
 
 
 def warn_if_exposed(address: UdpAddress, with_key: bool) -> None:

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from gcs.cli import app
 from gcs.errors import BadInput
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.framing.signing import make_key
 
 SCENARIO_1 = str(Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml")
 NOWHERE = ("--connect", "udpout:127.0.0.1:1")
@@ -88,3 +89,24 @@ def test_every_help_has_examples_and_exit_status() -> None:
 def test_a_key_of_one_command_is_not_left_to_others(tmp_path: Path) -> None:
     assert "signing key" in complaint("status", "--signing-key", str(tmp_path / "no"), *NOWHERE)
     assert "FTC_SITL_SIGNING_KEY" not in os.environ
+
+
+def exposed_scenario(folder: Path) -> str:
+    path = folder / "exposed.yaml"
+    path.write_text(f"extends: {SCENARIO_1}\nlinks: {{host: 0.0.0.0}}\n")
+    return str(path)
+
+
+def test_a_fleet_that_others_can_reach_wants_a_key(tmp_path: Path) -> None:
+    text = complaint("up", exposed_scenario(tmp_path))
+    assert "links.host is 0.0.0.0" in text
+    assert "links.signing_key" in text
+
+
+@pytest.mark.parametrize("kind", ["--insecure", "--signing-key"])
+def test_a_fleet_that_others_can_reach_may_start(tmp_path: Path, kind: str) -> None:
+    """Bad input that is found later shows that the check was passed."""
+    make_key(tmp_path / "key")
+    allowed = (kind,) if kind == "--insecure" else (kind, str(tmp_path / "key"))
+    text = complaint("up", exposed_scenario(tmp_path), "--hub-port", "14550", *allowed)
+    assert "--hub-port" in text
