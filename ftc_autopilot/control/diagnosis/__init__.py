@@ -8,8 +8,18 @@ the commands over a short window (`regression`), and a phase: healthy, suspect, 
 
 from ftc_autopilot.control.diagnosis.decisions import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.diagnose import diagnose
-from ftc_autopilot.control.diagnosis.excitation import dithered, probed
+from ftc_autopilot.control.diagnosis.excitation import dithered, probe, probed
 from ftc_autopilot.control.diagnosis.parameters import Diagnosis
 from ftc_autopilot.control.diagnosis.state import DIAGNOSIS
 
-__all__ = ["DIAGNOSIS", "HEALTHY", "LOST", "SUSPECT", "Diagnosis", "diagnose", "dithered", "probed"]
+__all__ = [
+    "DIAGNOSIS",
+    "HEALTHY",
+    "LOST",
+    "SUSPECT",
+    "Diagnosis",
+    "diagnose",
+    "dithered",
+    "probe",
+    "probed",
+]

@@ -33,6 +33,7 @@ _FEW_S = 0.006  # shortest window
 _LONG_SETTLE_S = 0.3  # before the longer memory may tell that the throttle is back
 _SETTLE_S = 0.1  # after a loss, before a return can be seen
 _BACK_S = 0.05  # for which a return must be seen
+_SMALL = 0.75  # residual, of the threshold of a jump
 _BACK_EFFECTIVENESS, _BACK_R2 = 0.6, 0.6
 
 
@@ -129,6 +130,9 @@ def decide(
         confirm = limits.confirm
     else:
         actuator["stuck"] += dt / _CENTRE_S * (actuator["measured"] - actuator["stuck"])
+        r = actuator["measured"] - actuator["commanded"]
+        small = abs(r) < _SMALL * limits.jump
+        actuator["quiet"] = actuator["quiet"] + dt if small else 0.0
         seen = actuator["since"] > _SETTLE_S and _follows(actuator, limits, is_throttle)
         confirm = _BACK_S
     actuator["agreed"] = actuator["agreed"] + dt if seen else 0.0
@@ -138,7 +142,11 @@ def decide(
 
 @compiled
 def _follows(actuator: np.void, limits: Thresholds, is_throttle: bool) -> bool:
-    """Return whether a lost actuator follows its command again."""
+    """Return whether a lost actuator follows its command again.
+
+    Its moments over the longer memory say so, or its residual has been small for so long that the
+    probe has moved, or the thrust is that of the command.
+    """
     cov, var_u = actuator["long_cov"], actuator["long_var_u"]
     follows = (
         var_u > 0.25 * limits.excitation**2
@@ -147,7 +155,7 @@ def _follows(actuator: np.void, limits: Thresholds, is_throttle: bool) -> bool:
         and cov * cov > _BACK_R2 * var_u * actuator["long_var_y"]
     )
     if not is_throttle:
-        return follows
+        return follows or actuator["quiet"] > limits.quiet
     u = actuator["commanded"]
     gives = abs(actuator["measured"] - u) < 0.5 * limits.jump + 0.1 * u and u > 0.25 * limits.jump
     return gives or (follows and actuator["since"] > _LONG_SETTLE_S)
@@ -156,10 +164,12 @@ def _follows(actuator: np.void, limits: Thresholds, is_throttle: bool) -> bool:
 @compiled
 def _change(actuator: np.void) -> None:
     """Declare a lost actuator back in service, any other one lost."""
-    actuator["since"], actuator["agreed"], actuator["suspect"] = 0.0, 0.0, 0.0
+    actuator["since"], actuator["agreed"], actuator["quiet"] = 0.0, 0.0, 0.0
+    actuator["suspect"] = 0.0
     if actuator["lost"] == 0:
         actuator["lost"] = 1
         actuator["stuck"] = actuator["measured"]
+        actuator["offset"], actuator["effectiveness"] = 0.0, 1.0
         actuator["long_var_u"], actuator["long_cov"], actuator["long_var_y"] = 0.0, 0.0, 0.0
     else:
         actuator["lost"] = 0

@@ -12,7 +12,7 @@ from ftc_autopilot.control.diagnosis.parameters import thresholds_of
 from mavlink_defs.constants import RUDDER
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["dithered", "probed"]
+__all__ = ["dithered", "probe", "probed"]
 
 _HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.05, 0.07
 _AFTER_S = 0.05  # a suspicion's first moments are blanked
@@ -44,9 +44,14 @@ def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) 
 
 
 @compiled
+def probe(j: int, gains: np.void, state: np.void) -> float:
+    """Return the square wave that is added to what the lost surface j is sent [rad]."""
+    size: float = gains["probe_rad"][j]
+    return size if state["age"] % (2.0 * gains["probe_s"]) < gains["probe_s"] else -size
+
+
+@compiled
 def probed(j: int, gains: np.void, state: np.void) -> float:
-    """Return what the lost surface j is sent: where it stands, and a square wave [rad]."""
-    probe: float = gains["probe_rad"][j]
-    if state["age"] % (2.0 * gains["probe_s"]) >= gains["probe_s"]:
-        probe = -probe
-    return state["actuators"][j]["stuck"] + probe
+    """Return a command for the lost surface j: where it stands, and the probe [rad]."""
+    command: float = state["actuators"][j]["stuck"] + probe(j, gains, state)
+    return command

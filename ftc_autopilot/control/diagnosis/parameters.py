@@ -1,5 +1,6 @@
 """Parameters of the diagnosis."""
 
+import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -84,8 +85,10 @@ class Thresholds(NamedTuple):
     confirm: float
     offset: float
     suspicion: float  # how long one lasts
+    quiet: float  # residual that is small through a movement of the probe, if it lasts this long
 
 
+_MORE_THAN_HALF = 1.04  # a period of the probe
 _SUSPICION_S, _RUDDER_SUSPICION_S = 0.6, 0.9
 
 
@@ -101,6 +104,7 @@ def thresholds_of(gains: np.void, j: int) -> Thresholds:
             gains["throttle_confirm_s"],
             gains["throttle_offset_s"],
             _SUSPICION_S,
+            math.inf,
         )
     return Thresholds(
         gains["jump_rad"][j],
@@ -110,4 +114,5 @@ def thresholds_of(gains: np.void, j: int) -> Thresholds:
         gains["confirm_s"][j],
         gains["offset_s"],
         _RUDDER_SUSPICION_S if j == RUDDER else _SUSPICION_S,
+        _MORE_THAN_HALF * gains["probe_s"],
     )

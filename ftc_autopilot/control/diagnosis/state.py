@@ -32,6 +32,7 @@ ACTUATOR = np.dtype(
         ("rest", "f8"),  # left until r may be found to creep again
         ("agreed", "f8"),  # for which the condition of a decision has held
         ("since", "f8"),  # since the last decision
+        ("quiet", "f8"),  # for which the residual has been small
         # results
         ("lost", "i8"),
         ("stuck", "f8"),  # mean of y while lost

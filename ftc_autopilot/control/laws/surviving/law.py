@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis import diagnose, dithered, probed
+from ftc_autopilot.control.diagnosis import diagnose, dithered, probe, probed
 from ftc_autopilot.control.inversion import surfaces_for
 from ftc_autopilot.control.laws.base import Demand, Instant
 from ftc_autopilot.control.laws.surviving.healthy import (
@@ -76,10 +76,12 @@ def surviving_law(
     if no_rudder:
         rudder = probed(RUDDER, gains["diagnosis"], diagnosis)
     if no_elevator:
-        elevator = probed(ELEVATOR, gains["diagnosis"], diagnosis)
-        if abs(now.errors.e[1]) > gains["pitch_error_limit_rad"]:
+        if abs(now.errors.e[1]) > gains["pitch_error_limit_rad"] and not no_throttle:
             state["gave_up_speed"] = 1
-        if state["gave_up_speed"] != 0 and not no_throttle:
+        if state["gave_up_speed"] == 0:  # as if it were healthy, for the moment when it is
+            elevator += probe(ELEVATOR, gains["diagnosis"], diagnosis)
+        else:
+            elevator = probed(ELEVATOR, gains["diagnosis"], diagnosis)
             level = pitch_trim(now, aircraft, gains, diagnosis)
             thrust = thrust_for_pitch(now, level, gains, state)
     else:

@@ -59,8 +59,8 @@ class Surviving(LawParameters):
         "deg/s", gt=0.0, default=20.0, doc="Largest angle rate of a neighbour's error that counts."
     )
 
-    K1: Gains = Field(default=(8.0, 8.0, 4.0), description="Gains of the attitude errors [1/s].")
-    K2: Gains = Field(default=(20.0, 20.0, 15.0), description="Gains of the rate errors [1/s].")
+    K1: Gains = Field(default=(10.0, 10.0, 5.0), description="Gains of the attitude errors [1/s].")
+    K2: Gains = Field(default=(24.0, 24.0, 18.0), description="Gains of the rate errors [1/s].")
     rate_limit_deg_s: tuple[_RateLimit, _RateLimit, _RateLimit] = Field(
         default=(60.0, 40.0, 12.0),  # wings level, 60 deg/s of yaw would be -50 deg of sideslip
         description="Limits of the Euler angle rates that errors ask for [deg/s].",
