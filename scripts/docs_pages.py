@@ -106,6 +106,8 @@ def expected(annotation: Any, field: FieldInfo | None = None) -> str:
     annotation = without_none(annotation)
     if (quantity := quantity_of(annotation, field)) is not None:
         return range_of(quantity)
+    if annotation is bool:
+        return "`true` or `false`"
     origin, arguments = get_origin(annotation), get_args(annotation)
     if (value := scheduled_value(annotation)) is not None:
         return f"{expected(value)}; [schedule](#controller)"

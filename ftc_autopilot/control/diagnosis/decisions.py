@@ -148,17 +148,18 @@ def _follows(actuator: np.void, limits: Thresholds, is_throttle: bool) -> bool:
     probe has moved, or the thrust is that of the command.
     """
     cov, var_u = actuator["long_cov"], actuator["long_var_u"]
-    follows = (
+    follows: bool = (
         var_u > 0.25 * limits.excitation**2
         and long_estimate(actuator, limits.prior) > _BACK_EFFECTIVENESS
         and cov > 0.55 * var_u
         and cov * cov > _BACK_R2 * var_u * actuator["long_var_y"]
     )
     if not is_throttle:
-        return follows or actuator["quiet"] > limits.quiet
-    u = actuator["commanded"]
-    gives = abs(actuator["measured"] - u) < 0.5 * limits.jump + 0.1 * u and u > 0.25 * limits.jump
-    return gives or (follows and actuator["since"] > _LONG_SETTLE_S)
+        return follows or float(actuator["quiet"]) > limits.quiet
+    u: float = actuator["commanded"]
+    near = abs(actuator["measured"] - u) < 0.5 * limits.jump + 0.1 * u
+    gives = bool(near) and u > 0.25 * limits.jump
+    return gives or (follows and float(actuator["since"]) > _LONG_SETTLE_S)
 
 
 @compiled

@@ -10,7 +10,7 @@ C0 is square, so every surface has a measurement of its own. The thrust's follow
     y_T = m (V̇ - vᵀ(R1ᵀg + F0/m)/V) V/v_x
 
 Commands pass through a model of the servos and the same filter, so that y = u while all is
-well. All filters start at rest together with the law.
+well. All filters start at rest together with the law, and the servos at their first commands.
 """
 
 import math
@@ -61,6 +61,7 @@ def measure(
         for i in range(3):
             omega_filtered[i] = motion.omega[i]
         return
+    settled = state["age"] > 1.5 * dt
     tau = gains["filter_s"]
     share = dt / tau
     J = mat3(aircraft["J"])
@@ -79,7 +80,10 @@ def measure(
         else:
             lag, limit = gains["servo_lag_s"], gains["servo_rate_limit_rad_s"]
             actuator["measured"] = y[j]
-        actuator["position"] = servo_step(actuator["position"], held[j], lag, limit, dt)
+        if settled:
+            actuator["position"] = servo_step(actuator["position"], held[j], lag, limit, dt)
+        else:
+            actuator["position"] = held[j]
         actuator["commanded"] += share * (actuator["position"] - actuator["commanded"])
     throttle = actuators[THROTTLE]
     gained = motion.V_dot - acceleration_without_thrust(motion, aircraft)

@@ -86,7 +86,7 @@ def rudder_for_roll(
         motion.omega[2] - trim.r,
         wrap(motion.phi[0] - now.reference.phi[0]),
     )
-    rudder = trim.delta
+    rudder: float = trim.delta
     for i in range(len(x)):
         rudder -= gain_at(gains["airspeeds"], gains["rudder_gains"], motion.V, i) * x[i]
     rudder /= state["diagnosis"]["actuators"][RUDDER]["effectiveness"]
@@ -106,7 +106,8 @@ def driven_aileron(now: Instant, gains: np.void, state: np.void, stop: float) ->
         more = math.copysign(now.dt * _DRIVING_RAD_S, state["rudder_mean"])
         driven = state["aileron_driven"] + more
         state["aileron_driven"] = min(max(driven, -_LARGEST_DRIVE), _LARGEST_DRIVE)
-    return probed(AILERON, gains["diagnosis"], state["diagnosis"]) + state["aileron_driven"]
+    aileron: float = probed(AILERON, gains["diagnosis"], state["diagnosis"])
+    return aileron + float(state["aileron_driven"])
 
 
 @compiled

@@ -61,7 +61,7 @@ def thrust_for_pitch(now: Instant, trim: PitchTrim, gains: np.void, state: np.vo
         integral = state["pitch_integral"] + now.dt * e
         state["pitch_integral"] = min(max(integral, -_LARGEST_INTEGRAL), _LARGEST_INTEGRAL)
     x = (motion.V - trim.V, alpha - trim.alpha, motion.omega[1], e, state["pitch_integral"])
-    thrust = trim.thrust - state["diagnosis"]["actuators"][THROTTLE]["offset"]
+    thrust: float = trim.thrust - state["diagnosis"]["actuators"][THROTTLE]["offset"]
     for i in range(len(x)):
         thrust -= gain_at(gains["airspeeds"], gains["thrust_gains"], motion.V, i) * x[i]
     return thrust
