@@ -87,7 +87,7 @@ def test_every_problem_is_told_of_the_file_that_was_loaded(tmp_path: Path) -> No
     assert str(caught.value).splitlines() == [
         f"{path}: aircraft.mass_kg: expected > 0 kg, got -1",
         f"{path}: aircraft.mass_g: unknown key; did you mean 'mass_kg'?",
-        f"{path}: extend: unknown key",
+        f"{path}: extend: unknown key; did you mean 'extends'?",
     ]
 
 
