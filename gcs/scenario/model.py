@@ -41,9 +41,11 @@ from sitl_plant.config import (
     Disturbance,
     PlantConfig,
     PlantUav,
+    Seed,
     Uncertainty,
     true_aircraft,
 )
+from sitl_plant.hardware import Sensors, Servos, sensor_problems, servo_problems
 
 __all__ = ["Scenario", "load_scenario", "scenario_of", "scenario_tree"]
 
@@ -62,6 +64,11 @@ class Scenario(Model):
     disturbance: Disturbance = Field(
         default=Disturbance(), description="Disturbances of every aircraft."
     )
+    servos: Servos = Field(
+        default=Servos(), description="Servos of every aircraft that has none of its own."
+    )
+    sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
+    seed: Seed = 1
     controller: Controller = Field(
         default=Proposed(), description="Control law of every UAV, and its parameters."
     )
@@ -97,8 +104,16 @@ class Scenario(Model):
             bind=self.links.address(self.links.plant_port),
             signing_key=self.links.signing_key,
             disturbance=self.disturbance,
+            sensors=self.sensors,
+            seed=self.seed,
             uavs=tuple(
-                PlantUav(id=uav.id, initial=uav.initial, aircraft=aircraft) for uav in self.uavs
+                PlantUav(
+                    id=uav.id,
+                    initial=uav.initial,
+                    aircraft=aircraft,
+                    servos=(uav.servos or self.servos).by_actuator(),
+                )
+                for uav in self.uavs
             ),
         )
 
@@ -158,6 +173,7 @@ class Scenario(Model):
         checks = (
             self._uav_problems,
             self._aircraft_problems,
+            self._hardware_problems,
             self._network_problems,
             self._profile_problems,
             self._fault_problems,
@@ -178,6 +194,16 @@ class Scenario(Model):
             true_aircraft(self.aircraft, self.uncertainty)
         except Problems as exc:
             yield from (p._replace(loc=("uncertainty", *p.loc)) for p in exc.problems)
+
+    def _hardware_problems(self) -> Found:
+        for loc, text in sensor_problems(self.sensors, self.step_us):
+            yield ("sensors", *loc), text
+        for loc, text in servo_problems(self.servos, self.step_us):
+            yield ("servos", *loc), text
+        for i, uav in enumerate(self.uavs):
+            if uav.servos is not None:
+                for loc, text in servo_problems(uav.servos, self.step_us):
+                    yield ("uavs", i, "servos", *loc), text
 
     def _network_problems(self) -> Found:
         edges = [(*edge.between, edge.weight) for edge in self.network.edges]
