@@ -123,16 +123,17 @@ class Scenario(Model):
         Raises:
             KeyError: The scenario has no such UAV.
         """
-        names = {uav.id: uav.name for uav in self.uavs}
+        uavs = {uav.id: uav for uav in self.uavs}
+        servos = (uavs[uav_id].servos or self.servos).by_actuator()
         links = self.links
         return AutopilotConfig(
             id=uav_id,
-            name=names[uav_id],
+            name=uavs[uav_id].name,
             step_us=self.step_us,
             identity=self.identity,
             origin=self.origin,
             aircraft=self.aircraft,
-            controller=self.controller,
+            controller=self.controller.with_servos(servos),
             trigger=self.trigger,
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))

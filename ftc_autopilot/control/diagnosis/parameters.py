@@ -1,7 +1,7 @@
 """Parameters of the diagnosis."""
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -10,6 +10,7 @@ from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.hardware import ActuatorServos
 
 __all__ = ["Diagnosis", "Thresholds", "thresholds_of"]
 
@@ -23,13 +24,17 @@ class Diagnosis(Model):
     """Parameters of the diagnosis; triples are aileron, elevator, rudder."""
 
     servo_lag_s: float = quantity(
-        "s", ge=0.0, le=1.0, default=0.0, doc="Lag of the servos, as the diagnosis models them."
+        "s",
+        ge=0.0,
+        le=10.0,
+        default=0.0,
+        doc="Lag of the servos, as the diagnosis models them; that of `servos` unless given.",
     )
     servo_rate_limit_deg_s: float = quantity(
-        "deg/s", gt=0.0, default=1e6, doc="Rate limit of the servos, likewise."
+        "deg/s", gt=0.0, default=1e6, doc="Their rate limit, likewise."
     )
     throttle_lag_s: float = quantity(
-        "s", ge=0.0, le=5.0, default=0.0, doc="Lag of the thrust, likewise."
+        "s", ge=0.0, le=10.0, default=0.0, doc="Lag of the thrust, likewise."
     )
     filter_s: float = quantity(
         "s", gt=0.0, le=1.0, default=0.01, doc="Filter of measurement and command."
@@ -73,6 +78,19 @@ class Diagnosis(Model):
         default=(2.0, 2.5, 4.0), description="Movements of a lost surface [deg]."
     )
     probe_s: float = quantity("s", gt=0.0, default=0.5, doc="Half period of the latter.")
+
+    def with_servos(self, servos: ActuatorServos) -> Self:
+        """Return the parameters with the slowest of the servos, where they were not given."""
+        surfaces = (servos.aileron, servos.elevator, servos.rudder)
+        limits = [s.rate_limit_deg_s for s in surfaces if s.rate_limit_deg_s is not None]
+        known = {
+            "servo_lag_s": max(servo.lag_s for servo in surfaces),
+            "throttle_lag_s": servos.throttle.lag_s,
+        }
+        if limits:
+            known["servo_rate_limit_deg_s"] = min(limits)
+        left_open = {key: value for key, value in known.items() if key not in self.model_fields_set}
+        return self.model_copy(update=left_open)
 
 
 class Thresholds(NamedTuple):

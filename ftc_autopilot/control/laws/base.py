@@ -1,6 +1,6 @@
 """Input and output of every control law."""
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -11,6 +11,7 @@ from ftc_autopilot.control.reference import Reference
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.config import Aircraft
+from sitl_plant.hardware import ActuatorServos
 from sitl_plant.vec3 import Vec3
 
 __all__ = ["Demand", "Instant", "LawParameters"]
@@ -56,6 +57,13 @@ class LawParameters(Model):
     reference_bandwidth_rad_s: float = quantity(
         "rad/s", gt=0.0, default=2.5, doc="Triple pole of the reference filter (Assumption 4)."
     )
+
+    def with_servos(self, servos: ActuatorServos) -> Self:
+        """Return the parameters of an aircraft with these servos: the same.
+
+        A law that has a model of the servos takes what its own parameters leave open.
+        """
+        return self
 
 
 class Instant(NamedTuple):

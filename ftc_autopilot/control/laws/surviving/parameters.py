@@ -1,6 +1,6 @@
 """Parameters and state of the surviving law."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from ftc_autopilot.control.laws.surviving.gains import (
 )
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.config import Aircraft
+from sitl_plant.hardware import ActuatorServos
 
 __all__ = ["Surviving"]
 
@@ -92,3 +93,7 @@ class Surviving(LawParameters):
         for k, V in enumerate(record["airspeeds"]):
             record["rudder_gains"][k] = lateral_gain(aircraft, V)
             record["thrust_gains"][k] = longitudinal_gain(aircraft, V)
+
+    def with_servos(self, servos: ActuatorServos) -> Self:
+        """Return the parameters with a diagnosis that knows the servos."""
+        return self.model_copy(update={"diagnosis": self.diagnosis.with_servos(servos)})
