@@ -2,11 +2,19 @@
 
 from typing import Literal, TypeAlias, get_args
 
-from mavlink_defs.dialect import FTC_ACTUATOR_THROTTLE, MAV_COMP_ID_USER1
+from mavlink_defs.dialect import (
+    FTC_ACTUATOR_AILERON,
+    FTC_ACTUATOR_ELEVATOR,
+    FTC_ACTUATOR_RUDDER,
+    FTC_ACTUATOR_THROTTLE,
+    MAV_COMP_ID_USER1,
+)
 
 __all__ = [
     "ACTUATORS",
+    "AILERON",
     "AUTO",
+    "ELEVATOR",
     "FORCE_DISARM",
     "FORMATION_BASE_PORT",
     "GCS_PORT",
@@ -18,6 +26,7 @@ __all__ = [
     "MODE_NAMES",
     "N_CHANNELS",
     "PLANT_PORT",
+    "RUDDER",
     "SIMULATOR_COMPONENT",
     "STATUSTEXT_SIZE",
     "THROTTLE",
@@ -27,8 +36,10 @@ __all__ = [
 N_CHANNELS = 4
 """Actuator channels, in the order of FTC_ACTUATOR: aileron, elevator, rudder, throttle."""
 
+AILERON, ELEVATOR, RUDDER = FTC_ACTUATOR_AILERON, FTC_ACTUATOR_ELEVATOR, FTC_ACTUATOR_RUDDER
+"""The channels of the surfaces."""
 THROTTLE = FTC_ACTUATOR_THROTTLE
-"""The channel of the thrust; the others are surfaces."""
+"""The channel of the thrust."""
 
 SIMULATOR_COMPONENT = MAV_COMP_ID_USER1
 """Component id of an aircraft inside the plant; its system id is the UAV's."""

@@ -30,6 +30,7 @@ from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import Quantity, describe
 from sitl_plant.config import Aircraft, Disturbance, Sinusoid, Uncertainty
+from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
 
 DIALECT = Path(__file__).parents[1] / "mavlink_defs" / "ftc.xml"
 MARK = re.compile(r"^<!-- generated: (\w+)(?: (\S+))? -->$", re.MULTILINE)
@@ -39,6 +40,11 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "uncertainty": Uncertainty,
     "disturbance": Disturbance,
     "sinusoid": Sinusoid,
+    "servos": Servos,
+    "surface_servo": SurfaceServo,
+    "engine_servo": EngineServo,
+    "sensors": Sensors,
+    "sensor": Sensor,
     "controller": LawParameters,
     **LAWS,
     "trigger": Trigger,
@@ -106,6 +112,8 @@ def expected(annotation: Any, field: FieldInfo | None = None) -> str:
     annotation = without_none(annotation)
     if (quantity := quantity_of(annotation, field)) is not None:
         return range_of(quantity)
+    if annotation is bool:
+        return "`true` or `false`"
     origin, arguments = get_origin(annotation), get_args(annotation)
     if (value := scheduled_value(annotation)) is not None:
         return f"{expected(value)}; [schedule](#controller)"

@@ -12,6 +12,7 @@ from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repe
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.faults import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
+from sitl_plant.hardware import ActuatorServos, Sensors, sensor_problems, servo_problems
 
 __all__ = [
     "Aircraft",
@@ -21,6 +22,7 @@ __all__ = [
     "InitialState",
     "PlantConfig",
     "PlantUav",
+    "Seed",
     "Sinusoid",
     "Uncertainty",
     "true_aircraft",
@@ -215,12 +217,16 @@ class InitialState(Model):
     yaw_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Yaw angle.")
 
 
+Seed = Annotated[int, whole("", ge=0, le=2**32 - 1, doc="Seed of all that is random.")]
+
+
 class PlantUav(Model):
     """One aircraft of the plant."""
 
     id: SystemId
     initial: InitialState = Field(description="State at t = 0.")
     aircraft: Aircraft = Field(description="The true aircraft.")
+    servos: ActuatorServos = Field(default=ActuatorServos(), description="Its servos.")
 
 
 class PlantConfig(Model):
@@ -246,6 +252,8 @@ class PlantConfig(Model):
     disturbance: Disturbance = Field(
         default=Disturbance(), description="Disturbances of every aircraft."
     )
+    sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
+    seed: Seed = 1
     uavs: tuple[PlantUav, ...] = Field(min_length=1, description="The aircraft.")
 
     @model_validator(mode="after")
@@ -253,4 +261,14 @@ class PlantConfig(Model):
         Problems.check(
             (("uavs", i, "id"), text) for i, text in repeated([uav.id for uav in self.uavs])
         )
+        return self
+
+    @model_validator(mode="after")
+    def _periods_fit(self) -> "PlantConfig":
+        late = sensor_problems(self.sensors, self.step_us)
+        problems = [(("sensors", *loc), text) for loc, text in late]
+        for i, uav in enumerate(self.uavs):
+            slow = servo_problems(uav.servos, self.step_us)
+            problems += [(("uavs", i, "servos", *loc), text) for loc, text in slow]
+        Problems.check(problems)
         return self

@@ -12,7 +12,9 @@ from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.config import InitialState, PlantConfig
 from sitl_plant.disturbance import disturbance_table
-from sitl_plant.plant import Environment, is_lost, sense, step_aircraft, time_s
+from sitl_plant.plant import Environment, is_lost, specific_force, step_aircraft, time_s
+from sitl_plant.sensors import Sensing, measure, new_sensing
+from sitl_plant.servo import begin_period, new_servos, sent_commands
 
 __all__ = ["PlantState", "fly", "new_plant_state", "observe", "receive_controls"]
 
@@ -22,11 +24,14 @@ class PlantState(NamedTuple):
 
     states: np.ndarray  # (n, 12), see `sitl_plant.rigid_body.State`
     controls: np.ndarray  # (n, 4) held commands: aileron, elevator, rudder [rad], thrust [N]
-    applied: np.ndarray  # (n, 4) commands after faults and stops at the last period's start
+    servos: np.ndarray  # (n, 4), dtype SERVO
+    sent: np.ndarray  # (n, depth, 4), see `sitl_plant.servo.sent_commands`
+    applied: np.ndarray  # (n, 4) true positions and thrust at the last period's start
     faults: np.ndarray  # (n, MAX_FAULTS), dtype FAULT
     aircraft: np.ndarray  # (n,), dtype AIRCRAFT, the true ones
     messages: np.ndarray  # (n,), dtype SIM_STATE: the present state as the wire carries it
     disturbance: np.ndarray  # (6, 3)
+    sensors: Sensing
 
 
 _NOTHING_APPLIED = np.uint64(2**64 - 1)
@@ -42,14 +47,18 @@ def new_plant_state(config: PlantConfig) -> PlantState:
     for i, uav in enumerate(config.uavs):
         aircraft[i] = aircraft_record(uav.aircraft)
         states[i] = _initial_state(uav.initial)
+    servos = np.array([new_servos(uav.servos, config.step_us) for uav in config.uavs])
     return PlantState(
         states,
         np.zeros((n, N_CHANNELS)),
+        servos,
+        sent_commands(servos),
         np.zeros((n, N_CHANNELS)),
         no_faults(n),
         aircraft,
         messages,
         disturbance_table(config.disturbance),
+        new_sensing(config),
     )
 
 
@@ -95,15 +104,22 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
 
 @compiled
 def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
-    """Write aircraft i's state at a step into its FTC_SIM_STATE payload."""
-    sense(
-        fleet.states[i],
-        fleet.controls[i],
-        step,
-        step_us,
-        Environment(fleet.faults[i], fleet.disturbance, fleet.aircraft[i]),
-        fleet.messages[i],
-    )
+    """Write what aircraft i measures at a step into its FTC_SIM_STATE payload.
+
+    Position and velocity are true; what else it senses has the errors of its sensors.
+    """
+    message, x = fleet.messages[i], fleet.states[i]
+    message["time_usec"] = step * step_us
+    message["step"] = step
+    around = Environment(fleet.servos[i], fleet.faults[i], fleet.disturbance, fleet.aircraft[i])
+    force = specific_force(x, step, step_us, around)
+    for k in range(3):
+        message["position"][k] = x[k]
+        message["velocity"][k] = x[3 + k]
+        message["attitude"][k] = x[6 + k]
+        message["rates"][k] = x[9 + k]
+        message["specific_force"][k] = force[k]
+    measure(fleet.sensors, i, step, message)
 
 
 @compiled
@@ -116,14 +132,10 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
     t, dt = time_s(step, step_us), step_us / 1e6
     lost = -1
     for i in range(len(fleet.states)):
-        step_aircraft(
-            fleet.states[i],
-            fleet.controls[i],
-            t,
-            dt,
-            Environment(fleet.faults[i], fleet.disturbance, fleet.aircraft[i]),
-            fleet.applied[i],
-        )
+        commanded = fleet.messages[i]["actuator_time_usec"] != _NOTHING_APPLIED
+        begin_period(fleet.servos[i], fleet.sent[i], fleet.controls[i], step, commanded)
+        around = Environment(fleet.servos[i], fleet.faults[i], fleet.disturbance, fleet.aircraft[i])
+        step_aircraft(fleet.states[i], t, dt, around, fleet.applied[i])
         if lost < 0 and is_lost(fleet.states[i]):
             lost = i
     return lost

@@ -1,7 +1,8 @@
 """One aircraft of the plant over one control period.
 
-The actuator command is held over the period (zero-order hold); eqs. (1) to (4) are integrated
-by the classical Runge-Kutta method of fourth order with the period as its step.
+The actuator command is held over the period (zero-order hold) and followed by the servos; faults
+and stops act on what these do. Eqs. (1) to (4) are integrated by the classical Runge-Kutta method
+of fourth order with the period as its step.
 """
 
 import math
@@ -11,11 +12,12 @@ import numpy as np
 
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.actuators import Controls, apply_faults
+from sitl_plant.actuators import apply_faults
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.disturbance import disturbances
 from sitl_plant.rigid_body import State, advance, load_state, state_derivative, store_state
-from sitl_plant.vec3 import add, norm, scale, vec3
+from sitl_plant.servo import end_period, positions
+from sitl_plant.vec3 import Vec3, add, norm, scale, vec3
 
 __all__ = [
     "AIRSPEED_MAX_M_S",
@@ -25,7 +27,7 @@ __all__ = [
     "describe_loss",
     "is_lost",
     "rk4_step",
-    "sense",
+    "specific_force",
     "step_aircraft",
     "time_s",
 ]
@@ -38,6 +40,7 @@ AIRSPEED_MAX_M_S = 300.0
 class Environment(NamedTuple):
     """An aircraft and what acts on it beside its commands."""
 
+    servos: np.ndarray  # (4,), dtype SERVO
     faults: np.ndarray  # (MAX_FAULTS,), dtype FAULT
     disturbance: np.ndarray  # (6, 3), as `disturbance_table` returns it
     aircraft: np.void  # dtype AIRCRAFT
@@ -52,7 +55,6 @@ def time_s(step: int, step_us: int) -> float:
 @compiled
 def rk4_step(
     state: State,
-    commanded: Controls,
     t: float,
     dt: float,
     environment: Environment,
@@ -61,16 +63,15 @@ def rk4_step(
 
     Args:
         state: State at t.
-        commanded: Actuator commands held over the interval.
         t: Start of the interval [s].
         dt: Its length [s].
         environment: The aircraft and what acts on it.
     """
     middle = t + 0.5 * dt
-    k1 = _slope(state, commanded, t, t, environment)
-    k2 = _slope(advance(state, 0.5 * dt, k1), commanded, middle, t, environment)
-    k3 = _slope(advance(state, 0.5 * dt, k2), commanded, middle, t, environment)
-    k4 = _slope(advance(state, dt, k3), commanded, t + dt, t, environment)
+    k1 = _slope(state, t, t, environment)
+    k2 = _slope(advance(state, 0.5 * dt, k1), middle, t, environment)
+    k3 = _slope(advance(state, 0.5 * dt, k2), middle, t, environment)
+    k4 = _slope(advance(state, dt, k3), t + dt, t, environment)
     state = advance(advance(state, dt / 6.0, k1), dt / 3.0, k2)
     return advance(advance(state, dt / 3.0, k3), dt / 6.0, k4)
 
@@ -78,13 +79,13 @@ def rk4_step(
 @compiled
 def _slope(
     state: State,
-    commanded: Controls,
     t: float,
     interval_start: float,
     environment: Environment,
 ) -> State:
-    faults, disturbance, aircraft = environment
-    da, de, dr, thrust = apply_faults(commanded, t, interval_start, faults, aircraft)
+    servos, faults, disturbance, aircraft = environment
+    moved = positions(servos, t - interval_start)
+    da, de, dr, thrust = apply_faults(moved, t, interval_start, faults, aircraft)
     d_v, d_omega = disturbances(disturbance, t)
     return state_derivative(state, thrust, (da, de, dr), d_v, d_omega, aircraft)
 
@@ -92,68 +93,49 @@ def _slope(
 @compiled
 def step_aircraft(
     x: np.ndarray,
-    controls: np.ndarray,
     t: float,
     dt: float,
     environment: Environment,
     applied: np.ndarray,
 ) -> None:
-    """Advance one aircraft in place by one control period.
+    """Advance one aircraft and its servos in place by one control period.
 
     Args:
         x: State, shape (12,), in the order of `State`.
-        controls: Aileron, elevator, rudder [rad], thrust [N] as commanded, shape (4,).
         t: Start of the period [s].
         dt: Control period [s].
-        environment: The aircraft and what acts on it.
-        applied: Commands after faults and stops at the start of the period, shape (4,), written.
+        environment: The aircraft and what acts on it; its servos have begun the period.
+        applied: True positions and thrust at the start of the period, shape (4,), written.
     """
-    commanded = (controls[0], controls[1], controls[2], controls[3])
-    real = apply_faults(commanded, t, t, environment.faults, environment.aircraft)
+    moved = positions(environment.servos, 0.0)
+    real = apply_faults(moved, t, t, environment.faults, environment.aircraft)
     for i in range(N_CHANNELS):
         applied[i] = real[i]
-    store_state(rk4_step(load_state(x), commanded, t, dt, environment), x)
+    store_state(rk4_step(load_state(x), t, dt, environment), x)
+    end_period(environment.servos, dt)
 
 
 @compiled
-def sense(
-    x: np.ndarray,
-    controls: np.ndarray,
-    step: int,
-    step_us: int,
-    environment: Environment,
-    message: np.void,
-) -> None:
-    """Fill the FTC_SIM_STATE payload with the state at a step.
+def specific_force(x: np.ndarray, step: int, step_us: int, environment: Environment) -> Vec3:
+    """Return the specific force at a step [m/s²], body axes.
 
-    The specific force is that of the actuators as they stand at this instant: still under the
-    command of the period that ends here.
+    It is that of the actuators as they stand at this instant: at the end of the period that ends
+    here.
 
     Args:
         x: State, shape (12,).
-        controls: Commands of the period that ends here, shape (4,).
         step: Step number.
         step_us: Control period [µs].
         environment: The aircraft and what acts on it.
-        message: Payload of dtype `mavlink_defs.framing.codec.SIM_STATE`; its time, step, motion and
-            specific force are set.
     """
-    faults, disturbance, aircraft = environment
+    servos, faults, disturbance, aircraft = environment
     t = time_s(step, step_us)
     _, v, _, omega = load_state(x)
-    commanded = (controls[0], controls[1], controls[2], controls[3])
-    real = apply_faults(commanded, t, time_s(step - 1, step_us), faults, aircraft)
+    moved = servos[0]["output"], servos[1]["output"], servos[2]["output"], servos[3]["output"]
+    real = apply_faults(moved, t, time_s(step - 1, step_us), faults, aircraft)
     air = aerodynamics(v, omega, aircraft)
     d_v, _ = disturbances(disturbance, t)
-    f = add(scale(1.0 / aircraft["m"], (air.F[0] + real[THROTTLE], air.F[1], air.F[2])), d_v)
-    message["time_usec"] = step * step_us
-    message["step"] = step
-    for i in range(3):
-        message["position"][i] = x[i]
-        message["velocity"][i] = x[3 + i]
-        message["attitude"][i] = x[6 + i]
-        message["rates"][i] = x[9 + i]
-        message["specific_force"][i] = f[i]
+    return add(scale(1.0 / aircraft["m"], (air.F[0] + real[THROTTLE], air.F[1], air.F[2])), d_v)
 
 
 @compiled

@@ -36,12 +36,19 @@ __all__ = [
 NO_INTERVAL = 2**32 - 1
 """Smallest interval of a channel with fewer than two events."""
 
+
+def _record_of(law: type[LawParameters]) -> np.dtype:
+    """Return the record of a law's own parameters and of what it derives from the aircraft."""
+    own = record_dtype(law, LawParameters)
+    return np.dtype([*((name, own[name]) for name in own.names or ()), *law.DERIVED])
+
+
 PARAMETERS = np.dtype(
     [
         ("law", "i8"),  # index in KINDS
         ("common", record_dtype(LawParameters)),
         ("trigger", record_dtype(Trigger)),
-        *((kind, record_dtype(law, LawParameters)) for kind, law in LAWS.items()),
+        *((kind, _record_of(law)) for kind, law in LAWS.items()),
     ]
 )
 
@@ -91,6 +98,10 @@ SIGNALS = np.dtype(
         ("omega_d_dot", "f8", (3,)),
         ("e_omega", "f8", (3,)),
         ("zeta_omega", "f8", (3,)),
+        ("effectiveness", "f8", (N_CHANNELS,)),  # diagnosis: in use
+        ("offset", "f8", (N_CHANNELS,)),  # of an actuator in service; where a lost one stands
+        ("confidence", "f8", (N_CHANNELS,)),  # 1 - standard error of the effectiveness
+        ("phase", "u1", (N_CHANNELS,)),  # as `ftc_autopilot.control.diagnosis` numbers them
     ]
 )
 """Quantities computed in one control step. Channels of references and errors: airspeed [m/s], roll,
@@ -126,10 +137,10 @@ def restart_law(state: np.void) -> None:
 
 
 def no_signals(steps: int) -> np.ndarray:
-    """Return `SIGNALS` of steps without control: NaN and no events, shape (steps,)."""
+    """Return `SIGNALS` of steps without control: NaN, no events, no diagnosis, shape (steps,)."""
     signals = np.zeros(steps, SIGNALS)
     for name in SIGNALS.names or ():
-        if name != "events":
+        if SIGNALS[name].base.kind == "f":
             signals[name] = np.nan
     return signals
 

@@ -84,6 +84,8 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
     for i, config in enumerate(configs):
         controllers.aircraft[i] = aircraft_record(config.aircraft)
         controllers.parameters[i] = parameter_record(config.controller, config.trigger)
+        law = controllers.parameters[i][config.controller.kind]
+        config.controller.derive(config.aircraft, law)
     reset_controllers(controllers)
     return controllers
 

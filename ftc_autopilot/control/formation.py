@@ -36,7 +36,8 @@ def formation_errors(
     """Evaluate eqs. (31) and (32) and the neighbours' sums that r_v and (57) need.
 
     Angles and their differences are taken the short way round, so that whole turns of the own
-    aircraft or a neighbour change nothing.
+    aircraft or a neighbour change nothing. What a neighbour differs by counts only up to limits,
+    so that one in trouble does not drag the others along.
 
     Args:
         motion: Own motion.
@@ -50,6 +51,9 @@ def formation_errors(
     e = _difference(motion.phi, reference.phi)
     V_sum, a_sum, V_dot_sum = 0.0, 0.0, 0.0
     e_sum, e_dot_sum = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    speed, angle = weighting["neighbour_speed_limit_m_s"], weighting["neighbour_angle_limit_rad"]
+    acceleration = weighting["neighbour_acceleration_limit_m_s2"]
+    rate = weighting["neighbour_rate_limit_rad_s"]
     for j in range(len(weights)):
         a = weights[j]
         if a == 0.0:
@@ -58,10 +62,10 @@ def formation_errors(
         e_j = _difference(vec3(other["attitude"]), reference.phi)
         e_dot_j = sub(vec3(other["attitude_rate"]), reference.phi_dot)
         a_sum += a
-        V_sum += a * (V_tilde - (other["airspeed"] - reference.V))
-        V_dot_sum += a * (other["airspeed_rate"] - reference.V_dot)
-        e_sum = add(e_sum, scale(a, _difference(e, e_j)))
-        e_dot_sum = add(e_dot_sum, scale(a, e_dot_j))
+        V_sum += a * _limited(V_tilde - (other["airspeed"] - reference.V), speed)
+        V_dot_sum += a * _limited(other["airspeed_rate"] - reference.V_dot, acceleration)
+        e_sum = add(e_sum, scale(a, _all_limited(_difference(e, e_j), angle)))
+        e_dot_sum = add(e_dot_sum, scale(a, _all_limited(e_dot_j, rate)))
     lambda1, lambda2 = weighting["lambda1"], weighting["lambda2"]
     lambda3, lambda4 = weighting["lambda3"], weighting["lambda4"]
     return FormationErrors(
@@ -80,3 +84,15 @@ def formation_errors(
 def _difference(phi: Vec3, other: Vec3) -> Vec3:
     """Return differences of roll, pitch and yaw, each the short way round [rad]."""
     return wrap(phi[0] - other[0]), wrap(phi[1] - other[1]), wrap(phi[2] - other[2])
+
+
+@compiled
+def _limited(x: float, limit: float) -> float:
+    """Return x, at most as large as the limit."""
+    return min(max(x, -limit), limit)
+
+
+@compiled
+def _all_limited(x: Vec3, limit: float) -> Vec3:
+    """Return each element, at most as large as the limit."""
+    return _limited(x[0], limit), _limited(x[1], limit), _limited(x[2], limit)

@@ -42,6 +42,7 @@ _SHORTER = {  # with an axis or a prefix, these would be too long
     "rate_limit_deg_s": "RATE_LIMIT",
     "integral_limit_deg": "INT_LIMIT",
     "trim_airspeed_m_s": "TRIM_AIRSPEED",
+    "diagnosis": "DIAG",
 }
 _AT_THE_START = {"phi_v0", "g_v0", "beta_v0", "phi_omega0", "beta_omega0"}
 """Fields that a law reads in its first step only."""

@@ -4,20 +4,26 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from gcs.scenario.model import Scenario
+from gcs.errors import BadInput
+from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
+from gcs.sweeps.axes import Axis, label, parse_axes
+from mavlink_defs.config.inherit import PlaceError, merged, with_values
 
 __all__ = [
     "FreePortsOption",
     "QuietOption",
     "RunFolderOption",
     "ScenarioArgument",
+    "SetOption",
+    "WithOption",
+    "changed_scenario",
     "console_of",
     "flight_progress",
     "warm_up",
@@ -32,7 +38,63 @@ RunFolderOption = Annotated[
 FreePortsOption = Annotated[
     bool, typer.Option("--free-ports", help="Use free UDP ports instead of the scenario's.")
 ]
+WithOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--with",
+        help="A file to merge into the scenario, such as realistic. With several, in order.",
+        metavar="NAME",
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", help="A key of the scenario and its value, in YAML.", metavar="KEY=VALUE"
+    ),
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+
+
+def changed_scenario(
+    scenario: Path, additions: list[str] | None, settings: list[str] | None
+) -> Scenario:
+    """Read a scenario, merge additions into it, and set keys.
+
+    The name of the flight tells what was changed.
+
+    Args:
+        scenario: A file, or the name of a bundled scenario.
+        additions: Files or bundled additions, each merged into what stands before it.
+        settings: As in ``--set KEY=VALUE``.
+
+    Raises:
+        BadInput: A setting is not of that form, or its key does not exist.
+        ConfigError: A file cannot be used, or the result is no valid scenario.
+    """
+    if not additions and not settings:
+        return load_scenario(scenario)
+    tree = scenario_tree(scenario)
+    changes = [f"with {name}" for name in additions or ()]
+    for name in additions or ():
+        tree = merged(tree, scenario_tree(name))
+    values = {axis.key: _only(axis) for axis in parse_axes(settings or ())}
+    changes += [f"{key} = {label(value)}" for key, value in values.items()]
+    try:
+        tree = with_values(tree, values)
+    except PlaceError as problem:
+        raise BadInput(f"--set {problem}") from problem
+    if "name" in tree and "name" not in values:
+        tree = {**tree, "name": ", ".join([str(tree["name"]), *changes])}
+    return scenario_of(scenario, tree)
+
+
+def _only(axis: Axis) -> Any:
+    if len(axis.values) > 1:
+        raise BadInput(
+            f"--set {axis.key} has {len(axis.values)} values, expected one",
+            "a list stands in brackets; gcs sweep flies several values",
+        )
+    return axis.values[0]
 
 
 def console_of(stderr: bool = True, quiet: bool = False) -> Console:

@@ -7,10 +7,17 @@ from typing import Annotated
 import typer
 
 from ftc_autopilot.config import AutopilotConfig
-from gcs.commands.common import ScenarioArgument, console_of, warm_up
+from gcs.commands.common import (
+    ScenarioArgument,
+    SetOption,
+    WithOption,
+    changed_scenario,
+    console_of,
+    warm_up,
+)
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput
-from gcs.scenario.model import Scenario, load_scenario
+from gcs.scenario.model import Scenario
 from gcs.station.signing_key import signed
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, parse_address
@@ -41,6 +48,8 @@ def config(
             metavar="NAME=HOST",
         ),
     ] = None,
+    additions: WithOption = None,
+    settings: SetOption = None,
     signing_key: SigningKeyOption = None,
 ) -> None:
     """Write the configuration of each process of a fleet that spans several hosts.
@@ -49,7 +58,7 @@ def config(
     also compiles the numeric core there. Then start one process per file by hand: nothing here
     starts them. The plant flies in real time until it is stopped.
     """
-    loaded = signed(load_scenario(scenario), signing_key)
+    loaded = signed(changed_scenario(scenario, additions, settings), signing_key)
     if loaded.links.impairments is not None:
         text = "links.impairments need the relays of `gcs fly` and `gcs up`"
         raise BadInput(text, "take them out of the scenario")

@@ -15,13 +15,16 @@ from gcs.commands.common import (
     QuietOption,
     RunFolderOption,
     ScenarioArgument,
+    SetOption,
+    WithOption,
+    changed_scenario,
     console_of,
     flight_progress,
     warm_up,
 )
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.scenario.model import Scenario, load_scenario
+from gcs.scenario.model import Scenario
 from gcs.station.signing_key import signed, warn_if_exposed
 from mavlink_defs.endpoint import UdpAddress
 
@@ -36,6 +39,7 @@ Examples:
 - gcs fly paper/scenario1
 - gcs fly paper/scenario1 --in-process --json | jq .saving
 - gcs fly my.yaml --speed 1 --out runs/demo
+- gcs fly faults/loe_aileron --with realistic --set sensors.gyro_deg_s.noise_rms=0.1
 
 Exit status: 0 flown to its end, 1 lost, stopped early or not recorded, 2 bad input, 3 a vehicle
 refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
@@ -44,6 +48,8 @@ refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGH
 
 def fly(
     scenario: ScenarioArgument,
+    additions: WithOption = None,
+    settings: SetOption = None,
     out: RunFolderOption = None,
     speed: Annotated[
         float | None,
@@ -78,7 +84,7 @@ def fly(
     from gcs.fleet.processes import check_ports
     from gcs.results.run_folder import make_run_folder
 
-    loaded = signed(load_scenario(scenario), signing_key)
+    loaded = signed(changed_scenario(scenario, additions, settings), signing_key)
     if in_process and loaded.links.impairments is not None:
         text = "links.impairments are about the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")

@@ -2,7 +2,8 @@
 
 import typer
 
-from gcs.scenario.bundled import SCENARIOS, bundled_names
+from gcs.scenario.bundled import SCENARIOS, addition_names, bundled_names
+from gcs.scenario.model import scenario_tree
 from mavlink_defs.config.files import read
 
 __all__ = ["EPILOG", "scenarios"]
@@ -13,16 +14,19 @@ Examples:
 - gcs scenarios
 - gcs scenarios | grep rudder
 
-A name works wherever a scenario file does: gcs fly paper/scenario1
+A name works wherever a scenario file does: gcs fly paper/scenario1. The last ones are no
+scenarios but additions to one: gcs fly paper/scenario1 --with realistic
 
 Exit status: 0 listed.
 """
 
 
 def scenarios() -> None:
-    """List the bundled scenarios, one per line: name and what it shows."""
+    """List the bundled scenarios, one per line: name and what it shows; then the additions."""
     names = bundled_names()
     width = max(map(len, names))
     for name in names:
         tree = read(SCENARIOS / f"{name}.yaml")
         typer.echo(f"{name:{width}}  {tree.get('description') or tree['name']}")
+    for name in addition_names():
+        typer.echo(f"{name:{width}}  --with {name} sets {', '.join(scenario_tree(name))}.")

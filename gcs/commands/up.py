@@ -15,12 +15,15 @@ from gcs.commands.common import (
     QuietOption,
     RunFolderOption,
     ScenarioArgument,
+    SetOption,
+    WithOption,
+    changed_scenario,
     console_of,
     warm_up,
 )
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, Interrupted
-from gcs.scenario.model import Scenario, load_scenario
+from gcs.scenario.model import Scenario
 from gcs.station.signing_key import refuse_unsigned, signed, warn_if_exposed
 from gcs.stopping import stop_signals
 from mavlink_defs.constants import HUB_PORT
@@ -42,6 +45,8 @@ something, 4 a vehicle did not answer.
 
 def up(
     scenario: ScenarioArgument,
+    additions: WithOption = None,
+    settings: SetOption = None,
     out: RunFolderOption = None,
     speed: Annotated[
         float | None, typer.Option(help="Real-time factor; 1 by default.", metavar="FACTOR")
@@ -83,7 +88,7 @@ def up(
     from gcs.fleet.processes import check_ports, on_free_ports
     from gcs.results.run_folder import make_run_folder
 
-    loaded = signed(load_scenario(scenario), signing_key)
+    loaded = signed(changed_scenario(scenario, additions, settings), signing_key)
     if not insecure:
         refuse_unsigned(loaded)
     hub = UdpAddress(loaded.links.host, hub_port)

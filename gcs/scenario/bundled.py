@@ -1,5 +1,8 @@
 """The scenarios that come with the package, by name: ``paper/scenario1``.
 
+Beside their folders stand additions: files that are no scenarios by themselves but to be merged
+into one, by name as well: ``realistic``.
+
 Where a command takes a scenario, an existing file takes precedence over a bundled one.
 """
 
@@ -8,7 +11,7 @@ from pathlib import Path
 
 from mavlink_defs.config.models import ConfigError, Problem
 
-__all__ = ["SCENARIOS", "base_of", "bundled_names", "find_scenario"]
+__all__ = ["SCENARIOS", "addition_names", "base_of", "bundled_names", "find_scenario"]
 
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "bundled_scenarios"
@@ -18,15 +21,20 @@ SCENARIOS = _INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent / "scenarios"
 
 def bundled_names() -> list[str]:
     """Return the names of all bundled scenarios, sorted."""
-    files = SCENARIOS.rglob("*.yaml")
+    files = SCENARIOS.glob("*/**/*.yaml")
     return sorted(path.relative_to(SCENARIOS).with_suffix("").as_posix() for path in files)
+
+
+def addition_names() -> list[str]:
+    """Return the names of all bundled additions, sorted."""
+    return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))
 
 
 def find_scenario(name: Path | str) -> Path:
     """Return the file that the name of a scenario refers to.
 
     Args:
-        name: A path, or the name of a bundled scenario with or without ``.yaml``.
+        name: A path, or the name of a bundled scenario or addition with or without ``.yaml``.
 
     Raises:
         ConfigError: There is neither; similar names are suggested.
@@ -46,7 +54,7 @@ def base_of(folder: Path, name: str) -> Path:
 def _find(path: Path, name: str) -> Path:
     if path.exists():
         return path
-    names = bundled_names()
+    names = bundled_names() + addition_names()
     wanted = name.removesuffix(".yaml")
     if wanted in names:
         return SCENARIOS / f"{wanted}.yaml"

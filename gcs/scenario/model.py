@@ -41,9 +41,11 @@ from sitl_plant.config import (
     Disturbance,
     PlantConfig,
     PlantUav,
+    Seed,
     Uncertainty,
     true_aircraft,
 )
+from sitl_plant.hardware import Sensors, Servos, sensor_problems, servo_problems
 
 __all__ = ["Scenario", "load_scenario", "scenario_of", "scenario_tree"]
 
@@ -62,6 +64,11 @@ class Scenario(Model):
     disturbance: Disturbance = Field(
         default=Disturbance(), description="Disturbances of every aircraft."
     )
+    servos: Servos = Field(
+        default=Servos(), description="Servos of every aircraft that has none of its own."
+    )
+    sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
+    seed: Seed = 1
     controller: Controller = Field(
         default=Proposed(), description="Control law of every UAV, and its parameters."
     )
@@ -97,8 +104,16 @@ class Scenario(Model):
             bind=self.links.address(self.links.plant_port),
             signing_key=self.links.signing_key,
             disturbance=self.disturbance,
+            sensors=self.sensors,
+            seed=self.seed,
             uavs=tuple(
-                PlantUav(id=uav.id, initial=uav.initial, aircraft=aircraft) for uav in self.uavs
+                PlantUav(
+                    id=uav.id,
+                    initial=uav.initial,
+                    aircraft=aircraft,
+                    servos=(uav.servos or self.servos).by_actuator(),
+                )
+                for uav in self.uavs
             ),
         )
 
@@ -108,16 +123,17 @@ class Scenario(Model):
         Raises:
             KeyError: The scenario has no such UAV.
         """
-        names = {uav.id: uav.name for uav in self.uavs}
+        uavs = {uav.id: uav for uav in self.uavs}
+        servos = (uavs[uav_id].servos or self.servos).by_actuator()
         links = self.links
         return AutopilotConfig(
             id=uav_id,
-            name=names[uav_id],
+            name=uavs[uav_id].name,
             step_us=self.step_us,
             identity=self.identity,
             origin=self.origin,
             aircraft=self.aircraft,
-            controller=self.controller,
+            controller=self.controller.with_servos(servos),
             trigger=self.trigger,
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
@@ -158,6 +174,7 @@ class Scenario(Model):
         checks = (
             self._uav_problems,
             self._aircraft_problems,
+            self._hardware_problems,
             self._network_problems,
             self._profile_problems,
             self._fault_problems,
@@ -178,6 +195,16 @@ class Scenario(Model):
             true_aircraft(self.aircraft, self.uncertainty)
         except Problems as exc:
             yield from (p._replace(loc=("uncertainty", *p.loc)) for p in exc.problems)
+
+    def _hardware_problems(self) -> Found:
+        for loc, text in sensor_problems(self.sensors, self.step_us):
+            yield ("sensors", *loc), text
+        for loc, text in servo_problems(self.servos, self.step_us):
+            yield ("servos", *loc), text
+        for i, uav in enumerate(self.uavs):
+            if uav.servos is not None:
+                for loc, text in servo_problems(uav.servos, self.step_us):
+                    yield ("uavs", i, "servos", *loc), text
 
     def _network_problems(self) -> Found:
         edges = [(*edge.between, edge.weight) for edge in self.network.edges]

@@ -17,6 +17,7 @@ from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.profile import Segment
 from sitl_plant.config import InitialState
+from sitl_plant.hardware import Servos
 
 __all__ = [
     "Edge",
@@ -40,6 +41,9 @@ class ScenarioUav(Model):
     id: SystemId
     name: str = Field(min_length=1, description="Name that displays show.")
     initial: InitialState = Field(description="State at t = 0.")
+    servos: Servos | None = Field(
+        default=None, description="Its servos, in place of those of the scenario."
+    )
 
 
 class Edge(Model):

@@ -116,7 +116,8 @@ def _problems(model: type[BaseModel], error: ErrorDetails) -> list[Problem]:
         tags, tag = error["ctx"]["expected_tags"], shown(error["ctx"]["tag"])
         return [Problem((*place.loc, "kind"), f"expected one of {tags}, got {tag}")]
     if error["type"] in {"extra_forbidden", "invalid_key"}:
-        return [unknown_key(place.loc, place.siblings)]
+        whole_file = ["extends"] if len(place.loc) == 1 else []  # see `inherit`
+        return [unknown_key(place.loc, [*place.siblings, *whole_file])]
     return [Problem(place.loc, _text(place, error))]
 
 

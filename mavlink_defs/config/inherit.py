@@ -1,7 +1,8 @@
 """Configuration files that state only their differences from another file.
 
 ``extends: other.yaml`` in a file names its base, relative to the file itself (`read_inherited`
-accepts other ways to find it). The file is merged into its base as a JSON Merge Patch (RFC 7396):
+accepts other ways to find it); of several, ``extends: [first.yaml, second.yaml]``, each is merged
+into those before it. The file is merged into its base as a JSON Merge Patch (RFC 7396):
 mappings merge key by key, a null removes the base's key, anything else, lists included, replaces.
 One rule is added: a mapping with another `kind` than the base's inherits nothing from it, so that
 one control law does not get the gains of another.
@@ -9,6 +10,7 @@ one control law does not get the gains of another.
 Errors: ValueError ← PlaceError (no such place in a tree); about files `ConfigError`.
 """
 
+import functools
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -51,12 +53,14 @@ def _read(path: Path, find: Callable[[Path, str], Path], above: list[Path]) -> d
     tree = read(path)
     if "extends" not in tree:
         return tree
-    name = tree.pop("extends")
-    if not isinstance(name, str) or not name:
-        text = f"expected the path of one file, got {shown(name)}"
+    given = tree.pop("extends")
+    names = given if isinstance(given, list) else [given]
+    if not names or not all(isinstance(name, str) and name for name in names):
+        text = f"expected the path of a file, or a list of them, got {shown(given)}"
         raise ConfigError(path, [Problem(("extends",), text)])
     try:
-        return dict(merged(_read(find(path.parent, name), find, [*above, path.resolve()]), tree))
+        bases = [_read(find(path.parent, name), find, [*above, path.resolve()]) for name in names]
+        return dict(functools.reduce(merged, [*bases, tree]))
     except ConfigError as exc:
         problems = [Problem(("extends",), f"{exc.path}: {problem}") for problem in exc.problems]
         raise ConfigError(path, problems) from exc

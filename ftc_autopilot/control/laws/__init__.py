@@ -14,6 +14,7 @@ from ftc_autopilot.control.laws.backstepping import Backstepping, backstepping_l
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from ftc_autopilot.control.laws.pid import Pid, pid_law
 from ftc_autopilot.control.laws.proposed import Proposed, proposed_law
+from ftc_autopilot.control.laws.surviving import Surviving, surviving_law
 from mavlink_defs.runtime.jit import compiled
 
 __all__ = ["KINDS", "LAWS", "Controller", "evaluate"]
@@ -26,7 +27,8 @@ def _kind(value: Any) -> Any:
 Controller: TypeAlias = Annotated[
     Annotated[Proposed, Tag("proposed")]
     | Annotated[Backstepping, Tag("backstepping")]
-    | Annotated[Pid, Tag("pid")],
+    | Annotated[Pid, Tag("pid")]
+    | Annotated[Surviving, Tag("surviving")],
     Discriminator(_kind),
 ]
 """The parameters of any law, discriminated by `kind`."""
@@ -37,6 +39,7 @@ LAWS: dict[str, type[LawParameters]] = {
 KINDS = tuple(LAWS)
 _BACKSTEPPING = KINDS.index("backstepping")
 _PID = KINDS.index("pid")
+_SURVIVING = KINDS.index("surviving")
 
 
 @compiled
@@ -58,4 +61,7 @@ def evaluate(
         return backstepping_law(now, aircraft, parameters["backstepping"], states["backstepping"])
     if law == _PID:
         return pid_law(now, aircraft, parameters["pid"], states["pid"])
+    if law == _SURVIVING:
+        gains, state = parameters["surviving"], states["surviving"]
+        return surviving_law(now, aircraft, gains, state, signals)
     return proposed_law(now, aircraft, parameters["proposed"], states["proposed"], signals)

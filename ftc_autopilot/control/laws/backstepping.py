@@ -11,15 +11,16 @@ import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.control.attitude import virtual_control
+from ftc_autopilot.control.inversion import acceleration_without_thrust, surfaces_for
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from ftc_autopilot.control.laws.gains import TABLE_III_K1, TABLE_III_K2, Gains
 from ftc_autopilot.control.schedule import Schedule, schedule, scheduled
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import R2_inv, angular_acceleration
-from sitl_plant.vec3 import Mat3, Vec3, add, dot, mat3, mul, mul_t, scale, sub, vec3
+from sitl_plant.vec3 import add, mat3, mul, mul_t, scale, sub, vec3
 
-__all__ = ["Backstepping", "backstepping_law", "surfaces_for"]
+__all__ = ["Backstepping", "backstepping_law"]
 
 
 class Backstepping(LawParameters):
@@ -36,17 +37,6 @@ class Backstepping(LawParameters):
 
 
 @compiled
-def surfaces_for(moment: Vec3, C: Mat3) -> Vec3:
-    """Return deflections [rad] with C δ = moment [N m]; C as (10): the elevator stands alone."""
-    determinant = C[0][0] * C[2][2] - C[0][2] * C[2][0]
-    return (
-        (moment[0] * C[2][2] - moment[2] * C[0][2]) / determinant,
-        moment[1] / C[1][1],
-        (moment[2] * C[0][0] - moment[0] * C[2][0]) / determinant,
-    )
-
-
-@compiled
 def backstepping_law(now: Instant, aircraft: np.void, gains: np.void, state: np.void) -> Demand:
     """Make Ṽ'' = -c_v Ṽ' and ė_ω = -K2 e_ω - λ' R2⁻ᵀ e', if the nominal model were true.
 
@@ -58,7 +48,7 @@ def backstepping_law(now: Instant, aircraft: np.void, gains: np.void, state: np.
     """
     motion, errors = now.motion, now.errors
     m, lam = aircraft["m"], errors.lambda_v
-    known = dot(motion.v, add(motion.gravity, scale(1.0 / m, motion.air.F))) / motion.V
+    known = acceleration_without_thrust(motion, aircraft)
     r_v = lam * now.reference.V_dot + errors.V_tilde_dot_sum
     zeta_v = motion.v[0] * lam / (m * motion.V)
     T = (r_v - lam * known - gains["c_v"] * errors.V_tilde_prime) / zeta_v

@@ -1,6 +1,6 @@
 """Input and output of every control law."""
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -10,6 +10,8 @@ from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.reference import Reference
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
+from sitl_plant.config import Aircraft
+from sitl_plant.hardware import ActuatorServos
 from sitl_plant.vec3 import Vec3
 
 __all__ = ["Demand", "Instant", "LawParameters"]
@@ -20,9 +22,19 @@ class LawParameters(Model):
 
     Attributes:
         STATE: The law's memory between steps, all zero before the first step.
+        DERIVED: Fields of its record that `derive` fills.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
+    DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = ()
+
+    def derive(self, aircraft: Aircraft, record: np.void) -> None:
+        """Compute what the law needs of the nominal aircraft beside its numbers: nothing.
+
+        Args:
+            aircraft: The nominal aircraft.
+            record: The law's parameters, whose fields `DERIVED` are written.
+        """
 
     kind: str = Field(description="Name of the law.")
 
@@ -30,9 +42,28 @@ class LawParameters(Model):
     lambda2: float = quantity("", ge=0.0, default=0.17, doc="Weight of speed differences (31).")
     lambda3: float = quantity("", gt=0.0, default=5.0, doc="Weight of the own attitude error (32).")
     lambda4: float = quantity("", ge=0.0, default=0.2, doc="Weight of attitude differences (32).")
+    neighbour_speed_limit_m_s: float = quantity(
+        "m/s", gt=0.0, default=1e3, doc="Largest speed difference to a neighbour that counts."
+    )
+    neighbour_acceleration_limit_m_s2: float = quantity(
+        "m/s^2", gt=0.0, default=1e6, doc="Largest acceleration of a neighbour's error that counts."
+    )
+    neighbour_angle_limit_deg: float = quantity(
+        "deg", gt=0.0, le=180.0, default=180.0, doc="Largest angle to a neighbour that counts."
+    )
+    neighbour_rate_limit_deg_s: float = quantity(
+        "deg/s", gt=0.0, default=1e6, doc="Largest angle rate of a neighbour's error that counts."
+    )
     reference_bandwidth_rad_s: float = quantity(
         "rad/s", gt=0.0, default=2.5, doc="Triple pole of the reference filter (Assumption 4)."
     )
+
+    def with_servos(self, servos: ActuatorServos) -> Self:
+        """Return the parameters of an aircraft with these servos: the same.
+
+        A law that has a model of the servos takes what its own parameters leave open.
+        """
+        return self
 
 
 class Instant(NamedTuple):

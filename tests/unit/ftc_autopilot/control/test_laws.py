@@ -17,8 +17,9 @@ from ftc_autopilot.control.controller import (
     new_controller,
     parameter_record,
 )
+from ftc_autopilot.control.inversion import surfaces_for
 from ftc_autopilot.control.laws import KINDS, LAWS
-from ftc_autopilot.control.laws.backstepping import Backstepping, surfaces_for
+from ftc_autopilot.control.laws.backstepping import Backstepping
 from ftc_autopilot.control.laws.pid import Pid
 from ftc_autopilot.control.motion import motion_of
 from ftc_autopilot.control.records import fill, record_dtype

@@ -2,7 +2,6 @@
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from ftc_autopilot.control.schedule import scheduled
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.link import new_link
 from ftc_autopilot.vehicle.param_table import parameters_of
-from gcs.scenario.model import Scenario, load_scenario
+from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.services.param import MAX_NAME
 from mavlink_defs.services.param_server import (
@@ -22,9 +21,6 @@ from mavlink_defs.services.param_server import (
     Parameter,
     ParamValueError,
 )
-
-PAPER = Path(__file__).parents[4] / "scenarios" / "paper"
-FLYING = {"proposed": "scenario1", "backstepping": "scenario2_backstepping", "pid": "scenario2_pid"}
 
 
 class Bench:
@@ -50,8 +46,9 @@ def bench(scenario1: Scenario) -> Bench:
 
 
 @pytest.mark.parametrize("kind", LAWS)
-def test_names_fit_and_values_are_the_configurations(kind: str) -> None:
-    bench = Bench(load_scenario(PAPER / f"{FLYING[kind]}.yaml"))
+def test_names_fit_and_values_are_the_configurations(scenario1: Scenario, kind: str) -> None:
+    tree = scenario1.model_dump() | {"controller": {"kind": kind}}
+    bench = Bench(Scenario.model_validate(tree))
     for name, parameter in bench.parameters.items():
         assert re.fullmatch(rf"[A-Z][A-Z0-9_]{{0,{MAX_NAME - 1}}}", name)
         value = parameter.get()

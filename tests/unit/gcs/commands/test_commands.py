@@ -56,6 +56,12 @@ def complaint(*arguments: str) -> str:
         (("up", SCENARIO_1, "--hub-port", "14550"), "--hub-port"),
         (("up", SCENARIO_1, "--hub-port", "70000"), "--hub-port"),
         (("up", "none.yaml"), "none.yaml"),
+        (("fly", SCENARIO_1, "--with", "none"), "none: no such file"),
+        (("fly", SCENARIO_1, "--set", "seed"), "expected KEY=VALUE"),
+        (("fly", SCENARIO_1, "--set", "seed=1,2"), "--set seed has 2 values, expected one"),
+        (("fly", SCENARIO_1, "--set", "faults[9].uav=1"), "--set faults[9].uav: expected a list"),
+        (("fly", SCENARIO_1, "--set", "servos.rudder.lag=1"), "did you mean 'lag_s'?"),
+        (("fly", SCENARIO_1, "--set", "servos.rudder.lag_s=-1"), "expected [0, 10] s, got -1"),
         (("profile", "check", "none.yaml"), "none.yaml"),
     ],
 )

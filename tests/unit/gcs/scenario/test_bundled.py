@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.scenario.bundled import SCENARIOS, bundled_names, find_scenario
+from gcs.scenario.bundled import SCENARIOS, addition_names, bundled_names, find_scenario
 from gcs.scenario.model import Scenario, load_scenario
 from gcs.scenario.profile_file import load_profile
 from mavlink_defs.config.models import ConfigError
@@ -18,7 +18,9 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 def test_every_scenario_of_the_project_has_a_name() -> None:
     names = bundled_names()
     assert {"paper/scenario1", "faults/two_uavs"} <= set(names)
-    assert [find_scenario(name) for name in names] == sorted(SCENARIOS.rglob("*.yaml"))
+    assert "realistic" in addition_names()
+    found = [find_scenario(name) for name in names + addition_names()]
+    assert sorted(found) == sorted(SCENARIOS.rglob("*.yaml"))
 
 
 @pytest.mark.parametrize("name", ["paper/scenario1", "paper/scenario1.yaml"])
@@ -33,6 +35,13 @@ def test_a_file_can_extend_a_bundled_scenario(tmp_path: Path) -> None:
     assert mine.name == "mine"
     assert mine.faults == load_scenario("faults/two_uavs").faults
     assert load_profile("mine.yaml") == mine.segments()
+
+
+def test_a_file_can_extend_a_scenario_and_an_addition(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("extends: [faults/two_uavs, realistic]\nname: mine\n")
+    mine = load_scenario("mine.yaml")
+    assert mine.faults == load_scenario("faults/two_uavs").faults
+    assert mine.servos.surfaces.lag_s == 0.02
 
 
 def test_a_file_that_exists_is_meant_first(tmp_path: Path) -> None:

@@ -26,7 +26,36 @@ def problems_of(tree: Any, path: Path) -> list[str]:
 
 ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
     # structure
-    ({"wind": 1}, "wind: unknown key"),
+    ({"weather": 1}, "weather: unknown key"),
+    # servos, sensors
+    (
+        {"servos": {"surfaces": {"lag_s": -0.02}}},
+        "servos.surfaces.lag_s: expected [0, 10] s, got -0.02",
+    ),
+    (
+        {"servos": {"rudder": {"rate_limit_deg_s": 0}}},
+        "servos.rudder.rate_limit_deg_s: expected > 0 deg/s, got 0",
+    ),
+    (
+        {"servos": {"throttle": {"rate_limit_deg_s": 1}}},
+        "servos.throttle.rate_limit_deg_s: unknown key; did you mean 'rate_limit_n_s'?",
+    ),
+    (
+        {"uavs.1.servos": {"surfaces": {"dead_time_s": 0.0125}}},
+        "uavs[1].servos.surfaces.dead_time_s: expected a whole number of control periods of "
+        "1000 us, got 0.0125 s",
+    ),
+    (
+        {"sensors": {"gyro_deg_s": {"rate_hz": 300}}},
+        "sensors.gyro_deg_s.rate_hz: expected a sample every 1, 2, 3, ... control periods of "
+        "1000 us, such as 333.333 or 250 Hz, got 300.0",
+    ),
+    (
+        {"sensors": {"attitude_deg": {"rate_hz": 2000}}},
+        "sensors.attitude_deg.rate_hz: expected a sample every 1, 2, 3, ... control periods of "
+        "1000 us, such as 1000 or 500 Hz, got 2000.0",
+    ),
+    ({"seed": -1}, "seed: expected [0, 4294967295], got -1"),
     ({"fault": []}, "fault: unknown key; did you mean 'faults'?"),
     ({"aircraft.mass_g": 20640}, "aircraft.mass_g: unknown key; did you mean 'mass_kg'?"),
     (

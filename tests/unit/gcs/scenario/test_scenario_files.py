@@ -7,12 +7,13 @@ from typing import Any
 import pytest
 
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
-from mavlink_defs.config.inherit import with_values
+from mavlink_defs.config.inherit import merged, with_values
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.constants import ACTUATORS
 
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
-FILES = sorted(SCENARIOS.rglob("*.yaml"))
+FILES = sorted(SCENARIOS.glob("*/**/*.yaml"))
+ADDITIONS = sorted(SCENARIOS.glob("*.yaml"))
 PAPER = SCENARIOS / "paper" / "scenario1.yaml"
 
 
@@ -25,6 +26,17 @@ def test_it_loads_and_says_what_it_shows(path: Path) -> None:
     scenario = load_scenario(path)
     assert path.read_text().startswith("# ")
     assert path == PAPER or scenario.description != load_scenario(PAPER).description
+
+
+@pytest.mark.parametrize("path", ADDITIONS, ids=identify)
+def test_an_addition_changes_any_scenario_and_says_which_flight_it_is_not(path: Path) -> None:
+    addition = scenario_tree(path)
+    assert not {"name", "description", "extends", "faults", "uavs"} & addition.keys()
+    for base in ("paper/scenario1", "faults/thrust_loss"):
+        tree = merged(scenario_tree(base), addition)
+        changed, plain = scenario_of(path, tree), load_scenario(base)
+        assert changed != plain
+        assert changed.faults == plain.faults
 
 
 def test_names_are_unique() -> None:
@@ -87,7 +99,7 @@ def test_every_problem_is_told_of_the_file_that_was_loaded(tmp_path: Path) -> No
     assert str(caught.value).splitlines() == [
         f"{path}: aircraft.mass_kg: expected > 0 kg, got -1",
         f"{path}: aircraft.mass_g: unknown key; did you mean 'mass_kg'?",
-        f"{path}: extend: unknown key",
+        f"{path}: extend: unknown key; did you mean 'extends'?",
     ]
 
 

@@ -141,17 +141,39 @@ def test_two_files_may_have_one_base(write: Callable[[str, str], Path]) -> None:
     assert read_inherited(top) == {"a": 1, "b": 1, "c": 1}
 
 
+def test_of_several_bases_each_is_merged_into_those_before_it(
+    write: Callable[[str, str], Path],
+) -> None:
+    write("first.yaml", "{a: 1, b: 1, c: 1, d: {x: 1, y: 1}}")
+    write("second.yaml", "{b: 2, c: null, d: {y: 2}}")
+    top = write("top.yaml", "extends: [first.yaml, second.yaml]\nb: 3")
+    assert read_inherited(top) == {"a": 1, "b": 3, "d": {"x": 1, "y": 2}}
+
+
 @pytest.mark.parametrize(
     ("files", "problem"),
     [
         ({"top": "extends: none.yaml"}, "{top}: extends: {none}: no such file"),
         ({"top": "extends: ."}, "{top}: extends: {folder}: cannot be read: Is a directory"),
-        ({"top": "extends:"}, "{top}: extends: expected the path of one file, got nothing"),
-        ({"top": "extends: ''"}, "{top}: extends: expected the path of one file, got ''"),
-        ({"top": "extends: 3"}, "{top}: extends: expected the path of one file, got 3"),
         (
-            {"top": "extends: [a.yaml, b.yaml]"},
-            "{top}: extends: expected the path of one file, got a list of 2",
+            {"top": "extends:"},
+            "{top}: extends: expected the path of a file, or a list of them, got nothing",
+        ),
+        (
+            {"top": "extends: ''"},
+            "{top}: extends: expected the path of a file, or a list of them, got ''",
+        ),
+        (
+            {"top": "extends: 3"},
+            "{top}: extends: expected the path of a file, or a list of them, got 3",
+        ),
+        (
+            {"top": "extends: [a.yaml, 3]"},
+            "{top}: extends: expected the path of a file, or a list of them, got a list of 2",
+        ),
+        (
+            {"top": "extends: []"},
+            "{top}: extends: expected the path of a file, or a list of them, got a list of 0",
         ),
         ({"top": "extends: top.yaml"}, "{top}: extends: {top}: extends itself"),
         (

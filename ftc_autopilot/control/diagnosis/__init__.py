@@ -1,0 +1,25 @@
+"""Diagnosis of the own actuators, from what an autopilot sends and measures.
+
+Each actuator has a scalar measurement of what it does (`measurement`), a regression of that on
+the commands over a short window (`regression`), and a phase: healthy, suspect, lost
+(`decisions`). Small movements of the commands make up for what the flight does not excite
+(`excitation`). Nothing here knows of fault commands.
+"""
+
+from ftc_autopilot.control.diagnosis.decisions import HEALTHY, LOST, SUSPECT
+from ftc_autopilot.control.diagnosis.diagnose import diagnose
+from ftc_autopilot.control.diagnosis.excitation import dithered, probe, probed
+from ftc_autopilot.control.diagnosis.parameters import Diagnosis
+from ftc_autopilot.control.diagnosis.state import DIAGNOSIS
+
+__all__ = [
+    "DIAGNOSIS",
+    "HEALTHY",
+    "LOST",
+    "SUSPECT",
+    "Diagnosis",
+    "diagnose",
+    "dithered",
+    "probe",
+    "probed",
+]

@@ -1,0 +1,179 @@
+"""Decisions about one actuator: suspect, lost, back in service.
+
+Suspect: the residual r = y - u jumped from its slow mean, or crept away without any excitation.
+Lost: the command moved enough and the actuator did not follow. Back: it follows again.
+"""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.control.diagnosis.parameters import Thresholds
+from ftc_autopilot.control.diagnosis.regression import estimate, learn, long_estimate, restart
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["HEALTHY", "LOST", "SUSPECT", "decide", "phase_of", "watch"]
+
+HEALTHY, SUSPECT, LOST = 0, 1, 2
+"""Phases of an actuator."""
+
+_START_S = 0.3  # no jump counts earlier: the aircraft is being trimmed
+_DECIDE_S = 0.5  # no loss is declared earlier
+_CREEP_S = 1.5
+_CENTRE_S, _OLD_CENTRE_S, _NOISE_S = 0.15, 4.0, 5.0  # memories
+_BLANK = 2.5  # of the measurement's filters: a step has passed it
+_LOCK_S = 0.25
+_REST_S = 2.0
+_CREPT = 1.6  # of the threshold of a jump
+_KEPT = 0.1  # of the longer memory, after a jump
+_MORE_EXCITATION = 2.1  # of the noise
+_UNFOLLOWED = 0.4  # var_y by var_u below which an actuator does not follow
+_MARGIN = 0.2  # of ρ + 1.5 σ_ρ above the limit of a lost actuator
+_FEW_S = 0.006  # shortest window
+_LONG_SETTLE_S = 0.3  # before the longer memory may tell that the throttle is back
+_SETTLE_S = 0.1  # after a loss, before a return can be seen
+_BACK_S = 0.05  # for which a return must be seen
+_SMALL = 0.75  # residual, of the threshold of a jump
+_BACK_EFFECTIVENESS, _BACK_R2 = 0.6, 0.6
+
+
+@compiled
+def phase_of(actuator: np.void) -> int:
+    """Return the phase of an actuator: `HEALTHY`, `SUSPECT` or `LOST`."""
+    if actuator["lost"] != 0:
+        return LOST
+    return SUSPECT if actuator["suspect"] > 0.0 else HEALTHY
+
+
+@compiled
+def watch(
+    actuator: np.void, limits: Thresholds, age: float, dt: float, filter_s: float, sigmas: float
+) -> None:
+    """Look for jumps and creeping of the residual; learn from it in between.
+
+    After a jump the measurement is blanked until its filter has let the step pass, so that a
+    step of the offset is not taken for an actuator that does not follow, and the window starts
+    anew.
+
+    Args:
+        actuator: Record of dtype `ACTUATOR`, updated in place.
+        limits: Its thresholds.
+        age: Time since the law's first step [s].
+        dt: Control period [s].
+        filter_s: Filter of the measurement [s].
+        sigmas: Least jump, in standard deviations of the residual's noise.
+    """
+    in_service = actuator["lost"] == 0
+    r = actuator["measured"] - actuator["commanded"]
+    away = r - actuator["centre"]
+    jump = max(limits.jump, sigmas * math.sqrt(actuator["noise"]))
+    if actuator["blank"] > 0.0:
+        actuator["blank"] -= dt
+        restart(actuator)
+        if actuator["blank"] <= 0.0:
+            actuator["centre"] = r
+    else:
+        if in_service and abs(away) > jump and age > _START_S and actuator["lock"] <= 0.0:
+            actuator["blank"], actuator["lock"] = _BLANK * filter_s, _LOCK_S
+            actuator["suspect"] = limits.suspicion
+            actuator["long_var_u"] *= _KEPT
+            actuator["long_cov"] *= _KEPT
+        actuator["centre"] += dt / _CENTRE_S * away
+        actuator["noise"] += dt / _NOISE_S * (min(away * away, jump * jump) - actuator["noise"])
+        learn(actuator, limits.window, dt)
+    actuator["suspect"] = max(actuator["suspect"] - dt, 0.0)
+    actuator["lock"] = max(actuator["lock"] - dt, 0.0)
+    actuator["rest"] = max(actuator["rest"] - dt, 0.0)
+    if age < 1.0:
+        actuator["old_centre"] = r
+    crept = r - actuator["old_centre"]
+    actuator["old_centre"] += dt / _OLD_CENTRE_S * crept
+    resting = actuator["suspect"] > 0.0 or actuator["rest"] > 0.0
+    if in_service and not resting and abs(crept) > _CREPT * jump and age > _CREEP_S:
+        actuator["suspect"], actuator["rest"] = limits.suspicion, _REST_S
+
+
+@compiled
+def decide(
+    actuator: np.void,
+    limits: Thresholds,
+    age: float,
+    dt: float,
+    filter_s: float,
+    lost_effectiveness: float,
+    is_throttle: bool,
+) -> None:
+    """Declare an actuator lost, or back in service, and write its confidence.
+
+    Args:
+        actuator: Record of dtype `ACTUATOR`, updated in place.
+        limits: Its thresholds.
+        age: Time since the law's first step [s].
+        dt: Control period [s].
+        filter_s: Filter of the measurement [s].
+        lost_effectiveness: An actuator with less is lost.
+        is_throttle: Whether it is the throttle, whose thrust tells directly.
+    """
+    effectiveness, error = estimate(actuator, limits.prior, limits.window, filter_s, dt)
+    actuator["confidence"] = max(0.0, 1.0 - error)
+    actuator["since"] += dt
+    if actuator["lost"] == 0:
+        enough = max(limits.excitation, _MORE_EXCITATION * math.sqrt(actuator["noise"]))
+        seen = (
+            age > _DECIDE_S
+            and actuator["samples"] * dt > _FEW_S
+            and actuator["var_u"] > enough * enough
+            and effectiveness < lost_effectiveness
+            and effectiveness + 1.5 * error < lost_effectiveness + _MARGIN
+            and actuator["var_y"] < _UNFOLLOWED * actuator["var_u"]
+        )
+        confirm = limits.confirm
+    else:
+        actuator["stuck"] += dt / _CENTRE_S * (actuator["measured"] - actuator["stuck"])
+        r = actuator["measured"] - actuator["commanded"]
+        small = abs(r) < _SMALL * limits.jump
+        actuator["quiet"] = actuator["quiet"] + dt if small else 0.0
+        seen = actuator["since"] > _SETTLE_S and _follows(actuator, limits, is_throttle)
+        confirm = _BACK_S
+    actuator["agreed"] = actuator["agreed"] + dt if seen else 0.0
+    if actuator["agreed"] > confirm:
+        _change(actuator)
+
+
+@compiled
+def _follows(actuator: np.void, limits: Thresholds, is_throttle: bool) -> bool:
+    """Return whether a lost actuator follows its command again.
+
+    Its moments over the longer memory say so, or its residual has been small for so long that the
+    probe has moved, or the thrust is that of the command.
+    """
+    cov, var_u = actuator["long_cov"], actuator["long_var_u"]
+    follows: bool = (
+        var_u > 0.25 * limits.excitation**2
+        and long_estimate(actuator, limits.prior) > _BACK_EFFECTIVENESS
+        and cov > 0.55 * var_u
+        and cov * cov > _BACK_R2 * var_u * actuator["long_var_y"]
+    )
+    if not is_throttle:
+        return follows or float(actuator["quiet"]) > limits.quiet
+    u: float = actuator["commanded"]
+    near = abs(actuator["measured"] - u) < 0.5 * limits.jump + 0.1 * u
+    gives = bool(near) and u > 0.25 * limits.jump
+    return gives or (follows and float(actuator["since"]) > _LONG_SETTLE_S)
+
+
+@compiled
+def _change(actuator: np.void) -> None:
+    """Declare a lost actuator back in service, any other one lost."""
+    actuator["since"], actuator["agreed"], actuator["quiet"] = 0.0, 0.0, 0.0
+    actuator["suspect"] = 0.0
+    if actuator["lost"] == 0:
+        actuator["lost"] = 1
+        actuator["stuck"] = actuator["measured"]
+        actuator["offset"], actuator["effectiveness"] = 0.0, 1.0
+        actuator["long_var_u"], actuator["long_cov"], actuator["long_var_y"] = 0.0, 0.0, 0.0
+    else:
+        actuator["lost"] = 0
+        actuator["offset"] = actuator["measured"] - actuator["commanded"]
+        actuator["effectiveness"] = 1.0
+        restart(actuator)

@@ -1,0 +1,102 @@
+"""One step of the diagnosis of all actuators."""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.control.diagnosis.decisions import decide, phase_of, watch
+from ftc_autopilot.control.diagnosis.measurement import measure
+from ftc_autopilot.control.diagnosis.parameters import thresholds_of
+from ftc_autopilot.control.diagnosis.regression import long_estimate
+from ftc_autopilot.control.motion import Motion
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["diagnose"]
+
+_QUIET = 0.2  # standard deviation of the residual assumed at first, by the threshold of a jump
+_OFFSETS_S = 0.05  # no offset earlier: the filters are filling
+_LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
+_LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
+_WEAK, _WEAKEST = 0.75, 0.35  # effectiveness taken into account below the first, not below the last
+_EFFECTIVENESS_S = 0.2
+
+
+@compiled
+def diagnose(
+    held: np.ndarray,
+    motion: Motion,
+    dt: float,
+    first: bool,
+    aircraft: np.void,
+    gains: np.void,
+    state: np.void,
+    signals: np.void,
+) -> None:
+    """Measure, learn, decide; write the results of every actuator to state and signals.
+
+    Args:
+        held: Commands in force over the period that ends now [rad, N], shape (4,).
+        motion: Own motion.
+        dt: Control period [s].
+        first: Whether this is the law's first step.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        gains: Parameters, record made of `Diagnosis`.
+        state: Record of dtype `DIAGNOSIS`, updated in place.
+        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`, written.
+    """
+    measure(held, motion, dt, first, aircraft, gains, state)
+    state["age"] += dt
+    filter_s, actuators = gains["filter_s"], state["actuators"]
+    for j in range(N_CHANNELS):
+        actuator, limits = actuators[j], thresholds_of(gains, j)
+        if first:
+            actuator["effectiveness"] = 1.0
+            actuator["noise"] = (_QUIET * limits.jump) ** 2
+        watch(actuator, limits, state["age"], dt, filter_s, gains["jump_sigma"])
+        decide(
+            actuator,
+            limits,
+            state["age"],
+            dt,
+            filter_s,
+            gains["lost_effectiveness"],
+            j == THROTTLE,
+        )
+        if actuator["lost"] == 0 and state["age"] > _OFFSETS_S:
+            if j < THROTTLE:
+                _weigh(actuator, limits.prior, limits.excitation, dt)
+                largest = _LARGEST_OFFSET * aircraft["surface_limit"]
+            else:
+                largest = _LARGEST_THRUST_OFFSET * aircraft["thrust_limit"]
+            at_a_stop = j == THROTTLE and not 1.0 < held[j] < aircraft["thrust_limit"] - 1.0
+            if not at_a_stop:
+                _offset(actuator, limits.offset, largest, dt)
+        signals["effectiveness"][j] = actuator["effectiveness"]
+        signals["offset"][j] = actuator["stuck"] if actuator["lost"] != 0 else actuator["offset"]
+        signals["confidence"][j] = actuator["confidence"]
+        signals["phase"][j] = phase_of(actuator)
+
+
+@compiled
+def _weigh(actuator: np.void, prior: float, excitation: float, dt: float) -> None:
+    """Follow the effectiveness, but only where it is clearly off: it is 1 otherwise.
+
+    An effectiveness once found weak stays so while the command does not move enough to tell.
+    """
+    found = long_estimate(actuator, prior)
+    enough = max(excitation, 2.1 * math.sqrt(actuator["noise"]))
+    target = 1.0
+    if found < _WEAK:
+        target = max(found, _WEAKEST)
+    elif actuator["effectiveness"] < 0.9 and actuator["long_var_u"] < (0.7 * enough) ** 2:
+        target = actuator["effectiveness"]
+    actuator["effectiveness"] += dt / _EFFECTIVENESS_S * (target - actuator["effectiveness"])
+
+
+@compiled
+def _offset(actuator: np.void, memory_s: float, largest: float, dt: float) -> None:
+    """Follow the offset f = y - ρ u, at most `largest`."""
+    f = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
+    actuator["offset"] += dt / memory_s * (f - actuator["offset"])
+    actuator["offset"] = min(max(actuator["offset"], -largest), largest)

@@ -1,0 +1,57 @@
+"""Small movements of a command that tell whether an actuator follows.
+
+A rudder at its stop, or an elevator stuck near its trim, moves nothing that the flight would
+show: a suspect surface is moved toward zero and back, a lost one about where it stands.
+"""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.control.diagnosis.parameters import thresholds_of
+from mavlink_defs.constants import RUDDER
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["dithered", "probe", "probed"]
+
+_HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.05, 0.07
+_AFTER_S = 0.05  # a suspicion's first moments are blanked
+_WORTH = 1.5  # of the threshold of a jump, that the residual must be away from zero
+
+
+@compiled
+def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) -> float:
+    """Return the command of surface j [rad], moved to and fro if the surface is suspect.
+
+    Args:
+        delta: Command of the law [rad].
+        j: The surface, number as FTC_ACTUATOR.
+        stop: Largest deflection [rad].
+        gains: Parameters, record made of `Diagnosis`.
+        state: Record of dtype `DIAGNOSIS`.
+    """
+    actuator = state["actuators"][j]
+    half = _RUDDER_HALF_PERIOD_S if j == RUDDER else _HALF_PERIOD_S
+    limits = thresholds_of(gains, j)
+    away = abs(actuator["measured"] - actuator["commanded"]) > _WORTH * limits.jump
+    due = 0.0 < actuator["suspect"] < limits.suspicion - _AFTER_S
+    if actuator["lost"] != 0 or not due or not away:
+        return delta
+    delta = min(max(delta, -stop), stop)
+    if state["age"] % (2.0 * half) < half:
+        delta -= math.copysign(gains["dither_rad"][j], delta)
+    return delta
+
+
+@compiled
+def probe(j: int, gains: np.void, state: np.void) -> float:
+    """Return the square wave that is added to what the lost surface j is sent [rad]."""
+    size: float = gains["probe_rad"][j]
+    return size if state["age"] % (2.0 * gains["probe_s"]) < gains["probe_s"] else -size
+
+
+@compiled
+def probed(j: int, gains: np.void, state: np.void) -> float:
+    """Return a command for the lost surface j: where it stands, and the probe [rad]."""
+    command: float = state["actuators"][j]["stuck"] + probe(j, gains, state)
+    return command

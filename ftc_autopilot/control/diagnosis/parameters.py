@@ -1,0 +1,136 @@
+"""Parameters of the diagnosis."""
+
+import math
+from typing import Annotated, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field
+
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.constants import RUDDER, THROTTLE
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.hardware import ActuatorServos
+
+__all__ = ["Diagnosis", "Thresholds", "thresholds_of"]
+
+_Angle = Annotated[float, quantity("deg", gt=0.0, doc="Of one surface.")]
+_Time = Annotated[float, quantity("s", gt=0.0, doc="Of one surface.")]
+_Angles = tuple[_Angle, _Angle, _Angle]
+_Times = tuple[_Time, _Time, _Time]
+
+
+class Diagnosis(Model):
+    """Parameters of the diagnosis; triples are aileron, elevator, rudder."""
+
+    servo_lag_s: float = quantity(
+        "s",
+        ge=0.0,
+        le=10.0,
+        default=0.0,
+        doc="Lag of the servos, as the diagnosis models them; that of `servos` unless given.",
+    )
+    servo_rate_limit_deg_s: float = quantity(
+        "deg/s", gt=0.0, default=1e6, doc="Their rate limit, likewise."
+    )
+    throttle_lag_s: float = quantity(
+        "s", ge=0.0, le=10.0, default=0.0, doc="Lag of the thrust, likewise."
+    )
+    filter_s: float = quantity(
+        "s", gt=0.0, le=1.0, default=0.01, doc="Filter of measurement and command."
+    )
+    window_s: _Times = Field(
+        default=(0.06, 0.06, 0.15), description="Windows of the regression [s]."
+    )
+    throttle_window_s: float = quantity(
+        "s", gt=0.0, default=0.06, doc="Window of the throttle's regression."
+    )
+    jump_deg: _Angles = Field(
+        default=(1.5, 2.0, 3.0), description="Jumps of the residual that raise suspicion [deg]."
+    )
+    jump_n: float = quantity("N", gt=0.0, default=120.0, doc="The throttle's.")
+    excitation_deg: _Angles = Field(
+        default=(1.0, 1.2, 2.0),
+        description="Standard deviations of the command that a decision needs [deg].",
+    )
+    excitation_n: float = quantity("N", gt=0.0, default=50.0, doc="The throttle's.")
+    prior_deg: _Angles = Field(
+        default=(0.3, 0.4, 1.0),
+        description="Standard deviations that count as evidence of full effectiveness [deg].",
+    )
+    prior_n: float = quantity("N", gt=0.0, default=10.0, doc="The throttle's.")
+    confirm_s: _Times = Field(
+        default=(0.008, 0.008, 0.03), description="Times for which a loss must be seen [s]."
+    )
+    throttle_confirm_s: float = quantity("s", gt=0.0, default=0.008, doc="The throttle's.")
+    jump_sigma: float = quantity(
+        "", ge=0.0, default=5.0, doc="Jumps are at least this many standard deviations of noise."
+    )
+    lost_effectiveness: float = quantity(
+        "", gt=0.0, lt=0.5, default=0.2, doc="An actuator with less is lost."
+    )
+    offset_s: float = quantity("s", gt=0.0, default=0.06, doc="Filter of the surfaces' offsets.")
+    throttle_offset_s: float = quantity("s", gt=0.0, default=0.3, doc="The throttle's.")
+    dither_deg: _Angles = Field(
+        default=(4.0, 8.0, 12.0), description="Movements of a suspect surface [deg]."
+    )
+    probe_deg: _Angles = Field(
+        default=(2.0, 2.5, 4.0), description="Movements of a lost surface [deg]."
+    )
+    probe_s: float = quantity("s", gt=0.0, default=0.5, doc="Half period of the latter.")
+
+    def with_servos(self, servos: ActuatorServos) -> Self:
+        """Return the parameters with the slowest of the servos, where they were not given."""
+        surfaces = (servos.aileron, servos.elevator, servos.rudder)
+        limits = [s.rate_limit_deg_s for s in surfaces if s.rate_limit_deg_s is not None]
+        known = {
+            "servo_lag_s": max(servo.lag_s for servo in surfaces),
+            "throttle_lag_s": servos.throttle.lag_s,
+        }
+        if limits:
+            known["servo_rate_limit_deg_s"] = min(limits)
+        left_open = {key: value for key, value in known.items() if key not in self.model_fields_set}
+        return self.model_copy(update=left_open)
+
+
+class Thresholds(NamedTuple):
+    """The numbers of one actuator, in rad or N and s."""
+
+    jump: float
+    excitation: float
+    prior: float
+    window: float
+    confirm: float
+    offset: float
+    suspicion: float  # how long one lasts
+    quiet: float  # residual that is small through a movement of the probe, if it lasts this long
+
+
+_MORE_THAN_HALF = 1.04  # a period of the probe
+_SUSPICION_S, _RUDDER_SUSPICION_S = 0.6, 0.9
+
+
+@compiled
+def thresholds_of(gains: np.void, j: int) -> Thresholds:
+    """Return the thresholds of actuator j from a record made of `Diagnosis`."""
+    if j == THROTTLE:
+        return Thresholds(
+            gains["jump_n"],
+            gains["excitation_n"],
+            gains["prior_n"],
+            gains["throttle_window_s"],
+            gains["throttle_confirm_s"],
+            gains["throttle_offset_s"],
+            _SUSPICION_S,
+            math.inf,
+        )
+    return Thresholds(
+        gains["jump_rad"][j],
+        gains["excitation_rad"][j],
+        gains["prior_rad"][j],
+        gains["window_s"][j],
+        gains["confirm_s"][j],
+        gains["offset_s"],
+        _RUDDER_SUSPICION_S if j == RUDDER else _SUSPICION_S,
+        _MORE_THAN_HALF * gains["probe_s"],
+    )

@@ -1,0 +1,138 @@
+"""Linear-quadratic gains of the reconfigured loops, computed from the nominal aircraft.
+
+Without the aileron, the rudder alone holds sideslip, roll rate, yaw rate and roll angle; without
+the elevator, the thrust alone holds airspeed, angle of attack, pitch rate, pitch angle and its
+integral. Both models are linearised about straight, level flight at several airspeeds:
+u = u* - K (x - x*), with K from the algebraic Riccati equation.
+"""
+
+import math
+
+import numpy as np
+
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import aircraft_record
+from sitl_plant.config import Aircraft
+
+__all__ = [
+    "AIRSPEEDS",
+    "LATERAL",
+    "LONGITUDINAL",
+    "airspeeds_of",
+    "gain_at",
+    "lateral_gain",
+    "longitudinal_gain",
+]
+
+AIRSPEEDS = 6
+"""Airspeeds at which gains are computed."""
+LATERAL = 4
+"""States β, p, r, φ [rad, rad/s]; the command is the rudder [rad]."""
+LONGITUDINAL = 5
+"""States V [m/s], α [rad], q [rad/s], θ [rad], its integral [rad s]; the command is thrust [N]."""
+
+_LATERAL_Q, _LATERAL_R = np.diag([0.0, 0.02, 0.0, 4.0]), 1.0
+_LONGITUDINAL_Q, _LONGITUDINAL_R = np.diag([5e-4, 0.0, 0.02, 6.0, 4.0]), 1e-6  # 1 per kN²
+_SLOWEST = 1.25  # times the aircraft's lowest airspeed
+_DIGITS = 9  # significant ones kept; those beyond depend on the linear algebra library
+_ALPHA = (-0.5, 0.7)  # angles of attack among which that of level flight is searched [rad]
+
+
+def airspeeds_of(aircraft: Aircraft) -> np.ndarray:
+    """Return the airspeeds at which gains are computed [m/s], shape (AIRSPEEDS,)."""
+    return np.linspace(_SLOWEST * aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s, AIRSPEEDS)
+
+
+def lateral_gain(aircraft: Aircraft, V: float) -> np.ndarray:
+    """Return the rudder's gains at an airspeed V [m/s], shape (LATERAL,).
+
+    The model is that of straight, level flight without sideslip. Drag acts along the motion, so
+    a sideslip turns it sideways: Y_β = q S (cY_β - cD0)/(m V).
+    """
+    a = aircraft_record(aircraft)
+    qS = 0.5 * a["rho"] * V * V * a["S"]
+    rates = 1.0 if a["per_rad_s"] else a["b"] / (2.0 * V)
+    rolling = [a["cl_beta"], a["cl_p"] * rates, a["cl_r"] * rates, 0.0, a["cl_dr"]]
+    yawing = [a["cn_beta"], a["cn_p"] * rates, a["cn_r"] * rates, 0.0, a["cn_dr"]]
+    p_dot, _, r_dot = a["J_inv"] @ (qS * a["b"] * np.array([rolling, [0.0] * 5, yawing]))
+    side = qS * (a["cY_beta"] - a["cD0"]) / (a["m"] * V)
+    beta_dot = np.array([side, 0.0, -1.0, a["g"] / V, 0.0])
+    phi_dot = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
+    model = np.array([beta_dot, p_dot, r_dot, phi_dot])
+    return _riccati(model, _LATERAL_Q, _LATERAL_R)
+
+
+def longitudinal_gain(aircraft: Aircraft, V: float) -> np.ndarray:
+    """Return the thrust's gains at an airspeed V [m/s], shape (LONGITUDINAL,) [N per unit].
+
+    The model is that of straight, level flight, and the elevator stands where it trims that:
+
+        V̇ = (T cos α - D)/m - g sin(θ - α)
+        α̇ = q - (L + T sin α)/(m V) + g cos(θ - α)/V
+        q̇ = q S c (cm_α α + cm_q q c/2V + ...)/Jyy,   θ̇ = q
+    """
+    a = aircraft_record(aircraft)
+    m, g = a["m"], a["g"]
+    qS = 0.5 * a["rho"] * V * V * a["S"]
+    alpha = _level_alpha(a, qS)
+    T = qS * a["cD0"] / math.cos(alpha)
+    rates = 1.0 if a["per_rad_s"] else a["c_bar"] / (2.0 * V)
+    turning = qS * a["c_bar"] / a["J"][1, 1]
+    along, across = m * V, m * V * V
+    V_by_alpha = g - T * math.sin(alpha) / m
+    alpha_by_V = -2.0 * (m * g - T * math.sin(alpha)) / across  # L = m g - T sin α
+    alpha_by_alpha = -(qS * a["cL_alpha"] + T * math.cos(alpha)) / along
+    model = np.array(
+        [
+            [-2.0 * qS * a["cD0"] / along, V_by_alpha, 0.0, -g, 0.0],
+            [alpha_by_V, alpha_by_alpha, 1.0, 0.0, 0.0],
+            [0.0, turning * a["cm_alpha"], turning * a["cm_q"] * rates, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0, 0.0],
+        ]
+    )
+    by_thrust = np.array([math.cos(alpha) / m, -math.sin(alpha) / along, 0.0, 0.0, 0.0])
+    return _riccati(np.column_stack([model, by_thrust]), _LONGITUDINAL_Q, _LONGITUDINAL_R)
+
+
+def _level_alpha(a: np.void, qS: float) -> float:
+    """Return α [rad] of level flight: q S (cL0 + cL_α α + cD0 tan α) = m g; the nearest to it."""
+    from scipy.optimize import brentq
+
+    def excess(alpha: float) -> float:
+        lift = a["cL0"] + a["cL_alpha"] * alpha + a["cD0"] * math.tan(alpha)
+        return float(qS * lift - a["m"] * a["g"])
+
+    low, high = _ALPHA
+    if excess(low) >= 0.0:
+        return low
+    return high if excess(high) <= 0.0 else float(brentq(excess, low, high, xtol=1e-12))
+
+
+def _riccati(model: np.ndarray, Q: np.ndarray, R: float) -> np.ndarray:
+    """Return the gains of ẋ = A x + B u for the cost xᵀQx + R u²; `model` is [A B]."""
+    from scipy.linalg import solve_continuous_are
+
+    A, B = model[:, :-1], model[:, -1:]
+    P = solve_continuous_are(A, B, Q, np.array([[R]]))
+    gains = (B.T @ P)[0] / R
+    return np.array([float(f"{gain:.{_DIGITS}g}") for gain in gains])
+
+
+@compiled
+def gain_at(airspeeds: np.ndarray, gains: np.ndarray, V: float, i: int) -> float:
+    """Return gain i at an airspeed V [m/s], linear in between, constant beyond the ends.
+
+    Args:
+        airspeeds: Increasing by equal steps [m/s], shape (n,).
+        gains: Shape (n, states).
+        V: Airspeed [m/s].
+        i: State.
+    """
+    last = len(airspeeds) - 1
+    place = (V - airspeeds[0]) / (airspeeds[1] - airspeeds[0])
+    place = min(max(place, 0.0), float(last))
+    k = min(int(place), last - 1)
+    share = place - k
+    gain: float = (1.0 - share) * gains[k, i] + share * gains[k + 1, i]
+    return gain

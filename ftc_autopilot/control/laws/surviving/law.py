@@ -1,0 +1,103 @@
+"""One step of the surviving law: diagnosis, healthy loops, and what replaces a lost actuator."""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.control.diagnosis import diagnose, dithered, probe, probed
+from ftc_autopilot.control.inversion import surfaces_for
+from ftc_autopilot.control.laws.base import Demand, Instant
+from ftc_autopilot.control.laws.surviving.healthy import (
+    thrust_for_speed,
+    wanted_acceleration,
+    wanted_rates,
+)
+from ftc_autopilot.control.laws.surviving.lateral import (
+    aileron_for_roll,
+    driven_aileron,
+    lateral_trim,
+    rudder_for_roll,
+)
+from ftc_autopilot.control.laws.surviving.longitudinal import pitch_trim, thrust_for_pitch
+from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.rigid_body import angular_acceleration
+from sitl_plant.vec3 import mat3, mul, sub
+
+__all__ = ["surviving_law"]
+
+_LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
+
+
+@compiled
+def surviving_law(
+    now: Instant, aircraft: np.void, gains: np.void, state: np.void, signals: np.void
+) -> Demand:
+    """Invert the nominal model, correct what the diagnosis found, fly on without what is lost.
+
+    Args:
+        now: The present step.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        gains: Parameters, record made of `Surviving`.
+        state: Record of dtype `Surviving.STATE`, updated in place.
+        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; the diagnosis is
+            written.
+    """
+    motion, diagnosis, actuators = now.motion, state["diagnosis"], state["diagnosis"]["actuators"]
+    diagnose(now.held, motion, now.dt, now.first, aircraft, gains["diagnosis"], diagnosis, signals)
+    may = gains["reconfigure"] != 0
+    no_aileron = may and actuators[AILERON]["lost"] != 0
+    no_elevator = may and actuators[ELEVATOR]["lost"] != 0
+    no_rudder = may and actuators[RUDDER]["lost"] != 0
+    no_throttle = may and actuators[THROTTLE]["lost"] != 0
+    stop = aircraft["surface_limit"]
+
+    rates = wanted_rates(now, gains, state)
+    if no_aileron or no_rudder:  # yaw is left to the trim
+        trim = lateral_trim(now, AILERON if no_aileron else RUDDER, aircraft, diagnosis)
+        rates = rates[0], rates[1], trim.r / max(math.cos(motion.phi[0]), _LEAST_COSINE)
+    wanted = wanted_acceleration(now, rates, gains, state)
+    J = mat3(aircraft["J"])
+    by_itself = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))
+    delta = surfaces_for(mul(J, sub(wanted, by_itself)), motion.air.C)
+    aileron = _corrected(delta[0], actuators[AILERON])
+    elevator = _corrected(delta[1], actuators[ELEVATOR])
+    rudder = _corrected(delta[2], actuators[RUDDER])
+    thrust = thrust_for_speed(now, aircraft, gains) - actuators[THROTTLE]["offset"]
+
+    if no_aileron:
+        if not no_rudder:
+            rudder = rudder_for_roll(now, trim, gains, state, stop)
+        aileron = driven_aileron(now, gains, state, stop)
+    else:
+        state["aileron_driven"], state["rudder_mean"] = 0.0, now.held[RUDDER]
+        if no_rudder:
+            aileron = aileron_for_roll(now, wanted, aircraft, diagnosis)
+    if no_rudder:
+        rudder = probed(RUDDER, gains["diagnosis"], diagnosis)
+    if no_elevator:
+        if abs(now.errors.e[1]) > gains["pitch_error_limit_rad"] and not no_throttle:
+            state["gave_up_speed"] = 1
+        if state["gave_up_speed"] == 0:  # as if it were healthy, for the moment when it is
+            elevator += probe(ELEVATOR, gains["diagnosis"], diagnosis)
+        else:
+            elevator = probed(ELEVATOR, gains["diagnosis"], diagnosis)
+            level = pitch_trim(now, aircraft, gains, diagnosis)
+            thrust = thrust_for_pitch(now, level, gains, state)
+    else:
+        state["gave_up_speed"], state["pitch_integral"] = 0, 0.0
+    return Demand(
+        (
+            dithered(aileron, AILERON, stop, gains["diagnosis"], diagnosis),
+            dithered(elevator, ELEVATOR, stop, gains["diagnosis"], diagnosis),
+            dithered(rudder, RUDDER, stop, gains["diagnosis"], diagnosis),
+        ),
+        thrust,
+    )
+
+
+@compiled
+def _corrected(delta: float, actuator: np.void) -> float:
+    """Return the command [rad] that makes an actuator with ρ and f do δ: (δ - f)/ρ."""
+    corrected: float = (delta - actuator["offset"]) / actuator["effectiveness"]
+    return corrected

@@ -1,0 +1,99 @@
+"""Parameters and state of the surviving law."""
+
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field
+
+from ftc_autopilot.control.diagnosis import DIAGNOSIS, Diagnosis
+from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.laws.gains import Gains
+from ftc_autopilot.control.laws.surviving.gains import (
+    AIRSPEEDS,
+    LATERAL,
+    LONGITUDINAL,
+    airspeeds_of,
+    lateral_gain,
+    longitudinal_gain,
+)
+from mavlink_defs.config.quantity import quantity
+from sitl_plant.config import Aircraft
+from sitl_plant.hardware import ActuatorServos
+
+__all__ = ["Surviving"]
+
+_RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
+
+
+class Surviving(LawParameters):
+    """Parameters of the surviving law; triples are roll, pitch, yaw."""
+
+    STATE: ClassVar[np.dtype] = np.dtype(
+        [
+            ("diagnosis", DIAGNOSIS),
+            ("omega_d_filtered", "f8", (3,)),  # rad/s
+            ("pitch_lowered", "f8"),  # of the reference, for the angle of attack, <= 0 [rad]
+            ("gave_up_speed", "i8"),  # 1: the thrust holds the pitch angle
+            ("pitch_integral", "f8"),  # rad s
+            ("rudder_mean", "f8"),  # rad
+            ("aileron_driven", "f8"),  # rad
+        ]
+    )
+    DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = (
+        ("airspeeds", "f8", (AIRSPEEDS,)),  # m/s
+        ("rudder_gains", "f8", (AIRSPEEDS, LATERAL)),
+        ("thrust_gains", "f8", (AIRSPEEDS, LONGITUDINAL)),
+    )
+
+    kind: Literal["surviving"] = Field(default="surviving", description="Name of the law.")
+
+    neighbour_speed_limit_m_s: float = quantity(
+        "m/s", gt=0.0, default=2.0, doc="Largest speed difference to a neighbour that counts."
+    )
+    neighbour_acceleration_limit_m_s2: float = quantity(
+        "m/s^2", gt=0.0, default=2.0, doc="Largest acceleration of a neighbour's error that counts."
+    )
+    neighbour_angle_limit_deg: float = quantity(
+        "deg", gt=0.0, le=180.0, default=5.0, doc="Largest angle to a neighbour that counts."
+    )
+    neighbour_rate_limit_deg_s: float = quantity(
+        "deg/s", gt=0.0, default=20.0, doc="Largest angle rate of a neighbour's error that counts."
+    )
+
+    K1: Gains = Field(default=(10.0, 10.0, 5.0), description="Gains of the attitude errors [1/s].")
+    K2: Gains = Field(default=(24.0, 24.0, 18.0), description="Gains of the rate errors [1/s].")
+    rate_limit_deg_s: tuple[_RateLimit, _RateLimit, _RateLimit] = Field(
+        default=(60.0, 40.0, 12.0),  # wings level, 60 deg/s of yaw would be -50 deg of sideslip
+        description="Limits of the Euler angle rates that errors ask for [deg/s].",
+    )
+    full_gain_airspeed_m_s: float = quantity(
+        "m/s", gt=0.0, default=37.0, doc="Airspeed below which the gains decrease."
+    )
+    tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of the wanted rates.")
+    c_v: float = quantity("1/s", gt=0.0, default=10.0, doc="Gain of the speed error.")
+    alpha_limit_deg: float = quantity(
+        "deg", gt=0.0, lt=90.0, default=33.0, doc="Angle of attack above which the nose is lowered."
+    )
+    pitch_error_limit_deg: float = quantity(
+        "deg",
+        ge=0.0,
+        default=3.0,
+        doc="With the elevator lost, the speed is kept up to this error.",
+    )
+    reconfigure: bool = Field(
+        default=True,
+        description="Whether the other actuators take over from a lost one; false only corrects "
+        "offset and effectiveness.",
+    )
+    diagnosis: Diagnosis = Field(default=Diagnosis(), description="Diagnosis of the actuators.")
+
+    def derive(self, aircraft: Aircraft, record: np.void) -> None:
+        """Compute the gains of the reconfigured loops."""
+        record["airspeeds"] = airspeeds_of(aircraft)
+        for k, V in enumerate(record["airspeeds"]):
+            record["rudder_gains"][k] = lateral_gain(aircraft, V)
+            record["thrust_gains"][k] = longitudinal_gain(aircraft, V)
+
+    def with_servos(self, servos: ActuatorServos) -> Self:
+        """Return the parameters with a diagnosis that knows the servos."""
+        return self.model_copy(update={"diagnosis": self.diagnosis.with_servos(servos)})

@@ -1,0 +1,102 @@
+"""What the diagnosis measures is what the plant's actuators do."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from ftc_autopilot.control.diagnosis import DIAGNOSIS, Diagnosis
+from ftc_autopilot.control.diagnosis.measurement import measure, servo_step
+from ftc_autopilot.control.motion import motion_of
+from ftc_autopilot.control.records import fill, record_dtype
+from gcs.scenario.model import Scenario
+from mavlink_defs.faults import Fault
+from sitl_plant.actuators import add_fault
+from sitl_plant.fleet import fly, new_plant_state, observe
+
+STEP_US, DT, STEPS = 1000, 1e-3, 800
+TRIM = np.array([0.07, -0.02, 0.36, 900.0])
+
+
+def flown(scenario: Scenario, commands: np.ndarray, fault: Fault | None = None) -> tuple[Any, Any]:
+    """`commanded` and `measured` of each step, while a plant flies these commands."""
+    tree = scenario.model_dump() | {"disturbance": {}, "faults": ()}
+    plant = new_plant_state(Scenario.model_validate(tree).plant_config())
+    if fault is not None:
+        add_fault(plant.faults[0], fault, now_s=0.0)
+    gains = np.zeros(1, record_dtype(Diagnosis))[0]
+    fill(gains, Diagnosis())
+    state = np.zeros(1, DIAGNOSIS)[0]
+    commanded, measured = np.zeros((2, len(commands), 4))
+    for step, command in enumerate(commands):
+        observe(plant, 0, step, STEP_US)
+        motion = motion_of(plant.messages[0], plant.aircraft[0])
+        held = plant.controls[0].copy()
+        measure(held, motion, DT, step == 0, plant.aircraft[0], gains, state)
+        commanded[step] = state["actuators"]["commanded"]
+        measured[step] = state["actuators"]["measured"]
+        plant.controls[0] = command
+        assert fly(plant, step, STEP_US) < 0
+    return commanded, measured
+
+
+def staircase() -> np.ndarray:
+    """Commands about trim that change every 20 to 80 ms."""
+    rng = np.random.default_rng(3)
+    commands = np.tile(TRIM, (STEPS, 1))
+    for c, size in enumerate((0.03, 0.03, 0.05, 100.0)):
+        ends = np.cumsum(rng.integers(20, 80, 40))
+        for begin, end in itertools.pairwise(ends):
+            commands[begin:end, c] += rng.uniform(-size, size)
+    return commands
+
+
+def test_measured_is_commanded_while_all_is_well(scenario1: Scenario) -> None:
+    commands = staircase()
+    commanded, measured = flown(scenario1, commands)
+    share = DT / Diagnosis().filter_s
+    held = np.vstack([np.zeros(4), commands[:-1]])  # in force before each step
+    held = signal.lfilter([share], [1.0, share - 1.0], held, axis=0)
+    assert np.allclose(commanded[1:], held[1:], atol=1e-9)
+    assert np.abs(np.degrees(measured - commanded)[50:, :3]).max() < 0.1
+    assert np.abs(measured - commanded)[50:, 3].max() < 1.0
+
+
+@pytest.mark.parametrize("channel", range(4))
+def test_measured_shows_a_fault_of_its_own_actuator_alone(
+    scenario1: Scenario, channel: int
+) -> None:
+    stuck = (0.0, 0.0, 10.0, 700.0)[channel]
+    fault = Fault(channel, 0.0, stuck, 0.0, 0.3, float("inf"))
+    commanded, measured = flown(scenario1, staircase(), fault)
+    difference = np.abs(measured - commanded)[100:] / (*np.radians([1.0, 1.0, 1.0]), 10.0)
+    others = [c for c in range(4) if c != channel]
+    assert difference[:, others].max() < 0.1
+    wanted = np.radians(stuck) if channel < 3 else stuck
+    late = measured[400:, channel]  # ten times the filter after the fault
+    assert np.allclose(late, wanted, atol=0.002 if channel < 3 else 1.0)
+
+
+@pytest.mark.parametrize("lag", [0.005, 0.02, 0.1])
+def test_a_servo_has_its_lag(lag: float) -> None:
+    time = np.arange(0.0, 0.2, DT)
+    command = np.where((time // 0.04) % 2 == 0, 1.0, -0.5)
+    position = [0.0]
+    for u in command[:-1]:
+        position.append(servo_step(position[-1], u, lag, 1e9, DT))
+    continuous = signal.TransferFunction([1.0], [lag, 1.0]).to_ss()
+    sampled = signal.cont2discrete(
+        (continuous.A, continuous.B, continuous.C, continuous.D), DT, "zoh"
+    )
+    _, wanted, _ = signal.dlsim(sampled, command)
+    assert np.allclose(position, wanted[:, 0], atol=1e-12)
+
+
+def test_a_servo_is_no_faster_than_its_limit() -> None:
+    position = 0.0
+    for _ in range(10):
+        position = servo_step(position, 1.0, 0.0, 7.0, DT)
+    assert position == pytest.approx(0.07)
+    assert servo_step(0.0, 1.0, 0.0, 1e9, DT) == 1.0

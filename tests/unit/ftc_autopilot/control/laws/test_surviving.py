@@ -1,0 +1,143 @@
+"""The surviving law loses no aircraft to a single actuator, and blames the right one."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from ftc_autopilot.control.diagnosis import LOST
+from gcs.fleet.in_process import fly_in_process
+from gcs.results.recording import Recording
+from gcs.results.summary import summarise
+from gcs.scenario.bundled import SCENARIOS
+from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from mavlink_defs.constants import ACTUATORS
+
+FILES = sorted(path.stem for path in (SCENARIOS / "faults").glob("*.yaml"))
+SEEN_LATER = {  # it stands where the flight wants it: nothing shows until something moves it
+    "stuck_at_aileron": 0.25,
+    "stuck_at_elevator": 0.75,
+    "stuck_oscillating_aileron": 0.25,
+    "stuck_oscillating_rudder": 0.25,
+    "stuck_trim_aileron_for_good": 2.0,
+}
+
+
+class Change(NamedTuple):
+    """An actuator becomes lost, or is back in service."""
+
+    uav: int
+    actuator: str
+    time_s: float
+    lost: bool
+
+
+def scenario_with(name: str, controller: dict[str, Any] | None = None, **keys: Any) -> Scenario:
+    """A bundled scenario under the surviving law."""
+    tree = scenario_tree(name) | {"controller": {"kind": "surviving"} | (controller or {})} | keys
+    return scenario_of(Path(name), tree)
+
+
+def changes(flight: Recording) -> list[Change]:
+    """Decisions of every diagnosis, in order."""
+    lost = flight.signals["phase"] == LOST
+    found = []
+    for i, uav in enumerate(flight.uav_ids):
+        for c, actuator in enumerate(ACTUATORS):
+            for k in np.flatnonzero(np.diff(lost[:, i, c], prepend=False)):
+                found.append(Change(uav, actuator, float(flight.time_s[k]), bool(lost[k, i, c])))
+    return sorted(found, key=lambda change: change.time_s)
+
+
+def largest_errors_deg(flight: Recording, after_s: float = 0.0) -> np.ndarray:
+    """Largest roll and pitch error of each UAV, shape (n, 2)."""
+    errors = flight.error("reference")[flight.time_s >= after_s][..., 1:3]
+    return np.asarray(np.degrees(np.abs(errors)).max(axis=0))
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_fault_is_survived_and_found(name: str) -> None:
+    scenario = scenario_with(f"faults/{name}")
+    flight = fly_in_process(scenario)
+    assert flight.loss is None
+    start = min(fault.start_s for fault in scenario.faults)
+    errors = largest_errors_deg(flight, start)
+    assert errors.max() < 45.0
+    healthy = [i for i, uav in enumerate(flight.uav_ids) if uav not in _faulty(scenario)]
+    assert errors[healthy].max() < 1.5
+
+    found = changes(flight)
+    wanted = []
+    for fault in scenario.faults:
+        if fault.command().effectiveness <= 0.1:  # the others are corrected, not given up
+            wanted.append((fault.uav, fault.actuator, True))
+            if fault.end_s is not None:
+                wanted.append((fault.uav, fault.actuator, False))
+    assert [(c.uav, c.actuator, c.lost) for c in found] == wanted
+    for change in found:
+        fault = next(f for f in scenario.faults if f.actuator == change.actuator)
+        if change.lost:
+            assert 0.0 < change.time_s - fault.start_s < SEEN_LATER.get(name, 0.12)
+        else:
+            assert fault.end_s is not None
+            assert 0.0 < change.time_s - fault.end_s < 0.6
+
+
+def _faulty(scenario: Scenario) -> set[int]:
+    return {fault.uav for fault in scenario.faults}
+
+
+def test_without_reconfiguration_the_aircraft_is_lost() -> None:
+    """The test above can fail, and it is the reconfiguration that saves."""
+    flight = fly_in_process(scenario_with("faults/stuck_zero_aileron", {"reconfigure": False}))
+    assert flight.loss is not None or largest_errors_deg(flight).max() > 45.0
+    flight = fly_in_process(
+        scenario_with(
+            "faults/stuck_zero_aileron",
+            {"diagnosis": {"jump_deg": [30.0, 30.0, 30.0], "excitation_deg": [30.0] * 3}},
+        )
+    )
+    assert changes(flight) == []
+    assert flight.loss is not None or largest_errors_deg(flight).max() > 45.0
+
+
+def test_the_flight_without_faults_stays_within_its_budget() -> None:
+    scenario = scenario_with("paper/scenario1", faults=[])
+    flight = fly_in_process(scenario)
+    assert changes(flight) == []
+    for uav in summarise(flight, scenario).uavs:
+        assert uav.events <= 560
+        for quantity, limit in zip(uav.iae, (12.5, 14.7, 14.4, 13.8), strict=True):
+            assert (uav.iae[quantity] or 0.0) <= limit, quantity
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_wrong_model_is_no_fault(seed: int) -> None:
+    """Coefficients, mass and inertia independently off by up to 20 %."""
+    rng = np.random.default_rng(seed)
+    coefficients = scenario_tree("paper/scenario1")["aircraft"]["coefficients"]
+    uncertainty = {
+        "mass": float(rng.uniform(0.8, 1.2)),
+        "inertia": {name: float(rng.uniform(0.8, 1.2)) for name in ("Jxx", "Jyy", "Jzz", "Jxz")},
+        "coefficients": {name: float(rng.uniform(0.8, 1.2)) for name in coefficients},
+    }
+    flight = fly_in_process(scenario_with("paper/scenario1", uncertainty=uncertainty, faults=[]))
+    assert flight.loss is None
+    assert changes(flight) == []
+    assert largest_errors_deg(flight, 1.0).max() < 5.0
+
+
+def test_faults_in_succession_are_survived() -> None:
+    """One after the other on one UAV, and another on a second one meanwhile."""
+    faults = [
+        {"uav": 3, "actuator": "aileron", "stuck_deg": 0.0, "start_s": 6.0, "end_s": 9.0},
+        {"uav": 3, "actuator": "elevator", "stuck_deg": 0.0, "start_s": 13.0, "end_s": 15.0},
+        {"uav": 3, "actuator": "rudder", "stuck_deg": 0.0, "start_s": 19.0},
+        {"uav": 2, "actuator": "aileron", "stuck_deg": 3.0, "start_s": 13.5, "end_s": 16.0},
+    ]
+    flight = fly_in_process(scenario_with("paper/scenario1", faults=faults))
+    assert flight.loss is None
+    assert largest_errors_deg(flight, 1.0).max() < 45.0
+    blamed = [(change.uav, change.actuator) for change in changes(flight) if change.lost]
+    assert blamed == [(3, "aileron"), (3, "elevator"), (2, "aileron"), (3, "rudder")]
