@@ -3,7 +3,7 @@
 Figures are costs: smaller is better, and a flight that has none, because it was lost or its process
 crashed, costs infinity. So no flight is left out of a rank or a quantile: a failure is worse
 than every flight that has a figure (worst-rank analysis, Lachin 1999). Means know no infinity;
-what they leave out is counted. Methods, sources and limits: docs/explanation/campaign-statistics.md.
+what they leave out is counted. docs/explanation/campaign-statistics.md has sources and limits.
 """
 
 import math
