@@ -27,5 +27,5 @@ def happened(event: str, outcome: np.ndarray) -> np.ndarray:
     """Return in which flights one of `EVENTS` happened, bool, shape (flights,)."""
     place = severity(outcome)
     if event == "success":
-        return np.equal(place, 0)
-    return np.greater_equal(place, 1 if event == "failure" else OUTCOMES.index(event))
+        return np.asarray(place == 0)
+    return np.asarray(place >= (1 if event == "failure" else OUTCOMES.index(event)))

@@ -1,4 +1,4 @@
-"""Campaigns that no aircraft flew: tables of the store's schema with chosen outcomes and figures."""
+"""Campaigns that no aircraft flew: tables of the store's schema with chosen content."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from gcs.campaigns.flights import Flights, variants_of
+from gcs.campaigns.samples import Sample, samples_of
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.store import Mark, append_results, results_schema, write_draws, write_mark
 
@@ -92,8 +92,8 @@ def write_campaign(folder: Path, request: Campaign, draws: pa.Table, results: pa
     return folder
 
 
-def flights(outcomes: Mapping[str, list[str]], **figures: Any) -> dict[str, Flights]:
+def samples(outcomes: Mapping[str, list[str]], **figures: Any) -> dict[str, Sample]:
     """The flights of a campaign with given outcomes, by variant."""
     names = list(outcomes)
     draws = draws_table(names, len(outcomes[names[0]]))
-    return variants_of(results_table(draws, outcomes, figures), "memory")
+    return samples_of(results_table(draws, outcomes, figures), "memory")

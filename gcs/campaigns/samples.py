@@ -16,7 +16,7 @@ from gcs.errors import BadInput
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["Flights", "figures_of", "read_flights", "same_draws", "variants_of"]
+__all__ = ["Sample", "figures_of", "read_samples", "same_draws", "samples_of"]
 
 _DRAWN = ("factor.", "fault.")
 _HIGHER_IS_BETTER = "saving"
@@ -26,7 +26,7 @@ _UAV = re.compile(r"uav\d+\.")
 
 
 @dataclass(frozen=True)
-class Flights:
+class Sample:
     """The flights of one variant, in the order of their draws.
 
     Attributes:
@@ -57,7 +57,7 @@ class Flights:
 
     @cached_property
     def success(self) -> np.ndarray:
-        """Flights flown to their end with attitude and heading kept, bool, shape (flights,)."""
+        """Sample flown to their end with attitude and heading kept, bool, shape (flights,)."""
         return happened("success", self.outcome)
 
     @cached_property
@@ -66,9 +66,9 @@ class Flights:
         names = [name for name in self.table.column_names if name.startswith(_DRAWN)]
         return {name.removeprefix("factor."): self._factor(name) for name in names}
 
-    def take(self, indices: np.ndarray) -> "Flights":
+    def take(self, indices: np.ndarray) -> "Sample":
         """Return some of the flights."""
-        return Flights(self.variant, self.table.take(indices))
+        return Sample(self.variant, self.table.take(indices))
 
     def cost(self, figure: str) -> np.ndarray:
         """Return a figure of each flight as a cost: smaller is better, infinite for a failure.
@@ -133,16 +133,16 @@ def figures_of(table: "pa.Table") -> list[str]:
     ]
 
 
-def read_flights(folder: Path) -> dict[str, Flights]:
+def read_samples(folder: Path) -> dict[str, Sample]:
     """Read the flights of a campaign that ended so far, by variant.
 
     Raises:
         BadInput: It is no campaign, its results cannot be read, or they hold a flight twice.
     """
-    return variants_of(read_results(folder), folder)
+    return samples_of(read_results(folder), folder)
 
 
-def variants_of(table: "pa.Table", origin: Path | str) -> dict[str, Flights]:
+def samples_of(table: "pa.Table", origin: Path | str) -> dict[str, Sample]:
     """Divide results by variant, in the order of their rows.
 
     Raises:
@@ -160,11 +160,11 @@ def variants_of(table: "pa.Table", origin: Path | str) -> dict[str, Flights]:
     found = {}
     for name in dict.fromkeys(table["variant"].to_pylist()):
         own = table.filter(pc.equal(table["variant"], name))
-        found[name] = Flights(name, own.sort_by("draw"))
+        found[name] = Sample(name, own.sort_by("draw"))
     return found
 
 
-def same_draws(old: Flights, new: Flights) -> tuple[Flights, Flights] | None:
+def same_draws(old: Sample, new: Sample) -> tuple[Sample, Sample] | None:
     """Return the flights that both have, draw by draw; None if a common draw differs.
 
     Draws are the same if their seed and every drawn value are; a name or a file proves nothing.
