@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.campaigns.flights import Flights, figures_of, outcome_of
+from gcs.campaigns.again import check_same
+from gcs.campaigns.flights import Flights
 from gcs.campaigns.model import Kept
 from gcs.campaigns.plan import row_of
 from gcs.campaigns.store import OUTCOMES, read_draws, read_results
-from gcs.errors import BadInput, GcsError
+from gcs.errors import BadInput
 from mavlink_defs.config.files import dump
 
 __all__ = ["chosen_rows", "keep_flights"]
@@ -74,31 +75,8 @@ def keep_flights(folder: Path, flights: Flights) -> Iterator[tuple[int, int]]:
         scenario = flights.scenario(row_of(draws, number))
         recording = fly_in_process(scenario)
         summary = summarise(recording, scenario)
-        check_same(folder, number, figures_of(summary) | {"outcome": outcome_of(summary)[0]})
+        check_same(folder, number, summary)
         target.mkdir(parents=True, exist_ok=True)
         dump(scenario, target / "scenario.yaml")
         save_flight(recording, summary, target)
     yield len(rows), len(rows)
-
-
-def check_same(folder: Path, row: int, figures: dict[str, object]) -> None:
-    """Compare a flight flown again with its row of the results; wall time may differ.
-
-    Raises:
-        GcsError: They differ, or the row has no results.
-    """
-    import pyarrow.compute as pc
-
-    names = [name for name in figures if name != "wall_s"]
-    table = read_results(folder, ["row", *names])
-    stored = table.filter(pc.equal(table.column("row"), row)).select(names).to_pylist()
-    if not stored:
-        raise GcsError(f"row {row} of {folder} has not been flown yet")
-    differing = [name for name in names if stored[0][name] != figures[name]]
-    if differing:
-        name = differing[0]
-        raise GcsError(
-            f"row {row} of {folder} flies otherwise here: {name} is {figures[name]!r}, "
-            f"the table has {stored[0][name]!r} ({len(differing)} figures differ)",
-            "the same code and the same kind of machine fly it bit for bit",
-        )

@@ -60,6 +60,9 @@ def plan(campaign: Campaign, path: Path) -> Plan:
     except ConfigError as error:
         problems = [Problem(("scenario",), f"{error.path}: {p}") for p in error.problems]
         raise ConfigError(path, problems) from error
+    if scenario.links.impairments is not None:
+        text = f"{file}: links.impairments are about the wire; campaigns fly in process"
+        raise ConfigError(path, [Problem(("scenario",), text)])
     mark = Mark(campaign, str(file), tree, code_version(), code_digest())
     if problems := [*_of_variants(mark), *_of_faulty_uavs(campaign, scenario.uavs)]:
         raise ConfigError(path, problems)
