@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from gcs.commands import (
+    campaign,
     config,
     control,
     dashboard,
@@ -99,6 +100,7 @@ def gcs(
 app.command(epilog=fly.EPILOG)(fly.fly)
 app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)
+app.command(epilog=campaign.EPILOG)(campaign.campaign)
 app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)
 app.command(epilog=new.EPILOG)(new.new)
 app.command(epilog=up.EPILOG)(up.up)

@@ -11,14 +11,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, StringConstraints, model_validator
 
 from gcs.campaigns.distributions import Choice, Distribution, support
-from mavlink_defs.config.files import load
+from mavlink_defs.config.files import read, validate
 from mavlink_defs.config.models import Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import ACTUATORS, Actuator
 
 __all__ = ["Campaign", "Design", "DrawnFault", "Factor", "FaultKind", "Kept", "load_campaign"]
 
-Design = Literal["grid", "random", "latin_hypercube", "sobol"]
+Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
 FaultKind = Literal["loss", "bias", "stuck"]
 
 _NAME = re.compile(r"[A-Za-z0-9_.\[\]-]+")
@@ -107,11 +107,15 @@ class Campaign(Model):
     )
     seed: int = whole("", ge=0, le=2**63 - 1, default=1, doc="Seed of every draw.")
     draws: int | None = whole(
-        "", ge=1, le=100_000_000, default=None, doc="Draws, each flown by every variant; no grid."
+        "",
+        ge=1,
+        le=100_000_000,
+        default=None,
+        doc="Draws, each flown by every variant; of saltelli, base points. Not of a grid.",
     )
     design: Design = Field(
         default="random",
-        description="How factors are drawn together; a grid takes every combination of choices.",
+        description="How values are drawn together; a grid takes every combination of choices.",
     )
     factors: dict[Name, Factor] = Field(default={}, description="Drawn values, by name.")
     faults: dict[Name, DrawnFault] = Field(default={}, description="Drawn faults, by name.")
@@ -155,13 +159,21 @@ class Campaign(Model):
             ]
         elif self.draws is None:
             found.append((("draws",), "missing; expected a whole number"))
+        elif self.design in {"sobol", "saltelli"} and self.draws.bit_count() != 1:
+            text = f"expected a power of two with {self.design}, got {self.draws}"
+            found.append((("draws",), text))
         return found
 
 
-def load_campaign(path: Path | str) -> Campaign:
+def load_campaign(path: Path | str, draws: int | None = None) -> Campaign:
     """Read a campaign file and check what can be checked without its scenario.
+
+    Args:
+        path: The file.
+        draws: Number of draws instead of the file's.
 
     Raises:
         ConfigError: It cannot be used; every problem is named.
     """
-    return load(path, Campaign)
+    tree = read(path)
+    return validate(path, tree if draws is None else {**tree, "draws": draws}, Campaign)

@@ -3,6 +3,7 @@
 It holds::
 
     campaign.json               the request, and the code that flies it; it marks the folder
+    scenario.yaml               the base scenario, with what it extends
     draws.parquet               one row per planned flight, written before the first flight
     results/part-NNNNN.parquet  rows of flights that ended; no file is written twice
     flights/ROW/                trajectories and scenario of chosen flights
@@ -25,7 +26,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from gcs.campaigns.model import Campaign
 from gcs.errors import BadInput
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
-from mavlink_defs.runtime.files import naming
+from mavlink_defs.config.files import read
+from mavlink_defs.config.yaml_text import yaml_of
+from mavlink_defs.runtime.files import naming, write_text
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -54,17 +57,18 @@ its roll or pitch, the model's validity ended and with it the flight, the flight
 three times. ``failed``: it could not be computed for another reason."""
 
 _MARK = "campaign.json"
+_SCENARIO = "scenario.yaml"
 _DRAWS = "draws.parquet"
 _PART = ".part"  # ends the name of a file that is being written
 
 
 @dataclass(frozen=True)
 class Mark:
-    """The content of `campaign.json`.
+    """What a folder was flown for.
 
     Attributes:
         campaign: The campaign.
-        file: The campaign file, which names the origin of the scenario in messages.
+        file: File of the base scenario, for messages.
         scenario: Plain data of the base scenario, with what it extends.
         version: Version of the package.
         digest: Digest of the code that flies it.
@@ -77,14 +81,13 @@ class Mark:
     digest: str
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the content of `campaign.json`."""
         return {
             "schema": SCHEMA,
             "version": self.version,
             "digest": self.digest,
             "file": self.file,
             "campaign": self.campaign.model_dump(mode="json"),
-            "scenario": self.scenario,
         }
 
 
@@ -101,7 +104,7 @@ def mark_of(folder: Path) -> Mark:
             return Mark(
                 campaign=Campaign.model_validate(tree["campaign"]),
                 file=tree["file"],
-                scenario=tree["scenario"],
+                scenario=read(folder / _SCENARIO),
                 version=tree["version"],
                 digest=tree["digest"],
             )
@@ -128,11 +131,12 @@ def campaign_of(folder: Path) -> Campaign:
 
 
 def write_mark(folder: Path, mark: Mark) -> None:
-    """Write `campaign.json`.
+    """Write `scenario.yaml`, then `campaign.json`.
 
     Raises:
         OSError: It cannot be written; it is named.
     """
+    write_text(folder / _SCENARIO, yaml_of(mark.scenario))
     path = folder / _MARK
     part = path.with_name(path.name + _PART)
     with naming(path):

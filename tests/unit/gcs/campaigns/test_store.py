@@ -34,7 +34,7 @@ CAMPAIGN = Campaign.model_validate(
         },
     }
 )
-MARK = Mark(CAMPAIGN, "my.yaml", {"uavs": [{"id": 3}]}, "0.1.0", "abc")
+MARK = Mark(CAMPAIGN, "my.yaml", {"uavs": [{"id": 3}], "leader_access": {1: 0.1}}, "0.1.0", "abc")
 DRAWS = pa.table(
     {
         "row": pa.array([0, 1, 2], pa.int64()),
@@ -93,7 +93,7 @@ def test_a_write_that_fails_leaves_nothing(folder: Path) -> None:
     (folder / "draws.parquet").unlink()
     (folder / "draws.parquet").mkdir()  # in the way
     before = set(folder.iterdir())
-    with pytest.raises(OSError, match="draws.parquet"):
+    with pytest.raises(OSError, match=r"draws\.parquet"):
         write_draws(folder, DRAWS)
     assert set(folder.iterdir()) == before
 
