@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.campaigns.samples import Sample, read_samples
 from gcs.campaigns.importance import Importance, importances
 from gcs.campaigns.outcomes import severity
+from gcs.campaigns.samples import Sample, read_samples
 from gcs.campaigns.stopping import leading
 from gcs.campaigns.store import Mark, mark_of, read_draws
 from gcs.results.quantities import IAE_UNITS, QUANTITIES

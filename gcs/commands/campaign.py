@@ -130,6 +130,7 @@ def _keep(planned: "Plan", folder: Path, console: Console) -> None:
 def _report(folder: Path, console: Console) -> None:
     from rich.table import Table
 
+    from gcs.campaigns.report import write_report
     from gcs.campaigns.store import OUTCOMES, read_results
 
     results = read_results(folder, ["variant", "outcome", "reason"]).to_pydict()
@@ -139,7 +140,9 @@ def _report(folder: Path, console: Console) -> None:
     for variant in dict.fromkeys(results["variant"]):
         table.add_row(variant, *(str(counts[variant, name]) for name in shown))
     console.print(table)
-    console.print(f"results in {folder}", soft_wrap=True)
+    with console.status("writing the report"):
+        page = write_report(folder)
+    console.print(f"results in {folder}; open {page}", soft_wrap=True)
     ended = zip(results["outcome"], results["reason"], strict=True)
     failed = [reason for outcome, reason in ended if outcome == "failed"]
     if failed:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from gcs.campaigns.samples import Sample, samples_of
 from gcs.campaigns.model import Campaign
+from gcs.campaigns.samples import Sample, samples_of
 from gcs.campaigns.store import Mark, append_results, results_schema, write_draws, write_mark
 
 UAVS = (1, 2)

@@ -233,8 +233,8 @@ def test_comparisons_never_fail_and_never_warn(old: list[float], new: list[float
         for found in (compare_costs(a, b), compare_paired_costs(a[:n], b[:n])):
             assert 0.0 <= found.p_value <= 1.0
         for estimate in (mean_difference, median_difference):
-            found = estimate(a[:n], b[:n])
-            assert math.isnan(found.value) or found.low <= found.high
+            difference = estimate(a[:n], b[:n])
+            assert math.isnan(difference.value) or difference.low <= difference.high
         success = compare_successes(a < 9, b < 9)
         assert 0.0 <= success.p_value <= 1.0
         assert -1.0 <= success.difference.low <= success.difference.high <= 1.0
