@@ -10,6 +10,7 @@ import typer
 
 from gcs.commands import (
     campaign,
+    compare,
     config,
     control,
     dashboard,
@@ -99,6 +100,7 @@ def gcs(
 
 app.command(epilog=fly.EPILOG)(fly.fly)
 app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
+app.command(epilog=compare.EPILOG)(compare.compare)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)
 app.command(epilog=campaign.EPILOG)(campaign.campaign)
 app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)

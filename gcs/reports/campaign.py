@@ -212,6 +212,7 @@ def _comparisons(findings: Findings) -> str:
         figures += [_figure_row(old, new, figure, title) for figure, title in FIGURES.items()]
     if not success:
         return "No two variants have flown the same draws.\n"
+    tests = len(success) + len(figures)
     against = f"against `{first.variant}`"
     head = [against, "draws", "only it succeeds", "only the other", "difference [95 %]", "p"]
     costs = [against, "figure", "both have it", "mean difference [95 %]"]
@@ -220,12 +221,12 @@ def _comparisons(findings: Findings) -> str:
         table(head, success)
         + "\n"
         + table(costs, figures)
-        + "\nThe same draws, flown by both. Success: McNemar's exact test; the interval is wider "
-        "than that test, because it holds for any number of flights. Figures: Wilcoxon's signed rank test over all draws, in which a failure is worse than any "
-        "figure; differences with bootstrap intervals over the draws in which both have the "
-        f"figure. The p-values are two-sided and not corrected: of {len(success) + len(figures)} "
-        f"tests of equals, {0.05 * (len(success) + len(figures)):.1f} have p < 0.05 on the "
-        "average.\n"
+        + "\nThe same draws, flown by both. Success: McNemar's exact test; the interval covers at "
+        "least as often as it says, and may include 0 although p is small. Figures: Wilcoxon's "
+        "signed rank test over all draws, in which a failure is worse than any figure; "
+        "differences with bootstrap intervals over the draws in which both have the figure. The "
+        f"p-values are two-sided and not corrected: of {tests} tests of equals, {0.05 * tests:.1f} "
+        "have p < 0.05 on the average.\n"
     )
 
 
