@@ -1,17 +1,19 @@
 """Figures of a campaign's report: which flights count, which were worst, which factors matter."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from gcs.campaigns.importance import Importance, importances
+from gcs.campaigns.draws import dimensions
+from gcs.campaigns.importance import Importance, SobolIndex, importances, sobol_indices
 from gcs.campaigns.outcomes import severity
 from gcs.campaigns.samples import Sample, read_samples
 from gcs.campaigns.stopping import leading
 from gcs.campaigns.store import Mark, mark_of, read_draws
+from gcs.campaigns.until import noted_conditions
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 
 __all__ = ["FIGURES", "Findings", "Worst", "findings_of"]
@@ -46,14 +48,14 @@ class Findings:
         mark: What was flown, and by which code.
         planned: Number of planned flights.
         ended: Every flight that ended, by variant.
-        until: Condition that may have stopped the campaign early; None if there was none.
+        until: Conditions that may have stopped the campaign early, as users write them.
     """
 
     folder: Path
     mark: Mark
     planned: int
     ended: Mapping[str, Sample]
-    until: str | None = None
+    until: Sequence[str] = ()
 
     @cached_property
     def counted(self) -> dict[str, Sample]:
@@ -65,8 +67,11 @@ class Findings:
 
     @property
     def is_sample(self) -> bool:
-        """Whether the draws come from distributions; a grid's do not."""
-        return self.mark.campaign.design != "grid"
+        """Whether draws are spread as distributions say, each for itself.
+
+        Points of a grid come from no distribution, those of a Saltelli design share coordinates.
+        """
+        return self.mark.campaign.design not in {"grid", "saltelli"}
 
     @property
     def codes(self) -> list[tuple[str, str]]:
@@ -117,9 +122,32 @@ class Findings:
         total: dict[str, float] = {}
         for each in found:
             for factor in each[what]:
-                if factor.correlation is not None:
+                if factor.correlation is not None and self._is_finite(factor.factor):
                     total[factor.factor] = total.get(factor.factor, 0.0) + factor.strength
         return sorted(total, key=lambda name: -total[name])[:count]
+
+    def _is_finite(self, factor: str) -> bool:
+        return all(np.isfinite(own.factors[factor]).all() for own in self.counted.values())
+
+    def sobol(self, variant: str) -> dict[str, list[SobolIndex]]:
+        """Return Sobol indices by cost: of failure, and of the tracking error if none failed.
+
+        None for other than Saltelli designs, unfinished ones, and costs that do not vary.
+        """
+        campaign, sample = self.mark.campaign, self.counted[variant]
+        if campaign.design != "saltelli":
+            return {}
+        ids = [uav["id"] for uav in self.mark.scenario["uavs"]]
+        names = [axis.column for axis in dimensions(campaign, ids)]
+        if len(sample) != (campaign.draws or 0) * (len(names) + 2):
+            return {}
+        failure = (~sample.success).astype(float)
+        costs = {"failure": failure, "tracking error": self.tracking_error(sample)}
+        return {
+            what: sobol_indices(names, cost)
+            for what, cost in costs.items()
+            if np.isfinite(cost).all() and np.ptp(cost) > 0.0
+        }
 
     def worst(self, count: int) -> list[Worst]:
         """Return the worst flights: by outcome, then the soonest end, then the tracking error."""
@@ -155,4 +183,5 @@ def findings_of(folder: Path) -> Findings:
         BadInput: It is none, or it cannot be read.
     """
     mark = mark_of(folder)
-    return Findings(folder, mark, int(read_draws(folder).num_rows), read_samples(folder))
+    planned = int(read_draws(folder).num_rows)
+    return Findings(folder, mark, planned, read_samples(folder), noted_conditions(folder))

@@ -62,9 +62,19 @@ class Sample:
 
     @cached_property
     def factors(self) -> dict[str, np.ndarray]:
-        """Drawn values by name; numbers, or texts (and the UAVs of faults) as objects."""
-        names = [name for name in self.table.column_names if name.startswith(_DRAWN)]
-        return {name.removeprefix("factor."): self._factor(name) for name in names}
+        """Drawn values by name; numbers, or texts (and the UAVs of faults) as objects.
+
+        The severity of a fault is signed, and both signs are as bad: its size counts.
+        """
+        found = {}
+        for name in self.table.column_names:
+            if name.startswith("factor."):
+                found[name.removeprefix("factor.")] = self._factor(name)
+            elif name.startswith("fault.") and name.endswith(".severity"):
+                found[f"size of {name}"] = np.abs(self._factor(name))
+            elif name.startswith("fault."):
+                found[name] = self._factor(name)
+        return found
 
     def take(self, indices: np.ndarray) -> "Sample":
         """Return some of the flights."""

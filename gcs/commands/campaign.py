@@ -4,7 +4,7 @@ import contextlib
 import os
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,6 +29,7 @@ Examples:
 - gcs campaign campaigns/uncertainty
 - gcs campaign my.yaml --draws 59 --out runs/robust
 - gcs campaign my.yaml --scheduler tcp://cluster:8786
+- gcs campaign my.yaml --until 'p(attitude_lost) < 0.05 at 95 %'
 - gcs fly --campaign runs/robust --row 17
 
 Exit status: 0 every draw is flown (lost flights are results, too), 1 a flight could not be
@@ -59,6 +60,14 @@ def campaign(
         str | None,
         typer.Option(help="Dask scheduler whose workers fly instead.", metavar="tcp://HOST:PORT"),
     ] = None,
+    until: Annotated[
+        str | None,
+        typer.Option(
+            help="Stop as soon as this is shown or refuted for every variant, as in "
+            "'p(attitude_lost) < 0.05 at 95 %'.",
+            metavar="CONDITION",
+        ),
+    ] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Fly every draw of a campaign, in process, on all cores or on a cluster.
@@ -70,6 +79,7 @@ def campaign(
     from gcs.campaigns.folder import default_folder, open_folder
     from gcs.campaigns.model import load_campaign
     from gcs.campaigns.plan import plan
+    from gcs.campaigns.until import is_decided, note_condition, stopping_condition
     from gcs.errors import BadInput
     from gcs.scenario.bundled import find_scenario
 
@@ -79,14 +89,23 @@ def campaign(
     path = find_scenario(file)
     with console.status("checking every draw"):
         planned = plan(load_campaign(path, draws), path)
+    condition = stopping_condition(until, planned.mark.campaign) if until is not None else None
     folder = out or default_folder(planned.mark)
     open_folder(folder, planned)
+    if condition is not None:
+        note_condition(folder, condition)
+
+    def enough() -> bool:
+        return condition is not None and is_decided(folder, planned.mark.campaign, condition)
+
     total = planned.draws.num_rows
     try:
-        if left := len(missing_rows(folder, total)):
+        if (left := len(missing_rows(folder, total))) and not enough():
             if left < total:
                 console.print(f"{total - left} of {total} flights already flown")
-            _fly(planned, folder, scheduler, jobs or os.cpu_count() or 1, console)
+            _fly(planned, folder, scheduler, jobs or os.cpu_count() or 1, console, enough)
+        if condition is not None and missing_rows(folder, total).size and enough():
+            console.print(f"{condition} is decided for every variant")
         _keep(planned, folder, console)
     except KeyboardInterrupt:
         stored = total - len(missing_rows(folder, total))
@@ -97,7 +116,14 @@ def campaign(
     _report(folder, console)
 
 
-def _fly(planned: "Plan", folder: Path, scheduler: str | None, jobs: int, console: Console) -> None:
+def _fly(
+    planned: "Plan",
+    folder: Path,
+    scheduler: str | None,
+    jobs: int,
+    console: Console,
+    enough: Callable[[], bool],
+) -> None:
     from gcs.campaigns.cluster import cluster_elsewhere, local_cluster, prepare
     from gcs.campaigns.engine import fly, missing_rows
     from gcs.campaigns.plan import row_of, rows_of
@@ -116,7 +142,7 @@ def _fly(planned: "Plan", folder: Path, scheduler: str | None, jobs: int, consol
             prepare(client, some)
         with _progress(planned.draws.num_rows, len(missing), console) as show:
             rows = rows_of(planned.draws.take(missing))
-            fly(client, planned.flights, rows, len(missing), folder, show.flown)
+            fly(client, planned.flights, rows, len(missing), folder, show.flown, enough)
 
 
 def _keep(planned: "Plan", folder: Path, console: Console) -> None:

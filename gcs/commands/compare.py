@@ -82,7 +82,7 @@ def _checked(old: "Findings", new: "Findings") -> list[str]:
     problems = []
     for each in (old, new):
         ended = sum(map(len, each.ended.values()))
-        if ended == 0 or (ended < each.planned and each.until is None):
+        if ended == 0 or (ended < each.planned and not each.until):
             problems.append(f"{each.folder} has {ended} of {each.planned} planned flights")
     if problems:
         hint = "the command that began a campaign continues it"

@@ -8,7 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from gcs.campaigns.conditions import parse_condition
 from gcs.campaigns.findings import FIGURES, Findings
+from gcs.campaigns.importance import Importance
 from gcs.campaigns.samples import Sample, same_draws
 from gcs.campaigns.statistics import (
     Estimate,
@@ -21,7 +23,7 @@ from gcs.campaigns.statistics import (
     quantile,
     tolerance_bound,
 )
-from gcs.campaigns.stopping import anytime_proportion
+from gcs.campaigns.stopping import anytime_proportion, judge
 from gcs.campaigns.store import OUTCOMES
 from gcs.reports.markdown import bullets, table
 
@@ -44,7 +46,9 @@ def share(value: float) -> str:
 
 def number(value: float) -> str:
     """Format a figure with four digits; a dash if it is unknown or unbounded."""
-    return f"{value:.4g}" if math.isfinite(value) else "-"
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
 
 
 def p_value(value: float) -> str:
@@ -77,7 +81,7 @@ def campaign_report(findings: Findings, figures: Mapping[str, str]) -> str:
         f"# Campaign {plain(findings.mark.campaign.name)}\n",
         _introduction(findings),
         "## Success\n",
-        _success(findings),
+        _success(findings) + _stopping(findings),
         "## Tracking and events\n",
         _quantiles(findings) + shown("distributions"),
         *(
@@ -126,7 +130,7 @@ def _introduction(findings: Findings) -> str:
 
 
 def _success(findings: Findings) -> str:
-    anytime = findings.until is not None
+    anytime = bool(findings.until)
     estimate = anytime_proportion if anytime else proportion
     rows = []
     for name, flights in findings.counted.items():
@@ -150,12 +154,12 @@ def _success(findings: Findings) -> str:
     )
     if not findings.is_sample:
         return text + (
-            "**These are the points of a grid, not draws: shares are of its points and no "
-            "probabilities, so they have no intervals.**\n"
+            f"**These are points of a {findings.mark.campaign.design} design and not independent "
+            "draws: shares are of its points, not probabilities, and have no intervals.**\n"
         )
     text += (
-        "Intervals are those of a confidence sequence, which hold although the campaign may have "
-        f"been stopped by its results ({plain(findings.until or '')}). "
+        "Intervals are those of a confidence sequence, which hold although the results so far "
+        "could stop the campaign. "
         if anytime
         else "Intervals are Clopper and Pearson's, two-sided. "
     )
@@ -164,6 +168,26 @@ def _success(findings: Findings) -> str:
         "this share of all flights succeeds. "
         + ("" if anytime else f"{flights_needed()} flights without a failure show 95 %. ")
         + "Each interval is valid by itself, not all of them together.\n"
+    )
+
+
+def _stopping(findings: Findings) -> str:
+    """Return a table of the conditions that may have stopped the campaign; empty without one."""
+    rows = []
+    for text in findings.until:
+        condition = parse_condition(text, "--until")
+        for name, sample in findings.counted.items():
+            found = judge(condition, sample.outcome)
+            rows.append([f"`{text}`", f"`{name}`", found.count, found.flights, found.decided])
+    if not rows:
+        return ""
+    return (
+        "\n"
+        + table(["condition", "variant", "events", "flights", "verdict"], rows)
+        + "\nShown: the condition holds with the stated confidence; refuted: its contrary does; "
+        "open: neither. Each is wrong at most as often as stated, however often the results were "
+        "looked at. Medians, bounds, comparisons and factors below are computed as if the number "
+        "of flights had been fixed beforehand: after a stop they are approximate.\n"
     )
 
 
@@ -179,7 +203,13 @@ def _quantiles(findings: Findings) -> str:
                 cells = [number(median.value), "-"]
             missing = int(np.isinf(costs).sum())
             rows.append([title, f"`{name}`", *cells, missing])
-    head = ["figure", "variant", "median [95 % interval]", "95 % of flights below", "without"]
+    head = [
+        "figure",
+        "variant",
+        "median [95 % interval]",
+        "95 % of flights below",
+        "without figure",
+    ]
     return table(head, rows) + (
         "\nAn IAE is the integral of the absolute error against the commands, of the worst UAV. "
         "All flights count: those without a figure (last column: failures, and flights in which no "
@@ -191,7 +221,7 @@ def _quantiles(findings: Findings) -> str:
 
 def _comparisons(findings: Findings) -> str:
     if not findings.is_sample:
-        return "Points of a grid are no draws; tests of significance say nothing about them.\n"
+        return "The points are not independent draws: tests would say nothing about them.\n"
     first, *others = findings.counted.values()
     success, figures = [], []
     for other in others:
@@ -247,26 +277,51 @@ def _factors(findings: Findings) -> str:
     rows = []
     for name in findings.counted:
         for what, found in findings.importances(name).items():
-            level = 0.05 / max(len(found), 1)
+            level = 0.05 / max(len(found), 1) if findings.is_sample else 1.0
             strong = [each for each in found if each.p_value <= level][:_FACTORS]
-            listed = ", ".join(
-                f"{plain(each.factor)} "
-                + (
-                    f"{each.strength:.2f}"
-                    if each.correlation is None
-                    else f"{each.correlation:+.2f}"
-                )
-                for each in strong
-            )
+            listed = ", ".join(map(_strength, strong))
             rows.append([f"`{name}`", what, len(found), listed or "none"])
-    head = ["variant", "cost", "factors", "significant, the strongest first"]
-    return table(head, rows) + (
-        "\nSpearman's rank correlation of a factor with failure (0 or 1), or with the tracking "
-        "error: the mean of the four IAEs, each relative to its median over all flights, failures "
-        "ranked worst. A factor without an order has the correlation ratio of the ranks, without a "
-        "sign (Kruskal and Wallis's test). Significant at 5 % after Bonferroni's correction for "
-        "the number of factors. Rank correlation sees monotonic effects only: a factor that harms "
-        "at both ends may be missing here.\n"
+    which = "significant, the" if findings.is_sample else "no test: the"
+    head = ["variant", "cost", "factors", f"{which} strongest first"]
+    return (
+        table(head, rows)
+        + _sobol(findings)
+        + "\nSpearman's rank correlation of a factor with failure (0 or 1), or with the tracking "
+        "error: the mean of the four IAEs, each relative to its median over all flights, "
+        "failures ranked worst. A factor without an order has the correlation ratio of the "
+        "ranks, without a sign (Kruskal and Wallis's test). Significant: at 5 % after "
+        "Bonferroni's correction for the number of factors. Rank correlation sees monotonic "
+        "effects only: a factor that harms at both ends may be missing here.\n"
+    )
+
+
+def _strength(found: Importance) -> str:
+    value = found.strength if found.correlation is None else found.correlation
+    sign = "" if found.correlation is None else "+"
+    return f"{plain(found.factor)} {value:{sign}.2f}"
+
+
+def _sobol(findings: Findings) -> str:
+    """Return a table of Sobol indices; empty if the design has none."""
+    rows = [
+        [
+            plain(each.factor),
+            f"`{name}`",
+            what,
+            f"{each.first:.2f} ± {each.first_half_width:.2f}",
+            f"{each.total:.2f} ± {each.total_half_width:.2f}",
+        ]
+        for name in findings.counted
+        for what, found in findings.sobol(name).items()
+        for each in found[:_FACTORS]
+    ]
+    if not rows:
+        return ""
+    head = ["factor", "variant", "cost", "first-order index", "total index"]
+    return (
+        "\n" + table(head, rows) + "\nSobol indices: shares of the cost's variance that go with a "
+        "factor on its own, and with all its interactions; ± half of the 95 % bootstrap interval. "
+        "Where a flight failed the tracking error has no variance, and only failure has indices.\n"
     )
 
 

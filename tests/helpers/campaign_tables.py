@@ -23,7 +23,7 @@ def campaign(variants: list[str], draws: int, **changes: Any) -> Campaign:
             "name": "synthetic",
             "scenario": "paper/scenario1",
             "seed": 7,
-            "draws": draws,
+            "draws": None if changes.get("design") == "grid" else draws,
             "factors": {name: {"key": "aircraft.mass_kg", "draw": uniform} for name in FACTORS},
             "variants": {name: {} for name in variants},
         }
