@@ -9,6 +9,8 @@ from typing import Annotated, NoReturn
 import typer
 
 from gcs.commands import (
+    campaign,
+    compare,
     config,
     control,
     dashboard,
@@ -98,7 +100,9 @@ def gcs(
 
 app.command(epilog=fly.EPILOG)(fly.fly)
 app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
+app.command(epilog=compare.EPILOG)(compare.compare)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)
+app.command(epilog=campaign.EPILOG)(campaign.campaign)
 app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)
 app.command(epilog=new.EPILOG)(new.new)
 app.command(epilog=up.EPILOG)(up.up)

@@ -31,6 +31,7 @@ ABOVE = ("gcs.commands.", "gcs.testing.")
 """Packages on top of the shells."""
 SYSTEM = {"asyncio", "selectors", "socket", "subprocess", "threading", "time"}
 USERS_OF_THE_SYSTEM = SHELLS | {
+    "gcs.campaigns.engine",
     "gcs.figures.style",
     "gcs.fleet.in_process",
     "gcs.fleet.precompile",

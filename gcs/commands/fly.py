@@ -14,7 +14,6 @@ from gcs.commands.common import (
     FreePortsOption,
     QuietOption,
     RunFolderOption,
-    ScenarioArgument,
     SetOption,
     WithOption,
     changed_scenario,
@@ -30,6 +29,7 @@ from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
     from gcs.results.recording import Recording
+    from gcs.results.summary import FlightSummary
 
 __all__ = ["EPILOG", "fly"]
 
@@ -40,6 +40,7 @@ Examples:
 - gcs fly paper/scenario1 --in-process --json | jq .saving
 - gcs fly my.yaml --speed 1 --out runs/demo
 - gcs fly faults/loe_aileron --with realistic --set sensors.gyro_deg_s.noise_rms=0.1
+- gcs fly --campaign runs/robust --row 17 --in-process
 
 Exit status: 0 flown to its end, 1 lost, stopped early or not recorded, 2 bad input, 3 a vehicle
 refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
@@ -47,7 +48,9 @@ refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGH
 
 
 def fly(
-    scenario: ScenarioArgument,
+    scenario: Annotated[
+        Path | None, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
+    ] = None,
     additions: WithOption = None,
     settings: SetOption = None,
     out: RunFolderOption = None,
@@ -69,12 +72,22 @@ def fly(
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
     ] = False,
     signing_key: SigningKeyOption = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(help="Folder of a campaign, instead of a scenario.", metavar="FOLDER"),
+    ] = None,
+    row: Annotated[
+        int | None, typer.Option(help="Row of the campaign's table: the flight to fly again.")
+    ] = None,
 ) -> None:
     """Fly a scenario to its end and record everything.
 
     Starts one plant and one autopilot process per UAV, uploads the profiles, sets the faults,
     starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,
     flight.tlog (the GCS link), events.npz, trajectory.npz and flight.png.
+
+    With --campaign and --row, a flight of a campaign is flown again, over the wire or in process,
+    and compared with its row of the table, bit for bit.
     """
     if speed is not None and not 0.0 < speed < float("inf"):
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
@@ -84,7 +97,11 @@ def fly(
     from gcs.fleet.processes import check_ports
     from gcs.results.run_folder import make_run_folder
 
-    loaded = signed(changed_scenario(scenario, additions, settings), signing_key)
+    if campaign is None and row is None and scenario is not None:
+        chosen = changed_scenario(scenario, additions, settings)
+    else:
+        chosen = _of_campaign(scenario, campaign, row, [*(additions or ()), *(settings or ())])
+    loaded = signed(chosen, signing_key)
     if in_process and loaded.links.impairments is not None:
         text = "links.impairments are about the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")
@@ -99,12 +116,32 @@ def fly(
                 recording = fly_in_process(loaded, on_progress)
             else:
                 recording = _over_udp(loaded, folder, speed, free_ports, on_progress)
-        _report(recording, loaded, folder, console, as_json)
+        again = None if speed is not None or campaign is None else (campaign, row or 0)
+        _report(recording, loaded, folder, console, as_json, again)
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
     except FlightLost as problem:
         problem.hint = f"what was recorded is in {folder}"
         raise
+
+
+def _of_campaign(
+    scenario: Path | None, campaign: Path | None, row: int | None, changes: list[str]
+) -> Scenario:
+    """Return the scenario of a campaign's row, which is flown as it was."""
+    if scenario is not None or campaign is None or row is None:
+        raise BadInput(
+            "expected either a SCENARIO, or --campaign FOLDER and --row NUMBER",
+            "as in gcs fly paper/scenario1, or gcs fly --campaign runs/robust --row 17",
+        )
+    if changes:
+        raise BadInput(
+            "--with and --set change a SCENARIO; a row of a campaign is flown as it was",
+            "leave them out",
+        )
+    from gcs.campaigns.again import scenario_of_row
+
+    return scenario_of_row(campaign, row)
 
 
 def _over_udp(
@@ -126,7 +163,12 @@ def _over_udp(
 
 
 def _report(
-    recording: "Recording", scenario: Scenario, folder: Path, console: Console, as_json: bool
+    recording: "Recording",
+    scenario: Scenario,
+    folder: Path,
+    console: Console,
+    as_json: bool,
+    again: tuple[Path, int] | None,
 ) -> None:
     from gcs.figures.overview import draw_flight
     from gcs.reports.flight import flight_tables
@@ -141,5 +183,18 @@ def _report(
     console.print(f"results in {folder}", soft_wrap=True)
     if as_json:
         print(json.dumps(summary.to_json(), indent=2))
+    if again is not None:
+        _compare(*again, summary, console)
     if summary.loss is not None:
         raise FlightLost(summary.loss)
+
+
+def _compare(campaign: Path, row: int, summary: "FlightSummary", console: Console) -> None:
+    """Compare a flight flown again with the campaign's table; other code may fly otherwise."""
+    from gcs.campaigns.again import check_same, foreign_code
+
+    if (foreign := foreign_code(campaign)) is not None:
+        console.print(f"not compared with {campaign}: {foreign}", soft_wrap=True)
+        return
+    check_same(campaign, row, summary)
+    console.print(f"the same as row {row} of {campaign}, bit for bit", soft_wrap=True)

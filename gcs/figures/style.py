@@ -33,6 +33,7 @@ __all__ = [
     "draw_legend",
     "frame",
     "letter",
+    "logarithmic_if_wide",
     "mark_loss",
     "new_figure",
     "note",
@@ -82,6 +83,7 @@ STYLES = (
 REFERENCE: dict[str, Any] = {"color": "black", "ls": (0.0, (4.0, 3.0)), "lw": 0.9, "zorder": 3.0}
 """The line of the reference."""
 
+_WIDE = 8.0  # ratio of largest to smallest value from which on an axis is logarithmic
 _BUCKETS = 600  # of a curve; a panel has fewer pixels
 _SHADE = "0.88"
 _HANDLE_IN = 0.6  # of an entry of a legend, with the space around it
@@ -179,6 +181,20 @@ def tidy(axis: "Axes", duration_s: float | None = None) -> None:
     axis.tick_params(labelsize=SMALL)
     if duration_s is not None:
         axis.set_xlim(0.0, duration_s)
+
+
+def logarithmic_if_wide(axis: "Axes", values: Sequence[float] | np.ndarray) -> bool:
+    """Make the x axis logarithmic if its values are positive and far apart; return whether."""
+    if not len(values) or not max(values) > _WIDE * min(values) > 0.0:
+        return False
+    from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+
+    axis.set_xscale("log")
+    subs = (1.0, 2.0, 5.0) if max(values) < 100.0 * min(values) else (1.0,)
+    axis.xaxis.set_major_locator(LogLocator(subs=subs))
+    axis.xaxis.set_major_formatter(ScalarFormatter())
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    return True
 
 
 def letter(axis: "Axes", k: int) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.figures.flown import literal
-from gcs.figures.style import GREY, SMALL, STYLES, new_figure, save, tidy
+from gcs.figures.style import GREY, SMALL, STYLES, logarithmic_if_wide, new_figure, save, tidy
 from gcs.reports.sweep import Dimension, dimensions_of, position, uav_of
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.sweeps.folder import Result
@@ -23,7 +23,6 @@ __all__ = ["draw_sweep"]
 _COLOURS = [style.colour for style in (*STYLES[1:], STYLES[0])]  # the lightest one last
 _SHAPES = "os^Dv<>Ph*"
 _MOST_ROWS = 12
-_WIDE = 8.0  # ratio of largest to smallest IAE from which on its axis is logarithmic
 _NONE: Dimension = ("", [""])
 
 
@@ -123,15 +122,7 @@ def _draw_points(
         if _is_numeric(styles.colours) and len(line) <= len(styles.colours[1]):
             panel.plot(*zip(*line, strict=True), color="0.8", lw=0.7)
     values = [x for line in lines.values() for x, _ in line]
-    if values and max(values) > _WIDE * min(values) > 0.0:
-        from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
-
-        panel.set_xscale("log")
-        subs = (1.0, 2.0, 5.0) if max(values) < 100.0 * min(values) else (1.0,)
-        panel.xaxis.set_major_locator(LogLocator(subs=subs))
-        panel.xaxis.set_major_formatter(ScalarFormatter())
-        panel.xaxis.set_minor_formatter(NullFormatter())
-    else:
+    if not logarithmic_if_wide(panel, values):
         panel.locator_params(axis="x", nbins=6)
     panel.margins(0.08)
     tidy(panel)

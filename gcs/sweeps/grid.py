@@ -3,7 +3,6 @@
 A run's digest covers its scenario with all defaults and the code that flies it.
 """
 
-import functools
 import hashlib
 import itertools
 import json
@@ -14,25 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from gcs.errors import BadInput
+from gcs.scenario.code import code_digest
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from gcs.sweeps.axes import Axis
 from mavlink_defs.config.inherit import PlaceError, with_values
 from mavlink_defs.config.models import ConfigError, Problem, ProblemKind
-from mavlink_defs.runtime.jit import source_digest
 
 __all__ = ["Run", "identity", "plan"]
-
-_ROOT = Path(__file__).parents[2]
-_SOURCES = (
-    "mavlink_defs/**/*.py",
-    "mavlink_defs/*.xml",
-    "sitl_plant/**/*.py",
-    "ftc_autopilot/**/*.py",
-    "gcs/fleet/in_process.py",
-    "gcs/results/*.py",
-    "gcs/scenario/*.py",
-)
-"""The sources that turn a scenario into a summary, below `_ROOT`."""
 
 
 @dataclass(frozen=True)
@@ -108,9 +95,4 @@ def _shared(groups: Iterable[tuple[Problem, ...]]) -> list[Problem]:
 def identity(scenario: Scenario) -> str:
     """Return a digest of everything that a flight's summary depends on: scenario and code."""
     tree = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
-    return hashlib.sha256(f"{_code_digest()} {tree}".encode()).hexdigest()[:16]
-
-
-@functools.cache
-def _code_digest() -> str:
-    return source_digest(sorted(path for pattern in _SOURCES for path in _ROOT.glob(pattern)))
+    return hashlib.sha256(f"{code_digest()} {tree}".encode()).hexdigest()[:16]

@@ -19,7 +19,7 @@ from typing import Any
 from mavlink_defs.config.files import read
 from mavlink_defs.config.models import ConfigError, Problem, shown
 
-__all__ = ["PlaceError", "merged", "read_inherited", "with_values"]
+__all__ = ["PlaceError", "merged", "read_inherited", "value_at", "with_values"]
 
 _PLACE = re.compile(r"\w+(?:\.\w+|\[[0-9]+\])*")
 _STEP = re.compile(r"\.?(\w+)|\[([0-9]+)\]")  # a key, or an index
@@ -96,11 +96,37 @@ def with_values(tree: dict[Any, Any], values: Mapping[str, Any]) -> dict[Any, An
             mapping or list, or beyond the end of a list.
     """
     for place, value in values.items():
-        if not _PLACE.fullmatch(place):
-            text = "expected keys and indices as in trigger.b2_deg or faults[0].uav"
-            raise PlaceError(f"{place}: {text}")
-        tree = _laid(tree, list(_STEP.finditer(place)), value)
+        tree = _laid(tree, _way(place), value)
     return tree
+
+
+def value_at(tree: dict[Any, Any], place: str) -> Any:
+    """Return what stands at a place of a tree, written as for `with_values`.
+
+    Raises:
+        PlaceError: There is no such place, or it is written in another way.
+    """
+    here: Any = tree
+    for step in _way(place):
+        name, index = step.groups()
+        if name is not None and isinstance(here, dict):
+            key = int(name) if name.isdecimal() else name
+            if key in here:
+                here = here[key]
+                continue
+        if index is not None and isinstance(here, list) and int(index) < len(here):
+            here = here[int(index)]
+            continue
+        raise PlaceError(f"{place}: no such key")
+    return here
+
+
+def _way(place: str) -> list[re.Match[str]]:
+    """Return the steps that a place consists of."""
+    if not _PLACE.fullmatch(place):
+        text = "expected keys and indices as in trigger.b2_deg or faults[0].uav"
+        raise PlaceError(f"{place}: {text}")
+    return list(_STEP.finditer(place))
 
 
 def _laid(here: Any, way: list[re.Match[str]], value: Any) -> Any:

@@ -1,0 +1,187 @@
+"""Figures of a campaign's report: which flights count, which were worst, which factors matter."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from gcs.campaigns.draws import dimensions
+from gcs.campaigns.importance import Importance, SobolIndex, importances, sobol_indices
+from gcs.campaigns.outcomes import severity
+from gcs.campaigns.samples import Sample, read_samples
+from gcs.campaigns.stopping import leading
+from gcs.campaigns.store import Mark, mark_of, read_draws
+from gcs.campaigns.until import noted_conditions
+from gcs.results.quantities import IAE_UNITS, QUANTITIES
+
+__all__ = ["FIGURES", "Findings", "Worst", "findings_of"]
+
+FIGURES = {
+    **{f"iae_{name}": f"IAE of {name} [{IAE_UNITS[name]}]" for name in QUANTITIES},
+    "events": "events of all UAVs",
+}
+"""Figures that reports compare, with their names; an IAE is that of the worst UAV."""
+
+_IAES = tuple(f"iae_{name}" for name in QUANTITIES)
+
+
+@dataclass(frozen=True)
+class Worst:
+    """One of the worst flights of a campaign."""
+
+    row: int
+    variant: str
+    draw: int
+    outcome: str
+    reason: str
+    tracking_error: float
+
+
+@dataclass(frozen=True)
+class Findings:
+    """The content of a report.
+
+    Attributes:
+        folder: Folder of the campaign, as the user named it.
+        mark: What was flown, and by which code.
+        planned: Number of planned flights.
+        ended: Every flight that ended, by variant.
+        until: Conditions that may have stopped the campaign early, as users write them.
+    """
+
+    folder: Path
+    mark: Mark
+    planned: int
+    ended: Mapping[str, Sample]
+    until: Sequence[str] = ()
+
+    @cached_property
+    def counted(self) -> dict[str, Sample]:
+        """Sample that statistics count: each variant's up to the first draw that is missing.
+
+        Whatever ended first is no fair sample, because lost flights are short.
+        """
+        return {name: own.take(leading(own.draw)) for name, own in self.ended.items()}
+
+    @property
+    def is_sample(self) -> bool:
+        """Whether draws are spread as distributions say, each for itself.
+
+        Points of a grid come from no distribution, those of a Saltelli design share coordinates.
+        """
+        return self.mark.campaign.design not in {"grid", "saltelli"}
+
+    @property
+    def codes(self) -> list[tuple[str, str]]:
+        """Versions and digests of the code that flew."""
+        return sorted(
+            {
+                (version, digest)
+                for own in self.ended.values()
+                for version, digest in zip(
+                    own.table["version"].to_pylist(), own.table["digest"].to_pylist(), strict=True
+                )
+            }
+        )
+
+    @cached_property
+    def _scales(self) -> dict[str, float]:
+        """Median of each IAE over all flights that succeeded."""
+        found = {}
+        for name in _IAES:
+            costs = np.concatenate([own.cost(name) for own in self.counted.values()])
+            known = costs[np.isfinite(costs)]
+            found[name] = (float(np.median(known)) if len(known) else 0.0) or 1.0
+        return found
+
+    def tracking_error(self, flights: Sample) -> np.ndarray:
+        """Return the mean of a flight's four IAEs, each relative to its median over all flights.
+
+        Returns:
+            Shape (flights,); infinite for failures, 1 for a flight that is all medians.
+        """
+        parts = [flights.cost(name) / scale for name, scale in self._scales.items()]
+        return np.asarray(np.mean(parts, axis=0))
+
+    def importances(self, variant: str) -> dict[str, list[Importance]]:
+        """Return the factors' importances for failure and for tracking error, by what it is."""
+        flights = self.counted[variant]
+        failure = (~flights.success).astype(float)
+        costs = {"failure": failure, "tracking error": self.tracking_error(flights)}
+        return {name: importances(flights.factors, cost) for name, cost in costs.items()}
+
+    def most_important(self, count: int) -> list[str]:
+        """Return the numeric factors that matter most on the average of all variants.
+
+        For failure where any flight failed, or else for the tracking error.
+        """
+        found = [self.importances(name) for name in self.counted]
+        what = "failure" if any(each["failure"] for each in found) else "tracking error"
+        total: dict[str, float] = {}
+        for each in found:
+            for factor in each[what]:
+                if factor.correlation is not None and self._is_finite(factor.factor):
+                    total[factor.factor] = total.get(factor.factor, 0.0) + factor.strength
+        return sorted(total, key=lambda name: -total[name])[:count]
+
+    def _is_finite(self, factor: str) -> bool:
+        return all(np.isfinite(own.factors[factor]).all() for own in self.counted.values())
+
+    def sobol(self, variant: str) -> dict[str, list[SobolIndex]]:
+        """Return Sobol indices by cost: of failure, and of the tracking error if none failed.
+
+        None for other than Saltelli designs, unfinished ones, and costs that do not vary.
+        """
+        campaign, sample = self.mark.campaign, self.counted[variant]
+        if campaign.design != "saltelli":
+            return {}
+        ids = [uav["id"] for uav in self.mark.scenario["uavs"]]
+        names = [axis.column for axis in dimensions(campaign, ids)]
+        if len(sample) != (campaign.draws or 0) * (len(names) + 2):
+            return {}
+        failure = (~sample.success).astype(float)
+        costs = {"failure": failure, "tracking error": self.tracking_error(sample)}
+        return {
+            what: sobol_indices(names, cost)
+            for what, cost in costs.items()
+            if np.isfinite(cost).all() and np.ptp(cost) > 0.0
+        }
+
+    def worst(self, count: int) -> list[Worst]:
+        """Return the worst flights: by outcome, then the soonest end, then the tracking error."""
+        found = []
+        for flights in self.ended.values():
+            error = self.tracking_error(flights)
+            bad = severity(flights.outcome)
+            duration_s = np.nan_to_num(flights.table["duration_s"].to_numpy().astype(float))
+            ended_s = np.where(flights.success, np.inf, duration_s)
+            order = np.lexsort((flights.row, -np.nan_to_num(error), ended_s, -bad))[:count]
+            reasons = flights.table["reason"].take(order).to_pylist()
+            found += [
+                (
+                    (-bad[i], ended_s[i], -error[i], flights.row[i]),
+                    Worst(
+                        int(flights.row[i]),
+                        flights.variant,
+                        int(flights.draw[i]),
+                        str(flights.outcome[i]),
+                        reason or "",
+                        float(error[i]),
+                    ),
+                )
+                for i, reason in zip(order, reasons, strict=True)
+            ]
+        return [each for _, each in sorted(found, key=lambda pair: pair[0])[:count]]
+
+
+def findings_of(folder: Path) -> Findings:
+    """Read a campaign.
+
+    Raises:
+        BadInput: It is none, or it cannot be read.
+    """
+    mark = mark_of(folder)
+    planned = int(read_draws(folder).num_rows)
+    return Findings(folder, mark, planned, read_samples(folder), noted_conditions(folder))

@@ -1,0 +1,201 @@
+"""From a row of the draws to its scenario, and from its flight to a row of the results."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from gcs.campaigns.distributions import Choice, Value
+from gcs.campaigns.model import Campaign
+from gcs.campaigns.store import Mark, Outcome
+from gcs.results.summary import FlightSummary, UavSummary
+from gcs.scenario.code import code_digest, code_version
+from gcs.scenario.model import Scenario, scenario_of
+from mavlink_defs.config.files import validate
+from mavlink_defs.config.inherit import merged, value_at, with_values
+from mavlink_defs.config.yaml_text import parse_yaml, yaml_of
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+__all__ = [
+    "Flights",
+    "Row",
+    "ended",
+    "figures_of",
+    "flights_of",
+    "fly_rows",
+    "outcome_of",
+    "written_out",
+]
+
+Row = Mapping[str, Any]
+"""One row of a table, by column."""
+
+
+@dataclass(frozen=True)
+class Flights:
+    """All that the scenario of a row depends on, besides the row.
+
+    Attributes:
+        campaign: The campaign.
+        file: Origin of the scenario, in messages.
+        trees: Plain data of each variant's scenario, every default written out.
+        schema: Columns of the results.
+    """
+
+    campaign: Campaign
+    file: str
+    trees: Mapping[str, dict[str, Any]]
+    schema: "pa.Schema"
+
+    def tree(self, row: Row) -> dict[str, Any]:
+        """Return the plain data of a row's scenario.
+
+        Raises:
+            PlaceError: A factor's key does not exist.
+        """
+        base = self.trees[row["variant"]]
+        tree = with_values(base, self.values(row))
+        faults = [self._fault(name, row, tree["aircraft"]) for name in self.campaign.faults]
+        return {**tree, "faults": [*tree["faults"], *faults]}
+
+    def scenario(self, row: Row) -> Scenario:
+        """Return the scenario of a row.
+
+        Raises:
+            ConfigError: The drawn values are none that a scenario can have.
+            PlaceError: A factor's key does not exist.
+        """
+        return scenario_of(self.file, self.tree(row))
+
+    def values(self, row: Row) -> dict[str, Value]:
+        """Return what a row lays over the scenario of its variant, by key."""
+        return {
+            factor.key or name: self.value(name, row[f"factor.{name}"], row["variant"])
+            for name, factor in self.campaign.factors.items()
+        }
+
+    def value(self, name: str, drawn: float | str, variant: str) -> Value:
+        """Return what a drawn value of a factor makes of its key.
+
+        Raises:
+            PlaceError: A relative factor's key does not exist.
+        """
+        factor = self.campaign.factors[name]
+        if factor.relative:
+            return float(value_at(self.trees[variant], factor.key or name)) * float(drawn)
+        if isinstance(factor.draw, Choice):  # the table makes numbers of whole ones
+            return next(value for value in factor.draw.values if value == drawn)
+        return drawn
+
+    def _fault(self, name: str, row: Row, aircraft: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a drawn fault as the scenario has it."""
+        drawn = {key: row[f"fault.{name}.{key}"] for key in ("uav", "actuator", "start_s")}
+        if (end_s := row[f"fault.{name}.end_s"]) is not None:
+            drawn["end_s"] = end_s
+        throttle = drawn["actuator"] == "throttle"
+        limit = aircraft["thrust_limit_n" if throttle else "surface_limit_deg"]
+        kind, severity = row[f"fault.{name}.kind"], row[f"fault.{name}.severity"]
+        if kind == "loss":
+            return drawn | {"effectiveness": 1.0 - abs(severity)}
+        if kind == "stuck" and throttle:
+            severity = abs(severity)
+        return drawn | {f"{kind}_{'n' if throttle else 'deg'}": severity * limit}
+
+
+def flights_of(mark: Mark, schema: "pa.Schema") -> Flights:
+    """Return the flights of a campaign.
+
+    Raises:
+        ConfigError: The scenario of a variant cannot be used.
+    """
+    trees = {
+        name: written_out(mark.file, merged(mark.scenario, changes))
+        for name, changes in mark.campaign.variants.items()
+    }
+    return Flights(mark.campaign, mark.file, trees, schema)
+
+
+def written_out(file: str, tree: dict[str, Any]) -> dict[str, Any]:
+    """Return a scenario's plain data with every default.
+
+    Raises:
+        ConfigError: It is not a valid scenario.
+    """
+    written: dict[str, Any] = parse_yaml(yaml_of(validate(file, tree, Scenario).model_dump()))
+    return written
+
+
+def fly_rows(flights: Flights, rows: Sequence[Row]) -> "pa.Table":
+    """Fly rows in this process, one after the other; each becomes a row of the results.
+
+    A flight that cannot be computed is one of them: its outcome is ``failed``.
+    """
+    import pyarrow as pa
+
+    return pa.Table.from_pylist([_fly(flights, row) for row in rows], flights.schema)
+
+
+def _fly(flights: Flights, row: Row) -> dict[str, Any]:
+    from gcs.fleet.in_process import fly_in_process
+    from gcs.results.summary import summarise
+
+    try:
+        scenario = flights.scenario(row)
+        summary = summarise(fly_in_process(scenario), scenario)
+    except Exception as problem:  # the row says why; the others fly
+        return ended(row, "failed", f"{type(problem).__name__}: {problem}")
+    outcome, reason = outcome_of(summary)
+    return {**ended(row, outcome, reason), **figures_of(summary)}
+
+
+def ended(row: Row, outcome: Outcome, reason: str) -> dict[str, Any]:
+    """Return the row of the results of a flight that has no figures."""
+    code = {"version": code_version(), "digest": code_digest()}
+    return {**row, "outcome": outcome, "reason": reason, **code}
+
+
+def outcome_of(summary: FlightSummary) -> tuple[Outcome, str]:
+    """Return how a flight ended, and why not better; the worst that applies."""
+    if summary.loss is not None:
+        return "model_left", summary.loss
+    parts: dict[Outcome, str] = {"attitude_lost": "roll or pitch", "heading_lost": "yaw"}
+    for outcome, part in parts.items():
+        times = ((getattr(uav, f"{outcome}_at_s"), uav.id) for uav in summary.uavs)
+        first = min(((at, uav) for at, uav in times if at is not None), default=None)
+        if first is not None:
+            reason = f"UAV {first[1]} was more than 90° off in {part} at {first[0]:g} s"
+            return outcome, reason
+    return "completed", ""
+
+
+def figures_of(summary: FlightSummary) -> dict[str, Any]:
+    """Return the figures of a flight, by column of the results."""
+    figures: dict[str, Any] = {
+        "duration_s": summary.duration_s,
+        "saving": summary.saving,
+        "events": sum(uav.events for uav in summary.uavs),
+        "messages": sum(uav.actuator_messages for uav in summary.uavs),
+        "wall_s": summary.wall_s,
+    }
+    for uav in summary.uavs:
+        figures |= {f"uav{uav.id}.{name}": value for name, value in _figures_of_uav(uav).items()}
+    return figures
+
+
+def _figures_of_uav(uav: UavSummary) -> dict[str, Any]:
+    by_quantity = {
+        f"{figure}_{quantity}": value
+        for figure in ("iae", "iae_filtered", "max_error", "final_error")
+        for quantity, value in getattr(uav, figure).items()
+    }
+    return {
+        "saving": uav.saving,
+        **by_quantity,
+        "min_interval_s": uav.min_interval_s,
+        "attitude_lost_at_s": uav.attitude_lost_at_s,
+        "heading_lost_at_s": uav.heading_lost_at_s,
+        "events": uav.events,
+        **{f"events_{name}": channel.events for name, channel in uav.channels.items()},
+        "messages": uav.actuator_messages,
+    }

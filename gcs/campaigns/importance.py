@@ -1,0 +1,115 @@
+"""Which drawn factor drives a cost: rank correlations, and Sobol indices of Saltelli designs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+__all__ = ["Importance", "SobolIndex", "importances", "sobol_indices"]
+
+
+@dataclass(frozen=True)
+class Importance:
+    """The association of one factor with a cost.
+
+    Attributes:
+        factor: Its name.
+        strength: Share of the ranks' standard deviation that goes with the factor, in [0, 1]:
+            Spearman's |ρ|, or the correlation ratio of the ranks if the factor has no order.
+        correlation: Spearman's ρ; None if the factor has no order.
+        p_value: Of no association, by Spearman's or by Kruskal and Wallis's test.
+    """
+
+    factor: str
+    strength: float
+    correlation: float | None
+    p_value: float
+
+
+def importances(factors: Mapping[str, np.ndarray], costs: np.ndarray) -> list[Importance]:
+    """Rank factors by their association with a cost, the strongest first.
+
+    Failures, with an infinite cost, rank worst and equal. A factor that does not vary, and any
+    factor of a cost that does not, has no association and is left out.
+
+    Args:
+        factors: Drawn values by name, each of shape (flights,); objects have no order.
+        costs: Of the same flights, shape (flights,); may be infinite.
+    """
+    if len(costs) < 3 or len(np.unique(costs)) < 2:
+        return []
+    ranks = stats.rankdata(costs)
+    found = []
+    for name, values in factors.items():
+        if len(np.unique(values)) < 2:
+            continue
+        found.append(
+            _of_categories(name, values, ranks)
+            if values.dtype == object
+            else _of_numbers(name, values, ranks)
+        )
+    return sorted(found, key=lambda each: -each.strength)
+
+
+def _of_numbers(name: str, values: np.ndarray, ranks: np.ndarray) -> Importance:
+    result = stats.spearmanr(stats.rankdata(values), ranks)
+    rho = float(result.statistic)
+    return Importance(name, abs(rho), rho, float(result.pvalue))
+
+
+def _of_categories(name: str, values: np.ndarray, ranks: np.ndarray) -> Importance:
+    groups = [ranks[values == value] for value in np.unique(values)]
+    result = stats.kruskal(*groups)
+    # H is (n - 1) times the share of the ranks' variance between the groups
+    ratio = min(float(result.statistic) / (len(ranks) - 1), 1.0)
+    return Importance(name, ratio**0.5, None, float(result.pvalue))
+
+
+@dataclass(frozen=True)
+class SobolIndex:
+    """Shares of a cost's variance that go with one factor, each ± its 95 % interval's half width.
+
+    Attributes:
+        factor: Its name.
+        first: Share of the factor on its own.
+        first_half_width: Of its bootstrap interval.
+        total: Share of the factor with all its interactions.
+        total_half_width: Of its bootstrap interval.
+    """
+
+    factor: str
+    first: float
+    first_half_width: float
+    total: float
+    total_half_width: float
+
+
+def sobol_indices(factors: list[str], costs: np.ndarray) -> list[SobolIndex]:
+    """Estimate Sobol indices by SALib (Saltelli 2010, Jansen 1999), largest total first.
+
+    Args:
+        factors: Names, in the order of the design's columns.
+        costs: Of every flight of a Saltelli design without second order, in its order, finite:
+            a variance knows no infinity. Shape (N (factors + 2),).
+
+    Raises:
+        ValueError: The number of costs is not that of such a design, or one is not finite.
+    """
+    from SALib.analyze import sobol
+
+    if len(costs) == 0 or len(costs) % (len(factors) + 2):
+        raise ValueError(
+            f"{len(costs)} costs are not a Saltelli design of {len(factors)} factors, "
+            f"expected a multiple of {len(factors) + 2}"
+        )
+    if not np.isfinite(costs).all():
+        raise ValueError(f"{np.isinf(costs).sum()} of the costs are not finite")
+    problem = {"num_vars": len(factors), "names": factors, "bounds": [[0.0, 1.0]] * len(factors)}
+    found = sobol.analyze(problem, costs, calc_second_order=False, seed=0)
+    columns = (found[key] for key in ("S1", "S1_conf", "ST", "ST_conf"))
+    indices = [
+        SobolIndex(name, *map(float, values))
+        for name, *values in zip(factors, *columns, strict=True)
+    ]
+    return sorted(indices, key=lambda each: -each.total)

@@ -1,0 +1,194 @@
+"""The plan of a campaign: its draws, each checked to be a scenario before the first flight."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gcs.campaigns.distributions import Choice, support
+from gcs.campaigns.draws import draw_table
+from gcs.campaigns.flights import Flights, Row, flights_of, written_out
+from gcs.campaigns.model import Campaign
+from gcs.campaigns.store import Mark, results_schema
+from gcs.scenario.bundled import base_of
+from gcs.scenario.code import code_digest, code_version
+from gcs.scenario.model import scenario_of, scenario_tree
+from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
+from mavlink_defs.config.models import ConfigError, Loc, Problem
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+__all__ = ["Plan", "plan", "row_of", "rows_of"]
+
+_SHOWN = 20
+"""Problems of draws that are listed; further ones are counted."""
+_SLICE = 1000
+"""Rows that are plain Python data at a time."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A campaign that can be flown.
+
+    Attributes:
+        mark: What identifies it.
+        flights: From rows to flights.
+        draws: The planned flights.
+    """
+
+    mark: Mark
+    flights: Flights
+    draws: "pa.Table"
+
+
+def plan(campaign: Campaign, path: Path) -> Plan:
+    """Draw the flights of a campaign and check each of them.
+
+    Args:
+        campaign: The campaign.
+        path: Its file: the scenario is looked for beside it, and messages name it.
+
+    Raises:
+        ConfigError: Its scenario, a variant, a factor or a draw cannot be used; all are named.
+    """
+    try:
+        file = base_of(path.parent, campaign.scenario)
+        tree = scenario_tree(file)
+        scenario = scenario_of(file, tree)
+    except ConfigError as error:
+        problems = [Problem(("scenario",), f"{error.path}: {p}") for p in error.problems]
+        raise ConfigError(path, problems) from error
+    if scenario.links.impairments is not None:
+        text = f"{file}: links.impairments are about the wire; campaigns fly in process"
+        raise ConfigError(path, [Problem(("scenario",), text)])
+    mark = Mark(campaign, str(file), tree, code_version(), code_digest())
+    if problems := [*_of_variants(mark), *_of_faulty_uavs(campaign, scenario.uavs)]:
+        raise ConfigError(path, problems)
+    ids = [uav.id for uav in scenario.uavs]
+    draws = draw_table(campaign, ids)
+    flights = flights_of(mark, results_schema(draws.schema, ids))
+    if problems := list(_of_factors(flights)):
+        raise ConfigError(path, problems)
+    if problems := _of_draws(flights, draws):
+        raise ConfigError(path, problems)
+    return Plan(mark, flights, draws)
+
+
+def row_of(draws: "pa.Table", row: int) -> Row:
+    """Return one row of the draws as plain data."""
+    found: Row = draws.slice(row, 1).to_pylist()[0]
+    return found
+
+
+def _of_variants(mark: Mark) -> Iterator[Problem]:
+    for name, changes in mark.campaign.variants.items():
+        try:
+            written_out(mark.file, merged(mark.scenario, changes))
+        except ConfigError as error:
+            for problem in error.problems:
+                yield problem._replace(loc=("variants", name, *problem.loc))
+
+
+def _of_faulty_uavs(campaign: Campaign, uavs: Any) -> Iterator[Problem]:
+    ids = [uav.id for uav in uavs]
+    for name, fault in campaign.faults.items():
+        for i, uav in enumerate(fault.uavs):
+            if uav not in ids:
+                text = f"expected one of the UAVs {', '.join(map(str, ids))}, got {uav}"
+                yield Problem(("faults", name, "uavs", i), text)
+
+
+def _of_factors(flights: Flights) -> Iterator[Problem]:
+    """Check each factor by itself, at the ends of its distribution."""
+    for name in flights.campaign.factors:
+        found: dict[str, Problem] = {}
+        for variant in flights.trees:
+            for problem in _of_factor(flights, name, variant):
+                found.setdefault(problem.text, problem)
+        yield from (p._replace(loc=("factors", name, *p.loc)) for p in found.values())
+
+
+def _of_factor(flights: Flights, name: str, variant: str) -> Iterator[Problem]:
+    factor = flights.campaign.factors[name]
+    tree, key = flights.trees[variant], factor.key or name
+    if factor.relative:
+        try:
+            base = value_at(tree, key)
+        except PlaceError as error:
+            yield Problem((), str(error))
+            return
+        if isinstance(base, bool) or not isinstance(base, int | float):
+            yield Problem(("relative",), f"{key}: expected a number in the scenario, got {base!r}")
+            return
+    for end in support(factor.draw):
+        if isinstance(end, str) and factor.relative:
+            yield Problem(("relative",), f"expected numbers to multiply with, got {end!r}")
+            return
+        if isinstance(end, float) and abs(end) == float("inf"):
+            continue  # what is drawn is checked
+        try:
+            value = flights.value(name, end, variant)
+            scenario_of(flights.file, with_values(tree, {key: value}))
+        except PlaceError as error:
+            yield Problem((), str(error))
+        except ConfigError as error:
+            what = "value" if isinstance(factor.draw, Choice) else "end"
+            for problem in error.problems:
+                yield Problem(("draw",), f"with its {what} {end!r}, {problem}")
+
+
+@dataclass
+class _Repeated:
+    """A problem that draws have in common."""
+
+    first: Problem
+    draws: set[int] = field(default_factory=set)
+
+
+def _of_draws(flights: Flights, draws: "pa.Table") -> list[Problem]:
+    """Check every planned flight; problems of the same factors at the same key are one."""
+    found: dict[tuple[Loc, Loc], _Repeated] = {}
+    for row in rows_of(draws):
+        try:
+            flights.scenario(row)
+        except ConfigError as error:
+            for problem in error.problems:
+                loc = _cause(flights, problem)
+                text = f"draw {row['draw']} of variant {row['variant']}: {problem}"
+                one = found.setdefault((loc, problem.loc), _Repeated(Problem(loc, text)))
+                one.draws.add(row["draw"])
+    listed = [
+        one.first._replace(text=f"{one.first.text} (and {len(one.draws) - 1} more draws)")
+        if len(one.draws) > 1
+        else one.first
+        for one in itertools.islice(found.values(), _SHOWN)
+    ]
+    if len(found) > _SHOWN:
+        listed.append(Problem((), f"{len(found) - _SHOWN} more problems of draws"))
+    return listed
+
+
+def _cause(flights: Flights, problem: Problem) -> Loc:
+    """Return the place in the campaign file of the factors or the fault behind a problem."""
+    place = str(Problem(problem.loc, "")).rpartition(":")[0]
+    base = next(iter(flights.trees.values()))
+    match problem.loc:
+        case ("faults", int(i), *_) if i >= len(base["faults"]):
+            return ("faults", list(flights.campaign.faults)[i - len(base["faults"])])
+    keys = {name: factor.key or name for name, factor in flights.campaign.factors.items()}
+    names = [name for name, key in keys.items() if _inside(place, key) or _inside(key, place)]
+    if not names:
+        return ()
+    return ("factors", ", ".join(names[:3]) + (", ..." if len(names) > 3 else ""))
+
+
+def _inside(place: str, outer: str) -> bool:
+    return place == outer or place.startswith((f"{outer}.", f"{outer}["))
+
+
+def rows_of(draws: "pa.Table") -> Iterator[Row]:
+    """Yield rows as plain data, a slice of the table at a time."""
+    for begin in range(0, draws.num_rows, _SLICE):
+        yield from draws.slice(begin, _SLICE).to_pylist()

@@ -1,0 +1,289 @@
+"""The folder of a campaign: a table in Parquet that grows by whole files.
+
+It holds::
+
+    campaign.json               the request, and the code that flies it; it marks the folder
+    scenario.yaml               the base scenario, with what it extends
+    draws.parquet               one row per planned flight, written before the first flight
+    results/part-NNNNN.parquet  rows of flights that ended; no file is written twice
+    flights/ROW/                trajectories and scenario of chosen flights
+
+A file gets its name only when it is complete, so whatever ends a campaign, the flights that are
+stored stay, and none is stored by half.
+
+Columns of the draws: ``row`` (int64), ``variant`` (string), ``draw`` (int64, the same for every
+variant that flies it), ``seed`` (int64), ``factor.NAME`` (double or string), and of drawn faults
+``fault.NAME.uav`` (int64), ``.actuator``, ``.kind`` (string), ``.start_s``, ``.end_s`` (null for
+good), ``.severity`` (double). The results have these and `results_schema`'s.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from gcs.campaigns.model import Campaign
+from gcs.errors import BadInput
+from gcs.results.quantities import PAPER_ORDER, QUANTITIES
+from mavlink_defs.config.files import read
+from mavlink_defs.config.yaml_text import yaml_of
+from mavlink_defs.runtime.files import naming, write_text
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+__all__ = [
+    "OUTCOMES",
+    "Mark",
+    "Outcome",
+    "append_results",
+    "campaign_of",
+    "mark_of",
+    "read_draws",
+    "read_results",
+    "results_schema",
+    "write_draws",
+    "write_mark",
+]
+
+SCHEMA = 1
+"""Number of this layout; it changes when a reader of the old one would go wrong."""
+
+Outcome = Literal["completed", "heading_lost", "attitude_lost", "model_left", "crashed", "failed"]
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
+"""From best to worst. A flight has the worst that applies: a UAV's heading was more than 90° off,
+its roll or pitch, the model's validity ended and with it the flight, the flight killed its process
+three times. ``failed``: it could not be computed for another reason."""
+
+_MARK = "campaign.json"
+_SCENARIO = "scenario.yaml"
+_DRAWS = "draws.parquet"
+_PART = ".part"  # ends the name of a file that is being written
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What a folder was flown for.
+
+    Attributes:
+        campaign: The campaign.
+        file: File of the base scenario, for messages.
+        scenario: Plain data of the base scenario, with what it extends.
+        version: Version of the package.
+        digest: Digest of the code that flies it.
+    """
+
+    campaign: Campaign
+    file: str
+    scenario: dict[str, Any]
+    version: str
+    digest: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of `campaign.json`."""
+        return {
+            "schema": SCHEMA,
+            "version": self.version,
+            "digest": self.digest,
+            "file": self.file,
+            "campaign": self.campaign.model_dump(mode="json"),
+        }
+
+
+def mark_of(folder: Path) -> Mark:
+    """Read what a folder was flown for.
+
+    Raises:
+        BadInput: It is not the folder of a campaign, or one of another layout.
+    """
+    path = folder / _MARK
+    try:
+        tree = json.loads(path.read_bytes())
+        if tree["schema"] == SCHEMA:
+            return Mark(
+                campaign=Campaign.model_validate(tree["campaign"]),
+                file=tree["file"],
+                scenario=read(folder / _SCENARIO),
+                version=tree["version"],
+                digest=tree["digest"],
+            )
+    except FileNotFoundError:
+        raise BadInput(
+            f"{folder} is not the folder of a campaign: it has no {_MARK}",
+            "gcs campaign makes one",
+        ) from None
+    except (OSError, ValueError, KeyError, TypeError) as problem:
+        raise BadInput(f"{path} cannot be read: {problem}") from problem
+    raise BadInput(
+        f"{path} has layout {tree['schema']!r}, this version reads {SCHEMA}",
+        "read it with the version that wrote it, which it names",
+    )
+
+
+def campaign_of(folder: Path) -> Campaign:
+    """Read the campaign of a folder.
+
+    Raises:
+        BadInput: As of `mark_of`.
+    """
+    return mark_of(folder).campaign
+
+
+def write_mark(folder: Path, mark: Mark) -> None:
+    """Write `scenario.yaml`, then `campaign.json`.
+
+    Raises:
+        OSError: It cannot be written; it is named.
+    """
+    write_text(folder / _SCENARIO, yaml_of(mark.scenario))
+    path = folder / _MARK
+    part = path.with_name(path.name + _PART)
+    with naming(path):
+        part.write_text(json.dumps(mark.to_json(), indent=1) + "\n", encoding="utf-8")
+        part.replace(path)
+
+
+def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
+    """Return the columns of the results, given those of the draws.
+
+    ``outcome`` is one of `OUTCOMES`, ``reason`` says why it is not ``completed``. Figures are
+    those of `gcs.results.summary`; null where a flight has none. ``events``, ``messages`` and
+    ``saving`` are of the whole fleet, ``uav{k}.…`` of the UAV with id k.
+    """
+    import pyarrow as pa
+
+    fields = [
+        pa.field("outcome", pa.string()),
+        pa.field("reason", pa.string()),
+        pa.field("duration_s", pa.float64()),
+        pa.field("saving", pa.float64()),
+        pa.field("events", pa.int64()),
+        pa.field("messages", pa.int64()),
+    ]
+    for uav_id in uav_ids:
+        for name in (
+            "saving",
+            *(
+                f"{figure}_{quantity}"
+                for figure in ("iae", "iae_filtered", "max_error", "final_error")
+                for quantity in QUANTITIES
+            ),
+            "min_interval_s",
+            "attitude_lost_at_s",
+            "heading_lost_at_s",
+        ):
+            fields.append(pa.field(f"uav{uav_id}.{name}", pa.float64()))
+        for name in ("events", *(f"events_{channel}" for channel in PAPER_ORDER), "messages"):
+            fields.append(pa.field(f"uav{uav_id}.{name}", pa.int64()))
+    fields += [
+        pa.field("wall_s", pa.float64()),
+        pa.field("version", pa.string()),
+        pa.field("digest", pa.string()),
+    ]
+    return pa.schema([*draws, *fields])
+
+
+def write_draws(folder: Path, draws: "pa.Table") -> None:
+    """Write the planned flights.
+
+    Raises:
+        OSError: They cannot be written; the file is named.
+    """
+    _write_table(folder / _DRAWS, draws)
+
+
+def read_draws(folder: Path) -> "pa.Table":
+    """Read the planned flights, ordered by row.
+
+    Raises:
+        BadInput: The folder has none, or they cannot be read.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        return pq.read_table(folder / _DRAWS)
+    except FileNotFoundError:
+        mark_of(folder)  # says so if it is no campaign at all
+        raise BadInput(
+            f"the campaign in {folder} has no draws yet", "the command that began it continues it"
+        ) from None
+    except (OSError, pa.ArrowException) as problem:
+        raise BadInput(f"{folder / _DRAWS} cannot be read: {problem}") from problem
+
+
+def append_results(folder: Path, rows: "pa.Table") -> None:
+    """Store rows in a file of their own.
+
+    Raises:
+        OSError: It cannot be written; it is named.
+    """
+    parts = folder / "results"
+    with naming(parts):
+        parts.mkdir(exist_ok=True)
+    numbers = (int(path.stem.rpartition("-")[2]) for path in _parts(folder))
+    _write_table(parts / f"part-{max(numbers, default=-1) + 1:05d}.parquet", rows)
+
+
+def read_results(folder: Path, columns: Sequence[str] | None = None) -> "pa.Table":
+    """Read the flights that ended so far, ordered by row; columns in the order of the files.
+
+    Args:
+        folder: Folder of a campaign.
+        columns: Those wanted; None for all.
+
+    Raises:
+        BadInput: It is no campaign, a column does not exist, or a file cannot be read.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    parts = list(_parts(folder))
+    if not parts:
+        schema = _planned_schema(folder)
+        known = _checked(folder, columns, schema)
+        return schema.empty_table().select(known)
+    try:
+        known = _checked(folder, columns, pq.read_schema(parts[0]))
+        wanted = [*known, *({"row"} - set(known))]
+        table = pa.concat_tables(pq.read_table(path, columns=wanted) for path in parts)
+    except (OSError, pa.ArrowException) as problem:
+        raise BadInput(
+            f"the results in {folder} cannot be read: {problem}",
+            "remove the damaged file; the command that flew the campaign flies its rows again",
+        ) from problem
+    return table.sort_by("row").select(known)
+
+
+def _checked(folder: Path, columns: Sequence[str] | None, schema: "pa.Schema") -> list[str]:
+    """Return the names of the wanted columns."""
+    if unknown := [name for name in columns or () if name not in schema.names]:
+        raise BadInput(
+            f"the results in {folder} have no column {', '.join(map(repr, unknown))}",
+            f"they have {', '.join(schema.names)}",
+        )
+    return list(schema.names if columns is None else columns)
+
+
+def _planned_schema(folder: Path) -> "pa.Schema":
+    ids = [uav["id"] for uav in mark_of(folder).scenario.get("uavs", ())]
+    return results_schema(read_draws(folder).schema, ids)
+
+
+def _parts(folder: Path) -> Iterator[Path]:
+    yield from sorted((folder / "results").glob("part-*.parquet"))
+
+
+def _write_table(path: Path, table: "pa.Table") -> None:
+    """Write a table; the name appears when the file is complete."""
+    import pyarrow.parquet as pq
+
+    part = path.with_name(f".{path.name}{_PART}")  # readers of whole folders skip hidden files
+    try:
+        with naming(path):
+            pq.write_table(table, part)
+            part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise

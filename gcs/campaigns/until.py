@@ -1,0 +1,76 @@
+"""The condition that may end a campaign early, as its folder knows it.
+
+``until.json`` beside ``campaign.json`` names every condition that the campaign was flown with. Its
+report then uses intervals that hold although somebody looked.
+"""
+
+import json
+from pathlib import Path
+
+from gcs.campaigns.conditions import Condition, parse_condition
+from gcs.campaigns.model import Campaign
+from gcs.campaigns.samples import samples_of
+from gcs.campaigns.stopping import judge, leading
+from gcs.campaigns.store import read_results
+from gcs.errors import BadInput
+from mavlink_defs.runtime.files import write_text
+
+__all__ = ["is_decided", "note_condition", "noted_conditions", "stopping_condition"]
+
+_FILE = "until.json"
+
+
+def stopping_condition(text: str, campaign: Campaign) -> Condition:
+    """Read the condition of `--until` for a campaign.
+
+    Raises:
+        BadInput: It cannot be read, or the campaign's design permits no stopping.
+    """
+    condition = parse_condition(text, "--until")
+    if campaign.design != "random":
+        raise BadInput(
+            f"--until wants independent draws, and the design is {campaign.design!r}",
+            "write design: random, or leave --until out",
+        )
+    return condition
+
+
+def note_condition(folder: Path, condition: Condition) -> None:
+    """Note for ever that a campaign could be stopped by its results.
+
+    Raises:
+        OSError: The file cannot be written; it is named.
+    """
+    conditions = dict.fromkeys([*noted_conditions(folder), str(condition)])
+    part = folder / f"{_FILE}.part"
+    write_text(part, json.dumps(list(conditions)) + "\n")
+    part.replace(folder / _FILE)
+
+
+def noted_conditions(folder: Path) -> list[str]:
+    """Return the conditions that a campaign was flown with, as users write them.
+
+    Raises:
+        BadInput: The file cannot be read.
+    """
+    try:
+        texts = json.loads((folder / _FILE).read_text(encoding="utf-8"))
+        return [str(parse_condition(text, "--until")) for text in texts]
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError, TypeError, AttributeError) as problem:
+        raise BadInput(f"{folder / _FILE} cannot be read: {problem}") from problem
+
+
+def is_decided(folder: Path, campaign: Campaign, condition: Condition) -> bool:
+    """Return whether the stored flights decide a condition for every variant of a campaign.
+
+    Raises:
+        BadInput: The results cannot be read.
+    """
+    table = read_results(folder, ["row", "variant", "draw", "outcome"])
+    samples = samples_of(table, folder)
+    outcomes = [own.take(leading(own.draw)).outcome for own in samples.values()]
+    return len(samples) == len(campaign.variants) and all(
+        judge(condition, outcome).decided != "open" for outcome in outcomes
+    )

@@ -1,0 +1,359 @@
+"""The report of a campaign, in Markdown."""
+
+import math
+import re
+import shlex
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from gcs.campaigns.conditions import parse_condition
+from gcs.campaigns.findings import FIGURES, Findings
+from gcs.campaigns.importance import Importance
+from gcs.campaigns.samples import Sample, same_draws
+from gcs.campaigns.statistics import (
+    Estimate,
+    compare_paired_costs,
+    compare_paired_successes,
+    flights_needed,
+    mean_difference,
+    median_difference,
+    proportion,
+    quantile,
+    tolerance_bound,
+)
+from gcs.campaigns.stopping import anytime_proportion, judge
+from gcs.campaigns.store import OUTCOMES
+from gcs.reports.markdown import bullets, table
+
+__all__ = ["campaign_report", "interval", "number", "p_value", "plain", "share"]
+
+_WORST = 10
+_FACTORS = 8
+_SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#|&~])")
+
+
+def plain(text: str) -> str:
+    """Return a text such that Markdown shows it as it is, on one line."""
+    return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
+
+
+def share(value: float) -> str:
+    """Format a probability; what is unknown is a dash."""
+    return "-" if math.isnan(value) else f"{100.0 * value:.1f} %"
+
+
+def number(value: float) -> str:
+    """Format a figure with four digits; a dash if it is unknown or unbounded."""
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
+
+
+def p_value(value: float) -> str:
+    """Format a p-value."""
+    return "< 0.0001" if value < 1e-4 else f"{value:.4f}" if value < 0.1 else f"{value:.2f}"
+
+
+def interval(estimate: Estimate, of: str = "number") -> str:
+    """Format an estimate with its interval, of a figure or of a share."""
+    show = share if of == "share" else number
+    if not math.isfinite(estimate.value):
+        return "-"
+    return f"{show(estimate.value)} [{show(estimate.low)}, {show(estimate.high)}]"
+
+
+def campaign_report(findings: Findings, figures: Mapping[str, str]) -> str:
+    """Return the whole report.
+
+    Args:
+        findings: What it is about.
+        figures: Caption of each figure in `figures/`, by its file's name without suffix.
+    """
+
+    def shown(name: str) -> str:
+        if name not in figures:
+            return ""
+        return f"\n![{name}](figures/{name}.png)\n\n*{figures[name]}*\n"
+
+    parts = [
+        f"# Campaign {plain(findings.mark.campaign.name)}\n",
+        _introduction(findings),
+        "## Success\n",
+        _success(findings) + _stopping(findings),
+        "## Tracking and events\n",
+        _quantiles(findings) + shown("distributions"),
+        *(
+            ["## Variants on the same draws\n", _comparisons(findings)]
+            if _several(findings)
+            else []
+        ),
+        "## Factors that matter\n",
+        _factors(findings) + shown("importance") + shown("two_factors"),
+        "## The worst flights\n",
+        _worst(findings),
+        "## What these numbers assume\n",
+        bullets(_assumptions(findings)),
+    ]
+    return "\n".join(parts)
+
+
+def _several(findings: Findings) -> bool:
+    return len(findings.counted) > 1
+
+
+def _introduction(findings: Findings) -> str:
+    mark = findings.mark
+    campaign = mark.campaign
+    ended = sum(map(len, findings.ended.values()))
+    counted = sum(map(len, findings.counted.values()))
+    text = f"{plain(campaign.description)}\n\n" if campaign.description else ""
+    text += (
+        f"Scenario `{campaign.scenario}`; {ended} of {findings.planned} planned flights have "
+        f"ended, by {len(findings.ended)} of {len(campaign.variants)} variants; design "
+        f"{campaign.design.replace('_', ' ')}, seed {campaign.seed}. "
+    )
+    codes = [f"version {version}, digest `{digest}`" for version, digest in findings.codes]
+    text += f"Code: {'; '.join(codes) or 'none yet'}.\n"
+    if len(codes) > 1:
+        text += "\n**The flights were flown by different code.**\n"
+    if ended < findings.planned:
+        text += f"\n**{findings.planned - ended} planned flights have not been flown.**\n"
+    if counted < ended:
+        text += (
+            f"\nStatistics leave out {ended - counted} flights that ended before an earlier draw "
+            "of their variant did: lost flights are short, and whatever ends first is no fair "
+            "sample.\n"
+        )
+    return text
+
+
+def _success(findings: Findings) -> str:
+    anytime = bool(findings.until)
+    estimate = anytime_proportion if anytime else proportion
+    rows = []
+    for name, flights in findings.counted.items():
+        counts, n = Counter(flights.outcome.tolist()), len(flights)
+        good = int(flights.success.sum())
+        sure = estimate(good, n, 0.90).low
+        found = interval(estimate(good, n), "share")
+        limits = [found, share(sure)] if findings.is_sample else [share(good / max(n, 1)), "-"]
+        rows.append([f"`{name}`", n, *(counts[each] for each in OUTCOMES), *limits])
+    head = [
+        "variant",
+        "flights",
+        *(each.replace("_", " ") for each in OUTCOMES),
+        "success [95 % interval]",
+        "at least, at 95 %",
+    ]
+    text = table(head, rows) + (
+        "\nA flight succeeded if it was flown to its end and every UAV kept attitude and heading "
+        "within 90° of the reference. Every other outcome is a failure, also a crashed process "
+        "and a flight that could not be computed; none is left out. "
+    )
+    if not findings.is_sample:
+        return text + (
+            f"**These are points of a {findings.mark.campaign.design} design and not independent "
+            "draws: shares are of its points, not probabilities, and have no intervals.**\n"
+        )
+    text += (
+        "Intervals are those of a confidence sequence, which hold although the results so far "
+        "could stop the campaign. "
+        if anytime
+        else "Intervals are Clopper and Pearson's, two-sided. "
+    )
+    return text + (
+        "The last column is the lower limit of a one-sided interval: with 95 % confidence at least "
+        "this share of all flights succeeds. "
+        + ("" if anytime else f"{flights_needed()} flights without a failure show 95 %. ")
+        + "Each interval is valid by itself, not all of them together.\n"
+    )
+
+
+def _stopping(findings: Findings) -> str:
+    """Return a table of the conditions that may have stopped the campaign; empty without one."""
+    rows = []
+    for text in findings.until:
+        condition = parse_condition(text, "--until")
+        for name, sample in findings.counted.items():
+            found = judge(condition, sample.outcome)
+            rows.append([f"`{text}`", f"`{name}`", found.count, found.flights, found.decided])
+    if not rows:
+        return ""
+    return (
+        "\n"
+        + table(["condition", "variant", "events", "flights", "verdict"], rows)
+        + "\nShown: the condition holds with the stated confidence; refuted: its contrary does; "
+        "open: neither. Each is wrong at most as often as stated, however often the results were "
+        "looked at. Medians, bounds, comparisons and factors below are computed as if the number "
+        "of flights had been fixed beforehand: after a stop they are approximate.\n"
+    )
+
+
+def _quantiles(findings: Findings) -> str:
+    rows = []
+    for figure, title in FIGURES.items():
+        for name, flights in findings.counted.items():
+            costs = flights.cost(figure)
+            median = quantile(costs, 0.5)
+            if findings.is_sample:
+                cells = [interval(median), number(tolerance_bound(costs))]
+            else:
+                cells = [number(median.value), "-"]
+            missing = int(np.isinf(costs).sum())
+            rows.append([title, f"`{name}`", *cells, missing])
+    head = [
+        "figure",
+        "variant",
+        "median [95 % interval]",
+        "95 % of flights below",
+        "without figure",
+    ]
+    return table(head, rows) + (
+        "\nAn IAE is the integral of the absolute error against the commands, of the worst UAV. "
+        "All flights count: those without a figure (last column: failures, and flights in which no "
+        "step had an error) lie above every figure. Intervals are between order statistics and "
+        "assume no distribution; the bound holds with 95 % confidence. A dash: too few flights or "
+        "too many failures.\n"
+    )
+
+
+def _comparisons(findings: Findings) -> str:
+    if not findings.is_sample:
+        return "The points are not independent draws: tests would say nothing about them.\n"
+    first, *others = findings.counted.values()
+    success, figures = [], []
+    for other in others:
+        if (pair := same_draws(first, other)) is None:
+            continue
+        old, new = pair
+        found = compare_paired_successes(old.success, new.success)
+        success.append(
+            [
+                f"`{other.variant}`",
+                len(old),
+                found.only_new,
+                found.only_old,
+                interval(found.difference, "share"),
+                p_value(found.p_value),
+            ]
+        )
+        figures += [_figure_row(old, new, figure, title) for figure, title in FIGURES.items()]
+    if not success:
+        return "No two variants have flown the same draws.\n"
+    tests = len(success) + len(figures)
+    against = f"against `{first.variant}`"
+    head = [against, "draws", "only it succeeds", "only the other", "difference [95 %]", "p"]
+    costs = [against, "figure", "both have it", "mean difference [95 %]"]
+    costs += ["difference of medians [95 %]", "p"]
+    return (
+        table(head, success)
+        + "\n"
+        + table(costs, figures)
+        + "\nThe same draws, flown by both. Success: McNemar's exact test; the interval covers at "
+        "least as often as it says, and may include 0 although p is small. Figures: Wilcoxon's "
+        "signed rank test over all draws, in which a failure is worse than any figure; "
+        "differences with bootstrap intervals over the draws in which both have the figure. The "
+        f"p-values are two-sided and not corrected: of {tests} tests of equals, {0.05 * tests:.1f} "
+        "have p < 0.05 on the average.\n"
+    )
+
+
+def _figure_row(old: Sample, new: Sample, figure: str, title: str) -> Sequence[object]:
+    first, second = old.cost(figure), new.cost(figure)
+    test = compare_paired_costs(first, second)
+    return [
+        f"`{new.variant}`",
+        title,
+        f"{test.flights - test.failed} of {test.flights}",
+        interval(mean_difference(first, second)),
+        interval(median_difference(first, second)),
+        p_value(test.p_value),
+    ]
+
+
+def _factors(findings: Findings) -> str:
+    rows = []
+    for name in findings.counted:
+        for what, found in findings.importances(name).items():
+            level = 0.05 / max(len(found), 1) if findings.is_sample else 1.0
+            strong = [each for each in found if each.p_value <= level][:_FACTORS]
+            listed = ", ".join(map(_strength, strong))
+            rows.append([f"`{name}`", what, len(found), listed or "none"])
+    which = "significant, the" if findings.is_sample else "no test: the"
+    head = ["variant", "cost", "factors", f"{which} strongest first"]
+    return (
+        table(head, rows)
+        + _sobol(findings)
+        + "\nSpearman's rank correlation of a factor with failure (0 or 1), or with the tracking "
+        "error: the mean of the four IAEs, each relative to its median over all flights, "
+        "failures ranked worst. A factor without an order has the correlation ratio of the "
+        "ranks, without a sign (Kruskal and Wallis's test). Significant: at 5 % after "
+        "Bonferroni's correction for the number of factors. Rank correlation sees monotonic "
+        "effects only: a factor that harms at both ends may be missing here.\n"
+    )
+
+
+def _strength(found: Importance) -> str:
+    value = found.strength if found.correlation is None else found.correlation
+    sign = "" if found.correlation is None else "+"
+    return f"{plain(found.factor)} {value:{sign}.2f}"
+
+
+def _sobol(findings: Findings) -> str:
+    """Return a table of Sobol indices; empty if the design has none."""
+    rows = [
+        [
+            plain(each.factor),
+            f"`{name}`",
+            what,
+            f"{each.first:.2f} ± {each.first_half_width:.2f}",
+            f"{each.total:.2f} ± {each.total_half_width:.2f}",
+        ]
+        for name in findings.counted
+        for what, found in findings.sobol(name).items()
+        for each in found[:_FACTORS]
+    ]
+    if not rows:
+        return ""
+    head = ["factor", "variant", "cost", "first-order index", "total index"]
+    return (
+        "\n" + table(head, rows) + "\nSobol indices: shares of the cost's variance that go with a "
+        "factor on its own, and with all its interactions; ± half of the 95 % bootstrap interval. "
+        "Where a flight failed the tracking error has no variance, and only failure has indices.\n"
+    )
+
+
+def _worst(findings: Findings) -> str:
+    folder = shlex.quote(str(findings.folder))
+    rows = [
+        [
+            f"`gcs fly --campaign {folder} --row {each.row}`",
+            f"`{each.variant}`",
+            each.draw,
+            each.outcome.replace("_", " "),
+            number(each.tracking_error),
+            plain(each.reason),
+        ]
+        for each in findings.worst(_WORST)
+    ]
+    head = ["flies it again", "variant", "draw", "outcome", "tracking error", "reason"]
+    return table(head, rows) + (
+        "\nBy outcome, then by the earlier end, then by the tracking error (1: all IAEs are "
+        "median).\n"
+    )
+
+
+def _assumptions(findings: Findings) -> Iterator[str]:
+    yield (
+        "The numbers are about the simulated aircraft and the distributions of the campaign file, "
+        "not about an aircraft that flies."
+    )
+    if findings.mark.campaign.design in {"latin_hypercube", "sobol"}:
+        yield (
+            "Intervals and tests are derived for independent draws. Points of a "
+            f"{findings.mark.campaign.design.replace('_', ' ')} design are spread more evenly than "
+            "those, so the intervals are usually wider than needed; this is no theorem."
+        )
+    yield "docs/explanation/campaign-statistics.md has the methods with their sources and limits."

@@ -1,0 +1,33 @@
+"""The code that turns a scenario into figures, by its digest and version."""
+
+import functools
+from importlib.metadata import version
+from pathlib import Path
+
+from mavlink_defs.runtime.jit import source_digest
+
+__all__ = ["code_digest", "code_version"]
+
+_ROOT = Path(__file__).parents[2]
+_SOURCES = (
+    "mavlink_defs/**/*.py",
+    "mavlink_defs/*.xml",
+    "sitl_plant/**/*.py",
+    "ftc_autopilot/**/*.py",
+    "gcs/campaigns/flights.py",
+    "gcs/fleet/in_process.py",
+    "gcs/results/*.py",
+    "gcs/scenario/*.py",
+)
+"""The sources that a flight's figures depend on, below `_ROOT`."""
+
+
+@functools.cache
+def code_digest() -> str:
+    """Return a digest of the sources and of the versions of numba and numpy."""
+    return source_digest(sorted(path for pattern in _SOURCES for path in _ROOT.glob(pattern)))[:16]
+
+
+def code_version() -> str:
+    """Return the version of the package."""
+    return version("ftc-sitl")

@@ -1,0 +1,202 @@
+"""Planning a campaign: what a row means, and every mistake before the first flight."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from campaign_flights import MASS, campaign_tree, planned, write_campaign
+
+from gcs.campaigns.model import load_campaign
+from gcs.campaigns.plan import plan, row_of, rows_of
+from gcs.scenario.bundled import SCENARIOS
+from mavlink_defs.config.models import ConfigError
+
+LOSS = {"loss": {"kind": "choice", "values": [0.25]}}
+
+
+def at(value: Any) -> dict[str, Any]:
+    return {"kind": "choice", "values": [value]}
+
+
+def uniform(low: float, high: float) -> dict[str, Any]:
+    return {"kind": "uniform", "low": low, "high": high}
+
+
+def faulty(**keys: Any) -> dict[str, Any]:
+    fault = {"uavs": [3], "actuators": ["rudder"], "kinds": LOSS, "start_s": at(5)}
+    return {"factors": {}, "faults": {"f": fault | keys}, "variants": {"v": {"faults": []}}}
+
+
+def message(tmp_path: Path, **changes: Any) -> str:
+    path = write_campaign(tmp_path, **changes)
+    with pytest.raises(ConfigError) as caught:
+        plan(load_campaign(path), path)
+    text = str(caught.value)
+    assert all(line.startswith(f"{path}: ") for line in text.splitlines())
+    return text.replace(f"{path}: ", "")
+
+
+def test_a_row_is_a_scenario_with_its_values() -> None:
+    key = "uavs[2].initial.altitude_m"
+    campaign = planned(factors=MASS | {"other": {"key": key, "draw": uniform(90.0, 110.0)}})
+    for row in rows_of(campaign.draws):
+        scenario = campaign.flights.scenario(row)
+        assert scenario.uncertainty.mass == row["factor.uncertainty.mass"]
+        assert scenario.uavs[2].initial.altitude_m == row["factor.other"]
+        assert scenario.duration_s == 0.01
+
+
+def test_a_relative_factor_multiplies_what_the_variant_has() -> None:
+    variants = {"one": {}, "two": {"uavs": planned().flights.trees["short"]["uavs"]}}
+    variants["two"]["uavs"][0]["initial"]["airspeed_m_s"] = 50.0
+    key = "uavs[0].initial.airspeed_m_s"
+    factors = {"v": {"key": key, "draw": at(0.9), "relative": True}}
+    campaign = planned(factors=factors, variants=variants)
+    for row, expected in zip(rows_of(campaign.draws), (40.0 * 0.9, 50.0 * 0.9), strict=False):
+        assert campaign.flights.scenario(row).uavs[0].initial.airspeed_m_s == expected
+
+
+def test_a_choice_of_whole_numbers_stays_whole() -> None:
+    campaign = planned(factors={"step_us": {"draw": at(2000)}})
+    assert campaign.flights.scenario(row_of(campaign.draws, 0)).step_us == 2000
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ({}, {"effectiveness": 0.75}),
+        ({"kinds": {"bias": at(-0.2)}}, {"bias_deg": -7.0}),
+        ({"kinds": {"stuck": at(-0.2)}}, {"stuck_deg": -7.0}),
+        ({"kinds": {"bias": at(-0.2)}, "actuators": ["throttle"]}, {"bias_n": -400.0}),
+        ({"kinds": {"stuck": at(-0.2)}, "actuators": ["throttle"]}, {"stuck_n": 400.0}),
+        ({"lasts_s": at(2.5)}, {"effectiveness": 0.75, "end_s": 7.5}),
+    ],
+)
+def test_a_drawn_fault_is_a_fault_of_the_scenario(
+    keys: dict[str, Any], expected: dict[str, Any]
+) -> None:
+    campaign = planned(**faulty(**keys))
+    (fault,) = campaign.flights.scenario(row_of(campaign.draws, 0)).faults
+    actuator = keys.get("actuators", ["rudder"])[0]
+    assert fault.model_dump(exclude_defaults=True) == pytest.approx(
+        {"uav": 3, "actuator": actuator, "start_s": 5.0, **expected}
+    )
+
+
+def test_every_mistake_of_a_file_is_named(tmp_path: Path) -> None:
+    text = message(
+        tmp_path,
+        seed=-1,
+        draws=None,
+        factors={
+            "a": {"draw": uniform(2.0, 1.0)},
+            "b": {"draw": {"kind": "normal", "mean": 1.0}},
+            "c": {"draw": {"kind": "beta"}},
+            "d": {"draws": uniform(0.0, 1.0)},
+        },
+    )
+    for words in (
+        "seed: expected",
+        "factors.a.draw.high: expected > low = 2.0, got 1.0",
+        "factors.b.draw.deviation: missing",
+        "factors.c.draw.kind: expected one of 'uniform'",
+        "factors.d.draws: unknown key; did you mean 'draw'?",
+    ):
+        assert words in text, text
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"factors": {}}, "factors: missing"),
+        ({"draws": None}, "draws: missing"),
+        ({"design": "sobol", "draws": 10}, "draws: expected a power of two with sobol, got 10"),
+        ({"design": "grid", "draws": None}, "expected kind 'choice' in a grid, got 'uniform'"),
+        ({"keep": {"worst": 1}}, "keep.figures: missing"),
+        (faulty(kinds={"loss": uniform(0.5, 1.5)}), "faults.f.kinds.loss: draws 1.5"),
+        (faulty(start_s=uniform(-1, 1)), "faults.f.start_s: draws -1.0, expected within [0, inf]"),
+        (faulty(uavs=[3, 7]), "faults.f.uavs[1]: expected one of the UAVs 1, 2, 3, got 7"),
+        ({"variants": {"v": {"duration": 1.0}}}, "variants.v.duration: unknown key"),
+        ({"scenario": "paper/scenario11"}, "did you mean paper/scenario1"),
+    ],
+)
+def test_a_mistake_is_named_with_its_place(
+    tmp_path: Path, changes: dict[str, Any], words: str
+) -> None:
+    assert words in message(tmp_path, **changes)
+
+
+@pytest.mark.parametrize(
+    ("key", "factor", "words"),
+    [
+        ("trigger.b2_deq", {"draw": uniform(1.0, 2.0)}, "did you mean 'b2_deg'"),
+        ("faults[7].start_s", {"draw": uniform(1.0, 2.0)}, "a list of more than 7"),
+        ("uncertainty.mass", {"draw": uniform(0.0, 1.0)}, "end 0.0, uncertainty.mass: expected >"),
+        ("trigger.mode", {"draw": at("sometimes")}, "value 'sometimes', trigger.mode: expected"),
+        ("trigger.mode", {"draw": at(1.5), "relative": True}, "expected a number in the scenario"),
+        ("no.such", {"draw": at(1.5), "relative": True}, "no.such: no such key"),
+    ],
+)
+def test_a_factor_that_fits_no_key_is_named(
+    tmp_path: Path, key: str, factor: dict[str, Any], words: str
+) -> None:
+    text = message(tmp_path, factors=MASS | {"bad": {"key": key, **factor}})
+    assert "factors.bad" in text
+    assert words in text
+    assert "factors.uncertainty.mass" not in text
+
+
+def test_draws_without_a_scenario_are_counted_with_their_factor(tmp_path: Path) -> None:
+    """A normal distribution has no ends to check, but values."""
+    normal = {"kind": "normal", "mean": 0.0, "deviation": 1.0}
+    text = message(tmp_path, draws=50, factors={"uncertainty.mass": {"draw": normal}})
+    (line,) = text.splitlines()
+    assert line.startswith("factors.uncertainty.mass: draw ")
+    assert "uncertainty.mass: expected > 0, got -" in line
+    assert "more draws)" in line
+
+
+def test_factors_that_go_wrong_together_are_named(tmp_path: Path) -> None:
+    ends = {"Jxx": (0.1, 1.0), "Jxz": (1.0, 5.0)}
+    factors = {f"uncertainty.inertia.{j}": {"draw": uniform(*by)} for j, by in ends.items()}
+    text = message(tmp_path, factors=factors, draws=40)
+    assert "factors.uncertainty.inertia.Jxx, uncertainty.inertia.Jxz: draw" in text
+    assert "not positive definite" in text
+
+
+def test_problems_are_capped(tmp_path: Path) -> None:
+    faults = {f"f{k}": faulty()["faults"]["f"] for k in range(30)}
+    text = message(tmp_path, factors={}, faults=faults, variants={"v": {"faults": []}})
+    assert 20 <= len(text.splitlines()) <= 22
+    assert "overlaps faults[0]" in text
+
+
+def test_impairments_of_links_are_refused(tmp_path: Path) -> None:
+    scenario = tmp_path / "wire.yaml"
+    scenario.write_text("extends: paper/scenario1\nlinks: {impairments: {plant: {}}}\n")
+    assert "campaigns fly in process" in message(tmp_path, scenario="wire.yaml")
+
+
+@pytest.mark.parametrize("name", ["uncertainty", "faults"])
+def test_shipped_campaigns_can_be_flown(name: str) -> None:
+    path = SCENARIOS / "campaigns" / f"{name}.yaml"
+    campaign = load_campaign(path)
+    short = campaign.model_copy(update={"draws": 16})
+    assert plan(short, path).draws.num_rows == 16 * 3
+    assert set(campaign.variants) == {"proposed", "backstepping", "pid"}
+
+
+def test_the_shipped_uncertainty_is_of_everything() -> None:
+    from sitl_plant.config import Coefficients, Inertia
+
+    path = SCENARIOS / "campaigns" / "uncertainty.yaml"
+    keys = {name.removeprefix("uncertainty.") for name in load_campaign(path).factors}
+    assert keys == {
+        "mass",
+        *(f"inertia.{name}" for name in Inertia.model_fields),
+        *(f"coefficients.{name}" for name in Coefficients.model_fields),
+    }
+
+
+def test_a_tree_of_the_helper_is_a_campaign(tmp_path: Path) -> None:
+    assert load_campaign(write_campaign(tmp_path)).name == campaign_tree()["name"]
