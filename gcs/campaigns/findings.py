@@ -76,15 +76,11 @@ class Findings:
     @property
     def codes(self) -> list[tuple[str, str]]:
         """Versions and digests of the code that flew."""
-        return sorted(
-            {
-                (version, digest)
-                for own in self.ended.values()
-                for version, digest in zip(
-                    own.table["version"].to_pylist(), own.table["digest"].to_pylist(), strict=True
-                )
-            }
+        pairs = (
+            own.table.select(["version", "digest"]).group_by(["version", "digest"]).aggregate([])
+            for own in self.ended.values()
         )
+        return sorted({(row["version"], row["digest"]) for each in pairs for row in each.to_pylist()})
 
     @cached_property
     def _scales(self) -> dict[str, float]:
