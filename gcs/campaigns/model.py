@@ -105,7 +105,7 @@ class Campaign(Model):
     scenario: str = Field(
         min_length=1, description="The base: a file beside this one, or a bundled scenario."
     )
-    seed: int = whole("", ge=0, le=2**63 - 1, default=1, doc="Seed of every draw.")
+    seed: int = whole("", ge=0, le=2**32 - 1, default=1, doc="Seed of every draw.")
     draws: int | None = whole(
         "",
         ge=1,

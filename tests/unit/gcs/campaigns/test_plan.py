@@ -198,5 +198,15 @@ def test_the_shipped_uncertainty_is_of_everything() -> None:
     }
 
 
+def test_the_example_of_the_docs_can_be_flown(tmp_path: Path) -> None:
+    page = (SCENARIOS.parent / "docs" / "how-to" / "campaigns.md").read_text()
+    path = tmp_path / "my.yaml"
+    path.write_text(page.partition("```yaml\n")[2].partition("```")[0])
+    campaign = plan(load_campaign(path), path)
+    assert campaign.draws.num_rows == 400
+    gust = campaign.flights.values(row_of(campaign.draws, 0))["disturbance.acceleration_m_s2.y.sin"]
+    assert gust == 0.1 * campaign.draws.column("factor.gust")[0].as_py()
+
+
 def test_a_tree_of_the_helper_is_a_campaign(tmp_path: Path) -> None:
     assert load_campaign(write_campaign(tmp_path)).name == campaign_tree()["name"]
