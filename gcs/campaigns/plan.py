@@ -1,5 +1,6 @@
 """The plan of a campaign: its draws, each checked to be a scenario before the first flight."""
 
+import difflib
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -69,7 +70,7 @@ def plan(campaign: Campaign, path: Path) -> Plan:
     ids = [uav.id for uav in scenario.uavs]
     draws = draw_table(campaign, ids)
     flights = flights_of(mark, results_schema(draws.schema, ids))
-    if problems := list(_of_factors(flights)):
+    if problems := [*_of_factors(flights), *_of_figures(flights)]:
         raise ConfigError(path, problems)
     if problems := _of_draws(flights, draws):
         raise ConfigError(path, problems)
@@ -98,6 +99,17 @@ def _of_faulty_uavs(campaign: Campaign, uavs: Any) -> Iterator[Problem]:
             if uav not in ids:
                 text = f"expected one of the UAVs {', '.join(map(str, ids))}, got {uav}"
                 yield Problem(("faults", name, "uavs", i), text)
+
+
+def _of_figures(flights: Flights) -> Iterator[Problem]:
+    """Check that the figures of the worst flights are columns of numbers."""
+    names = [field.name for field in flights.schema if str(field.type) in {"double", "int64"}]
+    for i, figure in enumerate(flights.campaign.keep.figures):
+        if figure not in names:
+            close = difflib.get_close_matches(figure, names, n=1)
+            meant = f"; did you mean {close[0]!r}?" if close else ""
+            text = f"expected a column of numbers in the results, got {figure!r}{meant}"
+            yield Problem(("keep", "figures", i), text)
 
 
 def _of_factors(flights: Flights) -> Iterator[Problem]:

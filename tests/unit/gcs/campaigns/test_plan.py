@@ -113,6 +113,8 @@ def test_every_mistake_of_a_file_is_named(tmp_path: Path) -> None:
         ({"design": "sobol", "draws": 10}, "draws: expected a power of two with sobol, got 10"),
         ({"design": "grid", "draws": None}, "expected kind 'choice' in a grid, got 'uniform'"),
         ({"keep": {"worst": 1}}, "keep.figures: missing"),
+        ({"keep": {"figures": ["uav9.iae_roll"]}}, "keep.figures[0]: expected a column of numbers"),
+        ({"keep": {"figures": ["outcome"]}}, "got 'outcome'"),
         (faulty(kinds={"loss": uniform(0.5, 1.5)}), "faults.f.kinds.loss: draws 1.5"),
         (faulty(start_s=uniform(-1, 1)), "faults.f.start_s: draws -1.0, expected within [0, inf]"),
         (faulty(uavs=[3, 7]), "faults.f.uavs[1]: expected one of the UAVs 1, 2, 3, got 7"),
