@@ -12,7 +12,15 @@ from pydantic import Field, StringConstraints, model_validator
 
 from gcs.campaigns.distributions import Choice, Distribution, support
 from mavlink_defs.config.files import read, validate
-from mavlink_defs.config.models import Loc, Model, Problems, SystemId, repeated
+from mavlink_defs.config.models import (
+    ConfigError,
+    Loc,
+    Model,
+    Problem,
+    Problems,
+    SystemId,
+    repeated,
+)
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import ACTUATORS, Actuator
 
@@ -176,4 +184,6 @@ def load_campaign(path: Path | str, draws: int | None = None) -> Campaign:
         ConfigError: It cannot be used; every problem is named.
     """
     tree = read(path)
+    if "scenario" not in tree and tree.keys() & {"aircraft", "extends"}:
+        raise ConfigError(path, [Problem((), "a scenario, not a campaign; see gcs fly")])
     return validate(path, tree if draws is None else {**tree, "draws": draws}, Campaign)
