@@ -96,8 +96,9 @@ class Sample:
             BadInput: There is no such figure.
         """
         sign = -1.0 if higher_is_better(figure) else 1.0
-        values = np.stack([sign * self._numbers(name) for name in self._columns(figure)])
-        costs = values.max(axis=0)  # NaN if one UAV has none
+        values = [sign * self._numbers(name) for name in self._columns(figure)]
+        flown = [each for each in values if not np.isnan(each).all()]  # a variant may lack UAVs
+        costs = np.max(flown or values, axis=0)  # NaN if one UAV has none
         return np.where(self.success & np.isfinite(costs), costs, np.inf)
 
     def _columns(self, figure: str) -> list[str]:

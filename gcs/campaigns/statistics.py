@@ -271,7 +271,8 @@ def mean_difference(old: np.ndarray, new: np.ndarray, level: float = 0.95) -> Es
 def median_difference(old: np.ndarray, new: np.ndarray, level: float = 0.95) -> Estimate:
     """Estimate how much larger the median cost is, by the percentile bootstrap over pairs.
 
-    From 1000 pairs on it has fewer resamples, at least 999. Arguments and pairs left out are as of `mean_difference`.
+    From 1000 pairs on it has fewer resamples, at least 999. Arguments, and the pairs left out, are
+    as of `mean_difference`.
     """
     return _bootstrapped(old, new, "median", level)
 

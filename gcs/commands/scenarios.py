@@ -13,7 +13,7 @@ Examples:
 - gcs scenarios
 - gcs scenarios | grep rudder
 
-A name works wherever a scenario file does: gcs fly paper/scenario1
+A name works wherever a file does: gcs fly paper/scenario1, gcs campaign campaigns/faults
 
 Exit status: 0 listed.
 """
