@@ -23,6 +23,8 @@ from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.vehicle.param_table import tunables
+from gcs.campaigns import distributions
+from gcs.campaigns.model import Campaign, DrawnFault, Factor, Kept
 from gcs.cli import app
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault, ScenarioUav
@@ -54,6 +56,15 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "faults": ScenarioFault,
     "links": Links,
     "impairment": Impairment,
+    "campaign": Campaign,
+    "factor": Factor,
+    "drawn_fault": DrawnFault,
+    "keep": Kept,
+    "uniform": distributions.Uniform,
+    "log_uniform": distributions.LogUniform,
+    "normal": distributions.Normal,
+    "truncated_normal": distributions.TruncatedNormal,
+    "choice": distributions.Choice,
 }
 OWN_TABLES = set(SECTIONS.values())
 """Models with a table of their own; in the table of another model they are one line."""
@@ -69,7 +80,7 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 
 
 def keys(section: str) -> str:
-    """Return the table of the keys of one section of a scenario."""
+    """Return the table of the keys of one section of a scenario or a campaign."""
     model = SECTIONS[section]
     base = LawParameters if section in LAWS else None
     rows = (row for row in key_rows(model) if base is None or row[0] not in base.model_fields)
@@ -128,7 +139,12 @@ def expected(annotation: Any, field: FieldInfo | None = None) -> str:
         return "; or ".join(dict.fromkeys(expected(part) for part in arguments))
     if origin is Annotated:
         return expected(annotation.__origin__)
-    return "mapping" if part_of(annotation) is not None else "text"
+    if part_of(annotation) is not None:
+        return "mapping"
+    return _PLAIN.get(annotation, "text")
+
+
+_PLAIN = {bool: "true or false", int: "number", float: "number", Any: "anything"}
 
 
 def quantity_of(annotation: Any, field: FieldInfo | None = None) -> Quantity | None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gcs.campaigns.flights import figures_of, flights_of, outcome_of
 from gcs.campaigns.plan import row_of
-from gcs.campaigns.store import mark_of, read_draws, read_results, results_schema
+from gcs.campaigns.store import mark_of, read_draws, read_results
 from gcs.errors import BadInput, GcsError
 from gcs.results.summary import FlightSummary
 from gcs.scenario.code import code_digest
@@ -22,7 +22,7 @@ def scenario_of_row(folder: Path, row: int) -> Scenario:
     mark, draws = mark_of(folder), read_draws(folder)
     if not 0 <= row < draws.num_rows:
         raise BadInput(f"--row is {row}, expected 0 to {draws.num_rows - 1} in {folder}")
-    return flights_of(mark, results_schema(draws.schema, [])).scenario(row_of(draws, row))
+    return flights_of(mark, draws.schema).scenario(row_of(draws, row))
 
 
 def foreign_code(folder: Path) -> str | None:

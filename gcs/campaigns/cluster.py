@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import multiprocessing.resource_tracker
+import re
 import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -59,15 +60,17 @@ def cluster_elsewhere(address: str) -> Iterator["Client"]:
         address: As in tcp://host:8786.
 
     Raises:
-        BadInput: None answers there, or it has no workers.
+        BadInput: It is no address, none answers there, or it has no workers.
     """
     import dask
     from distributed import Client
 
+    if not re.fullmatch(r"(tcp|tls)://[^/]+:\d+", address):
+        raise BadInput(f"--scheduler is {address!r}, expected tcp://HOST:PORT or tls://HOST:PORT")
     with dask.config.set(_QUIET), _silent(), contextlib.ExitStack() as stack:
         try:
             client = Client(address, timeout=_CONNECT_S, set_as_default=False)
-        except (OSError, ValueError) as problem:
+        except OSError as problem:
             raise BadInput(
                 f"--scheduler: no dask scheduler answers at {address}: {problem}",
                 "start one with `dask scheduler`, and workers with `dask worker ADDRESS`",
@@ -135,15 +138,12 @@ def _compile(scenario: Scenario) -> None:
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
     """Keep the logs of dask off the terminal; what matters ends in an exception of ours."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL + 1)
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
     try:
         yield
     finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
+        logging.disable(before)
 
 
 @contextlib.contextmanager

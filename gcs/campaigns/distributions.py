@@ -39,7 +39,7 @@ def _ordered(low: float, high: float) -> None:
 class Uniform(Model):
     """Every value between two ends is as likely."""
 
-    kind: Literal["uniform"]
+    kind: Literal["uniform"] = Field(description="Every value between two ends is as likely.")
     low: float = quantity("", doc="Lower end.")
     high: float = quantity("", doc="Upper end.")
 
@@ -52,7 +52,7 @@ class Uniform(Model):
 class LogUniform(Model):
     """The logarithm is uniform: every order of magnitude is as likely."""
 
-    kind: Literal["log_uniform"]
+    kind: Literal["log_uniform"] = Field(description="Every order of magnitude is as likely.")
     low: float = quantity("", gt=0.0, doc="Lower end.")
     high: float = quantity("", gt=0.0, doc="Upper end.")
 
@@ -65,7 +65,7 @@ class LogUniform(Model):
 class Normal(Model):
     """The normal distribution; it has no ends."""
 
-    kind: Literal["normal"]
+    kind: Literal["normal"] = Field(description="Without ends.")
     mean: float = quantity("", doc="Mean.")
     deviation: float = quantity("", gt=0.0, doc="Standard deviation.")
 
@@ -73,7 +73,9 @@ class Normal(Model):
 class TruncatedNormal(Model):
     """The normal distribution given that the value lies between two ends."""
 
-    kind: Literal["truncated_normal"]
+    kind: Literal["truncated_normal"] = Field(
+        description="Normal, given that the value lies between two ends."
+    )
     mean: float = quantity("", doc="Mean before it is truncated.")
     deviation: float = quantity("", gt=0.0, doc="Standard deviation before it is truncated.")
     low: float = quantity("", doc="Lower end.")
@@ -88,7 +90,7 @@ class TruncatedNormal(Model):
 class Choice(Model):
     """Every value of a list is as likely: numbers, or texts."""
 
-    kind: Literal["choice"]
+    kind: Literal["choice"] = Field(description="Every value of a list is as likely.")
     values: tuple[Value, ...] = Field(
         min_length=1, description="The values, all numbers or all texts."
     )

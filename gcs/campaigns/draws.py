@@ -139,7 +139,7 @@ def _unit_cube(campaign: Campaign, axes: Sequence[Dimension]) -> np.ndarray:
             from SALib.sample import sobol
 
             problem = {"num_vars": d, "names": [a.column for a in axes], "bounds": [[0, 1]] * d}
-            sampled = sobol.sample(problem, n, calc_second_order=False, seed=campaign.seed % 2**32)
+            sampled = sobol.sample(problem, n, calc_second_order=False, seed=campaign.seed)
             return np.asarray(np.clip(sampled, 0.0, np.nextafter(1.0, 0.0)))
     rows = (np.random.default_rng(_stream(campaign.seed, i)).random(d) for i in range(n))
     return np.array(list(rows))

@@ -27,7 +27,7 @@ KILLS = 3
 """Processes that a flight may kill before it is recorded as such."""
 _BATCH_S = 2.0  # the time that a batch is meant to take; handing one over takes milliseconds
 _LARGEST_BATCH = 1000
-_STORE_S = 5.0  # rows are stored at least this often,
+_STORE_S = 2.0  # rows are stored at least this often,
 _STORE_SHARE = 0.01  # or, in long campaigns, when this share of the time has passed since
 _CAPACITY_S = 5.0  # how often workers are counted
 

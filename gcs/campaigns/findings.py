@@ -12,7 +12,7 @@ from gcs.campaigns.importance import Importance, SobolIndex, importances, sobol_
 from gcs.campaigns.outcomes import severity
 from gcs.campaigns.samples import Sample, read_samples
 from gcs.campaigns.stopping import leading
-from gcs.campaigns.store import Mark, mark_of, read_draws
+from gcs.campaigns.store import Mark, mark_of, read_draws, uav_ids
 from gcs.campaigns.until import noted_conditions
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 
@@ -76,14 +76,12 @@ class Findings:
     @property
     def codes(self) -> list[tuple[str, str]]:
         """Versions and digests of the code that flew."""
+        pairs = (
+            own.table.select(["version", "digest"]).group_by(["version", "digest"]).aggregate([])
+            for own in self.ended.values()
+        )
         return sorted(
-            {
-                (version, digest)
-                for own in self.ended.values()
-                for version, digest in zip(
-                    own.table["version"].to_pylist(), own.table["digest"].to_pylist(), strict=True
-                )
-            }
+            {(row["version"], row["digest"]) for each in pairs for row in each.to_pylist()}
         )
 
     @cached_property
@@ -137,8 +135,7 @@ class Findings:
         campaign, sample = self.mark.campaign, self.counted[variant]
         if campaign.design != "saltelli":
             return {}
-        ids = [uav["id"] for uav in self.mark.scenario["uavs"]]
-        names = [axis.column for axis in dimensions(campaign, ids)]
+        names = [axis.column for axis in dimensions(campaign, uav_ids(self.mark))]
         if len(sample) != (campaign.draws or 0) * (len(names) + 2):
             return {}
         failure = (~sample.success).astype(float)

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.campaigns.distributions import Choice, Value
 from gcs.campaigns.model import Campaign
-from gcs.campaigns.store import Mark, Outcome
+from gcs.campaigns.store import Mark, Outcome, results_schema, uav_ids
 from gcs.results.summary import FlightSummary, UavSummary
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import merged, value_at, with_values
-from mavlink_defs.config.yaml_text import parse_yaml, yaml_of
+from mavlink_defs.config.models import ConfigError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -25,7 +25,6 @@ __all__ = [
     "flights_of",
     "fly_rows",
     "outcome_of",
-    "written_out",
 ]
 
 Row = Mapping[str, Any]
@@ -103,27 +102,31 @@ class Flights:
         return drawn | {f"{kind}_{'n' if throttle else 'deg'}": severity * limit}
 
 
-def flights_of(mark: Mark, schema: "pa.Schema") -> Flights:
-    """Return the flights of a campaign.
+def flights_of(mark: Mark, draws: "pa.Schema") -> Flights:
+    """Return the flights of a campaign, given the columns of its draws.
 
     Raises:
-        ConfigError: The scenario of a variant cannot be used.
+        ConfigError: The scenarios of variants cannot be used; places are those of the campaign.
     """
-    trees = {
-        name: written_out(mark.file, merged(mark.scenario, changes))
-        for name, changes in mark.campaign.variants.items()
-    }
+    trees, problems = {}, []
+    for name, changes in mark.campaign.variants.items():
+        try:
+            scenario = validate(mark.file, merged(mark.scenario, changes), Scenario)
+        except ConfigError as error:
+            problems += [p._replace(loc=("variants", name, *p.loc)) for p in error.problems]
+        else:
+            trees[name] = _plain(scenario.model_dump())
+    if problems:
+        raise ConfigError(mark.file, problems)
+    schema = results_schema(draws, uav_ids(mark))
     return Flights(mark.campaign, mark.file, trees, schema)
 
 
-def written_out(file: str, tree: dict[str, Any]) -> dict[str, Any]:
-    """Return a scenario's plain data with every default.
-
-    Raises:
-        ConfigError: It is not a valid scenario.
-    """
-    written: dict[str, Any] = parse_yaml(yaml_of(validate(file, tree, Scenario).model_dump()))
-    return written
+def _plain(value: Any) -> Any:
+    """Return a tree with lists for tuples, as a file has them."""
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def fly_rows(flights: Flights, rows: Sequence[Row]) -> "pa.Table":

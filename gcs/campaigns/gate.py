@@ -8,13 +8,14 @@ from pydantic import Field
 
 from gcs.campaigns.conditions import Condition, parse_condition, parsed
 from gcs.campaigns.outcomes import EVENTS, happened
-from gcs.campaigns.samples import Sample, same_draws
+from gcs.campaigns.samples import Sample, higher_is_better, same_draws
 from gcs.campaigns.statistics import (
     compare_costs,
     compare_paired_costs,
     compare_paired_successes,
     compare_successes,
     proportion,
+    quantile,
 )
 from gcs.errors import BadInput
 from mavlink_defs.config.models import Model
@@ -193,8 +194,12 @@ def _event(rule: Worse, old: Sample, new: Sample, paired: bool) -> tuple[float, 
 
 def _cost(rule: Worse, old: Sample, new: Sample, paired: bool) -> tuple[float, str]:
     compare = compare_paired_costs if paired else compare_costs
-    found = compare(old.cost(rule.figure), new.cost(rule.figure), "worse")
+    before, after = old.cost(rule.figure), new.cost(rule.figure)
+    found = compare(before, after, "worse")
+    sign = -1.0 if higher_is_better(rule.figure) else 1.0
+    medians = (sign * quantile(costs, 0.5).value for costs in (after, before))
     what = "draws" if paired else "flights"
     return found.p_value, (
-        f"{found.test}; {found.failed} of {found.flights} {what} with a failure, ranked worst"
+        "median {:.4g}, was {:.4g}; ".format(*medians)
+        + f"{found.test}; {found.failed} of {found.flights} {what} with a failure, ranked worst"
     )

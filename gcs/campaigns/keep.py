@@ -13,7 +13,6 @@ from gcs.campaigns.flights import Flights
 from gcs.campaigns.model import Kept
 from gcs.campaigns.plan import row_of
 from gcs.campaigns.store import OUTCOMES, read_draws, read_results
-from gcs.errors import BadInput
 from mavlink_defs.config.files import dump
 
 __all__ = ["chosen_rows", "keep_flights"]
@@ -23,12 +22,7 @@ _NO_FLIGHT = {"crashed", "failed"}
 
 
 def chosen_rows(folder: Path, kept: Kept) -> list[int]:
-    """Return the rows whose trajectories are kept, in order.
-
-    Raises:
-        BadInput: A figure is no column of the results, or not a number.
-    """
-    import pyarrow as pa
+    """Return the rows whose trajectories are kept, in order."""
     import pyarrow.compute as pc
 
     table = read_results(folder, ["row", "draw", "variant", "seed", "outcome"])
@@ -43,10 +37,6 @@ def chosen_rows(folder: Path, kept: Kept) -> list[int]:
     chosen.update(rows.to_numpy()[low & flown].tolist())
     for figure in kept.figures if kept.worst else ():
         values = read_results(folder, ["row", "variant", figure])
-        if not (pa.types.is_floating(kind := values.schema.field(figure).type)) and (
-            not pa.types.is_integer(kind)
-        ):
-            raise BadInput(f"keep.figures: {figure} is a column of {kind}, expected numbers")
         ranked = values.filter(pc.is_valid(values.column(figure))).sort_by([(figure, "descending")])
         for variant in pc.unique(ranked.column("variant")):
             of_variant = ranked.filter(pc.equal(ranked.column("variant"), variant))
@@ -58,7 +48,6 @@ def keep_flights(folder: Path, flights: Flights) -> Iterator[tuple[int, int]]:
     """Fly the chosen flights again and write their trajectories; yields how many are done, of all.
 
     Raises:
-        BadInput: As of `chosen_rows`.
         GcsError: A flight is not the one in the table.
         OSError: A file cannot be written; it is named.
     """

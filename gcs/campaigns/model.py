@@ -12,7 +12,15 @@ from pydantic import Field, StringConstraints, model_validator
 
 from gcs.campaigns.distributions import Choice, Distribution, support
 from mavlink_defs.config.files import read, validate
-from mavlink_defs.config.models import Loc, Model, Problems, SystemId, repeated
+from mavlink_defs.config.models import (
+    ConfigError,
+    Loc,
+    Model,
+    Problem,
+    Problems,
+    SystemId,
+    repeated,
+)
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import ACTUATORS, Actuator
 
@@ -105,7 +113,7 @@ class Campaign(Model):
     scenario: str = Field(
         min_length=1, description="The base: a file beside this one, or a bundled scenario."
     )
-    seed: int = whole("", ge=0, le=2**63 - 1, default=1, doc="Seed of every draw.")
+    seed: int = whole("", ge=0, le=2**32 - 1, default=1, doc="Seed of every draw.")
     draws: int | None = whole(
         "",
         ge=1,
@@ -176,4 +184,6 @@ def load_campaign(path: Path | str, draws: int | None = None) -> Campaign:
         ConfigError: It cannot be used; every problem is named.
     """
     tree = read(path)
+    if "scenario" not in tree and tree.keys() & {"aircraft", "extends"}:
+        raise ConfigError(path, [Problem((), "a scenario, not a campaign; see gcs fly")])
     return validate(path, tree if draws is None else {**tree, "draws": draws}, Campaign)

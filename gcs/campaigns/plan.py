@@ -1,20 +1,21 @@
 """The plan of a campaign: its draws, each checked to be a scenario before the first flight."""
 
+import difflib
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gcs.campaigns.distributions import Choice, support
 from gcs.campaigns.draws import draw_table
-from gcs.campaigns.flights import Flights, Row, flights_of, written_out
+from gcs.campaigns.flights import Flights, Row, flights_of
 from gcs.campaigns.model import Campaign
-from gcs.campaigns.store import Mark, results_schema
+from gcs.campaigns.store import Mark
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import scenario_of, scenario_tree
-from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
+from mavlink_defs.config.inherit import PlaceError, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Loc, Problem
 
 if TYPE_CHECKING:
@@ -64,12 +65,15 @@ def plan(campaign: Campaign, path: Path) -> Plan:
         text = f"{file}: links.impairments are about the wire; campaigns fly in process"
         raise ConfigError(path, [Problem(("scenario",), text)])
     mark = Mark(campaign, str(file), tree, code_version(), code_digest())
-    if problems := [*_of_variants(mark), *_of_faulty_uavs(campaign, scenario.uavs)]:
-        raise ConfigError(path, problems)
     ids = [uav.id for uav in scenario.uavs]
+    if problems := list(_of_faulty_uavs(campaign, ids)):
+        raise ConfigError(path, problems)
     draws = draw_table(campaign, ids)
-    flights = flights_of(mark, results_schema(draws.schema, ids))
-    if problems := list(_of_factors(flights)):
+    try:
+        flights = flights_of(mark, draws.schema)
+    except ConfigError as error:
+        raise ConfigError(path, error.problems) from error
+    if problems := [*_of_factors(flights), *_of_figures(flights)]:
         raise ConfigError(path, problems)
     if problems := _of_draws(flights, draws):
         raise ConfigError(path, problems)
@@ -82,22 +86,23 @@ def row_of(draws: "pa.Table", row: int) -> Row:
     return found
 
 
-def _of_variants(mark: Mark) -> Iterator[Problem]:
-    for name, changes in mark.campaign.variants.items():
-        try:
-            written_out(mark.file, merged(mark.scenario, changes))
-        except ConfigError as error:
-            for problem in error.problems:
-                yield problem._replace(loc=("variants", name, *problem.loc))
-
-
-def _of_faulty_uavs(campaign: Campaign, uavs: Any) -> Iterator[Problem]:
-    ids = [uav.id for uav in uavs]
+def _of_faulty_uavs(campaign: Campaign, ids: list[int]) -> Iterator[Problem]:
     for name, fault in campaign.faults.items():
         for i, uav in enumerate(fault.uavs):
             if uav not in ids:
                 text = f"expected one of the UAVs {', '.join(map(str, ids))}, got {uav}"
                 yield Problem(("faults", name, "uavs", i), text)
+
+
+def _of_figures(flights: Flights) -> Iterator[Problem]:
+    """Check that the figures of the worst flights are columns of numbers."""
+    names = [field.name for field in flights.schema if str(field.type) in {"double", "int64"}]
+    for i, figure in enumerate(flights.campaign.keep.figures):
+        if figure not in names:
+            close = difflib.get_close_matches(figure, names, n=1)
+            meant = f"; did you mean {close[0]!r}?" if close else ""
+            text = f"expected a column of numbers in the results, got {figure!r}{meant}"
+            yield Problem(("keep", "figures", i), text)
 
 
 def _of_factors(flights: Flights) -> Iterator[Problem]:

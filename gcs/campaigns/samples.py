@@ -16,7 +16,7 @@ from gcs.errors import BadInput
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["Sample", "figures_of", "read_samples", "same_draws", "samples_of"]
+__all__ = ["Sample", "figures_of", "higher_is_better", "read_samples", "same_draws", "samples_of"]
 
 _DRAWN = ("factor.", "fault.")
 _HIGHER_IS_BETTER = "saving"
@@ -95,9 +95,10 @@ class Sample:
         Raises:
             BadInput: There is no such figure.
         """
-        sign = -1.0 if figure.endswith(_HIGHER_IS_BETTER) else 1.0
-        values = np.stack([sign * self._numbers(name) for name in self._columns(figure)])
-        costs = values.max(axis=0)  # NaN if one UAV has none
+        sign = -1.0 if higher_is_better(figure) else 1.0
+        values = [sign * self._numbers(name) for name in self._columns(figure)]
+        flown = [each for each in values if not np.isnan(each).all()]  # a variant may lack UAVs
+        costs = np.max(flown or values, axis=0)  # NaN if one UAV has none
         return np.where(self.success & np.isfinite(costs), costs, np.inf)
 
     def _columns(self, figure: str) -> list[str]:
@@ -127,6 +128,11 @@ class Sample:
             values = self._numbers(name)
             return np.where(np.isnan(values), np.inf, values)  # the end of a fault for good
         return np.array([str(value) for value in column.to_pylist()], dtype=object)
+
+
+def higher_is_better(figure: str) -> bool:
+    """Return whether the cost of a figure is its negative."""
+    return figure.endswith(_HIGHER_IS_BETTER)
 
 
 def figures_of(table: "pa.Table") -> list[str]:

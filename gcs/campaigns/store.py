@@ -27,6 +27,7 @@ from gcs.campaigns.model import Campaign
 from gcs.errors import BadInput
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
 from mavlink_defs.config.files import read
+from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.runtime.files import naming, write_text
 
@@ -43,6 +44,7 @@ __all__ = [
     "read_draws",
     "read_results",
     "results_schema",
+    "uav_ids",
     "write_draws",
     "write_mark",
 ]
@@ -142,6 +144,12 @@ def write_mark(folder: Path, mark: Mark) -> None:
     with naming(path):
         part.write_text(json.dumps(mark.to_json(), indent=1) + "\n", encoding="utf-8")
         part.replace(path)
+
+
+def uav_ids(mark: Mark) -> list[int]:
+    """Return the system ids of all UAVs that fly in some variant of a checked campaign."""
+    scenarios = (merged(mark.scenario, changes) for changes in mark.campaign.variants.values())
+    return sorted({uav["id"] for scenario in scenarios for uav in scenario["uavs"]})
 
 
 def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
@@ -267,8 +275,7 @@ def _checked(folder: Path, columns: Sequence[str] | None, schema: "pa.Schema") -
 
 
 def _planned_schema(folder: Path) -> "pa.Schema":
-    ids = [uav["id"] for uav in mark_of(folder).scenario.get("uavs", ())]
-    return results_schema(read_draws(folder).schema, ids)
+    return results_schema(read_draws(folder).schema, uav_ids(mark_of(folder)))
 
 
 def _parts(folder: Path) -> Iterator[Path]:

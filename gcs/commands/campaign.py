@@ -1,7 +1,6 @@
 """``gcs campaign``: fly many draws of a scenario, here or on a cluster."""
 
 import contextlib
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -16,8 +15,6 @@ from gcs.commands.common import QuietOption, console_of, warm_up
 from gcs.errors import GcsError, Interrupted
 
 if TYPE_CHECKING:
-    from distributed import Client
-
     from gcs.campaigns.engine import Flown
     from gcs.campaigns.plan import Plan
 
@@ -100,11 +97,9 @@ def campaign(
 
     total = planned.draws.num_rows
     try:
-        if (left := len(missing_rows(folder, total))) and not enough():
-            if left < total:
-                console.print(f"{total - left} of {total} flights already flown")
-            _fly(planned, folder, scheduler, jobs or os.cpu_count() or 1, console, enough)
-        if condition is not None and missing_rows(folder, total).size and enough():
+        if not enough():
+            _fly(planned, folder, scheduler, jobs, console, enough)
+        if condition is not None and enough():
             console.print(f"{condition} is decided for every variant")
         _keep(planned, folder, console)
     except KeyboardInterrupt:
@@ -120,29 +115,22 @@ def _fly(
     planned: "Plan",
     folder: Path,
     scheduler: str | None,
-    jobs: int,
+    jobs: int | None,
     console: Console,
     enough: Callable[[], bool],
 ) -> None:
-    from gcs.campaigns.cluster import cluster_elsewhere, local_cluster, prepare
-    from gcs.campaigns.engine import fly, missing_rows
-    from gcs.campaigns.plan import row_of, rows_of
+    from gcs.campaigns.engine import missing_rows
+    from gcs.campaigns.plan import row_of
+    from gcs.campaigns.run import fly_missing
 
-    missing = missing_rows(folder, planned.draws.num_rows)
-    some = planned.flights.scenario(row_of(planned.draws, int(missing[0])))
-    if scheduler is None:
-        warm_up(some, console)
-    cluster: contextlib.AbstractContextManager[Client] = (
-        local_cluster(min(jobs, len(missing)))
-        if scheduler is None
-        else cluster_elsewhere(scheduler)
-    )
-    with cluster as client:
-        with console.status("checking the workers"):
-            prepare(client, some)
-        with _progress(planned.draws.num_rows, len(missing), console) as show:
-            rows = rows_of(planned.draws.take(missing))
-            fly(client, planned.flights, rows, len(missing), folder, show.flown, enough)
+    total = planned.draws.num_rows
+    left = len(missing_rows(folder, total))
+    if left < total:
+        console.print(f"{total - left} of {total} flights already flown")
+    if left and scheduler is None:
+        warm_up(planned.flights.scenario(row_of(planned.draws, 0)), console)
+    with _progress(total, left, console) as show:
+        fly_missing(planned, folder, scheduler, jobs, show.flown, enough)
 
 
 def _keep(planned: "Plan", folder: Path, console: Console) -> None:
@@ -182,7 +170,8 @@ class _Shown:
 
     def __init__(self, progress: Progress, task: TaskID) -> None:
         self._progress, self._task = progress, task
-        self._begin, self._done, self._lost = time.monotonic(), 0, 0
+        self._begin: float | None = None
+        self._done = self._lost = 0
         self._workers: dict[str, TaskID] = {}
 
     def flown(self, batch: "Flown") -> None:
@@ -190,7 +179,9 @@ class _Shown:
         outcomes = batch.rows.column("outcome").to_pylist()
         self._done += len(outcomes)
         self._lost += sum(outcome != "completed" for outcome in outcomes)
-        pace = self._done / max(time.monotonic() - self._begin, 1e-3)
+        now = time.monotonic()
+        self._begin = now - batch.wall_s if self._begin is None else self._begin
+        pace = self._done / max(now - self._begin, 1e-3)
         text = f"{pace:.1f} flights/s, {self._lost} not completed"
         self._progress.update(self._task, advance=len(outcomes), text=text)
         if batch.worker:
@@ -212,5 +203,7 @@ def _progress(total: int, missing: int, console: Console) -> Iterator[_Shown]:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("flying", total=total, completed=total - missing, text="")
+        task = progress.add_task(
+            "flying", total=total, completed=total - missing, text="starting the workers"
+        )
         yield _Shown(progress, task)

@@ -14,8 +14,8 @@ Examples:
 - gcs scenarios
 - gcs scenarios | grep rudder
 
-A name works wherever a scenario file does: gcs fly paper/scenario1. The last ones are no
-scenarios but additions to one: gcs fly paper/scenario1 --with realistic
+A name works wherever a file does: gcs fly paper/scenario1, gcs campaign campaigns/faults. The
+last ones are no scenarios but additions to one: gcs fly paper/scenario1 --with realistic
 
 Exit status: 0 listed.
 """

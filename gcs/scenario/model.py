@@ -31,7 +31,7 @@ from gcs.scenario.sections import (
 )
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
-from mavlink_defs.config.models import Loc, Model, Problems, repeated
+from mavlink_defs.config.models import ConfigError, Loc, Model, Problem, Problems, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.endpoint import parse_address
 from mavlink_defs.faults import MAX_FAULTS, Fault
@@ -329,6 +329,8 @@ def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:
     Raises:
         ConfigError: It is not a valid scenario; every problem is named, after the path.
     """
+    if "scenario" in tree and "aircraft" not in tree:
+        raise ConfigError(path, [Problem((), "a campaign, not a scenario; see gcs campaign")])
     scenario = validate(path, tree, Scenario)
     key = scenario.links.signing_key
     return scenario if key is None else scenario.signed(Path(path).parent / key)

@@ -9,6 +9,7 @@ from campaign_flights import MASS, campaign_tree, planned, write_campaign
 from gcs.campaigns.model import load_campaign
 from gcs.campaigns.plan import plan, row_of, rows_of
 from gcs.scenario.bundled import SCENARIOS
+from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
 
 LOSS = {"loss": {"kind": "choice", "values": [0.25]}}
@@ -54,6 +55,16 @@ def test_a_relative_factor_multiplies_what_the_variant_has() -> None:
     campaign = planned(factors=factors, variants=variants)
     for row, expected in zip(rows_of(campaign.draws), (40.0 * 0.9, 50.0 * 0.9), strict=False):
         assert campaign.flights.scenario(row).uavs[0].initial.airspeed_m_s == expected
+
+
+def test_every_uav_of_every_variant_has_columns() -> None:
+    trees = planned().flights.trees
+    fewer = {"uavs": trees["short"]["uavs"][:2], "network": {"edges": []}, "faults": []}
+    fewer["network"]["leader_access"] = {1: 1.0, 2: 1.0, 3: None}
+    fewer["uavs"][1]["id"], fewer["network"]["leader_access"][9] = 9, 1.0
+    fewer["network"]["leader_access"][2] = None
+    names = planned(variants={"all": {}, "fewer": fewer}).flights.schema.names
+    assert {f"uav{k}.iae_roll" for k in (1, 2, 3, 9)} <= set(names)
 
 
 def test_a_choice_of_whole_numbers_stays_whole() -> None:
@@ -113,6 +124,8 @@ def test_every_mistake_of_a_file_is_named(tmp_path: Path) -> None:
         ({"design": "sobol", "draws": 10}, "draws: expected a power of two with sobol, got 10"),
         ({"design": "grid", "draws": None}, "expected kind 'choice' in a grid, got 'uniform'"),
         ({"keep": {"worst": 1}}, "keep.figures: missing"),
+        ({"keep": {"figures": ["uav9.iae_roll"]}}, "keep.figures[0]: expected a column of numbers"),
+        ({"keep": {"figures": ["outcome"]}}, "got 'outcome'"),
         (faulty(kinds={"loss": uniform(0.5, 1.5)}), "faults.f.kinds.loss: draws 1.5"),
         (faulty(start_s=uniform(-1, 1)), "faults.f.start_s: draws -1.0, expected within [0, inf]"),
         (faulty(uavs=[3, 7]), "faults.f.uavs[1]: expected one of the UAVs 1, 2, 3, got 7"),
@@ -196,6 +209,23 @@ def test_the_shipped_uncertainty_is_of_everything() -> None:
         *(f"inertia.{name}" for name in Inertia.model_fields),
         *(f"coefficients.{name}" for name in Coefficients.model_fields),
     }
+
+
+def test_a_campaign_is_no_scenario_and_a_scenario_no_campaign() -> None:
+    with pytest.raises(ConfigError, match=r"faults\.yaml: a campaign, not a scenario"):
+        load_scenario("campaigns/faults")
+    with pytest.raises(ConfigError, match=r"two_uavs\.yaml: a scenario, not a campaign"):
+        load_campaign(SCENARIOS / "faults" / "two_uavs.yaml")
+
+
+def test_the_example_of_the_docs_can_be_flown(tmp_path: Path) -> None:
+    page = (SCENARIOS.parent / "docs" / "how-to" / "campaigns.md").read_text()
+    path = tmp_path / "my.yaml"
+    path.write_text(page.partition("```yaml\n")[2].partition("```")[0])
+    campaign = plan(load_campaign(path), path)
+    assert campaign.draws.num_rows == 400
+    gust = campaign.flights.values(row_of(campaign.draws, 0))["disturbance.acceleration_m_s2.y.sin"]
+    assert gust == 0.1 * campaign.draws.column("factor.gust")[0].as_py()
 
 
 def test_a_tree_of_the_helper_is_a_campaign(tmp_path: Path) -> None:

@@ -250,3 +250,14 @@ def test_the_factor_that_matters_is_named_first(mixed: Findings) -> None:
     figure = importance(mixed)
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert labels[0] == "mass"  # the figures of these tables grow with it
+
+
+def test_a_uav_that_a_variant_lacks_is_no_failure(tmp_path: Path) -> None:
+    alone = np.arange(2 * DRAWS) % 2 == 0
+    columns = {
+        name: [None if lacks else 7.0 for lacks in alone]
+        for name in (f"uav2.iae_{q}" for q in ("airspeed", "roll", "pitch", "yaw"))
+    }
+    findings = written(tmp_path, {"alone": GOOD, "two": GOOD}, figures=columns)
+    assert np.isfinite(findings.counted["alone"].cost("iae_roll")).all()
+    assert np.isinf(findings.counted["alone"].cost("uav2.iae_roll")).all()

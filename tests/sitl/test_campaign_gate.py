@@ -1,0 +1,56 @@
+"""The nightly job of docs/how-to/campaigns-in-ci.md, as it stands there, for two nights."""
+
+import os
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.sitl, pytest.mark.slow]
+
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "campaigns-in-ci.md"
+DRAWS = 8  # instead of 59: eight pairs can show "worse" at 99 %, since 2⁻⁸ < 1 %
+CHANGE = "proposed: {trigger: {b2_deg: 12.0}}"
+"""A law that was changed for the worse: surfaces move later."""
+
+
+def block(kind: str) -> str:
+    [text] = re.findall(rf"```{kind}\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    return str(text)
+
+
+def night(folder: Path, campaign: str) -> "subprocess.CompletedProcess[str]":
+    """Run the job; its last commands are the gate and the change of the reference."""
+    (folder / "nightly.yaml").write_text(campaign)
+    return subprocess.run(
+        ["sh", "nightly.sh"],
+        cwd=folder,
+        env=os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
+        capture_output=True,
+        text=True,
+        timeout=600.0,
+        check=False,
+    )
+
+
+def test_the_documented_nightly_job(tmp_path: Path) -> None:
+    campaign, shorter = re.subn(r"draws: \d+", f"draws: {DRAWS}", block("yaml"))
+    assert shorter == 1
+    (tmp_path / "nightly.sh").write_text(block("sh"))
+    first = night(tmp_path, campaign)
+    assert first.returncode == 0, first.stderr
+    assert (tmp_path / "runs/last-good/report.html").exists()
+
+    reference = (tmp_path / "runs/last-good/campaign.json").read_bytes()
+    worse = night(tmp_path, campaign.replace("proposed: {}", CHANGE))
+    assert worse.returncode == 1, worse.stdout + worse.stderr
+    assert "FAILED  proposed: worse iae_roll at 99 %" in worse.stdout
+    assert f"the same {DRAWS} draws" in worse.stdout
+    [suite] = ET.parse(tmp_path / "gate.xml").getroot()
+    assert [case.find("failure") is None for case in suite.iter("testcase")] == [True, False, True]
+    assert "**1 of 3 checks failed.**" in (tmp_path / "gate.md").read_text()
+    assert (tmp_path / "runs/tonight/report.html").exists()  # for whoever looks into it
+    assert (tmp_path / "runs/last-good/campaign.json").read_bytes() == reference
