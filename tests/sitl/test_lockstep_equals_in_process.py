@@ -38,10 +38,10 @@ def assert_equal_bit_for_bit(udp: dict[str, np.ndarray], other: dict[str, np.nda
         assert np.array_equal(array, other[key], equal_nan=numeric), key
 
 
-def assert_worth_comparing(folder: Path) -> None:
+def assert_worth_comparing(folder: Path, least_events: int) -> None:
     """Every channel of every UAV had events, and every fault acted."""
     events, flight = (arrays_of(folder / name) for name in ("events.npz", "trajectory.npz"))
-    assert len(events["step"]) > 1000
+    assert len(events["step"]) > least_events
     assert len({*zip(events["uav"].tolist(), events["channel"].tolist(), strict=True)}) == 12
     assert len(flight["time_s"]) == 6000
     differs = flight["applied"] != flight["held"]
@@ -53,14 +53,16 @@ def assert_worth_comparing(folder: Path) -> None:
         assert differs[begin + 2 : begin + 100, uav, channel].all(), fault
 
 
-def test_flights_are_equal_bit_for_bit(tmp_path: Path) -> None:
-    scenario = write_scenario(tmp_path, duration_s=6.0, faults=FAULTS)
+@pytest.mark.parametrize(("kind", "least_events"), [("proposed", 1000), ("surviving", 400)])
+def test_flights_are_equal_bit_for_bit(tmp_path: Path, kind: str, least_events: int) -> None:
+    keys = {} if kind == "proposed" else {"controller": {"kind": kind}}
+    scenario = write_scenario(tmp_path, duration_s=6.0, faults=FAULTS, **keys)
     folders = udp, in_process = tmp_path / "udp", tmp_path / "in_process"
     fly_well(scenario, "--quiet", "--free-ports", "--out", udp)
     fly_well(scenario, "--quiet", "--in-process", "--out", in_process)
     for name in ("events.npz", "trajectory.npz"):
         assert_equal_bit_for_bit(*(arrays_of(folder / name) for folder in folders))
-    assert_worth_comparing(udp)
+    assert_worth_comparing(udp, least_events)
     summaries = [summary_of(folder) for folder in folders]
     assert [summary.pop("mode") for summary in summaries] == ["lockstep", "in_process"]
     for summary in summaries:
