@@ -24,6 +24,7 @@ from gcs.commands import (
     scenarios,
     status,
     sweep,
+    trim,
     up,
     wire,
     wireshark,
@@ -99,6 +100,7 @@ def gcs(
 app.command(epilog=fly.EPILOG)(fly.fly)
 app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)
+app.command(epilog=trim.EPILOG)(trim.trim)
 app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)
 app.command(epilog=new.EPILOG)(new.new)
 app.command(epilog=up.EPILOG)(up.up)
