@@ -116,11 +116,17 @@ def trim_stuck(
         return None
     alpha, beta, pitch, V, turn, (da, de, dr, thrust) = unpacked(found.x)
     return Trim(
-        stuck,
-        V,
-        *(math.degrees(delta) for delta in (da, de, dr)),
-        thrust,
-        *(math.degrees(angle) for angle in (alpha, beta, roll, pitch, turn)),
+        stuck=stuck,
+        airspeed_m_s=V,
+        aileron_deg=math.degrees(da),
+        elevator_deg=math.degrees(de),
+        rudder_deg=math.degrees(dr),
+        thrust_n=thrust,
+        alpha_deg=math.degrees(alpha),
+        beta_deg=math.degrees(beta),
+        roll_deg=roll_deg,
+        pitch_deg=math.degrees(pitch),
+        turn_rate_deg_s=math.degrees(turn),
         beyond=_beyond(aircraft, channel, V, (da, de, dr), thrust),
     )
 
@@ -129,7 +135,7 @@ def _beyond(
     aircraft: Aircraft, stuck: int, V: float, delta: tuple[float, ...], thrust: float
 ) -> tuple[str, ...]:
     stop = aircraft.surface_limit_deg
-    found = [
+    found: list[str] = [
         name
         for channel, name in enumerate(ACTUATORS[:THROTTLE])
         if channel != stuck and abs(math.degrees(delta[channel])) > stop

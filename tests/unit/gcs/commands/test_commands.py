@@ -100,7 +100,14 @@ def test_a_key_of_one_command_is_not_left_to_others(tmp_path: Path) -> None:
 
 
 def test_trim_prints_steady_flights_as_tables_and_as_json() -> None:
-    options = ["trim", SCENARIO_1, "--airspeed", "50", "--set", "uncertainty.coefficients={cn0: 1.4}"]
+    options = [
+        "trim",
+        SCENARIO_1,
+        "--airspeed",
+        "50",
+        "--set",
+        "uncertainty.coefficients={cn0: 1.4}",
+    ]
     shown = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, options)
     assert "level flight that turns" in shown.output
     trims = json.loads(CliRunner().invoke(app, [*options, "--json"]).stdout)

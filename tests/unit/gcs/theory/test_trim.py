@@ -22,7 +22,12 @@ def flown(trim: Trim, aircraft: Aircraft, seconds: float = 0.5) -> State:
     """The state after some time, by Euler steps of 0.1 ms: a trim's derivative is constant."""
     record = aircraft_record(aircraft)
     alpha, beta = math.radians(trim.alpha_deg), math.radians(trim.beta_deg)
-    wind = (math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta))
+    V = trim.airspeed_m_s
+    v = (
+        V * math.cos(alpha) * math.cos(beta),
+        V * math.sin(beta),
+        V * math.sin(alpha) * math.cos(beta),
+    )
     roll, pitch = math.radians(trim.roll_deg), math.radians(trim.pitch_deg)
     turn = math.radians(trim.turn_rate_deg_s)
     omega = (
@@ -30,9 +35,9 @@ def flown(trim: Trim, aircraft: Aircraft, seconds: float = 0.5) -> State:
         turn * math.sin(roll) * math.cos(pitch),
         turn * math.cos(roll) * math.cos(pitch),
     )
-    v = tuple(trim.airspeed_m_s * w for w in wind)
-    state = (REST, v, (roll, pitch, 0.0), omega)
-    delta = tuple(map(math.radians, (trim.aileron_deg, trim.elevator_deg, trim.rudder_deg)))
+    state: State = (REST, v, (roll, pitch, 0.0), omega)
+    radians = math.radians
+    delta = (radians(trim.aileron_deg), radians(trim.elevator_deg), radians(trim.rudder_deg))
     for _ in range(round(seconds * 1e4)):
         slope = state_derivative(state, trim.thrust_n, delta, REST, REST, record)
         state = advance(state, 1e-4, slope)

@@ -132,13 +132,15 @@ def test_a_wrong_model_is_no_fault(seed: int, hardware: str) -> None:
     """Coefficients, mass and inertia independently off by up to 20 %."""
     rng = np.random.default_rng(seed)
     coefficients = scenario_tree("paper/scenario1")["aircraft"]["coefficients"]
-    uncertainty = {
+    uncertainty: dict[str, Any] = {
         "mass": float(rng.uniform(0.8, 1.2)),
         "inertia": {name: float(rng.uniform(0.8, 1.2)) for name in ("Jxx", "Jyy", "Jzz", "Jxz")},
         "coefficients": {name: float(rng.uniform(0.8, 1.2)) for name in coefficients},
     }
-    keys = {"uncertainty": uncertainty, "faults": []}
-    flight = fly_in_process(scenario_with("paper/scenario1", hardware=hardware, **keys))
+    scenario = scenario_with(
+        "paper/scenario1", hardware=hardware, uncertainty=uncertainty, faults=[]
+    )
+    flight = fly_in_process(scenario)
     assert flight.loss is None
     assert changes(flight) == []
     assert largest_errors_deg(flight, 1.0).max() < 5.0
