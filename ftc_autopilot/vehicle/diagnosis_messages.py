@@ -71,7 +71,7 @@ class DiagnosisMessages:
             at = f"at {self._hot.time_us * 1e-6 - float(actuator['since']):.2f} s"
             if lost:
                 stuck = self._amount(c, float(actuator["stuck"]))
-                where = f"{stuck:.0f} N" if c == THROTTLE else f"{stuck:.1f}°"
+                where = f"{stuck:.0f} N" if c == THROTTLE else f"{stuck:.1f} deg"
                 text = f"{name} lost {at}, held at {where}, {_TAKEN_OVER[name]}"
                 yield dialect.MAV_SEVERITY_CRITICAL, text
             else:

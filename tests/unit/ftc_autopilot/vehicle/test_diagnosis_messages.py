@@ -44,9 +44,9 @@ def said(bench: Bench) -> list[tuple[int, str]]:
 @pytest.mark.parametrize(
     ("channel", "stuck", "told"),
     [
-        (0, math.radians(0.1), "aileron lost at 19.94 s, held at 0.1°, roll by rudder, heading"),
-        (1, math.radians(-5), "elevator lost at 19.94 s, held at -5.0°, pitch by thrust"),
-        (2, math.radians(15), "rudder lost at 19.94 s, held at 15.0°, roll by aileron"),
+        (0, math.radians(0.1), "aileron lost at 19.94 s, held at 0.1 deg, roll by rudder, heading"),
+        (1, math.radians(-5), "elevator lost at 19.94 s, held at -5.0 deg, pitch by thrust"),
+        (2, math.radians(15), "rudder lost at 19.94 s, held at 15.0 deg, roll by aileron"),
         (3, 500.0, "throttle lost at 19.94 s, held at 500 N, nothing replaces it"),
     ],
 )

@@ -15,6 +15,7 @@ from gcs.reports.flight import flight_tables
 from gcs.results.recording import Recording
 from gcs.results.summary import FlightSummary, summarise
 from gcs.scenario.model import Scenario
+from gcs.scenario.sections import ScenarioFault
 
 STEPS = 40
 
@@ -137,9 +138,9 @@ def test_decisions_of_the_diagnosis_stand_beside_the_injected_fault(scenario1: S
     flight.signals["phase"][5, 1, 3] = 1  # a suspicion is no decision
     flight.signals["phase"][20:, 1, 3] = 2
     fault = {"uav": 1, "actuator": "aileron", "stuck_deg": 3.0, "start_s": 0.9, "end_s": 2.5}
-    tree = scenario_of(scenario1).model_dump() | {"faults": (fault,)}
-    scenario = Scenario.model_validate(tree)
-    first, second, *_ = summarise(flight, scenario).uavs
+    faults = (ScenarioFault.model_validate(fault),)
+    scenario = scenario_of(scenario1).model_copy(update={"faults": faults})
+    first, second = summarise(flight, scenario).uavs
     lost, back = first.diagnosis
     assert (lost.actuator, lost.phase, lost.time_s, lost.delay_s) == ("aileron", "lost", 1.0, 0.1)
     assert lost.stuck == pytest.approx(3.0)
