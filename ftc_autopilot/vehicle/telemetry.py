@@ -96,6 +96,7 @@ def makers_of(
         dialect.MAVLINK_MSG_ID_ATTITUDE_TARGET: state.attitude_target,
         dialect.MAVLINK_MSG_ID_VFR_HUD: state.vfr_hud,
         dialect.MAVLINK_MSG_ID_HIGHRES_IMU: state.highres_imu,
+        dialect.MAVLINK_MSG_ID_WIND_COV: state.wind_cov,
         dialect.MAVLINK_MSG_ID_ODOMETRY: state.odometry,
         dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: state.actuator_output_status,
         dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: state.servo_output_raw,

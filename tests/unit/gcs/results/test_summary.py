@@ -32,6 +32,7 @@ def straight(loss: str | None = None) -> Recording:
         step_us=100_000,
         uav_ids=(1, 2),
         states=states,
+        wind=np.zeros((STEPS, 2, 3)),
         applied=np.zeros((STEPS, 2, 4)),
         signals=signals,
         repeats=np.zeros((2, 4), np.int64),
