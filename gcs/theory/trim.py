@@ -13,7 +13,7 @@ import numpy as np
 from mavlink_defs.constants import ACTUATORS, AILERON, RUDDER, THROTTLE, Actuator
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
-from sitl_plant.rigid_body import R1, R2, state_derivative
+from sitl_plant.rigid_body import R1, R2, STILL_AIR, state_derivative
 from sitl_plant.vec3 import mul
 
 __all__ = ["Trim", "stuck_range", "trim_stuck"]
@@ -105,7 +105,9 @@ def trim_stuck(
         phi = (roll, pitch, 0.0)
         state = ((0.0, 0.0, 0.0), v, phi, mul(R2(phi), (0.0, 0.0, turn)))
         rest = (0.0, 0.0, 0.0)
-        _, v_dot, _, omega_dot = state_derivative(state, thrust, (da, de, dr), rest, rest, record)
+        _, v_dot, _, omega_dot = state_derivative(
+            state, thrust, (da, de, dr), rest, rest, STILL_AIR, record
+        )
         return [*v_dot, *omega_dot, mul(R1(phi), v)[2]]
 
     begin = [0.05, 0.0, 0.05, 0.0 if turns else airspeed_m_s / _METRES_S, 0.0, 0.0, 0.0]

@@ -13,7 +13,7 @@ from gcs.theory.trim import Trim, stuck_range, trim_stuck
 from mavlink_defs.constants import Actuator
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
-from sitl_plant.rigid_body import State, advance, state_derivative
+from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
 
 REST = (0.0, 0.0, 0.0)
 
@@ -39,7 +39,7 @@ def flown(trim: Trim, aircraft: Aircraft, seconds: float = 0.5) -> State:
     radians = math.radians
     delta = (radians(trim.aileron_deg), radians(trim.elevator_deg), radians(trim.rudder_deg))
     for _ in range(round(seconds * 1e4)):
-        slope = state_derivative(state, trim.thrust_n, delta, REST, REST, record)
+        slope = state_derivative(state, trim.thrust_n, delta, REST, REST, STILL_AIR, record)
         state = advance(state, 1e-4, slope)
     return state
 
