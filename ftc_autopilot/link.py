@@ -234,7 +234,7 @@ def _check_state(link: SimulatorLink) -> int:
     for i in range(3):
         total += sim_state["position"][i] ** 2 + sim_state["velocity"][i] ** 2
         total += sim_state["attitude"][i] ** 2 + sim_state["rates"][i] ** 2
-        total += sim_state["specific_force"][i] ** 2
+        total += sim_state["specific_force"][i] ** 2 + sim_state["wind"][i] ** 2
     return 0 if np.isfinite(total) else DropReason.OUT_OF_RANGE
 
 

@@ -26,6 +26,7 @@ from gcs.commands import (
     scenarios,
     status,
     sweep,
+    trim,
     up,
     wire,
     wireshark,
@@ -103,6 +104,7 @@ app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
 app.command(epilog=compare.EPILOG)(compare.compare)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)
 app.command(epilog=campaign.EPILOG)(campaign.campaign)
+app.command(epilog=trim.EPILOG)(trim.trim)
 app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)
 app.command(epilog=new.EPILOG)(new.new)
 app.command(epilog=up.EPILOG)(up.up)

@@ -31,6 +31,7 @@ from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault,
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import Quantity, describe
+from sitl_plant.atmosphere import Dryden, Wind
 from sitl_plant.config import Aircraft, Disturbance, Sinusoid, Uncertainty
 from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
 
@@ -42,6 +43,8 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "uncertainty": Uncertainty,
     "disturbance": Disturbance,
     "sinusoid": Sinusoid,
+    "wind": Wind,
+    "turbulence": Dryden,
     "servos": Servos,
     "surface_servo": SurfaceServo,
     "engine_servo": EngineServo,

@@ -12,6 +12,7 @@ from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repe
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.faults import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
+from sitl_plant.atmosphere import Wind
 from sitl_plant.hardware import ActuatorServos, Sensors, sensor_problems, servo_problems
 
 __all__ = [
@@ -206,7 +207,7 @@ class Disturbance(Model):
 
 
 class InitialState(Model):
-    """State at t = 0: v = [V, 0, 0], no rotation."""
+    """State at t = 0: v = [V, 0, 0] through the air, no rotation."""
 
     north_m: float = quantity("m", doc="North.")
     east_m: float = quantity("m", doc="East.")
@@ -252,6 +253,7 @@ class PlantConfig(Model):
     disturbance: Disturbance = Field(
         default=Disturbance(), description="Disturbances of every aircraft."
     )
+    wind: Wind = Field(default=Wind(), description="Motion of the air.")
     sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
     seed: Seed = 1
     uavs: tuple[PlantUav, ...] = Field(min_length=1, description="The aircraft.")

@@ -15,6 +15,9 @@ from sitl_plant.disturbance import disturbance_table
 from sitl_plant.plant import Environment, is_lost, specific_force, step_aircraft, time_s
 from sitl_plant.sensors import Sensing, measure, new_sensing
 from sitl_plant.servo import begin_period, new_servos, sent_commands
+from sitl_plant.turbulence import advance_turbulence, start_turbulence
+from sitl_plant.vec3 import norm, sub, vec3
+from sitl_plant.wind import air_around, new_wind
 
 __all__ = ["PlantState", "fly", "new_plant_state", "observe", "receive_controls"]
 
@@ -24,13 +27,16 @@ class PlantState(NamedTuple):
 
     states: np.ndarray  # (n, 12), see `sitl_plant.rigid_body.State`
     controls: np.ndarray  # (n, 4) held commands: aileron, elevator, rudder [rad], thrust [N]
-    servos: np.ndarray  # (n, 4), dtype SERVO
+    servos: np.ndarray  # (n,), dtype SERVOS
     sent: np.ndarray  # (n, depth, 4), see `sitl_plant.servo.sent_commands`
     applied: np.ndarray  # (n, 4) true positions and thrust at the last period's start
     faults: np.ndarray  # (n, MAX_FAULTS), dtype FAULT
     aircraft: np.ndarray  # (n,), dtype AIRCRAFT, the true ones
     messages: np.ndarray  # (n,), dtype SIM_STATE: the present state as the wire carries it
     disturbance: np.ndarray  # (6, 3)
+    wind: np.ndarray  # (1,), dtype WIND
+    turbulence: np.ndarray  # (n,), dtype TURBULENCE
+    air: np.ndarray  # (n, 6), motion of the air around each now, see `sitl_plant.rigid_body.Air`
     sensors: Sensing
 
 
@@ -48,7 +54,8 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         aircraft[i] = aircraft_record(uav.aircraft)
         states[i] = _initial_state(uav.initial)
     servos = np.array([new_servos(uav.servos, config.step_us) for uav in config.uavs])
-    return PlantState(
+    wind, turbulence = new_wind(config.wind, config.uavs)
+    fleet = PlantState(
         states,
         np.zeros((n, N_CHANNELS)),
         servos,
@@ -58,8 +65,16 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         aircraft,
         messages,
         disturbance_table(config.disturbance),
+        wind,
+        turbulence,
+        np.zeros((n, 6)),
         new_sensing(config),
     )
+    for i, uav in enumerate(config.uavs):
+        start_turbulence(turbulence[i], uav.initial.airspeed_m_s, config.seed, uav.id)
+        _look_at_air(fleet, i, 0.0)
+    states[:, 3:6] += fleet.air[:, :3]  # the initial airspeed is one through the air
+    return fleet
 
 
 def _initial_state(initial: InitialState) -> np.ndarray:
@@ -111,14 +126,23 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     message, x = fleet.messages[i], fleet.states[i]
     message["time_usec"] = step * step_us
     message["step"] = step
-    around = Environment(fleet.servos[i], fleet.faults[i], fleet.disturbance, fleet.aircraft[i])
-    force = specific_force(x, step, step_us, around)
+    around = Environment(
+        fleet.servos[i],
+        fleet.faults[i],
+        fleet.disturbance,
+        fleet.wind[0],
+        fleet.turbulence[i],
+        fleet.aircraft[i],
+    )
+    air = vec3(fleet.air[i, :3]), vec3(fleet.air[i, 3:])
+    force = specific_force(x, step, step_us, air, around)
     for k in range(3):
         message["position"][k] = x[k]
         message["velocity"][k] = x[3 + k]
         message["attitude"][k] = x[6 + k]
         message["rates"][k] = x[9 + k]
         message["specific_force"][k] = force[k]
+        message["wind"][k] = fleet.air[i, k]
     measure(fleet.sensors, i, step, message)
 
 
@@ -134,8 +158,29 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
     for i in range(len(fleet.states)):
         commanded = fleet.messages[i]["actuator_time_usec"] != _NOTHING_APPLIED
         begin_period(fleet.servos[i], fleet.sent[i], fleet.controls[i], step, commanded)
-        around = Environment(fleet.servos[i], fleet.faults[i], fleet.disturbance, fleet.aircraft[i])
+        around = Environment(
+            fleet.servos[i],
+            fleet.faults[i],
+            fleet.disturbance,
+            fleet.wind[0],
+            fleet.turbulence[i],
+            fleet.aircraft[i],
+        )
         step_aircraft(fleet.states[i], t, dt, around, fleet.applied[i])
-        if lost < 0 and is_lost(fleet.states[i]):
+        if fleet.wind[0]["still"] == 0:
+            V = norm(sub(vec3(fleet.states[i, 3:6]), vec3(fleet.air[i, :3])))
+            system, seed = fleet.sensors.systems[i], fleet.sensors.seed
+            advance_turbulence(fleet.turbulence[i], V, dt, seed, system, step + 1)
+            _look_at_air(fleet, i, time_s(step + 1, step_us))
+        if lost < 0 and is_lost(fleet.states[i], fleet.air[i, :3]):
             lost = i
     return lost
+
+
+@compiled
+def _look_at_air(fleet: PlantState, i: int, t: float) -> None:
+    """Note the motion of the air around aircraft i at a time [s]."""
+    x = fleet.states[i]
+    air = air_around(fleet.wind[0], fleet.turbulence[i], vec3(x[0:3]), vec3(x[6:9]), t)
+    for k in range(3):
+        fleet.air[i, k], fleet.air[i, 3 + k] = air[0][k], air[1][k]

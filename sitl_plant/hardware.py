@@ -120,11 +120,14 @@ class Sensor(Model):
 
 
 class Sensors(Model):
-    """The sensors of an aircraft; position and velocity are measured without error."""
+    """The sensors of an aircraft; position and velocity over ground have no error."""
 
     gyro_deg_s: Sensor = Field(default=Sensor(), description="Angular velocity [deg/s].")
     accelerometer_m_s2: Sensor = Field(default=Sensor(), description="Specific force [m/s^2].")
     attitude_deg: Sensor = Field(default=Sensor(), description="Roll, pitch, yaw [deg].")
+    airspeed_m_s: Sensor = Field(
+        default=Sensor(), description="Airspeed [m/s]; the direction of the air has no error."
+    )
 
 
 def servo_problems(servos: Servos | ActuatorServos, step_us: int) -> _Found:

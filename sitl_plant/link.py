@@ -68,6 +68,7 @@ class Record(NamedTuple):
     """The record of every step; empty if nothing is recorded."""
 
     states: np.ndarray  # (steps, n, 12)
+    wind: np.ndarray  # (steps, n, 3)
     applied: np.ndarray  # (steps, n, 4)
 
 
@@ -132,7 +133,11 @@ def new_link(
         sender=np.zeros(ADDRESS_SIZE, np.uint8),
         step_done=codec.payload_view(received, codec.STEP_DONE),
         actuators=codec.payload_view(received, codec.ACTUATORS),
-        record=Record(states=np.zeros((rows, n, 12)), applied=np.zeros((rows, n, N_CHANNELS))),
+        record=Record(
+            states=np.zeros((rows, n, 12)),
+            wind=np.zeros((rows, n, 3)),
+            applied=np.zeros((rows, n, N_CHANNELS)),
+        ),
         signer=link_signer or new_link_signer(b"", PLANT_LINK),
     )
 
@@ -194,6 +199,7 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
         step = state["step"]
         if step < len(record.states):
             record.states[step] = fleet.states
+            record.wind[step] = fleet.air[:, :3]
         lost = fly(fleet, step, state["step_us"])
         if step < len(record.applied):
             record.applied[step] = fleet.applied

@@ -15,9 +15,10 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import apply_faults
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.disturbance import disturbances
-from sitl_plant.rigid_body import State, advance, load_state, state_derivative, store_state
+from sitl_plant.rigid_body import Air, State, advance, load_state, state_derivative, store_state
 from sitl_plant.servo import end_period, positions
-from sitl_plant.vec3 import Vec3, add, norm, scale, vec3
+from sitl_plant.vec3 import Vec3, add, norm, scale, sub, vec3
+from sitl_plant.wind import air_around
 
 __all__ = [
     "AIRSPEED_MAX_M_S",
@@ -40,9 +41,11 @@ AIRSPEED_MAX_M_S = 300.0
 class Environment(NamedTuple):
     """An aircraft and what acts on it beside its commands."""
 
-    servos: np.ndarray  # (4,), dtype SERVO
+    servos: np.void  # dtype SERVOS
     faults: np.ndarray  # (MAX_FAULTS,), dtype FAULT
     disturbance: np.ndarray  # (6, 3), as `disturbance_table` returns it
+    wind: np.void  # dtype WIND
+    turbulence: np.void  # dtype TURBULENCE
     aircraft: np.void  # dtype AIRCRAFT
 
 
@@ -83,11 +86,12 @@ def _slope(
     interval_start: float,
     environment: Environment,
 ) -> State:
-    servos, faults, disturbance, aircraft = environment
-    moved = positions(servos, t - interval_start)
-    da, de, dr, thrust = apply_faults(moved, t, interval_start, faults, aircraft)
-    d_v, d_omega = disturbances(disturbance, t)
-    return state_derivative(state, thrust, (da, de, dr), d_v, d_omega, aircraft)
+    aircraft = environment.aircraft
+    moved = positions(environment.servos, t - interval_start)
+    da, de, dr, thrust = apply_faults(moved, t, interval_start, environment.faults, aircraft)
+    d_v, d_omega = disturbances(environment.disturbance, t)
+    air = air_around(environment.wind, environment.turbulence, state[0], state[2], t)
+    return state_derivative(state, thrust, (da, de, dr), d_v, d_omega, air, aircraft)
 
 
 @compiled
@@ -116,7 +120,9 @@ def step_aircraft(
 
 
 @compiled
-def specific_force(x: np.ndarray, step: int, step_us: int, environment: Environment) -> Vec3:
+def specific_force(
+    x: np.ndarray, step: int, step_us: int, surrounding: Air, environment: Environment
+) -> Vec3:
     """Return the specific force at a step [m/s²], body axes.
 
     It is that of the actuators as they stand at this instant: at the end of the period that ends
@@ -126,35 +132,40 @@ def specific_force(x: np.ndarray, step: int, step_us: int, environment: Environm
         x: State, shape (12,).
         step: Step number.
         step_us: Control period [µs].
+        surrounding: Motion of the air at the step.
         environment: The aircraft and what acts on it.
     """
-    servos, faults, disturbance, aircraft = environment
+    servos, aircraft = environment.servos, environment.aircraft
     t = time_s(step, step_us)
     _, v, _, omega = load_state(x)
-    moved = servos[0]["output"], servos[1]["output"], servos[2]["output"], servos[3]["output"]
-    real = apply_faults(moved, t, time_s(step - 1, step_us), faults, aircraft)
-    air = aerodynamics(v, omega, aircraft)
-    d_v, _ = disturbances(disturbance, t)
+    moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
+    real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
+    air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
+    d_v, _ = disturbances(environment.disturbance, t)
     return add(scale(1.0 / aircraft["m"], (air.F[0] + real[THROTTLE], air.F[1], air.F[2])), d_v)
 
 
 @compiled
-def is_lost(x: np.ndarray) -> bool:
+def is_lost(x: np.ndarray, wind: np.ndarray) -> bool:
     """Return whether a state, shape (12,), has left the range in which the model is valid.
 
     That is: a number is not finite, the pitch angle is beyond ±89° (Euler angles), or the
     airspeed is outside 3 to 300 m/s.
+
+    Args:
+        x: The state.
+        wind: Velocity of the air, body axes [m/s], shape (3,).
     """
     for i in range(12):
         if not math.isfinite(x[i]):
             return True
-    V = norm(vec3(x[3:6]))
+    V = norm(sub(vec3(x[3:6]), vec3(wind)))
     return abs(x[7]) > PITCH_MAX_RAD or V < AIRSPEED_MIN_M_S or V > AIRSPEED_MAX_M_S
 
 
-def describe_loss(x: np.ndarray) -> str:
-    """Describe in what way a state, shape (12,), is lost."""
+def describe_loss(x: np.ndarray, wind: np.ndarray) -> str:
+    """Describe in what way a state is lost; arguments as of `is_lost`."""
     if not np.isfinite(x).all():
         return "its state is not finite"
-    pitch_deg, V = math.degrees(x[7]), norm(vec3(x[3:6]))
+    pitch_deg, V = math.degrees(x[7]), norm(sub(vec3(x[3:6]), vec3(wind)))
     return f"pitch {pitch_deg:.1f}° (limit ±89°), airspeed {V:.1f} m/s (limits 3 to 300 m/s)"

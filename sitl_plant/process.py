@@ -113,7 +113,7 @@ class Plant:
                 break
             elif outcome == Outcome.LOST:
                 i = int(self._state["lost"])
-                why = describe_loss(self._fleet.states[i])
+                why = describe_loss(self._fleet.states[i], self._fleet.air[i, :3])
                 loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
                 break
             else:
@@ -136,6 +136,7 @@ class Plant:
         steps = int(self._state["step"])
         return {
             "states": self._link.record.states[:steps],
+            "wind": self._link.record.wind[:steps],
             "applied": self._link.record.applied[:steps],
             "steps": steps,
             "wall_s": self.wall_s,

@@ -15,6 +15,8 @@ from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, mul_t, scale, sub
 __all__ = [
     "R1",
     "R2",
+    "STILL_AIR",
+    "Air",
     "R2_inv",
     "State",
     "advance",
@@ -28,6 +30,11 @@ __all__ = [
 State: TypeAlias = tuple[Vec3, Vec3, Vec3, Vec3]
 """Position NED [m], velocity body [m/s], roll-pitch-yaw [rad], angular velocity body [rad/s];
 of a derivative, the same per second."""
+
+Air: TypeAlias = tuple[Vec3, Vec3]
+"""Velocity [m/s] and angular velocity [rad/s] of the air around an aircraft, body axes."""
+
+STILL_AIR: Air = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 
 
 @compiled
@@ -96,7 +103,13 @@ def angular_acceleration(omega: Vec3, moment: Vec3, J: Mat3, J_inv: Mat3) -> Vec
 
 @compiled
 def state_derivative(
-    state: State, thrust: float, delta: Vec3, d_v: Vec3, d_omega: Vec3, aircraft: np.void
+    state: State,
+    thrust: float,
+    delta: Vec3,
+    d_v: Vec3,
+    d_omega: Vec3,
+    surrounding: Air,
+    aircraft: np.void,
 ) -> State:
     """Return the right-hand side of eqs. (1) to (4).
 
@@ -106,10 +119,11 @@ def state_derivative(
         delta: Applied aileron, elevator, rudder deflections [rad].
         d_v: Disturbance of the acceleration, body axes [m/s²].
         d_omega: Disturbance of the angular acceleration, body axes [rad/s²].
+        surrounding: Motion of the air: forces and moments are those of the motion through it.
         aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
     """
     _, v, phi, omega = state
-    air = aerodynamics(v, omega, aircraft)
+    air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
     m = aircraft["m"]
     rotation = R1(phi)
     force = scale(1.0 / m, (air.F[0] + thrust, air.F[1], air.F[2]))

@@ -13,11 +13,14 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.config import PlantConfig
 from sitl_plant.gaussian import normal
 from sitl_plant.hardware import Sensor, Sensors
+from sitl_plant.vec3 import norm, scale, sub, vec3
 
 __all__ = ["AXES", "Sensing", "measure", "new_sensing"]
 
-AXES = 9
-"""Measured quantities: gyro x, y, z, accelerometer x, y, z, roll, pitch, yaw."""
+AXES = 10
+"""Measured quantities: gyro x, y, z, accelerometer x, y, z, roll, pitch, yaw, airspeed."""
+
+_AIRSPEED = 9
 
 _DRIFT_CHANNEL = 100  # of the random numbers; those of the noise are the axes' own
 
@@ -37,6 +40,7 @@ class Sensing(NamedTuple):
     """The sensors of n aircraft, and their state."""
 
     ideal: bool  # nothing is done
+    exact_airspeed: bool  # nothing is done to the wind
     sensors: np.ndarray  # (AXES,), dtype SENSOR
     seed: int
     systems: np.ndarray  # (n,), system ids
@@ -54,9 +58,11 @@ def new_sensing(config: PlantConfig) -> Sensing:
     for k, (name, unit) in enumerate(units.items()):
         for axis in range(3):
             _fill(sensors[3 * k + axis], getattr(config.sensors, name), unit, config.step_us)
+    _fill(sensors[_AIRSPEED], config.sensors.airspeed_m_s, 1.0, config.step_us)
     n = len(config.uavs)
     return Sensing(
         ideal=config.sensors == Sensors(),
+        exact_airspeed=config.sensors.airspeed_m_s == Sensor(),
         sensors=sensors,
         seed=config.seed,
         systems=np.array([uav.id for uav in config.uavs]),
@@ -100,6 +106,18 @@ def measure(sensing: Sensing, i: int, step: int, message: np.void) -> None:
         message["rates"][axis] = held[axis]
         message["specific_force"][axis] = held[3 + axis]
         message["attitude"][axis] = held[6 + axis]
+    if not sensing.exact_airspeed:
+        _set_airspeed(message, held[_AIRSPEED])
+
+
+@compiled
+def _set_airspeed(message: np.void, airspeed: float) -> None:
+    """Scale the velocity through the air to another length; the one over ground stays."""
+    v, wind = vec3(message["velocity"]), vec3(message["wind"])
+    through = sub(v, wind)
+    measured = scale(airspeed / norm(through), through)
+    for axis in range(3):
+        message["wind"][axis] = v[axis] - measured[axis]
 
 
 @compiled
@@ -110,6 +128,8 @@ def _sample(sensing: Sensing, i: int, step: int, message: np.void) -> None:
         truth[step % depth, axis] = message["rates"][axis]
         truth[step % depth, 3 + axis] = message["specific_force"][axis]
         truth[step % depth, 6 + axis] = message["attitude"][axis]
+    through = sub(vec3(message["velocity"]), vec3(message["wind"]))
+    truth[step % depth, _AIRSPEED] = norm(through)
     for k in range(AXES):
         sensor = sensing.sensors[k]
         if first:

@@ -19,48 +19,52 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import Controls
 from sitl_plant.hardware import ActuatorServos, EngineServo, SurfaceServo
 
-__all__ = ["SERVO", "begin_period", "end_period", "new_servos", "positions", "sent_commands"]
+__all__ = ["SERVOS", "begin_period", "end_period", "new_servos", "positions", "sent_commands"]
 
-SERVO = np.dtype(
+_EACH = (N_CHANNELS,)
+
+SERVOS = np.dtype(
     [
-        ("lag", "f8"),  # s
-        ("rate_limit", "f8"),  # rad/s or N/s, inf: none
-        ("dead_steps", "i8"),  # control periods
-        ("half_play", "f8"),  # rad or N
-        ("resolution", "f8"),  # rad or N
-        ("settled", "i8"),  # 1: has come to rest at its first command
-        ("target", "f8"),  # what it goes to in this period [rad or N]
-        ("shaft", "f8"),  # where it stood when the period began, before the play [rad or N]
-        ("output", "f8"),  # the same behind the play
+        ("ideal", "i8"),  # 1: all follow at once
+        ("settled", "i8"),  # 1: they have come to rest at their first commands
+        ("lag", "f8", _EACH),  # s
+        ("rate_limit", "f8", _EACH),  # rad/s or N/s, inf: none
+        ("dead_steps", "i8", _EACH),  # control periods
+        ("half_play", "f8", _EACH),  # rad or N
+        ("resolution", "f8", _EACH),  # rad or N
+        ("target", "f8", _EACH),  # where they go to in this period [rad or N]
+        ("shaft", "f8", _EACH),  # where they stood when it began, before the play [rad or N]
+        ("output", "f8", _EACH),  # the same behind the play
     ]
 )
-"""A servo and its state."""
+"""The servos of one aircraft and their state; aileron, elevator, rudder, throttle."""
 
 
-def new_servos(servos: ActuatorServos, step_us: int) -> np.ndarray:
-    """Return the servos of one aircraft, dtype `SERVO`, shape (4,).
+def new_servos(servos: ActuatorServos, step_us: int) -> np.void:
+    """Return the servos of one aircraft, dtype `SERVOS`.
 
     Args:
         servos: Their configuration.
         step_us: Control period [µs].
     """
-    row = np.zeros(N_CHANNELS, SERVO)
-    for i, name in enumerate(ActuatorServos.model_fields):
-        _fill(row[i], getattr(servos, name), step_us)
-    return row
+    record: np.void = np.zeros(1, SERVOS)[0]
+    record["ideal"] = servos == ActuatorServos()
+    for c, name in enumerate(ActuatorServos.model_fields):
+        _fill(record, c, getattr(servos, name), step_us)
+    return record
 
 
-def _fill(record: np.void, servo: SurfaceServo | EngineServo, step_us: int) -> None:
+def _fill(record: np.void, c: int, servo: SurfaceServo | EngineServo, step_us: int) -> None:
     if isinstance(servo, SurfaceServo):
         limit, resolution = servo.rate_limit_deg_s, math.radians(servo.resolution_deg)
-        record["half_play"] = math.radians(servo.backlash_deg) / 2.0
-        record["rate_limit"] = math.inf if limit is None else math.radians(limit)
+        record["half_play"][c] = math.radians(servo.backlash_deg) / 2.0
+        record["rate_limit"][c] = math.inf if limit is None else math.radians(limit)
     else:
         limit, resolution = servo.rate_limit_n_s, servo.resolution_n
-        record["rate_limit"] = math.inf if limit is None else limit
-    record["resolution"] = resolution
-    record["lag"] = servo.lag_s
-    record["dead_steps"] = round(servo.dead_time_s * 1e6 / step_us)
+        record["rate_limit"][c] = math.inf if limit is None else limit
+    record["resolution"][c] = resolution
+    record["lag"][c] = servo.lag_s
+    record["dead_steps"][c] = round(servo.dead_time_s * 1e6 / step_us)
 
 
 def sent_commands(servos: np.ndarray) -> np.ndarray:
@@ -71,86 +75,92 @@ def sent_commands(servos: np.ndarray) -> np.ndarray:
 
 @compiled
 def begin_period(
-    servos: np.ndarray, sent: np.ndarray, controls: np.ndarray, step: int, commanded: bool
+    servos: np.void, sent: np.ndarray, controls: np.ndarray, step: int, commanded: bool
 ) -> None:
     """Let one aircraft's servos receive the commands that are held over a period.
 
     The flight begins with servos that have come to rest at their first commands.
 
     Args:
-        servos: Dtype `SERVO`, shape (4,), updated in place.
+        servos: Record of dtype `SERVOS`, updated in place.
         sent: Memory of commands, shape (depth, 4), updated in place.
         controls: Aileron, elevator, rudder [rad], thrust [N] as commanded, shape (4,).
         step: Step at which the period begins.
         commanded: Whether a command has been received since the simulation began.
     """
-    depth = len(sent)
+    depth, settled = len(sent), servos["settled"] == 1
     for c in range(N_CHANNELS):
-        servo = servos[c]
-        settled = servo["settled"] == 1
+        target = controls[c]
+        if servos["ideal"] == 0:
+            if not settled:
+                sent[:, c] = controls[c]
+            sent[step % depth, c] = controls[c]
+            target = sent[(step - servos["dead_steps"][c]) % depth, c]
+            resolution = servos["resolution"][c]
+            if resolution > 0.0:
+                target = round(target / resolution) * resolution
+        servos["target"][c] = target
         if not settled:
-            sent[:, c] = controls[c]
-        sent[step % depth, c] = controls[c]
-        target = sent[(step - servo["dead_steps"]) % depth, c]
-        if servo["resolution"] > 0.0:
-            target = round(target / servo["resolution"]) * servo["resolution"]
-        servo["target"] = target
-        if not settled:
-            servo["shaft"] = target
-            servo["output"] = target
-            servo["settled"] = commanded
+            servos["shaft"][c] = target
+            servos["output"][c] = target
+    servos["settled"] = settled or commanded
 
 
 @compiled
-def positions(servos: np.ndarray, elapsed: float) -> Controls:
+def positions(servos: np.void, elapsed: float) -> Controls:
     """Return where one aircraft's servos stand, before faults and stops.
 
     Args:
-        servos: Dtype `SERVO`, shape (4,).
+        servos: Record of dtype `SERVOS`.
         elapsed: Time since the period began, up to its length [s].
     """
+    if servos["ideal"] == 1:
+        target = servos["target"]
+        return target[0], target[1], target[2], target[3]
     return (
-        _position(servos[0], elapsed),
-        _position(servos[1], elapsed),
-        _position(servos[2], elapsed),
-        _position(servos[3], elapsed),
+        _position(servos, 0, elapsed),
+        _position(servos, 1, elapsed),
+        _position(servos, 2, elapsed),
+        _position(servos, 3, elapsed),
     )
 
 
 @compiled
-def end_period(servos: np.ndarray, dt: float) -> None:
+def end_period(servos: np.void, dt: float) -> None:
     """Take one aircraft's servos to the end of a period of length dt [s]."""
     for c in range(N_CHANNELS):
-        servo = servos[c]
-        shaft, output = _shaft(servo, dt), _position(servo, dt)
-        servo["shaft"], servo["output"] = shaft, output
+        if servos["ideal"] == 1:
+            servos["output"][c] = servos["target"][c]
+            continue
+        shaft, output = _shaft(servos, c, dt), _position(servos, c, dt)
+        servos["shaft"][c], servos["output"][c] = shaft, output
 
 
 @compiled
-def _position(servo: np.void, elapsed: float) -> float:
+def _position(servos: np.void, c: int, elapsed: float) -> float:
     """Return a servo's position behind its play.
 
     Over a period the shaft moves in one direction, so that the play's other side is not reached
     in between: it is enough to know where both stood when the period began.
     """
-    shaft = _shaft(servo, elapsed)
-    half: float = servo["half_play"]
-    output: float = servo["output"]
+    shaft = _shaft(servos, c, elapsed)
+    half: float = servos["half_play"][c]
+    output: float = servos["output"][c]
     if half == 0.0:
         return shaft
     return min(max(output, shaft - half), shaft + half)
 
 
 @compiled
-def _shaft(servo: np.void, elapsed: float) -> float:
+def _shaft(servos: np.void, c: int, elapsed: float) -> float:
     """Solve lag · ẋ = target - x with |ẋ| ≤ rate limit, from the start of the period.
 
     While the distance to the target is more than rate limit · lag the servo moves at its limit,
     and then it closes exponentially; the two pieces meet with the same rate.
     """
-    target: float = servo["target"]
-    start: float = servo["shaft"]
-    lag, limit = servo["lag"], servo["rate_limit"]
+    target: float = servos["target"][c]
+    start: float = servos["shaft"][c]
+    lag, limit = servos["lag"][c], servos["rate_limit"][c]
     if lag == 0.0 and math.isinf(limit):
         return target
     distance = abs(target - start)

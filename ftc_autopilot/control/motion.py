@@ -7,7 +7,7 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
 from sitl_plant.rigid_body import R2_inv, gravity_body
-from sitl_plant.vec3 import Vec3, add, dot, mul, vec3
+from sitl_plant.vec3 import Vec3, add, dot, mul, sub, vec3
 
 __all__ = ["Motion", "fill_neighbour_state", "motion_of"]
 
@@ -15,7 +15,7 @@ __all__ = ["Motion", "fill_neighbour_state", "motion_of"]
 class Motion(NamedTuple):
     """Measured motion, and the nominal model's view of the air."""
 
-    v: Vec3  # velocity, body axes [m/s]
+    v: Vec3  # velocity through the air, body axes [m/s]
     phi: Vec3  # roll, pitch, yaw [rad]
     omega: Vec3  # angular velocity, body axes [rad/s]
     V: float  # airspeed [m/s]
@@ -32,7 +32,7 @@ def motion_of(measured: np.void, aircraft: np.void) -> Motion:
         measured: Payload of dtype `mavlink_defs.framing.codec.SIM_STATE`.
         aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
     """
-    v = vec3(measured["velocity"])
+    v = sub(vec3(measured["velocity"]), vec3(measured["wind"]))
     phi = vec3(measured["attitude"])
     omega = vec3(measured["rates"])
     air = aerodynamics(v, omega, aircraft)

@@ -219,7 +219,7 @@ class Modes:
         self._guidance["auto"] = int(mode == AUTO and self.started)
         if not self._guidance["auto"]:
             state = self._hot.measured
-            speed = math.hypot(*map(float, state["velocity"]))
+            speed = math.hypot(*map(float, state["velocity"] - state["wind"]))
             airspeed = min(max(speed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)
             self._guidance["command"] = (airspeed, 0.0, 0.0, float(state["attitude"][2]))
         if mode != self.mode:

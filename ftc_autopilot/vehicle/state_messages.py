@@ -116,7 +116,7 @@ class StateMessages:
         """Return VFR_HUD."""
         north, east, down = self._velocity_ned()
         height = -float(self._state["position"][2])
-        airspeed = float(np.linalg.norm(self._state["velocity"]))
+        airspeed = float(np.linalg.norm(self._state["velocity"] - self._state["wind"]))
         airspeed, groundspeed, climb, alt = float32s(
             (airspeed, math.hypot(north, east), -down, self._origin.altitude_m + height)
         )
@@ -129,6 +129,16 @@ class StateMessages:
             ),
             alt=alt,
             climb=climb,
+        )
+
+    def wind_cov(self) -> MAVLink_message:
+        """Return WIND_COV: the wind that velocity and airspeed make; no accuracy is stated."""
+        unknown = math.nan
+        wind = mul(R1(vec3(self._state["attitude"])), vec3(self._state["wind"]))
+        altitude = self._origin.altitude_m - float(self._state["position"][2])
+        north, east, down, amsl = float32s((*wind, altitude))
+        return dialect.MAVLink_wind_cov_message(
+            self._time_us, north, east, down, unknown, unknown, amsl, unknown, unknown
         )
 
     def highres_imu(self) -> MAVLink_message:

@@ -1,6 +1,7 @@
 """Status messages of a vehicle: identity, capabilities, health."""
 
 import re
+from collections.abc import Callable
 from importlib.metadata import version
 
 from ftc_autopilot.config import AutopilotConfig
@@ -22,6 +23,7 @@ _CAPABILITIES = (
     | dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 )
 # MAVSDK takes a vehicle for healthy by these, MAVProxy announces a fence breach without GEOFENCE
+_ACTUATORS = dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 _SENSORS = (
     dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | dialect.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -30,15 +32,17 @@ _SENSORS = (
     | dialect.MAV_SYS_STATUS_GEOFENCE
     | dialect.MAV_SYS_STATUS_AHRS
     | dialect.MAV_SYS_STATUS_PREARM_CHECK
+    | _ACTUATORS
 )
 _ALL_KNOWN = 0b11_0111_1111  # EKF_STATUS_REPORT.flags
 _UNKNOWN_U16, _UNKNOWN_I16, _UNKNOWN = 2**16 - 1, 2**15 - 1, -1
 
 
 class StatusMessages:
-    """Makes the messages that do not depend on the aircraft's state."""
+    """Makes the messages that do not depend on the aircraft's motion."""
 
-    def __init__(self, config: AutopilotConfig) -> None:
+    def __init__(self, config: AutopilotConfig, actuators_healthy: Callable[[], bool]) -> None:
+        self._actuators_healthy = actuators_healthy
         self._system = config.id
         self._capabilities = _CAPABILITIES | config.param_capability
 
@@ -62,13 +66,13 @@ class StatusMessages:
             [*uid2],
         )
 
-    @staticmethod
-    def sys_status() -> MAVLink_message:
-        """Return SYS_STATUS: everything works, always; faults are the controller's to find out."""
+    def sys_status(self) -> MAVLink_message:
+        """Return SYS_STATUS: everything works, but what the diagnosis of the actuators finds."""
+        health = _SENSORS if self._actuators_healthy() else _SENSORS & ~_ACTUATORS
         return dialect.MAVLink_sys_status_message(
             _SENSORS,
             _SENSORS,
-            _SENSORS,
+            health,
             load=0,
             voltage_battery=_UNKNOWN_U16,
             current_battery=_UNKNOWN,

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
+from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
 from mavlink_defs import dialect
@@ -77,7 +78,10 @@ _GROUPS[dialect.MAV_DATA_STREAM_ALL] = tuple(i for group in _GROUPS.values() for
 
 
 def makers_of(
-    state: StateMessages, controller: ControllerMessages, status: StatusMessages
+    state: StateMessages,
+    controller: ControllerMessages,
+    diagnosis: DiagnosisMessages,
+    status: StatusMessages,
 ) -> dict[int, Maker]:
     """Return every message that can be streamed or requested, by its id."""
     return {
@@ -92,6 +96,7 @@ def makers_of(
         dialect.MAVLINK_MSG_ID_ATTITUDE_TARGET: state.attitude_target,
         dialect.MAVLINK_MSG_ID_VFR_HUD: state.vfr_hud,
         dialect.MAVLINK_MSG_ID_HIGHRES_IMU: state.highres_imu,
+        dialect.MAVLINK_MSG_ID_WIND_COV: state.wind_cov,
         dialect.MAVLINK_MSG_ID_ODOMETRY: state.odometry,
         dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: state.actuator_output_status,
         dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: state.servo_output_raw,
@@ -99,6 +104,7 @@ def makers_of(
         dialect.MAVLINK_MSG_ID_FTC_EVENTS: controller.events,
         dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,
         dialect.MAVLINK_MSG_ID_FTC_DROPS: controller.drops,
+        dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS: diagnosis.diagnosis,
         dialect.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
         dialect.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
         dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: status.ekf_status_report,

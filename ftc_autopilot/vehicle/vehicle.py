@@ -14,6 +14,7 @@ from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.link import GCS, PLANT
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
+from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
 from ftc_autopilot.vehicle.mission import Mission
 from ftc_autopilot.vehicle.modes import Modes
 from ftc_autopilot.vehicle.param_table import parameters_of
@@ -55,10 +56,12 @@ class Vehicle:
 
         self.modes = Modes(config, hot, controllers, self.say)
         self._mission = Mission(own, self.modes, home_item(config.origin), self.say)
+        self._diagnosis = DiagnosisMessages(hot, controllers)
         makers = makers_of(
             StateMessages(hot, controllers, config.origin),
             ControllerMessages(hot, controllers),
-            StatusMessages(config),
+            self._diagnosis,
+            StatusMessages(config, self._diagnosis.healthy),
         )
         makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
         self.telemetry = [Telemetry(makers) for _ in self._stations]
@@ -126,6 +129,8 @@ class Vehicle:
             self._queue([self.modes.heartbeat()])
             self._simulator_outbox.append(self.modes.heartbeat())
         self._report_edges()
+        for severity, text in self._diagnosis.changes():
+            self.say(severity, text)
         if self._hot.heard_s > 0.0:
             time_us = self._hot.time_us
             clock_us = time_us if self.running else round(now * 1e6)

@@ -127,7 +127,7 @@ def collect(scenario: Scenario, fleet: FleetProcesses, mode: Mode) -> Recording:
     ids = tuple(uav.id for uav in scenario.uavs)
     try:
         with np.load(fleet.recording_of("plant")) as plant:
-            states, applied = plant["states"], plant["applied"]
+            states, wind, applied = plant["states"], plant["wind"], plant["applied"]
             wall_s, loss = float(plant["wall_s"]), str(plant["loss"])
         autopilots = [np.load(fleet.recording_of(f"uav{i}")) for i in ids]
     except OSError as problem:
@@ -142,6 +142,7 @@ def collect(scenario: Scenario, fleet: FleetProcesses, mode: Mode) -> Recording:
         step_us=scenario.step_us,
         uav_ids=ids,
         states=states,
+        wind=wind,
         applied=applied,
         signals=np.stack([a["signals"][:steps] for a in autopilots], axis=1),
         repeats=np.stack([a["repeats"] for a in autopilots]),

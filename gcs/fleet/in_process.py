@@ -55,6 +55,7 @@ def fly_in_process(
 
     steps = scenario.steps
     states = np.zeros((steps, len(ids), 12))
+    wind = np.zeros((steps, len(ids), 3))
     applied = np.zeros((steps, len(ids), N_CHANNELS))
     signals = np.zeros((steps, len(ids)), SIGNALS)
     _exchange_initial_states(fleet, controllers, sources, scenario.step_us)
@@ -63,11 +64,21 @@ def fly_in_process(
     while step < steps and loss is None:
         last = min(step + _CHUNK_STEPS, steps)
         step, lost = _run(
-            fleet, controllers, sources, step, last, scenario.step_us, states, applied, signals
+            fleet,
+            controllers,
+            sources,
+            step,
+            last,
+            scenario.step_us,
+            states,
+            wind,
+            applied,
+            signals,
         )
         if lost >= 0:
             t = step * scenario.step_us / 1e6
-            loss = f"UAV {ids[lost]} was lost at {t:.3f} s: {describe_loss(fleet.states[lost])}"
+            why = describe_loss(fleet.states[lost], fleet.air[lost, :3])
+            loss = f"UAV {ids[lost]} was lost at {t:.3f} s: {why}"
         if on_progress is not None:
             on_progress(step * scenario.step_us / 1e6, controllers.states["events"])
     return Recording(
@@ -75,6 +86,7 @@ def fly_in_process(
         step_us=scenario.step_us,
         uav_ids=ids,
         states=states[:step],
+        wind=wind[:step],
         applied=applied[:step],
         signals=signals[:step],
         repeats=np.zeros((len(ids), N_CHANNELS), np.int64),
@@ -117,6 +129,7 @@ def _run(
     last: int,
     step_us: int,
     states: np.ndarray,
+    wind: np.ndarray,
     applied: np.ndarray,
     signals: np.ndarray,
 ) -> tuple[int, int]:
@@ -129,6 +142,7 @@ def _run(
             if mask != 0:
                 receive_controls(fleet, i, controllers.actuators[i])
             states[step, i] = fleet.states[i]
+            wind[step, i] = fleet.air[i, :3]
             signals[step, i] = controllers.signals[i]
         _deliver(controllers, sources)
         lost = fly(fleet, step, step_us)

@@ -40,6 +40,16 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
                 (f"UAV {uav.id} lost its {name}", "bold red"),
                 f": {angles} was more than 90° off first at {lost_at_s:.3f} s",
             )
+    for decision in uav.diagnosis:
+        at = f"at {decision.time_s:.3f} s"
+        caused = "start" if decision.phase == "lost" else "end"
+        after = (
+            f", {milliseconds(decision.delay_s)} after the fault's {caused}"
+            if decision.delay_s is not None
+            else ", without an injected fault"
+        )
+        what = "lost" if decision.phase == "lost" else "back in service"
+        yield Text(f"UAV {uav.id} diagnosed its {decision.actuator} as {what} {at}{after}")
     if missing := uav.missing_steps:
         yield Text.assemble(
             (f"UAV {uav.id} missed {missing} of {steps} steps", "bold red"),

@@ -57,6 +57,7 @@ def export_flight(recording: Recording, folder: Path) -> None:
             uav=np.array(recording.uav_ids),
             time_s=recording.time_s,
             state=recording.states,
+            wind=recording.wind,
             applied=recording.applied,
             **arrays,  # type: ignore[arg-type]  # no allow_pickle
         )

@@ -26,6 +26,7 @@ class Recording:
         step_us: Control period [µs].
         uav_ids: System ids, length n.
         states: Shape (steps, n, 12), at the start of each step; see `sitl_plant.rigid_body.State`.
+        wind: Shape (steps, n, 3), velocity of the air at the start of each step, body axes [m/s].
         applied: Shape (steps, n, 4), applied at the start of each period: aileron, elevator,
             rudder, thrust.
         signals: Shape (steps, n), dtype `ftc_autopilot.control.controller.SIGNALS`; NaN where an
@@ -39,6 +40,7 @@ class Recording:
     step_us: int
     uav_ids: tuple[int, ...]
     states: np.ndarray
+    wind: np.ndarray
     applied: np.ndarray
     signals: np.ndarray
     repeats: np.ndarray
@@ -70,7 +72,7 @@ class Recording:
     @property
     def response(self) -> np.ndarray:
         """True airspeed [m/s], roll, pitch, yaw [rad], shape (steps, n, 4)."""
-        u, v, w = np.moveaxis(self.states[..., 3:6], -1, 0)
+        u, v, w = np.moveaxis(self.states[..., 3:6] - self.wind, -1, 0)
         airspeed = np.sqrt(u * u + v * v + w * w)
         return np.concatenate([airspeed[..., None], self.states[..., 6:9]], axis=-1)
 

@@ -59,6 +59,7 @@ def save_flight(recording: Recording, summary: FlightSummary, folder: Path) -> N
         "uav": np.array(recording.uav_ids),
         "time_s": recording.time_s,
         "state": recording.states,
+        "wind": recording.wind,
         "applied": recording.applied,
     }
     trajectory |= {name: signals[name] for name in (signals.dtype.names or ())}

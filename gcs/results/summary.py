@@ -2,17 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
+from ftc_autopilot.control.diagnosis import LOST
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees, integrated_error
 from gcs.results.recording import Mode, Recording
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.transmissions import saving
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["ChannelSummary", "FlightSummary", "UavSummary", "event_table", "summarise"]
+__all__ = [
+    "ChannelSummary",
+    "DiagnosisSummary",
+    "FlightSummary",
+    "UavSummary",
+    "event_table",
+    "summarise",
+]
 
 _SETTLING_S = 1.0  # the largest error counts after this time
 _FINAL_S = 1.0  # the final error is the largest one of this long before the end
@@ -35,6 +43,26 @@ class ChannelSummary:
 
 
 @dataclass(frozen=True)
+class DiagnosisSummary:
+    """A decision of a UAV's diagnosis about one of its actuators.
+
+    Attributes:
+        actuator: The actuator.
+        phase: "lost", or "back" in service.
+        time_s: When [s].
+        delay_s: Since the start, or the end, of the injected fault that it follows [s]; None if it
+            follows none.
+        stuck: Where it stands when it is declared lost [deg, throttle N]; None when it is back.
+    """
+
+    actuator: str
+    phase: Literal["lost", "back"]
+    time_s: float
+    delay_s: float | None
+    stuck: float | None
+
+
+@dataclass(frozen=True)
 class UavSummary:
     """One UAV's part of a flight; errors are by quantity, None where no step has one.
 
@@ -51,6 +79,7 @@ class UavSummary:
         final_error: Largest ones within the last second [m/s, deg].
         attitude_lost_at_s: When roll or pitch was first more than 90° off [s]; None if never.
         heading_lost_at_s: The same for yaw.
+        diagnosis: Decisions of its diagnosis, in order; none of a law without one.
     """
 
     id: int
@@ -65,6 +94,7 @@ class UavSummary:
     final_error: Mapping[str, float | None]
     attitude_lost_at_s: float | None
     heading_lost_at_s: float | None
+    diagnosis: tuple[DiagnosisSummary, ...] = ()
 
     @property
     def events(self) -> int:
@@ -136,7 +166,7 @@ def summarise(recording: Recording, scenario: Scenario) -> FlightSummary:
     steps = len(recording.states)
     commands, reference = recording.error("command"), recording.error("reference")
     uavs = tuple(
-        _summarise_uav(recording, i, commands[:, i], reference[:, i])
+        _summarise_uav(recording, i, commands[:, i], reference[:, i], scenario)
         for i in range(len(recording.uav_ids))
     )
     wall_s = recording.wall_s
@@ -158,7 +188,11 @@ def summarise(recording: Recording, scenario: Scenario) -> FlightSummary:
 
 
 def _summarise_uav(
-    recording: Recording, i: int, commands: np.ndarray, reference: np.ndarray
+    recording: Recording,
+    i: int,
+    commands: np.ndarray,
+    reference: np.ndarray,
+    scenario: Scenario,
 ) -> UavSummary:
     """Summarise the i-th UAV, given its errors against commands and reference, (steps, 4)."""
     active = int(np.count_nonzero(recording.active[:, i]))
@@ -177,7 +211,37 @@ def _summarise_uav(
         final_error=_by_quantity(_largest(reference[time_s >= recording.duration_s - _FINAL_S])),
         attitude_lost_at_s=_lost_at_s(time_s, reference[:, 1:3]),
         heading_lost_at_s=_lost_at_s(time_s, reference[:, 3:]),
+        diagnosis=tuple(_decisions(recording, i, scenario)),
     )
+
+
+def _decisions(recording: Recording, i: int, scenario: Scenario) -> list[DiagnosisSummary]:
+    """Return the decisions of the i-th UAV's diagnosis, in order."""
+    lost = recording.signals["phase"][:, i] == LOST
+    found = []
+    for c, name in enumerate(ACTUATORS):
+        faults = [
+            fault
+            for fault in scenario.faults
+            if fault.uav == recording.uav_ids[i] and fault.actuator == name
+        ]
+        for k in np.flatnonzero(np.diff(lost[:, c], prepend=False)):
+            time_s, is_lost = float(recording.time_s[k]), bool(lost[k, c])
+            causes = (fault.start_s if is_lost else fault.end_s for fault in faults)
+            cause = max((t for t in causes if t is not None and t <= time_s), default=None)
+            stuck = float(recording.signals["offset"][k, i, c])
+            found.append(
+                DiagnosisSummary(
+                    actuator=name,
+                    phase="lost" if is_lost else "back",
+                    time_s=time_s,
+                    delay_s=None if cause is None else round(time_s - cause, 6),
+                    stuck=(stuck if name == "throttle" else float(np.degrees(stuck)))
+                    if is_lost
+                    else None,
+                )
+            )
+    return sorted(found, key=lambda decision: decision.time_s)
 
 
 def _summarise_channel(recording: Recording, i: int, name: str) -> ChannelSummary:

@@ -36,6 +36,7 @@ from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.endpoint import parse_address
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.profile import MAX_SEGMENTS, Segment
+from sitl_plant.atmosphere import Wind
 from sitl_plant.config import (
     Aircraft,
     Disturbance,
@@ -64,6 +65,7 @@ class Scenario(Model):
     disturbance: Disturbance = Field(
         default=Disturbance(), description="Disturbances of every aircraft."
     )
+    wind: Wind = Field(default=Wind(), description="Motion of the air.")
     servos: Servos = Field(
         default=Servos(), description="Servos of every aircraft that has none of its own."
     )
@@ -104,6 +106,7 @@ class Scenario(Model):
             bind=self.links.address(self.links.plant_port),
             signing_key=self.links.signing_key,
             disturbance=self.disturbance,
+            wind=self.wind,
             sensors=self.sensors,
             seed=self.seed,
             uavs=tuple(

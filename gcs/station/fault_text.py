@@ -1,11 +1,12 @@
-"""Faults in words, for the terminal and the dashboard."""
+"""Faults and diagnoses in words, for the terminal and the dashboard."""
 
 import math
+from collections.abc import Sequence
 
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.faults import Fault
 
-__all__ = ["describe_fault"]
+__all__ = ["describe_diagnosis", "describe_fault"]
 
 
 def describe_fault(fault: Fault) -> str:
@@ -25,3 +26,14 @@ def _window(fault: Fault) -> str:
     begins = "now" if math.isnan(fault.start_s) else f"({fault.start_s:g}"
     ends = f"{fault.end_s:g}] s" if math.isfinite(fault.end_s) else "until cleared"
     return f"from {begins}, {ends}" if begins == "now" else f"in {begins}, {ends}"
+
+
+def describe_diagnosis(phases: Sequence[float]) -> tuple[str, int]:
+    """Return what a vehicle makes of its actuators, as text, and the worst FTC_PHASE of them.
+
+    Args:
+        phases: FTC_PHASE of each actuator, in the order of FTC_ACTUATOR.
+    """
+    worst = int(max(phases))
+    names = " ".join(name for name, phase in zip(ACTUATORS, phases, strict=True) if phase == worst)
+    return ("healthy", f"{names}?", f"{names} lost")[worst], worst

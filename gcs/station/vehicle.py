@@ -48,6 +48,7 @@ Progress = Callable[[int, int], None]
 PRIVATE_INTERVALS_S = {
     dialect.MAVLINK_MSG_ID_FTC_TRACKING: 0.1,
     dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 0.5,
+    dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS: 0.5,
     dialect.MAVLINK_MSG_ID_FTC_DROPS: 2.0,
     dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: once it arrives, all do
 }

@@ -264,6 +264,12 @@ class VehicleState:
         return tuple(f for f in self.faults or () if f.start_s < time_s <= f.end_s)
 
     @property
+    def diagnosis(self) -> tuple[float, ...] | None:
+        """FTC_PHASE of each actuator; None while nothing is known, or under a law without any."""
+        phases = self._four(dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS, "phase")
+        return None if phases is None or dialect.FTC_PHASE_UNKNOWN in phases else phases
+
+    @property
     def drops(self) -> dict[str, dict[str, int]] | None:
         """Datagrams that it and the plant dropped, by link and reason; None before FTC_DROPS."""
         message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_DROPS)

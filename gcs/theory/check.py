@@ -15,6 +15,8 @@ from gcs.theory.judgement import Judgement, judge
 from gcs.theory.lyapunov import attitude_subsystem, speed_subsystem
 from gcs.theory.residual import residual_sets
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from sitl_plant.atmosphere import Wind
+from sitl_plant.hardware import ActuatorServos, Sensors
 
 __all__ = ["Theory", "UavTheory", "check_theory"]
 
@@ -77,6 +79,8 @@ def check_theory(recording: Recording, scenario: Scenario) -> Theory:
     absent = None
     if not isinstance(law, Proposed):
         absent = f"the theorems speak of the paper's law; this flight's is '{law.kind}'"
+    elif (unlike := _unlike_the_papers(scenario)) is not None:
+        absent = f"the theorems know no {unlike}; this flight has them"
     elif len(recording.states) < 2:
         absent = "the flight is shorter than two steps"
     uavs = []
@@ -103,6 +107,17 @@ def check_theory(recording: Recording, scenario: Scenario) -> Theory:
         proofs_absent=absent,
         uavs=uavs,
     )
+
+
+def _unlike_the_papers(scenario: Scenario) -> str | None:
+    """Return which parts of the aircraft or the air the paper's model does not have."""
+    plant = scenario.plant_config()
+    parts = {
+        "servos": any(uav.servos != ActuatorServos() for uav in plant.uavs),
+        "errors of sensors": plant.sensors != Sensors(),
+        "motions of the air": plant.wind != Wind(),
+    }
+    return ", ".join(name for name, there in parts.items() if there) or None
 
 
 def _proofs(

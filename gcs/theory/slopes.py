@@ -4,7 +4,7 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.disturbance import disturbances
-from sitl_plant.rigid_body import load_state, state_derivative
+from sitl_plant.rigid_body import STILL_AIR, load_state, state_derivative
 from sitl_plant.vec3 import vec3
 
 __all__ = ["slopes"]
@@ -31,7 +31,8 @@ def slopes(
     for k in range(len(states)):
         d_v, d_omega = disturbances(disturbance, time_s[k])
         thrust, delta = applied[k, 3], vec3(applied[k, 0:3])
-        slope = state_derivative(load_state(states[k]), thrust, delta, d_v, d_omega, aircraft)
+        state = load_state(states[k])
+        slope = state_derivative(state, thrust, delta, d_v, d_omega, STILL_AIR, aircraft)
         for j in range(3):
             out[k, j] = slope[1][j]
             out[k, 3 + j] = slope[3][j]

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
-from gcs.station.fault_text import describe_fault
+from gcs.station.fault_text import describe_diagnosis, describe_fault
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, number, seconds
 from gcs.tui.grid import Column, Grid, Row
@@ -25,6 +25,9 @@ _STATE = (
     Column("time s", 6),
 )
 _REST = (Column("faults", 6), Column("msg/s", 5))
+_DIAGNOSIS = Column("diagnosis", 16, "left")
+_LEAST_FAULTS = 16
+_PHASE_ROLES = ("muted", "warn", "bad")  # by FTC_PHASE
 _GROUP_WIDTH = sum(width + 1 for _, width, _ in _QUANTITIES)
 _FIXED_WIDTH = sum(column.width + 1 for column in _STATE + _REST)
 _NOTABLE_ERROR = (1.0, 5.0, 5.0, 5.0)  # m/s, deg: shown in colour
@@ -54,10 +57,14 @@ class FleetTable(Grid):
         """Show the vehicles."""
         groups = self._groups_shown()
         columns = [*_STATE, *_quantity_columns(groups), *_REST]
-        wide = self.room - sum(column.width + 1 for column in columns) >= 16
+        left = self.room - sum(column.width + 1 for column in columns)
+        told = left >= _DIAGNOSIS.width + 1 + _LEAST_FAULTS
+        wide = left >= _LEAST_FAULTS
+        if told:
+            columns.append(_DIAGNOSIS)
         if wide:
             columns.append(Column("active faults", 0, "left"))
-        rows = [_row(view, state, groups, wide) for state in view.states]
+        rows = [_row(view, state, groups, told, wide) for state in view.states]
         self.show(columns, rows)
         if self.key != view.selected:
             self.move_to(view.selected)
@@ -88,7 +95,7 @@ def _quantity_columns(groups: list[int]) -> list[Column]:
     ]
 
 
-def _row(view: FleetView, state: VehicleState, groups: list[int], wide: bool) -> Row:
+def _row(view: FleetView, state: VehicleState, groups: list[int], told: bool, wide: bool) -> Row:
     silent = view.is_silent(state)
     mark = "●" if state.system in view.marked else " "
     pointer = "▸" if state.system == view.selected else " "
@@ -105,6 +112,8 @@ def _row(view: FleetView, state: VehicleState, groups: list[int], wide: bool) ->
     if silent:
         cells[3:] = [(text, "muted") for text, _ in cells[3:]]
     cells += [_faults(state), (f"{state.rate_hz(view.now):.0f}", "muted")]
+    if told:
+        cells.append(_diagnosis(state))
     if wide:
         active = " · ".join(map(describe_fault, state.active_faults))
         cells.append((active, "bad"))
@@ -144,3 +153,11 @@ def _faults(state: VehicleState) -> Cell:
         return ("0", "muted")
     active = len(state.active_faults)
     return (f"{active}/{len(state.faults)}", "bad" if active else "warn")
+
+
+def _diagnosis(state: VehicleState) -> Cell:
+    """Return what the vehicle itself makes of its actuators, beside the injected truth."""
+    if state.diagnosis is None:
+        return ("-", "muted")
+    text, worst = describe_diagnosis(state.diagnosis)
+    return (text, _PHASE_ROLES[worst])

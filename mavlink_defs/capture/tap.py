@@ -34,6 +34,7 @@ DEFAULT_PORTS: Mapping[int, str] = {
 _ACTUATORS = dialect.MAVLink_hil_actuator_controls_message
 _STATE = dialect.MAVLink_ftc_sim_state_message
 _EVENTS = dialect.MAVLink_ftc_events_message
+_STEP = 17  # number of FTC_SIM_STATE.step among its numbers: behind two times and five vectors
 
 
 class Stream(NamedTuple):
@@ -218,8 +219,10 @@ class Tap:
         fields = unpacker.unpack(payload[: unpacker.size].ljust(unpacker.size, b"\0"))
         if message_id == _ACTUATORS.id:  # time_usec, flags, controls[16], mode
             uav.transmission(fields[0], fields[2 : 2 + len(ACTUATORS)])
-        elif fields[-2] & dialect.FTC_SIM_FLAGS_RUNNING:  # time_usec, …, step, flags, run
-            uav.step(fields[-3], fields[-1])
+            return
+        step, flags, run = fields[_STEP : _STEP + 3]
+        if flags & dialect.FTC_SIM_FLAGS_RUNNING:
+            uav.step(step, run)
             self.simulated_s = fields[0] / 1e6
 
 

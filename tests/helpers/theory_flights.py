@@ -34,6 +34,7 @@ def synthetic(steps: int, uavs: int = 1, loss: str | None = None) -> Recording:
         step_us=1000,
         uav_ids=tuple(range(1, uavs + 1)),
         states=states,
+        wind=np.zeros((steps, uavs, 3)),
         applied=np.zeros((steps, uavs, 4)),
         signals=signals,
         repeats=np.zeros((uavs, 4), np.int64),

@@ -1,6 +1,7 @@
 """A lockstep flight over UDP and the same flight in one process are the same bit for bit."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,10 +39,10 @@ def assert_equal_bit_for_bit(udp: dict[str, np.ndarray], other: dict[str, np.nda
         assert np.array_equal(array, other[key], equal_nan=numeric), key
 
 
-def assert_worth_comparing(folder: Path) -> None:
+def assert_worth_comparing(folder: Path, least_events: int) -> None:
     """Every channel of every UAV had events, and every fault acted."""
     events, flight = (arrays_of(folder / name) for name in ("events.npz", "trajectory.npz"))
-    assert len(events["step"]) > 1000
+    assert len(events["step"]) > least_events
     assert len({*zip(events["uav"].tolist(), events["channel"].tolist(), strict=True)}) == 12
     assert len(flight["time_s"]) == 6000
     differs = flight["applied"] != flight["held"]
@@ -53,14 +54,49 @@ def assert_worth_comparing(folder: Path) -> None:
         assert differs[begin + 2 : begin + 100, uav, channel].all(), fault
 
 
-def test_flights_are_equal_bit_for_bit(tmp_path: Path) -> None:
-    scenario = write_scenario(tmp_path, duration_s=6.0, faults=FAULTS)
+SERVO = {"lag_s": 0.02, "dead_time_s": 0.002, "backlash_deg": 0.05, "resolution_deg": 0.02}
+SENSOR = {"noise_rms": 0.02, "bias": 0.1, "bias_drift": 0.01, "rate_hz": 500, "latency_s": 0.001}
+REALISTIC: dict[str, Any] = {
+    "controller": {"kind": "pid"},
+    "servos": {
+        "surfaces": {**SERVO, "rate_limit_deg_s": 400.0},
+        "throttle": {"lag_s": 0.05, "rate_limit_n_s": 4000.0},
+    },
+    "sensors": dict.fromkeys(
+        ("gyro_deg_s", "accelerometer_m_s2", "attitude_deg", "airspeed_m_s"), SENSOR
+    ),
+    "wind": {
+        "steady": {"north_m_s": 3.0, "east_m_s": -4.0},
+        "shear": {"east_1_s": 0.05, "altitude_m": 100.0},
+        "gust": {"start_s": 0.5, "duration_s": 1.0, "down_m_s": -2.0},
+        "turbulence": "moderate",
+    },
+    "seed": 7,
+}
+
+
+def test_flights_with_everything_realistic_are_equal_bit_for_bit(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, duration_s=2.0, faults=FAULTS[:1], **REALISTIC)
+    udp, in_process = tmp_path / "udp", tmp_path / "in_process"
+    fly_well(scenario, "--quiet", "--free-ports", "--out", udp)
+    fly_well(scenario, "--quiet", "--in-process", "--out", in_process)
+    flown = arrays_of(udp / "trajectory.npz")
+    assert_equal_bit_for_bit(flown, arrays_of(in_process / "trajectory.npz"))
+    assert np.all(np.ptp(flown["wind"], axis=0) > 0.1)
+    true = flown["state"][..., 6:9]
+    assert np.abs(flown["attitude"] - true).max() > np.radians(0.05)
+
+
+@pytest.mark.parametrize(("kind", "least_events"), [("proposed", 1000), ("surviving", 400)])
+def test_flights_are_equal_bit_for_bit(tmp_path: Path, kind: str, least_events: int) -> None:
+    keys = {} if kind == "proposed" else {"controller": {"kind": kind}}
+    scenario = write_scenario(tmp_path, duration_s=6.0, faults=FAULTS, **keys)
     folders = udp, in_process = tmp_path / "udp", tmp_path / "in_process"
     fly_well(scenario, "--quiet", "--free-ports", "--out", udp)
     fly_well(scenario, "--quiet", "--in-process", "--out", in_process)
     for name in ("events.npz", "trajectory.npz"):
         assert_equal_bit_for_bit(*(arrays_of(folder / name) for folder in folders))
-    assert_worth_comparing(udp)
+    assert_worth_comparing(udp, least_events)
     summaries = [summary_of(folder) for folder in folders]
     assert [summary.pop("mode") for summary in summaries] == ["lockstep", "in_process"]
     for summary in summaries:

@@ -37,7 +37,7 @@ def impaired(folder: Path, duration_s: float, **plant: Any) -> Path:
 
 def computed(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the signals of the autopilots as floats, steps and UAVs first."""
-    of_the_plant = {"uav", "time_s", "state", "applied", "events"}
+    of_the_plant = {"uav", "time_s", "state", "wind", "applied", "events"}
     return {name: values for name, values in arrays.items() if name not in of_the_plant}
 
 

@@ -11,15 +11,19 @@ from hypothesis import strategies as st
 
 from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT
+from sitl_plant.atmosphere import Wind
 from sitl_plant.hardware import ActuatorServos
 from sitl_plant.plant import Environment, rk4_step
 from sitl_plant.rigid_body import R1, R2, R2_inv, load_state
 from sitl_plant.servo import new_servos
+from sitl_plant.turbulence import TURBULENCE
 from sitl_plant.vec3 import Vec3
+from sitl_plant.wind import new_wind
 
 DATA = Path(__file__).parents[2] / "data" / "nesc_tumbling_brick.csv"
 SLUG_FT2 = 1.3558179483  # kg m²
-CALM = np.zeros((6, 3))
+NO_DISTURBANCE = np.zeros((6, 3))
+STILL, NO_EDDIES = new_wind(Wind(), ())[0], np.zeros(1, TURBULENCE)
 IDLE = new_servos(ActuatorServos(), step_us=1000)
 
 angle = st.floats(-math.pi, math.pi)
@@ -46,7 +50,12 @@ def tumble(omega: Vec3, J: np.ndarray, steps: int, dt: float) -> np.ndarray:
     state = load_state(x)
     rates = [state[3]]
     for k in range(steps):
-        state = rk4_step(state, k * dt, dt, Environment(IDLE, faults, CALM, body))
+        state = rk4_step(
+            state,
+            k * dt,
+            dt,
+            Environment(IDLE, faults, NO_DISTURBANCE, STILL[0], NO_EDDIES[0], body),
+        )
         # only the rotation is looked at: keep the velocity and the attitude where they began
         state = (load_state(x)[0], load_state(x)[1], load_state(x)[2], state[3])
         rates.append(state[3])

@@ -73,6 +73,19 @@ def test_samples_are_rounded_held_and_late(scenario1: Scenario) -> None:
     assert np.ptp(told, axis=0).max() > 0.0
 
 
+def test_airspeed_has_its_own_error(scenario1: Scenario) -> None:
+    """The velocity over ground stays; the one through the air gets another length."""
+    wind = {"steady": {"north_m_s": 3.0, "east_m_s": -4.0}}
+    config = config_of(scenario1, {"airspeed_m_s": {"bias": 1.5, "resolution": 0.25}}, wind=wind)
+    fleet = new_plant_state(config)
+    observe(fleet, 1, 0, config.step_us)
+    v, told = fleet.states[1, 3:6], fleet.messages[1]
+    through = v - fleet.air[1, :3]
+    assert np.linalg.norm(through) == pytest.approx(40.5)
+    assert np.array_equal(told["velocity"], v)
+    assert told["velocity"] - told["wind"] == pytest.approx(through / 40.5 * 42.0)
+
+
 def test_an_instant_is_measured_once(scenario1: Scenario) -> None:
     config = config_of(scenario1, {"gyro_deg_s": {"noise_rms": 1.0, "bias_drift": 1.0}})
     fleet, again = new_plant_state(config), new_plant_state(config)

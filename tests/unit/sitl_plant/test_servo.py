@@ -23,13 +23,13 @@ def moved(servo: SurfaceServo | EngineServo, commands: np.ndarray, channel: int)
     unit = 1.0 if channel == THROTTLE else math.radians(1.0)
     name = "throttle" if channel == THROTTLE else "elevator"
     servos = new_servos(ActuatorServos.model_validate({name: servo.model_dump()}), STEP_US)
-    sent = sent_commands(servos[None])[0]
+    sent = sent_commands(np.array([servos]))[0]
     controls, flown = np.zeros(4), []
     for step, command in enumerate(commands):
         controls[channel] = command * unit
         begin_period(servos, sent, controls, step, True)
         end_period(servos, DT)
-        flown.append(servos[channel]["output"] / unit)
+        flown.append(servos["output"][channel] / unit)
     return np.array(flown)
 
 
@@ -98,12 +98,12 @@ def test_positions_within_a_period_lead_to_its_end(
     """Of the stages of the integration: monotonic, within the limit, and the end is the end."""
     servo = SurfaceServo(lag_s=lag_s, rate_limit_deg_s=limit, backlash_deg=play)
     servos = new_servos(ActuatorServos(elevator=servo), STEP_US)
-    sent = sent_commands(servos[None])[0]
+    sent = sent_commands(np.array([servos]))[0]
     for step, angle in enumerate((start, target)):
         begin_period(servos, sent, np.array([0.0, math.radians(angle), 0.0, 0.0]), step, True)
         path = np.degrees([positions(servos, k * DT / 8.0)[ELEVATOR] for k in range(9)])
         end_period(servos, DT)
-        assert math.degrees(servos[ELEVATOR]["output"]) == path[-1]
+        assert math.degrees(servos["output"][ELEVATOR]) == path[-1]
     moves = np.diff(path) * np.sign(target - start)
     assert (moves >= -1e-12).all()
     if limit is not None:

@@ -6,7 +6,7 @@ import pytest
 from gcs.scenario.model import Scenario
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.disturbance import disturbance_table, disturbances
-from sitl_plant.rigid_body import R1, R2, load_state, state_derivative, store_state
+from sitl_plant.rigid_body import R1, R2, STILL_AIR, load_state, state_derivative, store_state
 
 CASES = range(12)
 NONE = (0.0, 0.0, 0.0)
@@ -56,7 +56,8 @@ def test_state_derivative_agrees_with_the_worked_values(
     state = load_state(np.array(case["state"]))
     surfaces = tuple(case["surfaces_rad"])
     store_state(
-        state_derivative(state, case["thrust_n"], surfaces, d_v, d_omega, aircraft), derivative
+        state_derivative(state, case["thrust_n"], surfaces, d_v, d_omega, STILL_AIR, aircraft),
+        derivative,
     )
     key = "state_derivative" if disturbed else "state_derivative_no_disturbance"
     assert close(derivative, case["expect"][key])

@@ -7,6 +7,8 @@ u = u* - K (x - x*), with K from the algebraic Riccati equation.
 """
 
 import math
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +20,10 @@ __all__ = [
     "AIRSPEEDS",
     "LATERAL",
     "LONGITUDINAL",
+    "Gains",
     "airspeeds_of",
     "gain_at",
+    "gains_of",
     "lateral_gain",
     "longitudinal_gain",
 ]
@@ -36,6 +40,23 @@ _LONGITUDINAL_Q, _LONGITUDINAL_R = np.diag([5e-4, 0.0, 0.02, 6.0, 4.0]), 1e-6  #
 _SLOWEST = 1.25  # times the aircraft's lowest airspeed
 _DIGITS = 9  # significant ones kept; those beyond depend on the linear algebra library
 _ALPHA = (-0.5, 0.7)  # angles of attack among which that of level flight is searched [rad]
+
+
+class Gains(NamedTuple):
+    """Gains by airspeed."""
+
+    airspeeds: np.ndarray  # (AIRSPEEDS,) [m/s]
+    rudder: np.ndarray  # (AIRSPEEDS, LATERAL)
+    thrust: np.ndarray  # (AIRSPEEDS, LONGITUDINAL)
+
+
+@lru_cache
+def gains_of(aircraft: Aircraft) -> Gains:
+    """Return the gains of an aircraft; those of a formation's like aircraft are computed once."""
+    airspeeds = airspeeds_of(aircraft)
+    lateral = [lateral_gain(aircraft, V) for V in airspeeds]
+    longitudinal = [longitudinal_gain(aircraft, V) for V in airspeeds]
+    return Gains(airspeeds, np.array(lateral), np.array(longitudinal))
 
 
 def airspeeds_of(aircraft: Aircraft) -> np.ndarray:

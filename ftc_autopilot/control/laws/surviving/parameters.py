@@ -12,9 +12,7 @@ from ftc_autopilot.control.laws.surviving.gains import (
     AIRSPEEDS,
     LATERAL,
     LONGITUDINAL,
-    airspeeds_of,
-    lateral_gain,
-    longitudinal_gain,
+    gains_of,
 )
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.config import Aircraft
@@ -89,10 +87,9 @@ class Surviving(LawParameters):
 
     def derive(self, aircraft: Aircraft, record: np.void) -> None:
         """Compute the gains of the reconfigured loops."""
-        record["airspeeds"] = airspeeds_of(aircraft)
-        for k, V in enumerate(record["airspeeds"]):
-            record["rudder_gains"][k] = lateral_gain(aircraft, V)
-            record["thrust_gains"][k] = longitudinal_gain(aircraft, V)
+        gains = gains_of(aircraft)
+        record["airspeeds"] = gains.airspeeds
+        record["rudder_gains"], record["thrust_gains"] = gains.rudder, gains.thrust
 
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters with a diagnosis that knows the servos."""

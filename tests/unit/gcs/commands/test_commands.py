@@ -1,5 +1,6 @@
 """Bad input that commands refuse before they talk to any vehicle, and their help."""
 
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -62,6 +63,8 @@ def complaint(*arguments: str) -> str:
         (("fly", SCENARIO_1, "--set", "faults[9].uav=1"), "--set faults[9].uav: expected a list"),
         (("fly", SCENARIO_1, "--set", "servos.rudder.lag=1"), "did you mean 'lag_s'?"),
         (("fly", SCENARIO_1, "--set", "servos.rudder.lag_s=-1"), "expected [0, 10] s, got -1"),
+        (("trim", SCENARIO_1, "--airspeed", "5"), "expected [20, 80] m/s"),
+        (("trim", SCENARIO_1, "--roll", "90"), "--roll"),
         (("profile", "check", "none.yaml"), "none.yaml"),
     ],
 )
@@ -116,3 +119,21 @@ def test_a_fleet_that_others_can_reach_may_start(tmp_path: Path, kind: str) -> N
     allowed = (kind,) if kind == "--insecure" else (kind, str(tmp_path / "key"))
     text = complaint("up", exposed_scenario(tmp_path), "--hub-port", "14550", *allowed)
     assert "--hub-port" in text
+
+
+def test_trim_prints_steady_flights_as_tables_and_as_json() -> None:
+    options = [
+        "trim",
+        SCENARIO_1,
+        "--airspeed",
+        "50",
+        "--set",
+        "uncertainty.coefficients={cn0: 1.4}",
+    ]
+    shown = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, options)
+    assert "level flight that turns" in shown.output
+    trims = json.loads(CliRunner().invoke(app, [*options, "--json"]).stdout)
+    assert {trim["stuck"] for trim in trims} == {"aileron", "elevator", "rudder", "throttle"}
+    lowest = min(trim["position"] for trim in trims if trim["stuck"] == "aileron")
+    assert lowest > 1.0  # 1.4 times the yawing moment: the true aircraft needs more rudder
+    assert not any(trim["beyond"] for trim in trims)

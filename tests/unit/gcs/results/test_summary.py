@@ -15,6 +15,7 @@ from gcs.reports.flight import flight_tables
 from gcs.results.recording import Recording
 from gcs.results.summary import FlightSummary, summarise
 from gcs.scenario.model import Scenario
+from gcs.scenario.sections import ScenarioFault
 
 STEPS = 40
 
@@ -31,6 +32,7 @@ def straight(loss: str | None = None) -> Recording:
         step_us=100_000,
         uav_ids=(1, 2),
         states=states,
+        wind=np.zeros((STEPS, 2, 3)),
         applied=np.zeros((STEPS, 2, 4)),
         signals=signals,
         repeats=np.zeros((2, 4), np.int64),
@@ -128,6 +130,30 @@ def test_a_flight_that_was_stopped_says_so(scenario1: Scenario) -> None:
     assert (stopped.completed, stopped.loss) == (False, "stopped at 4 s of 10 s")
     lost = summarise(straight("UAV 2 was lost"), scenario_of(scenario1, 100))
     assert (lost.completed, lost.loss) == (False, "UAV 2 was lost")
+
+
+def test_decisions_of_the_diagnosis_stand_beside_the_injected_fault(scenario1: Scenario) -> None:
+    flight = straight()
+    flight.signals["phase"][10:30, 0, 0] = 2
+    flight.signals["offset"][10:30, 0, 0] = math.radians(3.0)
+    flight.signals["phase"][5, 1, 3] = 1  # a suspicion is no decision
+    flight.signals["phase"][20:, 1, 3] = 2
+    fault = {"uav": 1, "actuator": "aileron", "stuck_deg": 3.0, "start_s": 0.9, "end_s": 2.5}
+    faults = (ScenarioFault.model_validate(fault),)
+    scenario = scenario_of(scenario1).model_copy(update={"faults": faults})
+    first, second = summarise(flight, scenario).uavs
+    lost, back = first.diagnosis
+    assert (lost.actuator, lost.phase, lost.time_s, lost.delay_s) == ("aileron", "lost", 1.0, 0.1)
+    assert lost.stuck == pytest.approx(3.0)
+    assert (back.phase, back.time_s, back.delay_s, back.stuck) == ("back", 3.0, 0.5, None)
+    (false,) = second.diagnosis
+    assert (false.actuator, false.time_s, false.delay_s) == ("throttle", 2.0, None)
+    console = Console(width=1000)
+    with console.capture() as captured:
+        console.print(*flight_tables(summarise(flight, scenario), scenario), sep="\n")
+    said = captured.get()
+    assert "UAV 1 diagnosed its aileron as lost at 1.000 s, 100 ms after the fault's start" in said
+    assert "UAV 2 diagnosed its throttle as lost at 2.000 s, without an injected fault" in said
 
 
 def test_the_printed_report_says_what_the_tables_leave_out(scenario1: Scenario) -> None:

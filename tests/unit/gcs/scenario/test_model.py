@@ -13,6 +13,7 @@ from mavlink_defs.faults import Fault
 PAPER = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
 RUDDER = {"uav": 3, "actuator": "rudder", "start_s": 1}
 THROTTLE = {"uav": 3, "actuator": "throttle", "start_s": 1}
+DRYDEN = {f"sigma_{axis}_m_s": 1.0 for axis in "uvw"} | {f"length_{axis}_m": 99.0 for axis in "uvw"}
 FROM_ANY = "cannot be reached from any UAV with leader access"
 
 
@@ -55,6 +56,15 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
         "sensors.attitude_deg.rate_hz: expected a sample every 1, 2, 3, ... control periods of "
         "1000 us, such as 1000 or 500 Hz, got 2000.0",
     ),
+    (
+        {"wind": {"turbulence": "strong"}},
+        "wind.turbulence: expected 'none', 'light', 'moderate' or 'severe', got 'strong'",
+    ),
+    (
+        {"wind": {"turbulence": {**DRYDEN, "length_u_m": 0}}},
+        "wind.turbulence.length_u_m: expected >= 1 m, got 0",
+    ),
+    ({"wind": {"gust": {"start_s": 1}}}, "wind.gust.duration_s: missing; expected a number in s"),
     ({"seed": -1}, "seed: expected [0, 4294967295], got -1"),
     ({"fault": []}, "fault: unknown key; did you mean 'faults'?"),
     ({"aircraft.mass_g": 20640}, "aircraft.mass_g: unknown key; did you mean 'mass_kg'?"),

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from gcs.station.fault_text import describe_fault
+from gcs.station.fault_text import describe_diagnosis, describe_fault
 from mavlink_defs.faults import Fault
 
 
@@ -22,3 +22,15 @@ from mavlink_defs.faults import Fault
 )
 def test_faults_in_words(fault: Fault, expected: str) -> None:
     assert describe_fault(fault) == expected
+
+
+@pytest.mark.parametrize(
+    ("phases", "expected"),
+    [
+        ((0, 0, 0, 0), ("healthy", 0)),
+        ((0, 1, 0, 1), ("elevator throttle?", 1)),
+        ((2, 1, 0, 0), ("aileron lost", 2)),
+    ],
+)
+def test_diagnoses_in_words(phases: tuple[int, ...], expected: tuple[str, int]) -> None:
+    assert describe_diagnosis(phases) == expected

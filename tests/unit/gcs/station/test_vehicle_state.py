@@ -17,6 +17,7 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import Fault
 from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
 from mavlink_defs.profile import Segment
+from mavlink_defs.services.machine import SystemId
 
 STANDBY, ACTIVE, BOOT = (
     dialect.MAV_STATE_STANDBY,
@@ -335,3 +336,14 @@ def test_history_keeps_the_newest_rows() -> None:
     assert len(history) == len(rows) == 6000
     assert (rows["time_s"][0], rows["time_s"][-1]) == (50.0, 649.9)
     assert (rows["time_s"][1:] > rows["time_s"][:-1]).all()
+
+
+def test_a_diagnosis_is_known_once_a_law_has_one() -> None:
+    state = VehicleState(SystemId(3, 1), 0.0)
+    four = [1.0] * 4
+    unknown = [dialect.FTC_PHASE_UNKNOWN] * 4
+    assert state.diagnosis is None
+    state.receive(dialect.MAVLink_ftc_diagnosis_message(0, four, four, four, unknown), 1.0)
+    assert state.diagnosis is None
+    state.receive(dialect.MAVLink_ftc_diagnosis_message(0, four, four, four, [0, 0, 2, 0]), 2.0)
+    assert state.diagnosis == (0, 0, 2, 0)

@@ -14,7 +14,7 @@ from ftc_autopilot.control.laws.surviving.gains import (
 from gcs.scenario.model import Scenario
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
-from sitl_plant.rigid_body import state_derivative
+from sitl_plant.rigid_body import STILL_AIR, state_derivative
 
 NONE = (0.0, 0.0, 0.0)
 
@@ -26,7 +26,7 @@ def slopes(V: float, x: np.ndarray, u: np.ndarray, aircraft: np.void) -> np.ndar
     v = tuple(speed * np.array(wind))
     state = ((0.0, 0.0, 0.0), v, (phi, theta, 0.0), (p, q, r))
     _, v_dot, phi_dot, omega_dot = state_derivative(
-        state, u[0], (u[1], u[2], u[3]), NONE, NONE, aircraft
+        state, u[0], (u[1], u[2], u[3]), NONE, NONE, STILL_AIR, aircraft
     )
     speed_dot = np.dot(v, v_dot) / speed
     alpha_dot = (v[0] * v_dot[2] - v[2] * v_dot[0]) / (v[0] ** 2 + v[2] ** 2)

@@ -1,0 +1,87 @@
+"""What the diagnosis of the own actuators tells ground stations: a message, texts, health."""
+
+import math
+from collections.abc import Iterator
+
+from ftc_autopilot.control.controllers import Controllers
+from ftc_autopilot.control.diagnosis import LOST
+from ftc_autopilot.control.laws import KINDS, LAWS
+from ftc_autopilot.hot_state import HotState
+from mavlink_defs import dialect
+from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.float32 import float32s
+
+__all__ = ["DiagnosisMessages"]
+
+_TAKEN_OVER = {
+    "aileron": "roll by rudder, heading given up",
+    "elevator": "pitch by thrust if need be, airspeed given up",
+    "rudder": "roll by aileron, heading given up",
+    "throttle": "nothing replaces it",
+}
+
+
+class DiagnosisMessages:
+    """Makes messages and texts from the diagnosis of the last step."""
+
+    def __init__(self, hot: HotState, controllers: Controllers) -> None:
+        self._hot, self._controllers = hot, controllers
+        kind = KINDS[int(controllers.parameters[0]["law"])]
+        fields = LAWS[kind].STATE.names or ()
+        self._diagnosis = (
+            controllers.states[0][kind]["diagnosis"] if "diagnosis" in fields else None
+        )
+        self._lost = [False] * len(ACTUATORS)
+
+    def diagnosis(self) -> MAVLink_message:
+        """Return FTC_DIAGNOSIS; without a diagnosis, everything is unknown."""
+        n = len(ACTUATORS)
+        if self._diagnosis is None:
+            unknown = [math.nan] * n
+            return dialect.MAVLink_ftc_diagnosis_message(
+                self._time_ms, unknown, unknown, unknown, [dialect.FTC_PHASE_UNKNOWN] * n
+            )
+        signals = self._controllers.signals[0]
+        offsets = [self._amount(c, float(signals["offset"][c])) for c in range(n)]
+        return dialect.MAVLink_ftc_diagnosis_message(
+            self._time_ms,
+            float32s(signals["effectiveness"]),
+            float32s(offsets),
+            float32s(signals["confidence"]),
+            [int(phase) for phase in signals["phase"]],
+        )
+
+    def healthy(self) -> bool:
+        """Return whether no actuator is lost, as far as is known."""
+        return not (self._controllers.signals[0]["phase"] == LOST).any()
+
+    def changes(self) -> Iterator[tuple[int, str]]:
+        """Yield severity and text of each decision since the last call."""
+        if self._diagnosis is None:
+            return
+        for c, name in enumerate(ACTUATORS):
+            actuator = self._diagnosis["actuators"][c]
+            lost = bool(actuator["lost"])
+            if lost == self._lost[c]:
+                continue
+            self._lost[c] = lost
+            if actuator["since"] >= self._diagnosis["age"]:  # no decision: the law started anew
+                continue
+            at = f"at {self._hot.time_us * 1e-6 - float(actuator['since']):.2f} s"
+            if lost:
+                stuck = self._amount(c, float(actuator["stuck"]))
+                where = f"{stuck:.0f} N" if c == THROTTLE else f"{stuck:.1f} deg"
+                text = f"{name} lost {at}, held at {where}, {_TAKEN_OVER[name]}"
+                yield dialect.MAV_SEVERITY_CRITICAL, text
+            else:
+                yield dialect.MAV_SEVERITY_NOTICE, f"{name} back in service {at}"
+
+    @staticmethod
+    def _amount(channel: int, value: float) -> float:
+        """Return an angle in degrees, a thrust unchanged [N]."""
+        return value if channel == THROTTLE else math.degrees(value)
+
+    @property
+    def _time_ms(self) -> int:
+        return self._hot.time_us // 1000 % 2**32

@@ -1,0 +1,72 @@
+"""Configuration of the wind: steady wind, shear, one gust, and turbulence."""
+
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity
+
+__all__ = ["Dryden", "Gust", "Shear", "SteadyWind", "Wind"]
+
+
+class SteadyWind(Model):
+    """Wind that does not change, as the velocity of the air: a wind from the west blows east."""
+
+    north_m_s: float = quantity("m/s", ge=-100.0, le=100.0, default=0.0, doc="To the north.")
+    east_m_s: float = quantity("m/s", ge=-100.0, le=100.0, default=0.0, doc="To the east.")
+    down_m_s: float = quantity("m/s", ge=-100.0, le=100.0, default=0.0, doc="Downwards.")
+
+
+class Shear(Model):
+    """Wind that grows linearly with altitude."""
+
+    north_1_s: float = quantity(
+        "1/s", ge=-10.0, le=10.0, default=0.0, doc="Wind to the north per metre of altitude."
+    )
+    east_1_s: float = quantity(
+        "1/s", ge=-10.0, le=10.0, default=0.0, doc="Wind to the east per metre of altitude."
+    )
+    altitude_m: float = quantity("m", default=0.0, doc="Altitude at which the shear adds nothing.")
+
+
+class Gust(Model):
+    """One gust of the form 1 - cos, for all aircraft at the same time."""
+
+    start_s: float = quantity("s", ge=0.0, doc="Simulation time of its beginning.")
+    duration_s: float = quantity("s", gt=0.0, doc="From nothing over the peak to nothing.")
+    north_m_s: float = quantity("m/s", ge=-100.0, le=100.0, default=0.0, doc="Peak, to the north.")
+    east_m_s: float = quantity("m/s", ge=-100.0, le=100.0, default=0.0, doc="Peak, to the east.")
+    down_m_s: float = quantity("m/s", ge=-100.0, le=100.0, default=0.0, doc="Peak, downwards.")
+
+
+class Dryden(Model):
+    """Dryden turbulence with parameters of one's own, along the axes of the body."""
+
+    sigma_u_m_s: float = quantity("m/s", ge=0.0, le=50.0, doc="Standard deviation along x.")
+    sigma_v_m_s: float = quantity("m/s", ge=0.0, le=50.0, doc="Standard deviation along y.")
+    sigma_w_m_s: float = quantity("m/s", ge=0.0, le=50.0, doc="Standard deviation along z.")
+    length_u_m: float = quantity("m", ge=1.0, doc="Scale length along x.")
+    length_v_m: float = quantity("m", ge=1.0, doc="Scale length along y.")
+    length_w_m: float = quantity("m", ge=1.0, doc="Scale length along z.")
+
+
+def _form(value: object) -> str:
+    """Return the tag of parameters, or of a name."""
+    return "<parameters>" if isinstance(value, dict | Dryden) else "<name>"
+
+
+class Wind(Model):
+    """Motion of the air; the parts add up."""
+
+    steady: SteadyWind = Field(default=SteadyWind(), description="Wind that does not change.")
+    shear: Shear = Field(default=Shear(), description="Wind that grows with altitude.")
+    gust: Gust | None = Field(default=None, description="One gust.")
+    turbulence: Annotated[
+        Annotated[Literal["none", "light", "moderate", "severe"], Tag("<name>")]
+        | Annotated[Dryden, Tag("<parameters>")],
+        Discriminator(_form),
+    ] = Field(
+        default="none",
+        description="By MIL-F-8785C at the initial altitude, or parameters of a Dryden model.",
+    )
