@@ -88,17 +88,19 @@ def begin_period(
         step: Step at which the period begins.
         commanded: Whether a command has been received since the simulation began.
     """
+    if servos["ideal"] == 1:
+        for c in range(N_CHANNELS):
+            servos["target"][c] = servos["output"][c] = controls[c]
+        return
     depth, settled = len(sent), servos["settled"] == 1
     for c in range(N_CHANNELS):
-        target = controls[c]
-        if servos["ideal"] == 0:
-            if not settled:
-                sent[:, c] = controls[c]
-            sent[step % depth, c] = controls[c]
-            target = sent[(step - servos["dead_steps"][c]) % depth, c]
-            resolution = servos["resolution"][c]
-            if resolution > 0.0:
-                target = round(target / resolution) * resolution
+        if not settled:
+            sent[:, c] = controls[c]
+        sent[step % depth, c] = controls[c]
+        target = sent[(step - servos["dead_steps"][c]) % depth, c]
+        resolution = servos["resolution"][c]
+        if resolution > 0.0:
+            target = round(target / resolution) * resolution
         servos["target"][c] = target
         if not settled:
             servos["shaft"][c] = target
@@ -128,10 +130,9 @@ def positions(servos: np.void, elapsed: float) -> Controls:
 @compiled
 def end_period(servos: np.void, dt: float) -> None:
     """Take one aircraft's servos to the end of a period of length dt [s]."""
+    if servos["ideal"] == 1:
+        return
     for c in range(N_CHANNELS):
-        if servos["ideal"] == 1:
-            servos["output"][c] = servos["target"][c]
-            continue
         shaft, output = _shaft(servos, c, dt), _position(servos, c, dt)
         servos["shaft"][c], servos["output"][c] = shaft, output
 

@@ -12,7 +12,7 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration
 from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, sub
 
-__all__ = ["AttitudeLaw", "attitude_law", "virtual_control"]
+__all__ = ["AttitudeLaw", "attitude_law", "limited", "virtual_control"]
 
 
 class AttitudeLaw(NamedTuple):
@@ -43,6 +43,19 @@ def virtual_control(
         add(scale(lam, reference.phi_dot), errors.e_dot_sum),
     )
     return scale(1.0 / lam, mul(R2(motion.phi), rates))
+
+
+@compiled
+def limited(rates: Vec3, limit: float) -> Vec3:
+    """Return rates with each component limited to ±limit [rad/s]; a limit of 0 is none."""
+    if limit == 0.0:
+        return rates
+    p, q, r = rates
+    return (
+        min(max(p, -limit), limit),
+        min(max(q, -limit), limit),
+        min(max(r, -limit), limit),
+    )
 
 
 @compiled

@@ -40,6 +40,7 @@ _SHORTER = {  # with an axis or a prefix, these would be too long
     "reference_bandwidth_rad_s": "REF_BANDWIDTH",
     "time_constant_s": "TIME_CONST",
     "rate_limit_deg_s": "RATE_LIMIT",
+    "omega_d_limit_deg_s": "OMEGA_D_LIMIT",
     "integral_limit_deg": "INT_LIMIT",
     "trim_airspeed_m_s": "TRIM_AIRSPEED",
     "diagnosis": "DIAG",

@@ -116,6 +116,7 @@ def _unlike_the_papers(scenario: Scenario) -> str | None:
         "servos": any(uav.servos != ActuatorServos() for uav in plant.uavs),
         "errors of sensors": plant.sensors != Sensors(),
         "motions of the air": plant.wind != Wind(),
+        "limits of (57)": getattr(scenario.controller, "omega_d_limit_deg_s", 0.0) > 0.0,
     }
     return ", ".join(name for name, there in parts.items() if there) or None
 

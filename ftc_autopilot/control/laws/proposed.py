@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.attitude import AttitudeLaw, attitude_law, virtual_control
+from ftc_autopilot.control.attitude import AttitudeLaw, attitude_law, limited, virtual_control
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from ftc_autopilot.control.laws.gains import TABLE_III_K1, TABLE_III_K2, Gains
 from ftc_autopilot.control.rbf import Rbf, basis_norm
@@ -56,6 +56,9 @@ class Proposed(LawParameters):
     h_omega1: float = quantity("", gt=0.0, default=0.28, doc="Weight of the network (37), (38).")
     h_omega2: float = quantity("", gt=0.0, default=3.4, doc="Weight of the robust term (37).")
     tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of omega_d (57).")
+    omega_d_limit_deg_s: float = quantity(
+        "deg/s", ge=0.0, default=0.0, doc="Limit of each component of omega_d (57); 0: none."
+    )
     tau_delta_s: float = quantity("s", gt=0.0, default=0.01, doc="Filter of delta_0 (23).")
 
     phi_v0: float = quantity("", ge=0.0, default=0.0, doc="Phi_v at t = 0.")
@@ -107,7 +110,8 @@ def proposed_law(
         gains,
     )
 
-    omega_d = virtual_control(errors, motion, reference, scheduled(gains["K1"], now.t))
+    wanted = virtual_control(errors, motion, reference, scheduled(gains["K1"], now.t))
+    omega_d = limited(wanted, gains["omega_d_limit_rad_s"])
     if now.first:
         for i in range(3):
             state["omega_d_filtered"][i] = omega_d[i]
