@@ -27,6 +27,7 @@ _QUIET = {
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": False,
     "distributed.comm.timeouts.connect": f"{_CONNECT_S:g}s",
+    "distributed.admin.low-level-log-length": 10,  # else the last 1000 messages are kept
     "distributed.admin.tick.limit": "1h",  # a machine under load is no news
 }
 

@@ -1,8 +1,11 @@
 """Flying the rows of a campaign on workers: batches, lost workers, what is stored when."""
 
+import functools
 import itertools
 import math
+import pickle
 import time
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -86,11 +89,12 @@ def fly(
         GcsError: The scheduler was lost, or results cannot be written.
         BadInput: A worker that joined runs other code.
     """
+    packed = _packed(flights)
     with _Storing(folder, enough) as store:
         queue = _Queue(iter(rows), count)
         suspects: list[Row] = []
         kills: Counter[int] = Counter()
-        for batch, flown in _in_parallel(client, flights, queue):
+        for batch, flown in _in_parallel(client, packed, queue):
             if flown is None:
                 suspects += batch
                 kills.update(row["row"] for row in batch)
@@ -100,14 +104,14 @@ def fly(
             if store.add(flown.rows):
                 return
         for row in suspects:
-            flown = _alone(client, flights, row, kills)
+            flown = _alone(client, flights, packed, row, kills)
             on_flown(flown)
             if store.add(flown.rows):
                 return
 
 
 def _in_parallel(
-    client: "Client", flights: Flights, queue: "_Queue"
+    client: "Client", flights: bytes, queue: "_Queue"
 ) -> Iterator[tuple[list[Row], Flown | None]]:
     """Yield each batch with what became of it; None if it lost its worker."""
     from distributed import as_completed
@@ -131,12 +135,14 @@ def _in_parallel(
         client.cancel(list(running), force=True)
 
 
-def _alone(client: "Client", flights: Flights, row: Row, kills: Counter[int]) -> Flown:
+def _alone(
+    client: "Client", flights: Flights, packed: bytes, row: Row, kills: Counter[int]
+) -> Flown:
     """Fly one row while nothing else flies, until it is flown or has killed enough processes."""
     import pyarrow as pa
 
     while kills[row["row"]] < KILLS:
-        future = _submit(client, flights, [row])
+        future = _submit(client, packed, [row])
         try:
             flown = _result(future)
         finally:
@@ -149,8 +155,19 @@ def _alone(client: "Client", flights: Flights, row: Row, kills: Counter[int]) ->
     return Flown("", crashed, 0.0)
 
 
-def _submit(client: "Client", flights: Flights, batch: list[Row]) -> "Future":
-    return client.submit(_fly_batch, flights, batch, code_digest(), pure=False)
+def _submit(client: "Client", flights: bytes, batch: list[Row]) -> "Future":
+    return client.submit(_fly_batch, flights, _packed(batch), code_digest(), pure=False)
+
+
+def _packed(value: object) -> bytes:
+    """Return a value as bytes: the scheduler, which keeps tasks for a while, need not know it."""
+    return zlib.compress(pickle.dumps(value))
+
+
+@functools.lru_cache(maxsize=1)
+def _unpacked(packed: bytes) -> Flights:
+    flights: Flights = pickle.loads(zlib.decompress(packed))
+    return flights
 
 
 def _result(future: "Future") -> Flown | None:
@@ -185,7 +202,7 @@ def _scheduler_lost() -> GcsError:
     )
 
 
-def _fly_batch(flights: Flights, batch: list[Row], digest: str) -> Flown:
+def _fly_batch(flights: bytes, batch: bytes, digest: str) -> Flown:
     """Fly a batch; this runs on a worker."""
     from distributed import get_worker
 
@@ -197,7 +214,7 @@ def _fly_batch(flights: Flights, batch: list[Row], digest: str) -> Flown:
             "install the same version on every host, and restart the workers",
         )
     begin = time.perf_counter()
-    rows = fly_rows(flights, batch)
+    rows = fly_rows(_unpacked(flights), pickle.loads(zlib.decompress(batch)))
     return Flown(worker, rows, time.perf_counter() - begin)
 
 

@@ -13,16 +13,13 @@ import contextlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gcs.campaigns.cluster import cluster_elsewhere, local_cluster, prepare
 from gcs.campaigns.engine import Flown, fly, missing_rows
 from gcs.campaigns.folder import open_folder
 from gcs.campaigns.keep import keep_flights
 from gcs.campaigns.plan import Plan, row_of, rows_of
-
-if TYPE_CHECKING:
-    from distributed import Client
+from gcs.campaigns.store import alone_in
 
 __all__ = ["fly_missing", "run_campaign"]
 
@@ -65,14 +62,13 @@ def fly_missing(
     enough: Callable[[], bool] = lambda: False,
 ) -> None:
     """Fly the rows that an open folder lacks; arguments and errors as of `run_campaign`."""
-    missing = missing_rows(folder, planned.draws.num_rows)
-    if not len(missing):
-        return
-    workers = min(jobs or os.cpu_count() or 1, len(missing))
-    cluster: contextlib.AbstractContextManager[Client] = (
-        local_cluster(workers) if scheduler is None else cluster_elsewhere(scheduler)
-    )
-    with cluster as client:
+    with alone_in(folder), contextlib.ExitStack() as stack:
+        missing = missing_rows(folder, planned.draws.num_rows)
+        if not len(missing):
+            return
+        workers = min(jobs or os.cpu_count() or 1, len(missing))
+        cluster = local_cluster(workers) if scheduler is None else cluster_elsewhere(scheduler)
+        client = stack.enter_context(cluster)
         prepare(client, planned.flights.scenario(row_of(planned.draws, int(missing[0]))))
         rows = rows_of(planned.draws.take(missing))
         fly(client, planned.flights, rows, len(missing), folder, on_flown, enough)

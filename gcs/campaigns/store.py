@@ -17,6 +17,8 @@ variant that flies it), ``seed`` (int64), ``factor.NAME`` (double or string), an
 good), ``.severity`` (double). The results have these and `results_schema`'s.
 """
 
+import contextlib
+import fcntl
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -38,6 +40,7 @@ __all__ = [
     "OUTCOMES",
     "Mark",
     "Outcome",
+    "alone_in",
     "append_results",
     "campaign_of",
     "mark_of",
@@ -219,6 +222,24 @@ def read_draws(folder: Path) -> "pa.Table":
         ) from None
     except (OSError, pa.ArrowException) as problem:
         raise BadInput(f"{folder / _DRAWS} cannot be read: {problem}") from problem
+
+
+@contextlib.contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Keep other commands from writing results to a folder; a lock that ends with the process.
+
+    Raises:
+        BadInput: Another command writes there.
+    """
+    with (folder / _MARK).open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise BadInput(
+                f"another command flies the campaign in {folder}",
+                "wait for its end, or choose another folder with --out",
+            ) from None
+        yield
 
 
 def append_results(folder: Path, rows: "pa.Table") -> None:

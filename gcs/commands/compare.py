@@ -101,7 +101,8 @@ def _checked(old: "Findings", new: "Findings") -> list[str]:
         if len(each.codes) > 1:
             notes.append(f"{each.folder} was flown by {len(each.codes)} different codes")
         if not each.is_sample:
-            notes.append(f"{each.folder} is a grid: tests take its points for draws")
+            design = each.mark.campaign.design
+            notes.append(f"{each.folder} is a {design} design: tests take its points for draws")
     if old.codes == new.codes:
         notes.append("both were flown by the same code")
     return notes

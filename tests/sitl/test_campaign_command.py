@@ -109,9 +109,12 @@ def test_rows_are_flights_that_fly_again_bit_for_bit(tmp_path: Path) -> None:
         summary = json.loads((at / "summary.json").read_text())
         assert summary["uavs"][1]["iae"]["roll"] == rows[number]["uav2.iae_roll"]
 
-    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    data = [p for name in ("results", "flights") for p in (folder / name).rglob("*")]
+    before = {path: path.stat().st_mtime_ns for path in data}
+    page = (folder / "report.html").read_bytes()
     assert campaign(path, "--out", folder, "--quiet").stderr == ""
-    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+    assert {path: path.stat().st_mtime_ns for path in data} == before
+    assert (folder / "report.html").read_bytes() == page
     write_campaign(tmp_path, seed=8)
     other = campaign(path, "--out", folder)
     assert other.returncode == 2

@@ -1,4 +1,4 @@
-"""The nightly job of docs/how-to/campaigns-in-ci.md, as it stands there, for two nights."""
+"""The nightly job of docs/how-to/campaigns-in-ci.md as it stands there, and an early end."""
 
 import os
 import re
@@ -8,6 +8,10 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from campaign_flights import write_campaign
+from flying import environment, run
+
+from gcs.campaigns.store import read_results
 
 pytestmark = [pytest.mark.sitl, pytest.mark.slow]
 
@@ -54,3 +58,17 @@ def test_the_documented_nightly_job(tmp_path: Path) -> None:
     assert "**1 of 3 checks failed.**" in (tmp_path / "gate.md").read_text()
     assert (tmp_path / "runs/tonight/report.html").exists()  # for whoever looks into it
     assert (tmp_path / "runs/last-good/campaign.json").read_bytes() == reference
+
+
+def test_a_campaign_ends_when_its_condition_is_decided(tmp_path: Path) -> None:
+    path, out = write_campaign(tmp_path, draws=400, variants={"long": {}}), tmp_path / "out"
+    command = ("campaign", path, "--out", out, "--until", "p(failure) < 0.5 at 90 %")
+    done = run("gcs", *command, env=environment())
+    assert done.returncode == 0, done.stderr
+    assert "p(failure) < 0.5 at 90 % is decided for every variant" in done.stderr
+    flown = read_results(out, ["row"]).num_rows
+    assert 0 < flown < 400
+    assert "| shown |" in (out / "report.md").read_text()
+    again = run("gcs", *command, env=environment())
+    assert again.returncode == 0, again.stderr
+    assert read_results(out, ["row"]).num_rows == flown

@@ -9,6 +9,7 @@ import pytest
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.store import (
     Mark,
+    alone_in,
     append_results,
     campaign_of,
     mark_of,
@@ -96,6 +97,13 @@ def test_a_write_that_fails_leaves_nothing(folder: Path) -> None:
     with pytest.raises(OSError, match=r"draws\.parquet"):
         write_draws(folder, DRAWS)
     assert set(folder.iterdir()) == before
+
+
+def test_two_commands_do_not_write_to_one_folder(folder: Path) -> None:
+    with alone_in(folder), pytest.raises(BadInput, match="another command"), alone_in(folder):
+        pass
+    with alone_in(folder):
+        pass
 
 
 def test_unknown_column_is_named(folder: Path) -> None:
