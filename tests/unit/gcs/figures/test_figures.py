@@ -64,6 +64,7 @@ def lost_after(flight: PlottedFlight, steps: int) -> PlottedFlight:
         states=recording.states[:steps],
         applied=recording.applied[:steps],
         signals=recording.signals[:steps],
+        wind=recording.wind[:steps],
         loss="UAV 3 was lost",
     )
     return replace(flight, recording=short)

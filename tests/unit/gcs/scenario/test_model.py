@@ -121,7 +121,8 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"controller.kind": "lqr"},
-        "controller.kind: expected one of 'proposed', 'backstepping', 'pid', got 'lqr'",
+        "controller.kind: expected one of 'proposed', 'backstepping', 'pid', 'surviving', "
+        "got 'lqr'",
     ),
     (
         {"trigger.a2_n.1.value": "1 N"},

@@ -62,7 +62,7 @@ def largest_errors_deg(flight: Recording, after_s: float = 0.0) -> np.ndarray:
     return np.asarray(np.degrees(np.abs(errors)).max(axis=0))
 
 
-@pytest.mark.parametrize("hardware", ["ideal", "realistic"])
+@pytest.mark.parametrize("hardware", ["ideal", "realistic", "turbulent"])
 @pytest.mark.parametrize("name", FILES)
 def test_every_fault_is_survived_and_found(name: str, hardware: str) -> None:
     scenario = scenario_with(f"faults/{name}", hardware=hardware)
@@ -89,7 +89,8 @@ def test_every_fault_is_survived_and_found(name: str, hardware: str) -> None:
             assert 0.0 < change.time_s - fault.start_s < SEEN_LATER.get(name, soon)
         else:
             assert fault.end_s is not None
-            assert 0.0 < change.time_s - fault.end_s < (1.2 if fault.frequency_hz else 0.6)
+            soon = 1.2 if fault.frequency_hz else 0.7 if hardware == "turbulent" else 0.6
+            assert 0.0 < change.time_s - fault.end_s < soon
 
 
 def _faulty(scenario: Scenario) -> set[int]:
