@@ -13,7 +13,7 @@ from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.config import InitialState, PlantConfig
 from sitl_plant.disturbance import disturbance_table
 from sitl_plant.plant import Environment, is_lost, specific_force, step_aircraft, time_s
-from sitl_plant.sensors import Sensing, measure, new_sensing
+from sitl_plant.sensors import measure, new_sensors, true_motions
 from sitl_plant.servo import begin_period, new_servos, sent_commands
 from sitl_plant.turbulence import advance_turbulence, start_turbulence
 from sitl_plant.vec3 import norm, sub, vec3
@@ -37,7 +37,8 @@ class PlantState(NamedTuple):
     wind: np.ndarray  # (1,), dtype WIND
     turbulence: np.ndarray  # (n,), dtype TURBULENCE
     air: np.ndarray  # (n, 6), motion of the air around each now, see `sitl_plant.rigid_body.Air`
-    sensors: Sensing
+    sensors: np.ndarray  # (n,), dtype SENSORS
+    truth: np.ndarray  # (n, depth, AXES), see `sitl_plant.sensors.true_motions`
 
 
 _NOTHING_APPLIED = np.uint64(2**64 - 1)
@@ -55,6 +56,7 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         states[i] = _initial_state(uav.initial)
     servos = np.array([new_servos(uav.servos, config.step_us) for uav in config.uavs])
     wind, turbulence = new_wind(config.wind, config.uavs)
+    sensors = new_sensors(config)
     fleet = PlantState(
         states,
         np.zeros((n, N_CHANNELS)),
@@ -68,7 +70,8 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         wind,
         turbulence,
         np.zeros((n, 6)),
-        new_sensing(config),
+        sensors,
+        true_motions(sensors),
     )
     for i, uav in enumerate(config.uavs):
         start_turbulence(turbulence[i], uav.initial.airspeed_m_s, config.seed, uav.id)
@@ -143,7 +146,7 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
         message["rates"][k] = x[9 + k]
         message["specific_force"][k] = force[k]
         message["wind"][k] = fleet.air[i, k]
-    measure(fleet.sensors, i, step, message)
+    measure(fleet.sensors[i], fleet.truth[i], step, message)
 
 
 @compiled
@@ -169,7 +172,7 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
         step_aircraft(fleet.states[i], t, dt, around, fleet.applied[i])
         if fleet.wind[0]["still"] == 0:
             V = norm(sub(vec3(fleet.states[i, 3:6]), vec3(fleet.air[i, :3])))
-            system, seed = fleet.sensors.systems[i], fleet.sensors.seed
+            system, seed = fleet.sensors[i]["system"], fleet.sensors[i]["seed"]
             advance_turbulence(fleet.turbulence[i], V, dt, seed, system, step + 1)
             _look_at_air(fleet, i, time_s(step + 1, step_us))
         if lost < 0 and is_lost(fleet.states[i], fleet.air[i, :3]):

@@ -107,3 +107,14 @@ def test_noise_depends_on_seed_and_aircraft_and_not_on_the_rest_of_the_fleet(
     assert not np.isclose(measured(other, "rates", 3), second).any()
     alone = config.model_copy(update={"uavs": config.uavs[1:2]})
     assert np.array_equal(measured(alone, "rates", 3, 0), second)
+
+
+def test_drift_and_noise_are_independent(scenario1: Scenario) -> None:
+    noisy = {"noise_rms": 1.0}
+    noise = measured(config_of(scenario1, {"gyro_deg_s": noisy}), "rates", 2000)
+    both = measured(
+        config_of(scenario1, {"gyro_deg_s": {**noisy, "bias_drift": 1.0}}), "rates", 2000
+    )
+    steps = np.diff(both - noise, axis=0)
+    for axis in range(3):
+        assert abs(np.corrcoef(steps[:, axis], noise[1:, axis])[0, 1]) < 4 / np.sqrt(2000)

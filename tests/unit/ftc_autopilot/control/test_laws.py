@@ -198,3 +198,17 @@ def test_a_parameter_that_no_record_can_hold_is_refused() -> None:
 
     with pytest.raises(TypeError, match="parameter of type list"):
         record_dtype(Wrong)
+
+
+def test_the_limit_of_the_virtual_control_binds_only_beyond_it(scenario1: Scenario) -> None:
+    """At 60 deg/s the paper's flight is the same bit for bit; at 5 deg/s it is not."""
+
+    def flown(limit: float) -> np.ndarray:
+        law = scenario1.controller.model_copy(update={"omega_d_limit_deg_s": limit})
+        changes = {"controller": law, "duration_s": 6.0}
+        return fly_in_process(scenario1.model_copy(update=changes)).signals
+
+    free, wide, narrow = flown(0.0), flown(60.0), flown(5.0)
+    assert free.tobytes() == wide.tobytes()
+    assert np.abs(np.degrees(free["omega_d"])).max() > 6.0
+    assert np.degrees(np.abs(narrow["omega_d"]).max(axis=(0, 1))) == pytest.approx([5.0] * 3)

@@ -115,6 +115,6 @@ def test_identity_changes_with_every_value() -> None:
 def test_identity_knows_defaults_and_code(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     explicit, implicit = plan([short], parse_axes(["trigger.b1=0.01,null"]))  # 0.01 by default
     assert explicit.digest == implicit.digest
-    monkeypatch.setattr(grid, "_code_digest", lambda: "other code")
+    monkeypatch.setattr(grid, "code_digest", lambda: "other code")
     (other,) = plan([short], parse_axes(["trigger.b1=0.01"]))
     assert other.digest != explicit.digest

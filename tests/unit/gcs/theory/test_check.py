@@ -117,3 +117,20 @@ def test_words_say_what_was_not_checked(rough: tuple[Recording, Scenario]) -> No
     assert "Of χ each inequality gives away" in words
     assert "W* are taken as 0" in words
     assert "Not checked" in words
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"servos": {"rudder": {"lag_s": 0.02}}}, "servos"),
+        ({"sensors": {"gyro_deg_s": {"bias": 0.1}}}, "errors of sensors"),
+        ({"wind": {"turbulence": "light"}}, "motions of the air"),
+    ],
+)
+def test_proofs_are_left_out_of_flights_that_the_theorems_do_not_know(
+    change: dict[str, Any], named: str
+) -> None:
+    scenario = scenario_with(**SHORT | change)
+    theory = checked(check_theory(fly_in_process(scenario), scenario))
+    assert named in str(theory.proofs_absent)
+    assert not any(uav.proofs for uav in theory.uavs)

@@ -20,7 +20,8 @@ from mavlink_defs.constants import THROTTLE
 
 pytestmark = pytest.mark.slow
 
-RECORDED = tuple(name for name in SIGNALS.names or () if name != "command")
+NOT_OF_THE_LAW = {"command", "effectiveness", "offset", "confidence", "phase"}
+RECORDED = tuple(name for name in SIGNALS.names or () if name not in NOT_OF_THE_LAW)
 
 
 @pytest.fixture(scope="module")
@@ -214,7 +215,12 @@ def test_a_changed_number_anywhere_in_the_record_is_caught(
     """Whatever number of a law's record is off by a millionth, an equality says so."""
     recording, scenario = calm
     first = slice(0, 60)
-    recording = replace(recording, states=recording.states[first], applied=recording.applied[first])
+    recording = replace(
+        recording,
+        states=recording.states[first],
+        applied=recording.applied[first],
+        wind=recording.wind[first],
+    )
     for component in range(math.prod(SIGNALS[name].shape)):
         signals = recording.signals[first].copy()
         values = signals[name].reshape(*signals.shape, -1)[..., component]
