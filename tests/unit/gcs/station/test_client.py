@@ -206,10 +206,14 @@ def test_private_messages_are_asked_for_at_first_and_after_a_restart() -> None:
             await client.wait_for([7], PATIENCE_S)
             assert vehicle.state.tells_private
             assert fake.intervals is not None
-            assert await client.until(lambda: len(fake.intervals or ()) == len(PRIVATE_INTERVALS_S), PATIENCE_S)
+            assert await client.until(
+                lambda: len(fake.intervals or ()) == len(PRIVATE_INTERVALS_S), PATIENCE_S
+            )
             assert set(fake.intervals) == set(PRIVATE_INTERVALS_S)
             fake.beat(dialect.MAV_STATE_BOOT)
-            assert await client.until(lambda: len(fake.intervals or ()) == 2 * len(PRIVATE_INTERVALS_S), PATIENCE_S)
+            assert await client.until(
+                lambda: len(fake.intervals or ()) == 2 * len(PRIVATE_INTERVALS_S), PATIENCE_S
+            )
 
     run(test)
 
