@@ -62,6 +62,7 @@ def lost_after(flight: PlottedFlight, steps: int) -> PlottedFlight:
     short = replace(
         recording,
         states=recording.states[:steps],
+        wind=recording.wind[:steps],
         applied=recording.applied[:steps],
         signals=recording.signals[:steps],
         wind=recording.wind[:steps],
