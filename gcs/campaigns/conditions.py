@@ -25,7 +25,7 @@ _EXAMPLE = "p(attitude_lost) < 0.05 at 95 %"
 class Condition(Model):
     """A probability below or above a bound, to be shown with a confidence."""
 
-    event: Literal[EVENTS]  # type: ignore[valid-type] # the names stand in one place
+    event: Literal[EVENTS]  # type: ignore[valid-type]  # the names stand in one place
     relation: Literal["<", ">"]
     probability: float = quantity("", gt=0.0, lt=1.0, doc="Bound of the probability.")
     confidence_percent: float = quantity("%", ge=50.0, lt=100.0, doc="Confidence to be reached.")
