@@ -65,7 +65,6 @@ def lost_after(flight: PlottedFlight, steps: int) -> PlottedFlight:
         wind=recording.wind[:steps],
         applied=recording.applied[:steps],
         signals=recording.signals[:steps],
-        wind=recording.wind[:steps],
         loss="UAV 3 was lost",
     )
     return replace(flight, recording=short)
