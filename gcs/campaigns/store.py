@@ -160,7 +160,9 @@ def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
 
     ``outcome`` is one of `OUTCOMES`, ``reason`` says why it is not ``completed``. Figures are
     those of `gcs.results.summary`; null where a flight has none. ``events``, ``messages`` and
-    ``saving`` are of the whole fleet, ``uav{k}.…`` of the UAV with id k.
+    ``saving`` are of the whole fleet, ``uav{k}.…`` of the UAV with id k. ``detection_s`` and
+    ``return_s`` are delays of the diagnosis after the beginning and the end of a fault,
+    ``false_alarms`` actuators declared lost in which no fault had begun.
     """
     import pyarrow as pa
 
@@ -183,9 +185,16 @@ def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
             "min_interval_s",
             "attitude_lost_at_s",
             "heading_lost_at_s",
+            "detection_s",
+            "return_s",
         ):
             fields.append(pa.field(f"uav{uav_id}.{name}", pa.float64()))
-        for name in ("events", *(f"events_{channel}" for channel in PAPER_ORDER), "messages"):
+        for name in (
+            "false_alarms",
+            "events",
+            *(f"events_{channel}" for channel in PAPER_ORDER),
+            "messages",
+        ):
             fields.append(pa.field(f"uav{uav_id}.{name}", pa.int64()))
     fields += [
         pa.field("wall_s", pa.float64()),

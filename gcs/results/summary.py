@@ -97,6 +97,17 @@ class UavSummary:
     diagnosis: tuple[DiagnosisSummary, ...] = ()
 
     @property
+    def false_alarms(self) -> int:
+        """Actuators declared lost in which no fault had begun."""
+        return sum(one.phase == "lost" and one.delay_s is None for one in self.diagnosis)
+
+    def first_delay_s(self, phase: Literal["lost", "back"]) -> float | None:
+        """Return the delay of the first such decision that follows a fault [s]; None without."""
+        return next(
+            (o.delay_s for o in self.diagnosis if o.phase == phase and o.delay_s is not None), None
+        )
+
+    @property
     def events(self) -> int:
         """Events of all channels."""
         return sum(channel.events for channel in self.channels.values())

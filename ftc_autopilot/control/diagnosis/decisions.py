@@ -21,6 +21,7 @@ _START_S = 0.3  # no jump counts earlier: the aircraft is being trimmed
 _DECIDE_S = 0.5  # no loss is declared earlier
 _CREEP_S = 1.5
 _CENTRE_S, _OLD_CENTRE_S, _NOISE_S = 0.15, 4.0, 5.0  # memories
+_FIRST_NOISE_S = 0.1  # that of the noise begins with this, and grows
 _BLANK = 2.5  # of the measurement's filters: a step has passed it
 _LOCK_S = 0.25
 _REST_S = 2.0
@@ -75,11 +76,12 @@ def watch(
     else:
         if in_service and abs(away) > jump and age > _START_S and actuator["lock"] <= 0.0:
             actuator["blank"], actuator["lock"] = _BLANK * filter_s, _LOCK_S
-            actuator["suspect"] = limits.suspicion
+            _suspect(actuator, limits)
             actuator["long_var_u"] *= _KEPT
             actuator["long_cov"] *= _KEPT
         actuator["centre"] += dt / _CENTRE_S * away
-        actuator["noise"] += dt / _NOISE_S * (min(away * away, jump * jump) - actuator["noise"])
+        share = dt / min(max(age, _FIRST_NOISE_S), _NOISE_S)  # at first the mean so far
+        actuator["noise"] += share * (min(away * away, jump * jump) - actuator["noise"])
         learn(actuator, limits.window, dt)
     actuator["suspect"] = max(actuator["suspect"] - dt, 0.0)
     actuator["lock"] = max(actuator["lock"] - dt, 0.0)
@@ -88,9 +90,15 @@ def watch(
         actuator["old_centre"] = r
     crept = r - actuator["old_centre"]
     actuator["old_centre"] += dt / _OLD_CENTRE_S * crept
-    resting = actuator["suspect"] > 0.0 or actuator["rest"] > 0.0
-    if in_service and not resting and abs(crept) > _CREPT * jump and age > _CREEP_S:
-        actuator["suspect"], actuator["rest"] = limits.suspicion, _REST_S
+    if in_service and abs(crept) > _CREPT * jump and age > _CREEP_S:
+        _suspect(actuator, limits)
+
+
+@compiled
+def _suspect(actuator: np.void, limits: Thresholds) -> None:
+    """Suspect an actuator, unless it was lately: its movements would renew the suspicion."""
+    if actuator["rest"] <= 0.0:
+        actuator["suspect"], actuator["rest"] = limits.suspicion, limits.suspicion + _REST_S
 
 
 @compiled

@@ -20,6 +20,7 @@ _LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
 _LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
 _WEAK, _WEAKEST = 0.75, 0.35  # effectiveness taken into account below the first, not below the last
 _EFFECTIVENESS_S = 0.2
+_TRANSIENT_S = 0.25  # after a decision about one surface, in which nothing is learnt of the others
 
 
 @compiled
@@ -48,8 +49,10 @@ def diagnose(
     measure(held, motion, dt, first, aircraft, gains, state)
     state["age"] += dt
     filter_s, actuators = gains["filter_s"], state["actuators"]
+    changed = -1
     for j in range(N_CHANNELS):
         actuator, limits = actuators[j], thresholds_of(gains, j)
+        before = actuator["lost"]
         if first:
             actuator["effectiveness"] = 1.0
             actuator["noise"] = (_QUIET * limits.jump) ** 2
@@ -63,6 +66,8 @@ def diagnose(
             gains["lost_effectiveness"],
             j == THROTTLE,
         )
+        if j < THROTTLE and actuator["lost"] != before:
+            changed = j
         if actuator["lost"] == 0 and state["age"] > _OFFSETS_S:
             if j < THROTTLE:
                 _weigh(actuator, limits.prior, limits.excitation, dt)
@@ -76,6 +81,20 @@ def diagnose(
         signals["offset"][j] = actuator["stuck"] if actuator["lost"] != 0 else actuator["offset"]
         signals["confidence"][j] = actuator["confidence"]
         signals["phase"][j] = phase_of(actuator)
+    if changed >= 0:
+        _wait_for_transient(actuators, changed)
+
+
+@compiled
+def _wait_for_transient(actuators: np.ndarray, changed: int) -> None:
+    """Learn nothing of the other surfaces while the aircraft answers to a reconfiguration.
+
+    An uncertain aircraft's true C is not C0: part of what one surface does, or fails to do, is
+    measured as another's.
+    """
+    for j in range(THROTTLE):
+        if j != changed:
+            actuators[j]["blank"] = max(actuators[j]["blank"], _TRANSIENT_S)
 
 
 @compiled

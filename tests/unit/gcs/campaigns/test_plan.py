@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from campaign_flights import MASS, campaign_tree, planned, write_campaign
 
+from ftc_autopilot.control.laws import LAWS
 from gcs.campaigns.model import load_campaign
 from gcs.campaigns.plan import plan, row_of, rows_of
 from gcs.scenario.bundled import SCENARIOS
@@ -190,13 +191,18 @@ def test_impairments_of_links_are_refused(tmp_path: Path) -> None:
     assert "campaigns fly in process" in message(tmp_path, scenario="wire.yaml")
 
 
-@pytest.mark.parametrize("name", ["uncertainty", "faults"])
+@pytest.mark.parametrize("name", ["uncertainty", "faults", "false_alarms", "stuck_surface"])
 def test_shipped_campaigns_can_be_flown(name: str) -> None:
     path = SCENARIOS / "campaigns" / f"{name}.yaml"
     campaign = load_campaign(path)
     short = campaign.model_copy(update={"draws": 16})
-    assert plan(short, path).draws.num_rows == 16 * 3
-    assert set(campaign.variants) == {"proposed", "backstepping", "pid"}
+    assert plan(short, path).draws.num_rows == 16 * len(campaign.variants)
+
+
+@pytest.mark.parametrize("name", ["uncertainty", "faults"])
+def test_shipped_campaigns_are_for_all_laws(name: str) -> None:
+    campaign = load_campaign(SCENARIOS / "campaigns" / f"{name}.yaml")
+    assert set(campaign.variants) == set(LAWS)
 
 
 def test_the_shipped_uncertainty_is_of_everything() -> None:
