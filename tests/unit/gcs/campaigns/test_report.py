@@ -15,6 +15,8 @@ from gcs.campaigns.until import is_decided, note_condition, stopping_condition
 from gcs.errors import BadInput
 from gcs.figures.campaign import distributions, importance, two_factors
 
+pytestmark = pytest.mark.slow
+
 DRAWS = 60
 MANY = [*["crashed", "attitude_lost", "attitude_lost", "failed"], *["completed"] * (DRAWS - 4)]
 GOOD = ["completed"] * DRAWS

@@ -16,6 +16,8 @@ from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.constants import ACTUATORS
 
+pytestmark = pytest.mark.slow  # a hundred flights
+
 FILES = sorted(path.stem for path in (SCENARIOS / "faults").glob("*.yaml"))
 SEEN_LATER = {  # it stands where the flight wants it: nothing shows until something moves it
     "stuck_at_aileron": 0.25,
