@@ -24,8 +24,10 @@ Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad 
 
 
 def compare(
-    old: Annotated[Path, typer.Argument(help="Folder of the campaign to compare with.")],
-    new: Annotated[Path, typer.Argument(help="Folder of the campaign in question.")],
+    old: Annotated[
+        Path, typer.Argument(help="Folder of the campaign to compare with.", metavar="OLD")
+    ],
+    new: Annotated[Path, typer.Argument(help="Folder of the campaign in question.", metavar="NEW")],
     fail_if: Annotated[
         list[str] | None,
         typer.Option(

@@ -23,9 +23,12 @@ def describe_fault(fault: Fault) -> str:
 
 
 def _window(fault: Fault) -> str:
-    begins = "now" if math.isnan(fault.start_s) else f"({fault.start_s:g}"
     ends = f"{fault.end_s:g}] s" if math.isfinite(fault.end_s) else "until cleared"
-    return f"from {begins}, {ends}" if begins == "now" else f"in {begins}, {ends}"
+    if math.isnan(fault.start_s):
+        return f"from now, {ends}"
+    if math.isfinite(fault.end_s):
+        return f"in ({fault.start_s:g}, {ends}"
+    return f"after {fault.start_s:g} s, {ends}"
 
 
 def describe_diagnosis(phases: Sequence[float]) -> tuple[str, int]:

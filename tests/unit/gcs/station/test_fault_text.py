@@ -11,7 +11,7 @@ from mavlink_defs.faults import Fault
     [
         (
             Fault(0, 1.0, -2.0, 0.3, 1.0, math.inf),
-            "aileron at 100 % - 2 deg · cos 2π 0.3 Hz in (1, until cleared",
+            "aileron at 100 % - 2 deg · cos 2π 0.3 Hz after 1 s, until cleared",
         ),
         (
             Fault(3, 0.0, 1.5, 0.0, math.nan, math.nan),
