@@ -5,20 +5,29 @@ Names are the paper's, in ASCII; defaults are the values of Table III, or where 
 none, a set that flies well with Table III kept to the letter. Angles inside the laws are rad.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from ftc_autopilot.control.laws import Controller
+from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.schedule import Schedule, schedule
 from ftc_autopilot.geography import Origin
 from mavlink_defs import dialect
-from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repeated
+from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
 
-__all__ = ["AutopilotConfig", "Controller", "Identity", "Neighbour", "Origin", "Trigger"]
+__all__ = [
+    "AutopilotConfig",
+    "Controller",
+    "Identity",
+    "Neighbour",
+    "Origin",
+    "Trigger",
+    "trigger_problems",
+]
 
 Identity: TypeAlias = Literal["ardupilot", "generic"]
 """Whose conventions a vehicle follows where they differ.
@@ -29,12 +38,13 @@ integers travel C-cast; as a generic autopilot, bytewise, and clients do not kno
 
 
 class Trigger(Model):
-    """Event triggers (25) and (29)."""
+    """Event triggers: (25) and (29), or the law's own choice."""
 
-    mode: Literal["per_channel", "joint", "periodic"] = Field(
+    mode: Literal["per_channel", "joint", "periodic", "consequence"] = Field(
         default="per_channel",
-        description="Each surface has its own events, any one's event updates all three, or "
-        "there is no trigger: every channel is sent in every period.",
+        description="Each surface has its own events, any one's event updates all three, "
+        "there is no trigger: every channel is sent in every period, or the law chooses what is "
+        "sent, and when, by the consequence of not sending it.",
     )
     a1: Schedule[
         Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of the thrust.")]
@@ -51,6 +61,17 @@ class Trigger(Model):
     b2_deg: Schedule[
         Annotated[float, quantity("deg", ge=0.0, doc="Absolute threshold of a surface.")]
     ] = schedule(1.0, doc="Absolute threshold of the surfaces, b2 of (29) [deg].")
+
+
+def trigger_problems(controller: Controller, trigger: Trigger) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text if law and trigger do not go together."""
+    chooses = [kind for kind, law in LAWS.items() if law.CHOOSES]
+    if controller.CHOOSES and trigger.mode != "consequence":
+        text = f"expected 'consequence', as the law {controller.kind!r} chooses what is sent"
+        yield ("trigger", "mode"), f"{text}, got {trigger.mode!r}"
+    elif not controller.CHOOSES and trigger.mode == "consequence":
+        text = f"'consequence' needs a law that chooses what is sent ({', '.join(chooses)})"
+        yield ("trigger", "mode"), f"{text}, got the law {controller.kind!r}"
 
 
 class Neighbour(Model):
@@ -114,4 +135,9 @@ class AutopilotConfig(Model):
         problems = repeated(ids)
         problems += [(i, f"UAV {n} is this UAV itself") for i, n in enumerate(ids) if n == self.id]
         Problems.check((("neighbours", i, "id"), text) for i, text in problems)
+        return self
+
+    @model_validator(mode="after")
+    def _law_and_trigger_fit(self) -> "AutopilotConfig":
+        Problems.check(trigger_problems(self.controller, self.trigger))
         return self

@@ -57,6 +57,7 @@ CONTROLLER = np.dtype(
         *((kind, law.STATE) for kind, law in LAWS.items()),
         ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
         ("held", "f8", (N_CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
+        ("chosen", "i8"),  # mask of the channels that the law chose to send; all unless it chooses
         ("started", "i8"),  # 0: the next step is the law's first one since the UAV was armed
         ("steps", "i8"),  # control steps made
         ("messages", "i8"),  # steps in which at least one channel had an event
@@ -193,6 +194,7 @@ def control_step(
     a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
     b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_rad"], t)[0]
     now = Instant(t, dt, first, motion, reference, errors, state["held"], a[0])
+    state["chosen"] = 0b1111
     demand = evaluate(now, aircraft, parameters, state, signals)
     mask = trigger(
         demand.delta_hat,
@@ -200,6 +202,7 @@ def control_step(
         state["held"],
         first,
         thresholds["mode"],
+        state["chosen"],
         a,
         b,
         aircraft,

@@ -1,4 +1,4 @@
-"""Event triggers, eqs. (25) and (29) of the paper.
+"""Event triggers: eqs. (25) and (29) of the paper, or the law's own choice.
 
 A command is held until it has drifted from the held value by a share of that value plus a
 constant. Commands are compared after saturation: an actuator at its stop
@@ -13,6 +13,7 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
 __all__ = [
+    "CONSEQUENCE",
     "JOINT",
     "PERIODIC",
     "PER_CHANNEL",
@@ -24,6 +25,7 @@ __all__ = [
 PER_CHANNEL = 0
 JOINT = 1
 PERIODIC = 2
+CONSEQUENCE = 3
 
 
 @compiled
@@ -52,6 +54,7 @@ def trigger(
     held: np.ndarray,
     first: bool,
     mode: int,
+    chosen: int,
     a: tuple[float, float],
     b: tuple[float, float],
     aircraft: np.void,
@@ -64,7 +67,9 @@ def trigger(
         T_hat: Thrust that the law asks for [N].
         held: Held commands [rad, rad, rad, N], shape (4,); updated where a channel transmits.
         first: True for the very first command, which is always sent.
-        mode: `PER_CHANNEL`, `JOINT`, or `PERIODIC`: no trigger, every channel transmits.
+        mode: `PER_CHANNEL`, `JOINT`, `PERIODIC`: no trigger, every channel transmits; or
+            `CONSEQUENCE`: those transmit that the law has chosen.
+        chosen: Bit mask of the channels that the law has chosen.
         a: Thresholds a1 [-], a2 [N] of (25).
         b: Thresholds b1 [-], b2 [rad] of (29).
         aircraft: Nominal aircraft, whose limits saturate the command.
@@ -76,13 +81,16 @@ def trigger(
     everything = first or mode == PERIODIC
     stop, T_max = aircraft["surface_limit"], aircraft["thrust_limit"]
     mask = 0
-    for i in range(THROTTLE):
-        if everything or fires(min(max(delta_hat[i], -stop), stop), held[i], b[0], b[1]):
-            mask |= 1 << i
-    if mode == JOINT and mask != 0:
-        mask = 0b0111
-    if everything or fires(min(max(T_hat, 0.0), T_max), held[THROTTLE], a[0], a[1]):
-        mask |= 1 << THROTTLE
+    if mode == CONSEQUENCE:
+        mask = 0b1111 if first else chosen
+    else:
+        for i in range(THROTTLE):
+            if everything or fires(min(max(delta_hat[i], -stop), stop), held[i], b[0], b[1]):
+                mask |= 1 << i
+        if mode == JOINT and mask != 0:
+            mask = 0b0111
+        if everything or fires(min(max(T_hat, 0.0), T_max), held[THROTTLE], a[0], a[1]):
+            mask |= 1 << THROTTLE
     for i in range(THROTTLE):
         if mask & (1 << i):
             controls[i] = on_wire(delta_hat[i], -stop, stop)

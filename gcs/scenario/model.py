@@ -17,6 +17,7 @@ from ftc_autopilot.config import (
     Neighbour,
     Origin,
     Trigger,
+    trigger_problems,
 )
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.laws.proposed import Proposed
@@ -177,6 +178,7 @@ class Scenario(Model):
         checks = (
             self._uav_problems,
             self._aircraft_problems,
+            lambda: trigger_problems(self.controller, self.trigger),
             self._hardware_problems,
             self._network_problems,
             self._profile_problems,

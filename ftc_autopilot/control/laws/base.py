@@ -23,10 +23,13 @@ class LawParameters(Model):
     Attributes:
         STATE: The law's memory between steps, all zero before the first step.
         DERIVED: Fields of its record that `derive` fills.
+        CHOOSES: Whether the law itself chooses which channels are sent, and when, as trigger mode
+            `consequence` needs it.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
     DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = ()
+    CHOOSES: ClassVar[bool] = False
 
     def derive(self, aircraft: Aircraft, record: np.void) -> None:
         """Compute what the law needs of the nominal aircraft beside its numbers: nothing.

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.control.trigger import JOINT, PER_CHANNEL, fires, trigger
+from ftc_autopilot.control.trigger import CONSEQUENCE, JOINT, PER_CHANNEL, fires, trigger
 
 A, B = (0.01, 0.5), (0.01, 0.0175)
 ALL = 0b1111
@@ -25,8 +25,9 @@ def run(
     nominal: np.void,
     first: bool = False,
     mode: int = PER_CHANNEL,
+    chosen: int = 0,
 ) -> int:
-    return trigger(delta, T, held, first, mode, A, B, nominal, controls)
+    return trigger(delta, T, held, first, mode, chosen, A, B, nominal, controls)
 
 
 def test_the_first_command_is_always_sent(nominal: np.void) -> None:
@@ -52,6 +53,22 @@ def test_joint_updates_all_surfaces_but_not_the_throttle(nominal: np.void) -> No
     assert run((0.1, 0.01, 0.01), 0.1, held, controls, nominal, mode=JOINT) == 0b0111
     assert held[1] != 0.0
     assert held[3] == 0.0
+
+
+@given(delta=st.tuples(surface, surface, surface), T=thrust, chosen=st.integers(0, ALL))
+def test_the_law_chooses_what_is_sent(
+    delta: tuple[float, float, float], T: float, chosen: int, nominal: np.void
+) -> None:
+    held, controls = new_actuators()
+    held[:] = controls[:4] = np.nan
+    assert run(delta, T, held, controls, nominal, mode=CONSEQUENCE, chosen=chosen) == chosen
+    sent = [bool(chosen & (1 << i)) for i in range(4)]
+    assert list(np.isfinite(held)) == list(np.isfinite(controls[:4])) == sent
+
+
+def test_the_first_command_of_a_choosing_law_is_sent_whole(nominal: np.void) -> None:
+    held, controls = new_actuators()
+    assert run((0.1, 0.0, 0.0), 1.0, held, controls, nominal, first=True, mode=CONSEQUENCE) == ALL
 
 
 @given(delta=st.tuples(surface, surface, surface), T=thrust)
