@@ -102,6 +102,7 @@ SIGNALS = np.dtype(
         ("effectiveness", "f8", (N_CHANNELS,)),  # diagnosis: in use
         ("offset", "f8", (N_CHANNELS,)),  # of an actuator in service; where a lost one stands
         ("confidence", "f8", (N_CHANNELS,)),  # 1 - standard error of the effectiveness
+        ("exit", "f8", (N_CHANNELS,)),  # time until the output is predicted to leave its tube [s]
         ("phase", "u1", (N_CHANNELS,)),  # as `ftc_autopilot.control.diagnosis` numbers them
     ]
 )
@@ -193,7 +194,7 @@ def control_step(
     thresholds = parameters["trigger"]
     a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
     b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_rad"], t)[0]
-    now = Instant(t, dt, first, motion, reference, errors, state["held"], a[0])
+    now = Instant(t, dt, first, motion, command, reference, errors, state["held"], a[0])
     state["chosen"] = 0b1111
     demand = evaluate(now, aircraft, parameters, state, signals)
     mask = trigger(

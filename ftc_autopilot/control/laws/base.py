@@ -76,6 +76,7 @@ class Instant(NamedTuple):
     dt: float  # control period [s]
     first: bool  # whether this is the law's first step
     motion: Motion  # own motion
+    command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad]
     reference: Reference  # filtered reference
     errors: FormationErrors  # errors against reference and neighbours, (31), (32)
     held: np.ndarray  # commands in force: aileron, elevator, rudder [rad], thrust [N]; read only

@@ -31,7 +31,7 @@ turns = st.tuples(st.integers(-3, 3), st.just(0), st.integers(-3, 3))
 def errors(nominal: np.void, own: Vec3, neighbours: list[Vec3]) -> FormationErrors:
     """Errors of a UAV with these attitudes [rad], the reference being level flight due north."""
     v = (45.0, 0.0, 0.0)
-    motion = Motion(v, own, ZERO, 45.0, 0.0, ZERO, aerodynamics(v, ZERO, nominal))
+    motion = Motion(v, own, ZERO, 45.0, 0.0, ZERO, ZERO, aerodynamics(v, ZERO, nominal))
     reports = np.zeros(len(neighbours), NEIGHBOUR)
     for row, attitude in zip(reports, neighbours, strict=True):
         row["airspeed"], row["attitude"] = 45.0, attitude
