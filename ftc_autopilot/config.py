@@ -6,13 +6,14 @@ none, a set that flies well with Table III kept to the letter. Angles inside the
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
 from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.schedule import Schedule, schedule
+from ftc_autopilot.control.triggers import Trigger
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from ftc_autopilot.geography import Origin
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
@@ -37,34 +38,11 @@ integers travel C-cast; as a generic autopilot, bytewise, and clients do not kno
 """
 
 
-class Trigger(Model):
-    """Event triggers: (25) and (29), or the law's own choice."""
-
-    mode: Literal["per_channel", "joint", "periodic", "consequence"] = Field(
-        default="per_channel",
-        description="Each surface has its own events, any one's event updates all three, "
-        "there is no trigger: every channel is sent in every period, or the law chooses what is "
-        "sent, and when, by the consequence of not sending it.",
-    )
-    a1: Schedule[
-        Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of the thrust.")]
-    ] = schedule(0.01, doc="Relative threshold of the thrust, a1 of (25).")
-    a2_n: Schedule[
-        Annotated[float, quantity("N", ge=0.0, doc="Absolute threshold of the thrust.")]
-    ] = schedule(
-        [{"until_s": 14.0, "value": 0.5}, {"value": 1.0}],
-        doc="Absolute threshold of the thrust, a2 of (25) [N].",
-    )
-    b1: Schedule[
-        Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of a surface.")]
-    ] = schedule(0.01, doc="Relative threshold of the surfaces, b1 of (29).")
-    b2_deg: Schedule[
-        Annotated[float, quantity("deg", ge=0.0, doc="Absolute threshold of a surface.")]
-    ] = schedule(1.0, doc="Absolute threshold of the surfaces, b2 of (29) [deg].")
-
-
-def trigger_problems(controller: Controller, trigger: Trigger) -> Iterator[tuple[Loc, str]]:
-    """Yield place and text if law and trigger do not go together."""
+def trigger_problems(
+    controller: Controller, trigger: Trigger, step_us: int
+) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text if law, trigger and control period [µs] do not go together."""
+    yield from ((("trigger", *loc), text) for loc, text in trigger.misfits(step_us))
     chooses = [kind for kind, law in LAWS.items() if law.CHOOSES]
     if controller.CHOOSES and trigger.mode != "consequence":
         text = f"expected 'consequence', as the law {controller.kind!r} chooses what is sent"
@@ -98,7 +76,7 @@ class AutopilotConfig(Model):
     controller: Controller = Field(
         default=Proposed(), description="Control law and its parameters."
     )
-    trigger: Trigger = Field(default=Trigger(), description="Event triggers.")
+    trigger: Trigger = Field(default=PerChannel(), description="Event triggers.")
     neighbours: tuple[Neighbour, ...] = Field(
         default=(), description="Neighbours in the communication graph."
     )
@@ -139,5 +117,5 @@ class AutopilotConfig(Model):
 
     @model_validator(mode="after")
     def _law_and_trigger_fit(self) -> "AutopilotConfig":
-        Problems.check(trigger_problems(self.controller, self.trigger))
+        Problems.check(trigger_problems(self.controller, self.trigger, self.step_us))
         return self

@@ -7,7 +7,7 @@ reference filter.
 
 import numpy as np
 
-from ftc_autopilot.config import Controller, Trigger
+from ftc_autopilot.config import Controller
 from ftc_autopilot.control.formation import formation_errors
 from ftc_autopilot.control.laws import KINDS, LAWS, evaluate
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
@@ -16,6 +16,8 @@ from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.schedule import scheduled
 from ftc_autopilot.control.trigger import trigger
+from ftc_autopilot.control.triggers import MODES, TRIGGERS
+from ftc_autopilot.control.triggers.base import TriggerParameters
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
@@ -43,11 +45,24 @@ def _record_of(law: type[LawParameters]) -> np.dtype:
     return np.dtype([*((name, own[name]) for name in own.names or ()), *law.DERIVED])
 
 
+def _record_of_triggers() -> np.dtype:
+    """Return the record of the thresholds, and of what each trigger has beyond them."""
+    common = record_dtype(TriggerParameters)
+    own = {mode: record_dtype(trigger, TriggerParameters) for mode, trigger in TRIGGERS.items()}
+    return np.dtype(
+        [
+            *((name, common[name]) for name in common.names or ()),
+            *((mode, record) for mode, record in own.items() if record.names),
+        ]
+    )
+
+
 PARAMETERS = np.dtype(
     [
         ("law", "i8"),  # index in KINDS
         ("common", record_dtype(LawParameters)),
-        ("trigger", record_dtype(Trigger)),
+        ("mode", "i8"),  # of the trigger, index in MODES
+        ("trigger", _record_of_triggers()),
         *((kind, _record_of(law)) for kind, law in LAWS.items()),
     ]
 )
@@ -55,6 +70,7 @@ PARAMETERS = np.dtype(
 CONTROLLER = np.dtype(
     [
         *((kind, law.STATE) for kind, law in LAWS.items()),
+        ("trigger", [(mode, one.STATE) for mode, one in TRIGGERS.items() if one.STATE.names]),
         ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
         ("held", "f8", (N_CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
         ("chosen", "i8"),  # mask of the channels that the law chose to send; all unless it chooses
@@ -110,12 +126,19 @@ SIGNALS = np.dtype(
 pitch, yaw [rad]; of commands: aileron, elevator, rudder [rad], thrust [N]."""
 
 
-def parameter_record(controller: Controller, trigger: Trigger) -> np.void:
-    """Turn a controller's and its trigger's configuration into a record of `PARAMETERS`."""
+def parameter_record(controller: Controller, trigger: TriggerParameters) -> np.void:
+    """Turn a controller's and its trigger's configuration into a record of `PARAMETERS`.
+
+    Triggers that are not chosen, to which a vehicle may change in flight, have their defaults.
+    """
     record: np.void = np.zeros(1, PARAMETERS)[0]
     record["law"] = KINDS.index(controller.kind)
     fill(record["common"], controller)
+    record["mode"] = MODES.index(trigger.mode)
     fill(record["trigger"], trigger)
+    for mode, one in TRIGGERS.items():
+        if mode in record["trigger"].dtype.names:
+            fill(record["trigger"][mode], trigger if mode == trigger.mode else one(mode=mode))
     fill(record[controller.kind], controller)
     return record
 
@@ -134,6 +157,7 @@ def restart_law(state: np.void) -> None:
         state: Record of dtype `CONTROLLER`, updated in place.
     """
     state["started"] = 0
+    state["trigger"] = np.zeros((), CONTROLLER["trigger"])
     for kind, law in LAWS.items():
         state[kind] = np.zeros((), law.STATE)
 
@@ -197,18 +221,7 @@ def control_step(
     now = Instant(t, dt, first, motion, command, reference, errors, state["held"], a[0])
     state["chosen"] = 0b1111
     demand = evaluate(now, aircraft, parameters, state, signals)
-    mask = trigger(
-        demand.delta_hat,
-        demand.T_hat,
-        state["held"],
-        first,
-        thresholds["mode"],
-        state["chosen"],
-        a,
-        b,
-        aircraft,
-        controls,
-    )
+    mask = trigger(demand, dt, first, state["chosen"], a, b, aircraft, parameters, state, controls)
     state["started"] = 1
     state["steps"] += 1
 

@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.controller import parameter_record
 from ftc_autopilot.control.formation import FormationErrors, formation_errors
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from mavlink_defs.framing.codec import NEIGHBOUR
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.vec3 import Vec3
 
 LAW = Proposed()
-WEIGHTING = parameter_record(LAW, Trigger())["common"]
+WEIGHTING = parameter_record(LAW, PerChannel())["common"]
 ZERO = (0.0, 0.0, 0.0)
 ROLL, YAW = 0, 2
 
