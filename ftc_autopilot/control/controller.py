@@ -218,7 +218,7 @@ def control_step(
     thresholds = parameters["trigger"]
     a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
     b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_rad"], t)[0]
-    now = Instant(t, dt, first, motion, command, reference, errors, state["held"], a[0])
+    now = Instant(t, dt, first, motion, command, reference, errors, state["held"], a, b)
     state["chosen"] = 0b1111
     demand = evaluate(now, aircraft, parameters, state, signals)
     mask = trigger(demand, dt, first, state["chosen"], a, b, aircraft, parameters, state, controls)

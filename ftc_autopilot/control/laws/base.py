@@ -80,7 +80,8 @@ class Instant(NamedTuple):
     reference: Reference  # filtered reference
     errors: FormationErrors  # errors against reference and neighbours, (31), (32)
     held: np.ndarray  # commands in force: aileron, elevator, rudder [rad], thrust [N]; read only
-    a1: float  # relative threshold of the thrust's trigger (25), which (33) compensates
+    a: tuple[float, float]  # thresholds a1 [-], a2 [N] of (25)
+    b: tuple[float, float]  # thresholds b1 [-], b2 [rad] of (29)
 
 
 class Demand(NamedTuple):

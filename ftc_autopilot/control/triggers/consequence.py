@@ -11,7 +11,7 @@ __all__ = ["Consequence", "consequence"]
 
 
 class Consequence(TriggerParameters):
-    """The trigger `consequence`; the thresholds have no effect."""
+    """The trigger `consequence`; the law may use the thresholds, in a part of its own."""
 
     BY_THRESHOLD: ClassVar[bool] = False
 

@@ -48,11 +48,11 @@ def tube_law(
     mask = 0
     if take_over(now, gains, state):
         for j in range(N_CHANNELS):
-            if triggered(j, surviving, aircraft, gains, commands):
+            if triggered(now, j, surviving, aircraft, commands):
                 mask |= 1 << j
             state["exit"][j] = math.nan
     else:
-        if no_rudder and triggered(RUDDER, surviving, aircraft, gains, commands):
+        if no_rudder and triggered(now, RUDDER, surviving, aircraft, commands):
             mask |= 1 << RUDDER
         if state["step"] % max(round(gains["check_s"] / now.dt), 1) == 0:
             rudder = commands[RUDDER]

@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from ftc_autopilot.control.laws.gains import Gains
 from ftc_autopilot.control.laws.surviving import Surviving
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import N_CHANNELS
@@ -52,7 +53,12 @@ class Tube(Surviving):
         ]
     )
 
-    kind: Literal["tube"] = Field(default="tube", description="Name of the law.")
+    kind: Literal["tube"] = Field(  # type: ignore[assignment]  # a name of its own
+        default="tube", description="Name of the law."
+    )
+
+    K1: Gains = Field(default=(8.0, 8.0, 4.0), description="Gains of the attitude errors [1/s].")
+    K2: Gains = Field(default=(20.0, 20.0, 15.0), description="Gains of the rate errors [1/s].")
 
     tube_scale: float = quantity(
         "", gt=0.0, default=1.0, doc="Width of all tubes, relative: messages against error."
@@ -64,10 +70,10 @@ class Tube(Surviving):
     )
 
     width_m_s: float = quantity(
-        "m/s", gt=0.0, default=0.27, doc="Half the width of the airspeed's tube."
+        "m/s", gt=0.0, default=0.22, doc="Half the width of the airspeed's tube."
     )
     width_deg: tuple[_Width, _Width, _Width] = Field(
-        default=(0.42, 0.13, 1.2), description="Half the widths of the angles' tubes [deg]."
+        default=(0.40, 0.13, 1.2), description="Half the widths of the angles' tubes [deg]."
     )
     widening: _Shares = Field(
         default=(0.18, 0.135, 0.06, 0.07),
@@ -114,7 +120,7 @@ class Tube(Surviving):
         "s", gt=0.0, le=10.0, default=0.03, doc="Memory of the observer of the specific force."
     )
     rates_observer_s: float = quantity(
-        "s", gt=0.0, le=10.0, default=0.05, doc="Memory of the observer of the angular velocity."
+        "s", gt=0.0, le=10.0, default=0.045, doc="Memory of the observer of the angular velocity."
     )
     persistence_s: float = quantity(
         "s",
@@ -134,14 +140,4 @@ class Tube(Surviving):
     )
     storm_s: float = quantity(
         "s", ge=0.0, default=5.0, doc="For how long it does then; twice as long each further time."
-    )
-    takeover_a1: float = quantity(
-        "", ge=0.0, lt=1.0, default=0.01, doc="Relative threshold (25) of the thrust meanwhile."
-    )
-    takeover_a2_n: float = quantity("N", ge=0.0, default=1.0, doc="Absolute one of the thrust.")
-    takeover_b1: float = quantity(
-        "", ge=0.0, lt=1.0, default=0.01, doc="Relative threshold (29) of the surfaces meanwhile."
-    )
-    takeover_b2_deg: float = quantity(
-        "deg", ge=0.0, default=1.0, doc="Absolute one of the surfaces."
     )

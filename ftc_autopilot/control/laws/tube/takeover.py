@@ -3,7 +3,6 @@
 import numpy as np
 
 from ftc_autopilot.control.laws.base import Demand, Instant
-from ftc_autopilot.control.trigger import fires
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 
@@ -48,24 +47,25 @@ def take_over(now: Instant, gains: np.void, state: np.void) -> bool:
 
 @compiled
 def triggered(
-    j: int, demand: Demand, aircraft: np.void, gains: np.void, commands: np.ndarray
+    now: Instant, j: int, demand: Demand, aircraft: np.void, commands: np.ndarray
 ) -> bool:
     """Return whether (25) or (29) sends the surviving law's command of channel j, and take it.
 
     Args:
+        now: The present step, with the thresholds.
         j: The channel, number as FTC_ACTUATOR.
         demand: Commands of the surviving law.
         aircraft: Nominal aircraft, whose limits saturate the command.
-        gains: Parameters, record made of `Tube`.
         commands: In force [rad, rad, rad, N], shape (4,), updated.
     """
     if j == THROTTLE:
         wanted = min(max(demand.T_hat, 0.0), aircraft["thrust_limit"])
-        fired = fires(wanted, commands[j], gains["takeover_a1"], gains["takeover_a2_n"])
+        least = now.a[0] * abs(commands[j]) + now.a[1]
     else:
         stop = aircraft["surface_limit"]
         wanted = min(max(demand.delta_hat[j], -stop), stop)
-        fired = fires(wanted, commands[j], gains["takeover_b1"], gains["takeover_b2_rad"])
+        least = now.b[0] * abs(commands[j]) + now.b[1]
+    fired = bool(abs(wanted - commands[j]) >= least)
     if fired:
         commands[j] = wanted
     return fired
