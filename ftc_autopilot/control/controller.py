@@ -5,6 +5,8 @@ as they stand, advance the estimates by one explicit Euler step to t + dt, trigg
 reference filter.
 """
 
+import math
+
 import numpy as np
 
 from ftc_autopilot.config import Controller
@@ -17,7 +19,7 @@ from ftc_autopilot.control.reference import filter_reference, read_reference, st
 from ftc_autopilot.control.schedule import scheduled
 from ftc_autopilot.control.trigger import trigger
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
-from ftc_autopilot.control.triggers.base import TriggerParameters
+from ftc_autopilot.control.triggers.base import ALL, TriggerParameters
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
@@ -118,7 +120,7 @@ SIGNALS = np.dtype(
         ("effectiveness", "f8", (N_CHANNELS,)),  # diagnosis: in use
         ("offset", "f8", (N_CHANNELS,)),  # of an actuator in service; where a lost one stands
         ("confidence", "f8", (N_CHANNELS,)),  # 1 - standard error of the effectiveness
-        ("exit", "f8", (N_CHANNELS,)),  # time until the output is predicted to leave its tube [s]
+        ("predicted_exit", "f8", (N_CHANNELS,)),  # time until its output leaves the tube [s]
         ("phase", "u1", (N_CHANNELS,)),  # as `ftc_autopilot.control.diagnosis` numbers them
     ]
 )
@@ -219,7 +221,9 @@ def control_step(
     a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
     b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_rad"], t)[0]
     now = Instant(t, dt, first, motion, command, reference, errors, state["held"], a, b)
-    state["chosen"] = 0b1111
+    state["chosen"] = ALL
+    for i in range(N_CHANNELS):
+        signals["predicted_exit"][i] = math.nan
     demand = evaluate(now, aircraft, parameters, state, signals)
     mask = trigger(demand, dt, first, state["chosen"], a, b, aircraft, parameters, state, controls)
     state["started"] = 1

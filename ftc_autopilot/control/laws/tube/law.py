@@ -9,6 +9,7 @@ from ftc_autopilot.control.laws.surviving import surviving_law
 from ftc_autopilot.control.laws.tube.check import check
 from ftc_autopilot.control.laws.tube.observer import observe
 from ftc_autopilot.control.laws.tube.takeover import only_rudder_lost, take_over, triggered
+from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 
@@ -54,7 +55,7 @@ def tube_law(
     else:
         if no_rudder and triggered(now, RUDDER, surviving, aircraft, commands):
             mask |= 1 << RUDDER
-        if state["step"] % max(round(gains["check_s"] / now.dt), 1) == 0:
+        if state["step"] % in_steps(gains["check_s"], now.dt) == 0:
             rudder = commands[RUDDER]
             if no_rudder:
                 commands[RUDDER] = positions[RUDDER]
@@ -66,7 +67,7 @@ def tube_law(
     for j in range(N_CHANNELS):
         if mask & (1 << j):
             state["sent"][j] = state["step"]
-        signals["exit"][j] = state["exit"][j]
+        signals["predicted_exit"][j] = state["exit"][j]
     state["step"] += 1
     delta = commands[AILERON], commands[ELEVATOR], commands[RUDDER]
     return Demand(delta, commands[THROTTLE]), mask

@@ -136,7 +136,7 @@ class Tube(Surviving):
         "deg", gt=0.0, default=15.0, doc="Roll or pitch error at which it takes over as well."
     )
     storm_events: float = quantity(
-        "", gt=0.0, default=14.0, doc="Events of a channel in about a second at which it does, too."
+        "", gt=0.0, default=17.0, doc="Events of a channel in about a second at which it does, too."
     )
     storm_s: float = quantity(
         "s", ge=0.0, default=5.0, doc="For how long it does then; twice as long each further time."

@@ -48,6 +48,8 @@ def bench(scenario1: Scenario) -> Bench:
 @pytest.mark.parametrize("kind", LAWS)
 def test_names_fit_and_values_are_the_configurations(scenario1: Scenario, kind: str) -> None:
     tree = scenario1.model_dump() | {"controller": {"kind": kind}}
+    if LAWS[kind].CHOOSES:
+        tree["trigger"] = {"mode": "consequence"}
     bench = Bench(Scenario.model_validate(tree))
     for name, parameter in bench.parameters.items():
         assert re.fullmatch(rf"[A-Z][A-Z0-9_]{{0,{MAX_NAME - 1}}}", name)
