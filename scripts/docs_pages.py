@@ -87,9 +87,8 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 def keys(section: str) -> str:
     """Return the table of the keys of one section of a scenario or a campaign."""
     model = SECTIONS[section]
-    bases: dict[str, type[BaseModel]] = dict.fromkeys(LAWS, LawParameters)
-    bases |= dict.fromkeys(TRIGGERS, TriggerParameters)
-    common = bases.get(section, BaseModel).model_fields
+    extends = section in LAWS or section in TRIGGERS  # the keys of the class before it
+    common = model.__mro__[1].model_fields if extends else {}
     rows = (row for row in key_rows(model) if row[0] not in common)
     shown = ((f"`{key}`", *rest) for key, *rest in rows)
     return table(("key", "expected", "default", "meaning"), shown)
