@@ -46,6 +46,7 @@ class ControllerMessages:
             messages=int(controller["messages"]),
             repeats=self._hot.repeated,
             edge_changes=self._hot.edge_changes,
+            predicted_exit=float32s(self._controllers.signals[0]["predicted_exit"]),
         )
 
     def adaptation(self) -> MAVLink_message:

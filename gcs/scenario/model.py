@@ -17,9 +17,11 @@ from ftc_autopilot.config import (
     Neighbour,
     Origin,
     Trigger,
+    trigger_problems,
 )
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.sections import (
     Found,
@@ -74,7 +76,7 @@ class Scenario(Model):
     controller: Controller = Field(
         default=Proposed(), description="Control law of every UAV, and its parameters."
     )
-    trigger: Trigger = Field(default=Trigger(), description="Event triggers of every UAV.")
+    trigger: Trigger = Field(default=PerChannel(), description="Event triggers of every UAV.")
     uavs: tuple[ScenarioUav, ...] = Field(min_length=1, description="The fleet.")
     network: Network = Field(description="The communication graph.")
     profile: tuple[ProfileSegment, ...] = Field(
@@ -177,6 +179,7 @@ class Scenario(Model):
         checks = (
             self._uav_problems,
             self._aircraft_problems,
+            lambda: trigger_problems(self.controller, self.trigger, self.step_us),
             self._hardware_problems,
             self._network_problems,
             self._profile_problems,

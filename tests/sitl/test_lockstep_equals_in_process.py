@@ -87,9 +87,13 @@ def test_flights_with_everything_realistic_are_equal_bit_for_bit(tmp_path: Path)
     assert np.abs(flown["attitude"] - true).max() > np.radians(0.05)
 
 
-@pytest.mark.parametrize(("kind", "least_events"), [("proposed", 1000), ("surviving", 400)])
+@pytest.mark.parametrize(
+    ("kind", "least_events"), [("proposed", 1000), ("surviving", 400), ("tube", 100)]
+)
 def test_flights_are_equal_bit_for_bit(tmp_path: Path, kind: str, least_events: int) -> None:
-    keys = {} if kind == "proposed" else {"controller": {"kind": kind}}
+    keys: dict[str, Any] = {} if kind == "proposed" else {"controller": {"kind": kind}}
+    if kind == "tube":
+        keys["trigger"] = {"mode": "consequence"}
     scenario = write_scenario(tmp_path, duration_s=6.0, faults=FAULTS, **keys)
     folders = udp, in_process = tmp_path / "udp", tmp_path / "in_process"
     fly_well(scenario, "--quiet", "--free-ports", "--out", udp)

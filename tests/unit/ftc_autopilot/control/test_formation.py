@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.controller import parameter_record
 from ftc_autopilot.control.formation import FormationErrors, formation_errors
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from mavlink_defs.framing.codec import NEIGHBOUR
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.vec3 import Vec3
 
 LAW = Proposed()
-WEIGHTING = parameter_record(LAW, Trigger())["common"]
+WEIGHTING = parameter_record(LAW, PerChannel())["common"]
 ZERO = (0.0, 0.0, 0.0)
 ROLL, YAW = 0, 2
 
@@ -31,7 +31,7 @@ turns = st.tuples(st.integers(-3, 3), st.just(0), st.integers(-3, 3))
 def errors(nominal: np.void, own: Vec3, neighbours: list[Vec3]) -> FormationErrors:
     """Errors of a UAV with these attitudes [rad], the reference being level flight due north."""
     v = (45.0, 0.0, 0.0)
-    motion = Motion(v, own, ZERO, 45.0, 0.0, ZERO, aerodynamics(v, ZERO, nominal))
+    motion = Motion(v, own, ZERO, 45.0, 0.0, ZERO, ZERO, aerodynamics(v, ZERO, nominal))
     reports = np.zeros(len(neighbours), NEIGHBOUR)
     for row, attitude in zip(reports, neighbours, strict=True):
         row["airspeed"], row["attitude"] = 45.0, attitude
