@@ -18,7 +18,16 @@ from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repe
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
 
-__all__ = ["AutopilotConfig", "Controller", "Identity", "Neighbour", "Origin", "Trigger"]
+__all__ = [
+    "NEIGHBOUR_TIMEOUT_S",
+    "AutopilotConfig",
+    "Controller",
+    "FormationTrigger",
+    "Identity",
+    "Neighbour",
+    "Origin",
+    "Trigger",
+]
 
 Identity: TypeAlias = Literal["ardupilot", "generic"]
 """Whose conventions a vehicle follows where they differ.
@@ -26,6 +35,10 @@ Identity: TypeAlias = Literal["ardupilot", "generic"]
 Clients choose modes and the encoding of parameters by HEARTBEAT.autopilot. As ArduPilot,
 integers travel C-cast; as a generic autopilot, bytewise, and clients do not know the modes.
 """
+
+
+NEIGHBOUR_TIMEOUT_S = 0.25
+"""Silence after which a neighbour's edge is dropped, if it sends in every period [s]."""
 
 
 class Trigger(Model):
@@ -53,6 +66,34 @@ class Trigger(Model):
     ] = schedule(1.0, doc="Absolute threshold of the surfaces, b2 of (29) [deg].")
 
 
+class FormationTrigger(Model):
+    """When an autopilot sends a neighbour message; the paper sends one in every period.
+
+    It compares its tracking errors with what its neighbours extrapolate from its last message.
+    """
+
+    airspeed_m_s: float = quantity(
+        "m/s", ge=0.0, default=0.02, doc="Absolute threshold of the airspeed."
+    )
+    airspeed_relative: float = quantity(
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the airspeed's tracking error."
+    )
+    attitude_deg: float = quantity(
+        "deg", ge=0.0, default=0.05, doc="Absolute threshold of roll, pitch and yaw."
+    )
+    attitude_relative: float = quantity(
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the angle's tracking error."
+    )
+    longest_silence_s: float = quantity(
+        "s", gt=0.0, default=0.2, doc="Time after which a message is sent in any case."
+    )
+
+    @property
+    def neighbour_timeout_s(self) -> float:
+        """Silence after which a neighbour's edge is dropped: five messages in a row lost [s]."""
+        return 5.0 * self.longest_silence_s
+
+
 class Neighbour(Model):
     """One edge of the graph, seen from one of its ends."""
 
@@ -78,11 +119,14 @@ class AutopilotConfig(Model):
         default=Proposed(), description="Control law and its parameters."
     )
     trigger: Trigger = Field(default=Trigger(), description="Event triggers.")
+    formation_trigger: FormationTrigger | None = Field(
+        default=None, description="Trigger of the neighbour messages; none: every period."
+    )
     neighbours: tuple[Neighbour, ...] = Field(
         default=(), description="Neighbours in the communication graph."
     )
     neighbour_timeout_s: float = quantity(
-        "s", gt=0.0, default=0.25, doc="Silence after which a neighbour's edge is dropped."
+        "s", gt=0.0, default=NEIGHBOUR_TIMEOUT_S, doc="Silence after which a neighbour's edge is dropped."
     )
     formation_bind: HostPort = Field(description="Where the formation link is received.")
     plant: HostPort = Field(description="Where the plant receives the simulator link.")

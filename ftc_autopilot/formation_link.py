@@ -1,7 +1,8 @@
 """The formation link: own states to the neighbours, their states into the control step.
 
 A step uses neighbour states of the step before. A state of a later step is kept as pending until
-its turn comes, so that it does not matter which neighbour is faster.
+its turn comes, so that it does not matter which neighbour is faster. In lockstep the plant tells
+which autopilots sent nothing in the step before; the states of all others are waited for.
 """
 
 from collections.abc import Sequence
@@ -38,6 +39,7 @@ __all__ = [
     "FormationLink",
     "collect_neighbour_states",
     "new_formation_link",
+    "note_silent_neighbours",
     "receive_neighbour_states",
     "reset_formation_link",
     "send_own_state",
@@ -46,7 +48,7 @@ __all__ = [
 _NEIGHBOUR_WAIT_S = 0.05
 """Longest wait of a lockstep step for a neighbour state in transit, over a slow relay, say [s]."""
 _NEIGHBOUR_MISSES = 5
-"""Steps in a row that miss a neighbour's state before later steps stop waiting for it."""
+"""Messages of a neighbour missed in a row before later steps stop waiting for them."""
 _NEVER_HEARD = -1
 
 FORMATION_STATE = np.dtype(
@@ -69,7 +71,8 @@ class FormationLink(NamedTuple):
     heard_step: np.ndarray  # (degree,), step of each neighbour's state in use
     pending: np.ndarray  # (degree,), dtype NEIGHBOUR: its state of a step that is not over here
     pending_step: np.ndarray  # (degree,), the step of that state
-    misses: np.ndarray  # (degree,), steps in a row that waited for its state in vain
+    silent: np.ndarray  # (degree,), 1: it sent no message in the step before
+    misses: np.ndarray  # (degree,), messages in a row that were waited for in vain
     drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
@@ -110,6 +113,7 @@ def new_formation_link(
         heard_step=np.zeros(degree, np.int64),
         pending=np.zeros(degree, codec.NEIGHBOUR),
         pending_step=np.zeros(degree, np.int64),
+        silent=np.zeros(degree, np.int64),
         misses=np.zeros(degree, np.int64),
         drops=drops,
         sent=codec.new_buffer(),
@@ -126,7 +130,7 @@ def reset_formation_link(link: FormationLink) -> None:
     """Forget the neighbours' states; frames and drops are counted on."""
     link.state["edge_changes"] = 0
     link.heard_step[:] = link.pending_step[:] = _NEVER_HEARD
-    link.misses[:] = 0
+    link.silent[:] = link.misses[:] = 0
 
 
 @compiled
@@ -153,6 +157,14 @@ def send_own_state(fd: int, link: FormationLink, controllers: Controllers) -> No
     length = sign_frame(link.signer, link.sent, length)
     for d in range(len(link.neighbours)):
         send_to(fd, link.sent, length, link.addresses[d])
+
+
+@compiled
+def note_silent_neighbours(link: FormationLink, silent: np.ndarray) -> None:
+    """Note which neighbours sent nothing in the step before, by FTC_SIM_STATE.silent."""
+    for d in range(len(link.neighbours)):
+        system = link.neighbours[d]
+        link.silent[d] = (np.int64(silent[system >> 3]) >> (system & 7)) & 1
 
 
 @compiled
@@ -186,7 +198,7 @@ def collect_neighbour_states(
             elif monotonic_s() >= end_s:
                 break
         for d in range(len(link.neighbours)):
-            if link.heard_step[d] < newest:
+            if _is_missing(link, d, newest):
                 link.misses[d] += 1
     _update_edges(link, controllers, step)
 
@@ -227,9 +239,15 @@ def _update_edges(link: FormationLink, controllers: Controllers, step: int) -> N
 @compiled
 def _some_missing(link: FormationLink, newest: int) -> bool:
     for d in range(len(link.neighbours)):
-        if link.misses[d] < _NEIGHBOUR_MISSES and link.heard_step[d] < newest:
+        if link.misses[d] < _NEIGHBOUR_MISSES and _is_missing(link, d, newest):
             return True
     return False
+
+
+@compiled
+def _is_missing(link: FormationLink, d: int, newest: int) -> bool:
+    """Return whether neighbour d has sent a state that has not arrived."""
+    return bool(link.heard_step[d] < newest and link.silent[d] == 0)
 
 
 @compiled

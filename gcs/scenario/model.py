@@ -138,10 +138,12 @@ class Scenario(Model):
             aircraft=self.aircraft,
             controller=self.controller.with_servos(servos),
             trigger=self.trigger,
+            formation_trigger=links.formation.trigger,
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
                 for other, weight in self._neighbours(uav_id)
             ),
+            neighbour_timeout_s=links.formation.neighbour_timeout_s,
             formation_bind=self._formation_address(uav_id),
             plant=links.plant_relay or links.address(links.plant_port),
             gcs=(links.address(links.gcs_port),),
