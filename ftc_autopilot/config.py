@@ -126,7 +126,10 @@ class AutopilotConfig(Model):
         default=(), description="Neighbours in the communication graph."
     )
     neighbour_timeout_s: float = quantity(
-        "s", gt=0.0, default=NEIGHBOUR_TIMEOUT_S, doc="Silence after which a neighbour's edge is dropped."
+        "s",
+        gt=0.0,
+        default=NEIGHBOUR_TIMEOUT_S,
+        doc="Silence after which a neighbour's edge is dropped.",
     )
     formation_bind: HostPort = Field(description="Where the formation link is received.")
     plant: HostPort = Field(description="Where the plant receives the simulator link.")

@@ -55,6 +55,7 @@ FORMATION_STATE = np.dtype(
     [
         ("sequence", "i8"),  # frames sent
         ("timeout_steps", "i8"),  # silence after which a neighbour is dropped
+        ("fade_steps", "i8"),  # steps in which a dropped neighbour's weight goes to 0, and back
         ("edge_changes", "i8"),  # neighbours dropped or restored
     ]
 )
@@ -68,6 +69,7 @@ class FormationLink(NamedTuple):
     neighbours: np.ndarray  # (degree,), system ids
     addresses: np.ndarray  # (degree, ADDRESS_SIZE), their sockaddr
     weights: np.ndarray  # (degree,), a_ij as configured
+    edges: np.ndarray  # (degree,), 1: the neighbour is heard, 0: it is dropped
     heard_step: np.ndarray  # (degree,), step of each neighbour's state in use
     pending: np.ndarray  # (degree,), dtype NEIGHBOUR: its state of a step that is not over here
     pending_step: np.ndarray  # (degree,), the step of that state
@@ -85,6 +87,7 @@ def new_formation_link(
     system: int,
     neighbours: Sequence[Neighbour],
     timeout_steps: int,
+    fade_steps: int,
     drops: np.ndarray,
     signer: LinkSigner,
 ) -> FormationLink:
@@ -94,6 +97,7 @@ def new_formation_link(
         system: Own system id.
         neighbours: Neighbours with addresses and weights.
         timeout_steps: Steps of silence after which a neighbour is dropped.
+        fade_steps: Steps in which its weight then goes to 0, and back when it is heard again.
         drops: Counts datagrams dropped, shape (DROPS_SIZE,).
         signer: Signs the link.
     """
@@ -102,7 +106,7 @@ def new_formation_link(
     for d, neighbour in enumerate(neighbours):
         addresses[d] = sockaddr(parse_address(neighbour.address))
     state = np.zeros(1, FORMATION_STATE)
-    state["timeout_steps"] = timeout_steps
+    state["timeout_steps"], state["fade_steps"] = timeout_steps, fade_steps
     received = codec.new_buffer()
     link = FormationLink(
         state=state,
@@ -110,6 +114,7 @@ def new_formation_link(
         neighbours=np.array([neighbour.id for neighbour in neighbours], np.int64),
         addresses=addresses,
         weights=np.array([neighbour.weight for neighbour in neighbours], np.float64),
+        edges=np.zeros(degree, np.int64),
         heard_step=np.zeros(degree, np.int64),
         pending=np.zeros(degree, codec.NEIGHBOUR),
         pending_step=np.zeros(degree, np.int64),
@@ -130,7 +135,7 @@ def reset_formation_link(link: FormationLink) -> None:
     """Forget the neighbours' states; frames and drops are counted on."""
     link.state["edge_changes"] = 0
     link.heard_step[:] = link.pending_step[:] = _NEVER_HEARD
-    link.silent[:] = link.misses[:] = 0
+    link.edges[:] = link.silent[:] = link.misses[:] = 0
 
 
 @compiled
@@ -224,16 +229,26 @@ def receive_neighbour_states(
 
 @compiled
 def _update_edges(link: FormationLink, controllers: Controllers, step: int) -> None:
-    """Set the weight of each neighbour: as configured, or 0 after `timeout_steps` of silence."""
+    """Drop a neighbour after `timeout_steps` of silence, and restore one that is heard again.
+
+    In flight its weight fades to 0 and back to the configured one: a step of it would be a step of
+    the commands. Before the law's first step it is set at once.
+    """
     state = link.state[0]
+    flying = controllers.states[0]["steps"] > 0
     for d in range(len(link.neighbours)):
         heard = link.heard_step[d] != _NEVER_HEARD
         fresh = heard and step - link.heard_step[d] <= state["timeout_steps"]
-        weight = link.weights[d] if fresh else 0.0
-        if weight != controllers.weights[0, d]:
-            controllers.weights[0, d] = weight
+        edge = 1 if fresh else 0
+        if edge != link.edges[d]:
+            link.edges[d] = edge
             if step > 0:  # the first states are no change
                 state["edge_changes"] += 1
+        weight, before = edge * link.weights[d], controllers.weights[0, d]
+        if flying:
+            change = link.weights[d] / state["fade_steps"]
+            weight = min(max(weight, before - change), before + change)
+        controllers.weights[0, d] = weight
 
 
 @compiled

@@ -2,9 +2,9 @@
 
 For each running state: take the neighbour states of the step before, make the control step, send
 an actuator message if a trigger fired (or if the plant has not acknowledged one), send the own
-state to the neighbours if it is due, and in lockstep report the step done. `run` returns to Python between
-steps: for a datagram that is not hot, when a time or step is reached, or when the simulation has
-ended or was restarted.
+state to the neighbours if it is due, and in lockstep report the step done. `run` returns to Python
+between steps: for a datagram that is not hot, when a time or step is reached, or when the
+simulation has ended or was restarted.
 """
 
 from collections.abc import Sequence
@@ -69,6 +69,8 @@ GCS, FORMATION, SIMULATOR, PLANT = range(4)
 _ACK_TIMEOUT_S = 0.02
 """Real time: time to wait for the plant's acknowledgement [s, wall time]. In lockstep the next
 state carries it."""
+_EDGE_FADE_S = 0.5
+"""Simulated time in which a dropped neighbour's weight goes to 0, and back [s]."""
 _NONE = -1
 
 LINK_STATE = np.dtype(
@@ -149,6 +151,7 @@ def new_link(
         system,
         neighbours,
         timeout_steps=round(neighbour_timeout_s * 1e6 / step_us),
+        fade_steps=max(round(_EDGE_FADE_S * 1e6 / step_us), 1),
         drops=drops[FORMATION],
         signer=formation_signer or new_link_signer(b"", FORMATION_LINK),
     )

@@ -186,12 +186,12 @@ def tell_neighbours(controllers: Controllers, i: int, step: int, step_us: int) -
 @compiled
 def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> np.ndarray:
     """Return what UAV i knows of its neighbours in a step, dtype NEIGHBOUR, shape (degree,)."""
-    messages, extrapolated = controllers.neighbour_states[i], controllers.extrapolated[i]
-    if controllers.parameters[i]["formation_triggered"] == 0:
-        return messages
-    for d in range(len(messages)):  # a step uses neighbour states of the step before
-        extrapolate(messages[d], max(step - 1, int(messages[d]["step"])), dt, extrapolated[d])
-    return extrapolated[: len(messages)]
+    known: np.ndarray = controllers.neighbour_states[i]
+    if controllers.parameters[i]["formation_triggered"] != 0:
+        messages, known = known, controllers.extrapolated[i, : len(known)]
+        for d in range(len(messages)):  # a step uses neighbour states of the step before
+            extrapolate(messages[d], max(step - 1, int(messages[d]["step"])), dt, known[d])
+    return known
 
 
 @compiled

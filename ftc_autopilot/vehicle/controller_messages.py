@@ -46,6 +46,7 @@ class ControllerMessages:
             messages=int(controller["messages"]),
             repeats=self._hot.repeated,
             edge_changes=self._hot.edge_changes,
+            neighbour_messages=int(controller["neighbour_messages"]) * len(self._hot.neighbours),
         )
 
     def adaptation(self) -> MAVLink_message:

@@ -16,6 +16,7 @@ from gcs.errors import BadInput
 from gcs.reports.formatting import milliseconds, percent
 from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
 from gcs.results.summary import UavSummary
+from gcs.results.traffic import KINDS
 from gcs.sweeps.axes import label
 from gcs.sweeps.folder import Result
 from gcs.sweeps.grid import Run
@@ -81,6 +82,9 @@ def write_csv(results: Sequence[Result], path: Path) -> None:
     head += [f"iae_{quantity}_{IAE_UNITS[quantity].replace(' ', '_')}" for quantity in QUANTITIES]
     head += [f"events_{channel}" for channel in PAPER_ORDER]
     head += ["min_interval_s", "attitude_lost_at_s", "heading_lost_at_s"]
+    head += ["messages", "neighbour_messages", "neighbour_saving"]
+    head += [f"iae_sync_{quantity}" for quantity in QUANTITIES]
+    head += [f"bytes_{kind}" for kind in KINDS]
     with naming(path), path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(head)
@@ -99,7 +103,10 @@ def _uav_columns(uav: UavSummary) -> list[Any]:
     iae = [uav.iae[quantity] for quantity in QUANTITIES]
     events = [uav.channels[channel].events for channel in PAPER_ORDER]
     lost = [uav.attitude_lost_at_s, uav.heading_lost_at_s]
-    return [uav.id, uav.saving, *iae, *events, uav.min_interval_s, *lost]
+    told = [uav.actuator_messages, uav.neighbour_messages, uav.neighbour_saving]
+    sync = [uav.iae_sync[quantity] for quantity in QUANTITIES]
+    size = [uav.link_bytes[kind] for kind in KINDS]
+    return [uav.id, uav.saving, *iae, *events, uav.min_interval_s, *lost, *told, *sync, *size]
 
 
 def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) -> None:

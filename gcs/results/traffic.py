@@ -16,7 +16,10 @@ from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, SIM_STATE
 from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, SIGNATURE_SIZE
 from sitl_plant.hardware import Sensor
 
-__all__ = ["bytes_by_link"]
+__all__ = ["KINDS", "bytes_by_link"]
+
+KINDS = ("states", "actuator_messages", "neighbour_messages")
+"""Messages whose bytes are counted."""
 
 
 def bytes_by_link(recording: Recording, scenario: Scenario, i: int, degree: int) -> dict[str, int]:
@@ -33,11 +36,12 @@ def bytes_by_link(recording: Recording, scenario: Scenario, i: int, degree: int)
         `actuator_messages`, and to all neighbours together `neighbour_messages`.
     """
     signed = scenario.links.signing_key is not None
-    return {
-        "states": _bytes_of(_states(recording, scenario, i), signed),
-        "actuator_messages": _bytes_of(_actuator_messages(recording, i), signed),
-        "neighbour_messages": degree * _bytes_of(_neighbour_messages(recording, scenario, i), signed),
-    }
+    sizes = (
+        _bytes_of(_states(recording, scenario, i), signed),
+        _bytes_of(_actuator_messages(recording, i), signed),
+        _bytes_of(_neighbour_messages(recording, scenario, i), signed) * degree,
+    )
+    return dict(zip(KINDS, sizes, strict=True))
 
 
 def _bytes_of(messages: np.ndarray, signed: bool) -> int:
