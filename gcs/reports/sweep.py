@@ -114,12 +114,17 @@ def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) ->
     names = [name for name, _ in dimensions_of(results)]
     iae = [f"IAE {quantity} [{IAE_UNITS[quantity]}]" for quantity in QUANTITIES]
     head = [*names, "outcome", "saving", *iae, "events", "smallest interval", "reason"]
+    triggered = _has_formation_trigger(results)
+    if triggered:
+        head[-1:-1] = ["neighbour messages", "neighbour messages saved"]
     lines = [_title(uav_id), "", _markdown_row(head), _markdown_row(["---"] * len(head))]
     for result in results:
         where = [position(result.run, name) for name in names]
         cells = [*where, result.outcome, *_figures(result, uav_id), result.reason]
         if lost := _lost(result, uav_id):
             cells[len(where)], cells[-1] = lost
+        if triggered:
+            cells[-1:-1] = _neighbour_figures(result, uav_id)
         lines.append(_markdown_row(cells))
     write_text(path, "\n".join(lines) + "\n")
 
@@ -156,12 +161,16 @@ def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
     for quantity in QUANTITIES:
         heading = f"{quantity}\n[{IAE_UNITS[quantity]}]"
         table.add_column(heading, justify="right", no_wrap=True)
+    triggered = _has_formation_trigger(results)
+    if triggered:
+        table.add_column("neighbour\nmessages", justify="right", no_wrap=True)
     for result in results[:_TERMINAL_ROWS]:
         where = [position(result.run, name) for name in names]
         saving, *iae = _figures(result, uav_id)[:-2]
         done = result.outcome == "completed"
         style = "red" if not done or _lost(result, uav_id) else None
-        table.add_row(*where, saving if done else result.outcome, *iae, style=style)
+        told = _neighbour_figures(result, uav_id)[:1] if triggered else []
+        table.add_row(*where, saving if done else result.outcome, *iae, *told, style=style)
     return table
 
 
@@ -180,6 +189,20 @@ def _figures(result: Result, uav_id: int | None) -> list[str]:
         str(uav.events),
         milliseconds(uav.min_interval_s),
     ]
+
+
+def _has_formation_trigger(results: Sequence[Result]) -> bool:
+    """Return whether neighbour messages were triggered in any run, and are worth a column."""
+    scenarios = (result.run.scenario for result in results)
+    return any(s is not None and s.links.formation.trigger is not None for s in scenarios)
+
+
+def _neighbour_figures(result: Result, uav_id: int | None) -> list[str]:
+    """Format number and saving of the neighbour messages of a complete flight."""
+    uav = uav_of(result, uav_id)
+    if uav is None:
+        return ["-", "-"]
+    return [str(uav.neighbour_messages), percent(uav.neighbour_saving)]
 
 
 def _lost(result: Result, uav_id: int | None) -> tuple[str, str] | None:

@@ -3,8 +3,8 @@
 import itertools
 import math
 
-import pytest
 import numpy as np
+import pytest
 from link_bench import NEIGHBOUR, TIMEOUT_STEPS, Rig
 
 from ftc_autopilot import formation_link
