@@ -190,7 +190,8 @@ def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> n
     if controllers.parameters[i]["formation_triggered"] != 0:
         messages, known = known, controllers.extrapolated[i, : len(known)]
         for d in range(len(messages)):  # a step uses neighbour states of the step before
-            extrapolate(messages[d], max(step - 1, int(messages[d]["step"])), dt, known[d])
+            told = int(np.int64(messages[d]["step"]))
+            extrapolate(messages[d], max(step - 1, told), dt, known[d])
     return known
 
 
@@ -211,7 +212,7 @@ def _control(
         dt,
         motion,
         guidance["command"],
-        _neighbours_now(controllers, i, int(measured["step"]), dt),
+        _neighbours_now(controllers, i, int(np.int64(measured["step"])), dt),
         controllers.weights[i],
         controllers.aircraft[i],
         controllers.parameters[i],

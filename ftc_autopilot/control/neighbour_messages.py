@@ -52,7 +52,8 @@ def extrapolate(message: np.void, step: int, dt: float, result: np.void) -> None
         dt: Control period [s].
         result: Payload of the same dtype, written.
     """
-    left = math.exp(-(step - int(message["step"])) * dt / _TAU_S)
+    age = np.int64(step) - np.int64(message["step"])  # compiled, unsigned numbers have no sign
+    left = math.exp(-dt / _TAU_S * age)
     reach = _TAU_S * (1.0 - left)
     result["airspeed"] = message["airspeed"] + reach * message["airspeed_rate"]
     result["airspeed_rate"] = left * message["airspeed_rate"]
@@ -77,7 +78,7 @@ def is_message_due(
         dt: Control period [s].
         trigger: Record made of `ftc_autopilot.config.FormationTrigger`.
     """
-    age = int(own["step"]) - int(last["step"])
+    age = np.int64(own["step"]) - np.int64(last["step"])
     if age <= 0:
         return False
     if age * dt >= trigger["longest_silence_s"] or own["frame"] != last["frame"]:

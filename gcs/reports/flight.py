@@ -119,7 +119,7 @@ def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
         rows = (
             (names[uav.id], "IAE vs commands", uav.iae, "{:.2f}"),
             ("", "IAE vs reference", uav.iae_filtered, "{:.2f}"),
-            ("", "IAE of synchronisation", uav.iae_sync, "{:.2f}"),
+            ("", "IAE synchronisation", uav.iae_sync, "{:.2f}"),
             ("", "max error [m/s, deg]", uav.max_error, "{:.3f}"),
         )
         for name, label, errors, shape in rows:
