@@ -21,8 +21,10 @@ from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
 
 __all__ = [
+    "NEIGHBOUR_TIMEOUT_S",
     "AutopilotConfig",
     "Controller",
+    "FormationTrigger",
     "Identity",
     "Neighbour",
     "Origin",
@@ -38,6 +40,10 @@ integers travel C-cast; as a generic autopilot, bytewise, and clients do not kno
 """
 
 
+NEIGHBOUR_TIMEOUT_S = 0.25
+"""Silence after which a neighbour's edge is dropped, if it sends in every period [s]."""
+
+
 def trigger_problems(
     controller: Controller, trigger: Trigger, step_us: int
 ) -> Iterator[tuple[Loc, str]]:
@@ -50,6 +56,34 @@ def trigger_problems(
     elif not controller.CHOOSES and trigger.mode == "consequence":
         text = f"'consequence' needs a law that chooses what is sent ({', '.join(chooses)})"
         yield ("trigger", "mode"), f"{text}, got the law {controller.kind!r}"
+
+
+class FormationTrigger(Model):
+    """When an autopilot sends a neighbour message; the paper sends one in every period.
+
+    It compares its tracking errors with what its neighbours extrapolate from its last message.
+    """
+
+    airspeed_m_s: float = quantity(
+        "m/s", ge=0.0, default=0.02, doc="Absolute threshold of the airspeed."
+    )
+    airspeed_relative: float = quantity(
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the airspeed's tracking error."
+    )
+    attitude_deg: float = quantity(
+        "deg", ge=0.0, default=0.05, doc="Absolute threshold of roll, pitch and yaw."
+    )
+    attitude_relative: float = quantity(
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the angle's tracking error."
+    )
+    longest_silence_s: float = quantity(
+        "s", gt=0.0, default=0.2, doc="Time after which a message is sent in any case."
+    )
+
+    @property
+    def neighbour_timeout_s(self) -> float:
+        """Silence after which a neighbour's edge is dropped: five messages in a row lost [s]."""
+        return 5.0 * self.longest_silence_s
 
 
 class Neighbour(Model):
@@ -77,11 +111,17 @@ class AutopilotConfig(Model):
         default=Proposed(), description="Control law and its parameters."
     )
     trigger: Trigger = Field(default=PerChannel(), description="Event triggers.")
+    formation_trigger: FormationTrigger | None = Field(
+        default=None, description="Trigger of the neighbour messages; none: every period."
+    )
     neighbours: tuple[Neighbour, ...] = Field(
         default=(), description="Neighbours in the communication graph."
     )
     neighbour_timeout_s: float = quantity(
-        "s", gt=0.0, default=0.25, doc="Silence after which a neighbour's edge is dropped."
+        "s",
+        gt=0.0,
+        default=NEIGHBOUR_TIMEOUT_S,
+        doc="Silence after which a neighbour's edge is dropped.",
     )
     formation_bind: HostPort = Field(description="Where the formation link is received.")
     plant: HostPort = Field(description="Where the plant receives the simulator link.")

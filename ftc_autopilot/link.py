@@ -2,9 +2,9 @@
 
 For each running state: take the neighbour states of the step before, make the control step, send
 an actuator message if a trigger fired (or if the plant has not acknowledged one), send the own
-state to the neighbours, and in lockstep report the step done. `run` returns to Python between
-steps: for a datagram that is not hot, when a time or step is reached, or when the simulation has
-ended or was restarted.
+state to the neighbours if it is due, and in lockstep report the step done. `run` returns to Python
+between steps: for a datagram that is not hot, when a time or step is reached, or when the
+simulation has ended or was restarted.
 """
 
 from collections.abc import Sequence
@@ -14,11 +14,17 @@ import numpy as np
 
 from ftc_autopilot.config import Neighbour
 from ftc_autopilot.control.controller import no_signals
-from ftc_autopilot.control.controllers import Controllers, announce, controller_step
+from ftc_autopilot.control.controllers import (
+    Controllers,
+    announce,
+    controller_step,
+    tell_neighbours,
+)
 from ftc_autopilot.formation_link import (
     FormationLink,
     collect_neighbour_states,
     new_formation_link,
+    note_silent_neighbours,
     receive_neighbour_states,
     reset_formation_link,
     send_own_state,
@@ -63,6 +69,8 @@ GCS, FORMATION, SIMULATOR, PLANT = range(4)
 _ACK_TIMEOUT_S = 0.02
 """Real time: time to wait for the plant's acknowledgement [s, wall time]. In lockstep the next
 state carries it."""
+_EDGE_FADE_S = 0.5
+"""Simulated time in which a dropped neighbour's weight goes to 0, and back [s]."""
 _NONE = -1
 
 LINK_STATE = np.dtype(
@@ -143,6 +151,7 @@ def new_link(
         system,
         neighbours,
         timeout_steps=round(neighbour_timeout_s * 1e6 / step_us),
+        fade_steps=max(round(_EDGE_FADE_S * 1e6 / step_us), 1),
         drops=drops[FORMATION],
         signer=formation_signer or new_link_signer(b"", FORMATION_LINK),
     )
@@ -254,8 +263,9 @@ def _is_of_another_run(link: AutopilotLink) -> bool:
 def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers) -> None:
     """Answer one received state; in lockstep nothing is left to send after FTC_STEP_DONE.
 
-    So when the next state comes, every neighbour has been sent the state of this step. A step
-    that was not flown is never reported done.
+    So when the next state comes, every neighbour has been sent the message of this step, if there
+    is one; whether there is, the plant hears with FTC_STEP_DONE and passes on with the next state.
+    A step that was not flown is never reported done.
     """
     state, sim_state = link.state[0], link.simulator.sim_state[0]
     formation, step, flags = link.formation, int(sim_state["step"]), int(sim_state["flags"])
@@ -266,10 +276,14 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         send_own_state(formation_fd, formation, controllers)
     fresh = running and step > state["step"]
     if fresh:
+        note_silent_neighbours(formation, sim_state["silent"])
         collect_neighbour_states(formation_fd, formation, controllers, step, lockstep)
         mask = controller_step(controllers, 0, sim_state, state["step_us"])
         send_actuators(plant_fd, link, controllers, mask, lockstep)
-        send_own_state(formation_fd, formation, controllers)
+        told = tell_neighbours(controllers, 0, step, state["step_us"])
+        if told:
+            send_own_state(formation_fd, formation, controllers)
+        link.simulator.step_done[0]["silent"] = 0 if told else 1
         state["step"] = step
         if step < len(link.signals):
             link.signals[step] = controllers.signals[0]

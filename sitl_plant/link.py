@@ -81,6 +81,7 @@ class PlantLink(NamedTuple):
     addresses: np.ndarray  # (n, ADDRESS_SIZE), sockaddr of the autopilot
     heard_s: np.ndarray  # (n,), wall-clock time of its last datagram [s]
     done: np.ndarray  # (n,), last step that it has finished
+    silent: np.ndarray  # (32,), FTC_SIM_STATE.silent of the next step
     sequences: np.ndarray  # (n,), frames sent by each simulator component
     drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
@@ -126,6 +127,7 @@ def new_link(
         addresses=np.zeros((n, ADDRESS_SIZE), np.uint8),
         heard_s=np.zeros(n),
         done=np.full(n, -1),
+        silent=np.zeros(codec.SIM_STATE["silent"].shape, np.uint8),
         sequences=np.zeros(n, np.int64),
         drops=np.zeros(codec.DROPS_SIZE, np.int64),
         sent=codec.new_buffer(),
@@ -156,6 +158,8 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
     for i in range(len(link.systems)):
         if not unfinished_only:
             observe(fleet, i, state["step"], state["step_us"])
+            for k in range(len(link.silent)):
+                fleet.messages[i]["silent"][k] = link.silent[k]
         if link.known[i] == 0 or (unfinished_only and link.done[i] >= state["step"]):
             continue
         fleet.messages[i]["flags"] = state["flags"]
@@ -171,6 +175,8 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
         link.sequences[i] += 1
         length = sign_frame(link.signer, link.sent, length)
         send_to(fd, link.sent, length, link.addresses[i])
+    if not unfinished_only:
+        link.silent[:] = 0
     state["sent_s"] = monotonic_s()
 
 
@@ -290,6 +296,8 @@ def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
         step = link.step_done[0]["step"]
         if step > link.state[0]["step"]:
             return DropReason.OUT_OF_RANGE
+        if step > link.done[i] and link.step_done[0]["silent"] != 0:
+            link.silent[link.systems[i] >> 3] |= 1 << (link.systems[i] & 7)
         link.done[i] = max(link.done[i], step)
         return 0
     if message_id == MessageId.ACTUATORS:

@@ -77,7 +77,7 @@ class Plant:
             last_step = round(config.duration_s * 1e6 / config.step_us)
         systems = [uav.id for uav in config.uavs]
         self._fleet = new_plant_state(config)
-        self._fleet.messages["run"] = secrets.randbits(32)
+        self._fleet.messages["run"] = 2**31 + secrets.randbits(31)  # all states of one size
         self._link = new_link(systems, config.step_us, last_step, config.speed, record, link_signer)
         self._state = self._link.state[0]
         self._registration = Registration(

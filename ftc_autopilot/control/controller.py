@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.config import Controller
+from ftc_autopilot.config import Controller, FormationTrigger
 from ftc_autopilot.control.formation import formation_errors
 from ftc_autopilot.control.laws import KINDS, LAWS, evaluate
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
@@ -65,6 +65,8 @@ PARAMETERS = np.dtype(
         ("common", record_dtype(LawParameters)),
         ("mode", "i8"),  # of the trigger, index in MODES
         ("trigger", _record_of_triggers()),
+        ("formation_triggered", "i8"),  # 0: a neighbour message in every step
+        ("formation_trigger", record_dtype(FormationTrigger)),
         *((kind, _record_of(law)) for kind, law in LAWS.items()),
     ]
 )
@@ -82,6 +84,7 @@ CONTROLLER = np.dtype(
         ("events", "i8", (N_CHANNELS,)),
         ("last_event", "i8", (N_CHANNELS,)),  # step of the channel's last event
         ("min_interval", "i8", (N_CHANNELS,)),  # smallest interval between two events [steps]
+        ("neighbour_messages", "i8"),  # steps after the first with a message to the neighbours
     ]
 )
 
@@ -98,6 +101,7 @@ SIGNALS = np.dtype(
         ("demand", "f8", (N_CHANNELS,)),  # δ̂ and T̂ before saturation
         ("held", "f8", (N_CHANNELS,)),  # δ_0 and T_x0
         ("events", "u1"),  # bit per channel
+        ("neighbour_message", "u1"),  # 1: sent in this step, which is not the first
         ("Phi_v", "f8"),
         ("g_v", "f8"),
         ("beta_v", "f8"),
@@ -128,10 +132,13 @@ SIGNALS = np.dtype(
 pitch, yaw [rad]; of commands: aileron, elevator, rudder [rad], thrust [N]."""
 
 
-def parameter_record(controller: Controller, trigger: TriggerParameters) -> np.void:
-    """Turn a controller's and its trigger's configuration into a record of `PARAMETERS`.
+def parameter_record(
+    controller: Controller, trigger: TriggerParameters, formation: FormationTrigger | None = None
+) -> np.void:
+    """Turn a controller's and its triggers' configuration into a record of `PARAMETERS`.
 
-    Triggers that are not chosen, to which a vehicle may change in flight, have their defaults.
+    Triggers of the commands that are not chosen, to which a vehicle may change in flight, have
+    their defaults.
     """
     record: np.void = np.zeros(1, PARAMETERS)[0]
     record["law"] = KINDS.index(controller.kind)
@@ -141,6 +148,9 @@ def parameter_record(controller: Controller, trigger: TriggerParameters) -> np.v
     for mode, one in TRIGGERS.items():
         if mode in record["trigger"].dtype.names:
             fill(record["trigger"][mode], trigger if mode == trigger.mode else one(mode=mode))
+    if formation is not None:
+        record["formation_triggered"] = 1
+        fill(record["formation_trigger"], formation)
     fill(record[controller.kind], controller)
     return record
 

@@ -51,7 +51,7 @@ class Vehicle:
         self._next_heartbeat = -math.inf
         self._reported = (-1, False, -1)
         self._texts = 0
-        self._edges = controllers.weights[0] > 0.0
+        self._edges = hot.edges.copy()
         self._edge_changes = 0
 
         self.modes = Modes(config, hot, controllers, self.say)
@@ -149,7 +149,7 @@ class Vehicle:
         reset_controllers(self._controllers)
         self.modes.restart()
         self._mission.restart()
-        self._edges, self._edge_changes = self._controllers.weights[0] > 0.0, 0
+        self._edges, self._edge_changes = self._hot.edges.copy(), 0
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
@@ -272,7 +272,7 @@ class Vehicle:
         if self._hot.edge_changes == self._edge_changes:
             return
         self._edge_changes = self._hot.edge_changes
-        edges = self._controllers.weights[0] > 0.0
+        edges = self._hot.edges.copy()
         for d in (edges != self._edges).nonzero()[0]:
             event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
             text = f"neighbour {self._hot.neighbours[d]} {event}"

@@ -15,6 +15,7 @@ from ftc_autopilot.control.controllers import (
     announce,
     controller_step,
     new_controllers,
+    tell_neighbours,
 )
 from ftc_autopilot.control.reference import profile_record
 from gcs.results.recording import Recording
@@ -117,7 +118,7 @@ def exchange_initial_states(
     for i in range(len(sources)):
         observe(fleet, i, 0, step_us)
         announce(controllers, i, fleet.messages[i])
-    _deliver(controllers, sources)
+    _deliver(controllers, sources, 0)
 
 
 @compiled
@@ -141,10 +142,11 @@ def run_steps(
             mask = controller_step(controllers, i, fleet.messages[i], step_us)
             if mask != 0:
                 receive_controls(fleet, i, controllers.actuators[i])
+            tell_neighbours(controllers, i, step, step_us)
             states[step, i] = fleet.states[i]
             wind[step, i] = fleet.air[i, :3]
             signals[step, i] = controllers.signals[i]
-        _deliver(controllers, sources)
+        _deliver(controllers, sources, step)
         lost = fly(fleet, step, step_us)
         applied[step] = fleet.applied
         step += 1
@@ -152,8 +154,10 @@ def run_steps(
 
 
 @compiled
-def _deliver(controllers: Controllers, sources: np.ndarray) -> None:
+def _deliver(controllers: Controllers, sources: np.ndarray, step: int) -> None:
+    """Deliver the neighbour messages that were sent in a step."""
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
-            if sources[i, d] >= 0:
-                controllers.neighbour_states[i, d] = controllers.own_states[sources[i, d]]
+            j = sources[i, d]
+            if j >= 0 and controllers.told[j]["step"] == step:
+                controllers.neighbour_states[i, d] = controllers.told[j]

@@ -9,6 +9,8 @@ import numpy as np
 from ftc_autopilot.control.diagnosis import LOST
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees, integrated_error
 from gcs.results.recording import Mode, Recording
+from gcs.results.synchronisation import synchronisation_errors
+from gcs.results.traffic import bytes_by_link
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.transmissions import saving
 from mavlink_defs.constants import ACTUATORS
@@ -73,8 +75,14 @@ class UavSummary:
         saving: Share of the periodic sender's transmissions that were not sent.
         channels: By name, in the order of the paper's tables.
         actuator_messages: Messages that carried the events; several may travel in one.
+        neighbour_messages: Messages to neighbours, one to each, after the first step.
+        neighbour_saving: Share of those of a sender in every step that were not sent; None
+            without neighbours.
+        link_bytes: Size of `states` received, and of both kinds of messages sent, by kind; see
+            `gcs.results.traffic`.
         iae: Integrals of absolute errors against the commands [m, deg s].
         iae_filtered: The same against the filtered reference.
+        iae_sync: Those of the synchronisation errors (31) and (32) between the true states.
         max_error: Largest errors against the reference after the first second [m/s, deg].
         final_error: Largest ones within the last second [m/s, deg].
         attitude_lost_at_s: When roll or pitch was first more than 90° off [s]; None if never.
@@ -88,8 +96,12 @@ class UavSummary:
     saving: float | None
     channels: Mapping[str, ChannelSummary]
     actuator_messages: int
+    neighbour_messages: int
+    neighbour_saving: float | None
+    link_bytes: Mapping[str, int]
     iae: Mapping[str, float | None]
     iae_filtered: Mapping[str, float | None]
+    iae_sync: Mapping[str, float | None]
     max_error: Mapping[str, float | None]
     final_error: Mapping[str, float | None]
     attitude_lost_at_s: float | None
@@ -133,6 +145,7 @@ class FlightSummary:
         wall_s: Wall-clock time that they took [s].
         real_time_factor: Simulated by wall-clock time; None if the latter is 0.
         saving: Share of the periodic senders' transmissions that were not sent.
+        neighbour_saving: The same of the neighbour messages; None without neighbours.
         uavs: In the order of the scenario.
     """
 
@@ -145,6 +158,7 @@ class FlightSummary:
     wall_s: float
     real_time_factor: float | None
     saving: float | None
+    neighbour_saving: float | None
     uavs: tuple[UavSummary, ...]
 
     def uav(self, system: int) -> UavSummary | None:
@@ -177,7 +191,7 @@ def summarise(recording: Recording, scenario: Scenario) -> FlightSummary:
     steps = len(recording.states)
     commands, reference = recording.error("command"), recording.error("reference")
     uavs = tuple(
-        _summarise_uav(recording, i, commands[:, i], reference[:, i], scenario)
+        _summarise_uav(recording, i, commands[:, i], reference, scenario)
         for i in range(len(recording.uav_ids))
     )
     wall_s = recording.wall_s
@@ -194,6 +208,11 @@ def summarise(recording: Recording, scenario: Scenario) -> FlightSummary:
         wall_s=wall_s,
         real_time_factor=recording.duration_s / wall_s if wall_s > 0.0 else None,
         saving=saving(sum(uav.events for uav in uavs), sum(uav.active_steps for uav in uavs)),
+        neighbour_saving=saving(
+            sum(uav.neighbour_messages for uav in uavs),
+            sum(_neighbour_periods(recording, i, scenario) for i in range(len(uavs))),
+            channels=1,
+        ),
         uavs=uavs,
     )
 
@@ -202,10 +221,21 @@ def _summarise_uav(
     recording: Recording,
     i: int,
     commands: np.ndarray,
-    reference: np.ndarray,
+    references: np.ndarray,
     scenario: Scenario,
 ) -> UavSummary:
-    """Summarise the i-th UAV, given its errors against commands and reference, (steps, 4)."""
+    """Summarise the i-th UAV.
+
+    Args:
+        recording: The flight.
+        i: Index of the UAV.
+        commands: Its errors against the commands, shape (steps, 4).
+        references: The errors of all UAVs against their references, shape (steps, n, 4).
+        scenario: What was flown.
+    """
+    reference = references[:, i]
+    degree = len(scenario.neighbours(recording.uav_ids[i]))
+    told = degree * int(np.count_nonzero(recording.signals["neighbour_message"][:, i]))
     active = int(np.count_nonzero(recording.active[:, i]))
     time_s = recording.time_s
     channels = {name: _summarise_channel(recording, i, name) for name in PAPER_ORDER}
@@ -216,14 +246,29 @@ def _summarise_uav(
         saving=saving(sum(channel.events for channel in channels.values()), active),
         channels=channels,
         actuator_messages=int(np.count_nonzero(recording.signals["events"][:, i])),
+        neighbour_messages=told,
+        neighbour_saving=saving(told, _neighbour_periods(recording, i, scenario), channels=1),
+        link_bytes=bytes_by_link(recording, scenario, i, degree),
         iae=_by_quantity(integrated_error(commands, recording.step_us)),
         iae_filtered=_by_quantity(integrated_error(reference, recording.step_us)),
+        iae_sync=_by_quantity(
+            integrated_error(
+                synchronisation_errors(references, i, recording.uav_ids, scenario),
+                recording.step_us,
+            )
+        ),
         max_error=_by_quantity(_largest(reference[time_s > _SETTLING_S])),
         final_error=_by_quantity(_largest(reference[time_s >= recording.duration_s - _FINAL_S])),
         attitude_lost_at_s=_lost_at_s(time_s, reference[:, 1:3]),
         heading_lost_at_s=_lost_at_s(time_s, reference[:, 3:]),
         diagnosis=tuple(_decisions(recording, i, scenario)),
     )
+
+
+def _neighbour_periods(recording: Recording, i: int, scenario: Scenario) -> int:
+    """Return the messages to neighbours if the i-th UAV sent one in every step but the first."""
+    steps = int(np.count_nonzero(~recording.missing[1:, i]))
+    return len(scenario.neighbours(recording.uav_ids[i])) * steps
 
 
 def _decisions(recording: Recording, i: int, scenario: Scenario) -> list[DiagnosisSummary]:

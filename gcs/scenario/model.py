@@ -140,15 +140,26 @@ class Scenario(Model):
             aircraft=self.aircraft,
             controller=self.controller.with_servos(servos),
             trigger=self.trigger,
+            formation_trigger=links.formation.trigger,
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
-                for other, weight in self._neighbours(uav_id)
+                for other, weight in self.neighbours(uav_id)
             ),
+            neighbour_timeout_s=links.formation.neighbour_timeout_s,
             formation_bind=self._formation_address(uav_id),
             plant=links.plant_relay or links.address(links.plant_port),
             gcs=(links.address(links.gcs_port),),
             signing_key=links.signing_key,
         )
+
+    def neighbours(self, uav_id: int) -> list[tuple[int, float]]:
+        """Return id and weight of each neighbour of a UAV."""
+        return [
+            (edge.between[1 - end], edge.weight)
+            for edge in self.network.edges
+            for end in (0, 1)
+            if edge.between[end] == uav_id
+        ]
 
     def signed(self, key_file: Path) -> Self:
         """Return the same scenario with every link signed."""
@@ -162,14 +173,6 @@ class Scenario(Model):
     def fault_commands(self) -> list[tuple[int, Fault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
         return [(fault.uav, fault.command()) for fault in self.faults]
-
-    def _neighbours(self, uav_id: int) -> list[tuple[int, float]]:
-        return [
-            (edge.between[1 - end], edge.weight)
-            for edge in self.network.edges
-            for end in (0, 1)
-            if edge.between[end] == uav_id
-        ]
 
     def _formation_address(self, uav_id: int) -> str:
         return self.links.address(self.links.formation_base_port + uav_id)
