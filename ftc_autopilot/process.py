@@ -83,7 +83,7 @@ class Autopilot:
             load_link_signer(config.signing_key, FORMATION_LINK),
         )
         self._hot = HotState(self._link)
-        self._vehicle = Vehicle(config, self._hot, self._controllers)
+        self._vehicle = Vehicle(config, self._hot, self._controllers, time.time())
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
         self._to_gcs = [FramePacker(config.id, component) for _ in config.gcs]

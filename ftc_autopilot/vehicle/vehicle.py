@@ -12,6 +12,7 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.link import GCS, PLANT
+from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
@@ -41,7 +42,21 @@ _REQUESTS = {  # commands that ask for one message
 class Vehicle:
     """The services of one autopilot, between the steps of its control loop."""
 
-    def __init__(self, config: AutopilotConfig, hot: HotState, controllers: Controllers) -> None:
+    def __init__(
+        self,
+        config: AutopilotConfig,
+        hot: HotState,
+        controllers: Controllers,
+        unix_s: float = 0.0,
+    ) -> None:
+        """Boot.
+
+        Args:
+            config: The configuration.
+            hot: What the compiled loop knows.
+            controllers: Those of one UAV.
+            unix_s: The date, Unix time [s]; 0 if it does not matter.
+        """
         own = SystemId(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._own, self._hot, self._controllers = own, hot, controllers
         self._stations = range(len(config.gcs))
@@ -57,11 +72,14 @@ class Vehicle:
         self.modes = Modes(config, hot, controllers, self.say)
         self._mission = Mission(own, self.modes, home_item(config.origin), self.say)
         self._diagnosis = DiagnosisMessages(hot, controllers)
+        self._clock = VehicleClock(round(unix_s * 1e6))
         makers = makers_of(
-            StateMessages(hot, controllers, config.origin),
+            StateMessages(hot, controllers, config.origin, self._clock),
             ControllerMessages(hot, controllers),
             self._diagnosis,
-            StatusMessages(config, self._diagnosis.healthy),
+            StatusMessages(
+                config, self._diagnosis.healthy, lambda: int(hot.drops[GCS].sum()), self._clock
+            ),
         )
         makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
         self.telemetry = [Telemetry(makers) for _ in self._stations]
@@ -84,6 +102,7 @@ class Vehicle:
         if not is_for(message, self._own):
             self._hot.drops[GCS, -DropReason.OTHER_TARGET] += 1
             return
+        self._advance_clock(now)
         match message:
             case dialect.MAVLink_set_attitude_target_message():
                 self.modes.set_attitude_target(message)
@@ -94,7 +113,7 @@ class Vehicle:
         self._commands.receive(message, now, station)
         self._mission.receive(message, now, station)
         self._params.receive(message, now)
-        self._responder.receive(message, self.time_s)
+        self._responder.receive(message, self._clock.boot_us * 1e-6)
         self._queue(self._responder.messages_to_send(), station)
         self._collect()
 
@@ -120,6 +139,7 @@ class Vehicle:
             now: Wall-clock time [s].
             most: How many messages of telemetry to make, at most; None: all that are due.
         """
+        self._advance_clock(now)
         self._commands.handle_timer(now)
         self._params.handle_timer(now)
         self._mission.handle_timer(now)
@@ -204,6 +224,9 @@ class Vehicle:
         return self._hot.time_us * 1e-6
 
     # inside
+
+    def _advance_clock(self, now: float) -> None:
+        self._clock.advance(round(now * 1e6), self._hot.time_us, self.running)
 
     def _handlers(self) -> dict[int, Handler]:
         modes, mission = self.modes, self._mission
