@@ -8,8 +8,11 @@ import math
 from collections.abc import Iterable
 from functools import partial
 
+import numpy as np
+
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
+from ftc_autopilot.control.reference import profile_segments
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.link import GCS, PLANT
 from ftc_autopilot.vehicle.clock import VehicleClock
@@ -26,6 +29,7 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import text_chunks
+from mavlink_defs.profile import segments_to_items
 from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
 from mavlink_defs.services.responder import Responder
@@ -33,6 +37,7 @@ from mavlink_defs.services.responder import Responder
 __all__ = ["Vehicle"]
 
 _HEARTBEAT_S = 1.0
+_REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
 _REQUESTS = {  # commands that ask for one message
     dialect.MAV_CMD_GET_HOME_POSITION: dialect.MAVLINK_MSG_ID_HOME_POSITION,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
@@ -63,11 +68,12 @@ class Vehicle:
         self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
         self._asking = 0  # the ground station whose message is being handled
         self._simulator_outbox: list[MAVLink_message] = []
-        self._next_heartbeat = -math.inf
+        self._next_heartbeat = self._next_registration = -math.inf
         self._reported = (-1, False, -1)
         self._texts = 0
         self._edges = controllers.weights[0] > 0.0
         self._edge_changes = 0
+        self._resumed_us: int | None = None  # simulated time of what was taken up, until told
 
         self.modes = Modes(config, hot, controllers, self.say)
         self._mission = Mission(own, self.modes, home_item(config.origin), self.say)
@@ -148,6 +154,11 @@ class Vehicle:
             self._next_heartbeat, self._reported = now + _HEARTBEAT_S, state
             self._queue([self.modes.heartbeat()])
             self._simulator_outbox.append(self.modes.heartbeat())
+            self._next_registration = now + _REGISTER_S
+        if now >= self._next_registration and self.modes.status == dialect.MAV_STATE_BOOT:
+            self._next_registration = now + _REGISTER_S
+            self._simulator_outbox.append(self.modes.heartbeat())
+        self._report_resumption()
         self._report_edges()
         for severity, text in self._diagnosis.changes():
             self.say(severity, text)
@@ -165,6 +176,7 @@ class Vehicle:
 
     def restart(self) -> None:
         """Forget the flight when the plant was started again: disarm and wait to be armed."""
+        self._resumed_us = None
         self._hot.reset()
         reset_controllers(self._controllers)
         self.modes.restart()
@@ -172,6 +184,22 @@ class Vehicle:
         self._edges, self._edge_changes = self._controllers.weights[0] > 0.0, 0
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
+
+    def resume(self, kept: np.void) -> None:
+        """Take up what was kept of the life before; the records hold it already.
+
+        Args:
+            kept: Record of dtype `ftc_autopilot.kept_state.VEHICLE`.
+        """
+        self.modes.resume(int(kept["mode"]))
+        segments = profile_segments(self._controllers.profiles[0])
+        profile = segments_to_items(segments, *self._own) if segments else []
+        self._mission.resume(profile, int(kept["item"]))
+        self._resumed_us = self._hot.step * self._hot.step_us
+
+    def note(self, kept: np.void) -> None:
+        """Write what is to be kept into a record of dtype `ftc_autopilot.kept_state.VEHICLE`."""
+        kept["mode"], kept["item"] = self.modes.mode, self._mission.server.current
 
     def farewell(self, text: str) -> None:
         """Send a last text and the final counters before the process ends."""
@@ -289,6 +317,17 @@ class Vehicle:
         for message, station in self._mission.messages_to_send():
             self._queue([message], station)
         self._simulator_outbox += self._commands.simulator_messages()
+
+    def _report_resumption(self) -> None:
+        """Announce once what was taken up, and how old it is."""
+        if self._resumed_us is None or self._hot.heard_s == 0.0:
+            return
+        resumed_us, self._resumed_us = self._resumed_us, None
+        text = "autopilot restarted: profile, parameters, mode and arming taken up"
+        if resumed_us >= 0:
+            age_s = (self._hot.time_us - resumed_us) * 1e-6
+            text += f", and the flight of {resumed_us * 1e-6:.3f} s, {age_s:.3f} s old"
+        self.say(dialect.MAV_SEVERITY_WARNING, text)
 
     def _report_edges(self) -> None:
         """Announce every neighbour that was dropped or restored."""

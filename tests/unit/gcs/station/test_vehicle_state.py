@@ -350,7 +350,7 @@ def test_a_diagnosis_is_known_once_a_law_has_one() -> None:
 
 
 def test_only_private_messages_tell_simulated_time() -> None:
-    """Time since boot flows before the flight, and neither clock's return passes for the other's."""
+    """Time since boot flows before the flight; neither clock passes for the other."""
     bench = Bench(1)
     bench.say(dialect.MAVLink_system_time_message(10**15, 90_000), 0.0)
     state = bench.fleet.vehicles[1]
