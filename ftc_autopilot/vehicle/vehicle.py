@@ -330,13 +330,12 @@ class Vehicle:
         self.say(dialect.MAV_SEVERITY_WARNING, text)
 
     def _report_edges(self) -> None:
-        """Announce every neighbour that was dropped or restored."""
-        if self._hot.edge_changes == self._edge_changes:
-            return
-        self._edge_changes = self._hot.edge_changes
+        """Announce every neighbour that was dropped or restored; the first states are no change."""
         edges = self._controllers.weights[0] > 0.0
-        for d in (edges != self._edges).nonzero()[0]:
-            event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
-            text = f"neighbour {self._hot.neighbours[d]} {event}"
-            self.say(dialect.MAV_SEVERITY_WARNING, text)
+        if self._hot.edge_changes != self._edge_changes:
+            self._edge_changes = self._hot.edge_changes
+            for d in (edges != self._edges).nonzero()[0]:
+                event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
+                text = f"neighbour {self._hot.neighbours[d]} {event}"
+                self.say(dialect.MAV_SEVERITY_WARNING, text)
         self._edges = edges
