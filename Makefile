@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: fly check test explore docs bench fuzz lock clean
+.PHONY: fly check test explore docs bench fuzz soak lock clean
 
 fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
 	$(BIN)/gcs fly scenarios/paper/scenario1.yaml
@@ -37,6 +37,9 @@ bench: $(READY)  ## the speed figures of the README
 
 fuzz: $(READY)  ## over a million datagrams through every parser and handler; memory must stay
 	$(BIN)/python -m fuzzing
+
+soak: $(READY)  ## an hour of ten UAVs with random faults, restarts, bad links; SEED=... repeats one
+	$(BIN)/python -m soak --seed $(SEED)
 
 lock:  ## choose new dependency versions (wants uv on the PATH)
 	uv pip compile pyproject.toml --group build --group docs --group test --universal --python-version 3.11 \

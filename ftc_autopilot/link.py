@@ -29,6 +29,7 @@ from ftc_autopilot.formation_link import (
     reset_formation_link,
     send_own_state,
 )
+from ftc_autopilot.kept_state import KeptState, keep, no_kept_state
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
@@ -85,6 +86,7 @@ LINK_STATE = np.dtype(
         ("repeated", "i8", (N_CHANNELS,)),  # events sent again
         ("sequence", "i8"),  # frames sent to the plant
         ("received", "i8"),  # length of the datagram in `SimulatorLink.received`
+        ("away", "i8"),  # lockstep: steps to let pass before control is taken up again
     ]
 )
 
@@ -110,6 +112,7 @@ class AutopilotLink(NamedTuple):
     formation: FormationLink
     drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated `DropReason`
     signals: np.ndarray  # (steps,), recorded, NaN where no state came; empty: no recording
+    kept: KeptState
 
 
 def new_link(
@@ -161,6 +164,7 @@ def new_link(
         formation=formation,
         drops=drops,
         signals=no_signals(record_steps),
+        kept=no_kept_state(),
     )
     reset_link(link)
     return link
@@ -275,18 +279,27 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         announce(controllers, 0, sim_state)
         send_own_state(formation_fd, formation, controllers)
     fresh = running and step > state["step"]
-    if fresh:
+    if fresh and lockstep and state["away"] > 0:
+        state["away"] -= 1
+        state["step"] = step
+        note_silent_neighbours(formation, sim_state["silent"])
+        receive_neighbour_states(formation_fd, formation, controllers, step - 1)
+        link.simulator.step_done[0]["silent"] = 1
+    elif fresh:
         note_silent_neighbours(formation, sim_state["silent"])
         collect_neighbour_states(formation_fd, formation, controllers, step, lockstep)
         mask = controller_step(controllers, 0, sim_state, state["step_us"])
-        send_actuators(plant_fd, link, controllers, mask, lockstep)
-        told = tell_neighbours(controllers, 0, step, state["step_us"])
-        if told:
-            send_own_state(formation_fd, formation, controllers)
-        link.simulator.step_done[0]["silent"] = 0 if told else 1
         state["step"] = step
         if step < len(link.signals):
             link.signals[step] = controllers.signals[0]
+        due = note_events(link, controllers, mask, lockstep)
+        told = tell_neighbours(controllers, 0, step, state["step_us"])
+        keep(link.kept)
+        if due:
+            _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)
+        if told:
+            send_own_state(formation_fd, formation, controllers)
+        link.simulator.step_done[0]["silent"] = 0 if told else 1
     elif not running and not ended:  # frozen: neighbours learn of each other
         announce(controllers, 0, sim_state)
         send_own_state(formation_fd, formation, controllers)
@@ -312,13 +325,12 @@ def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: i
 
 
 @compiled
-def send_actuators(
-    plant_fd: int, link: AutopilotLink, controllers: Controllers, mask: int, lockstep: bool
-) -> None:
-    """Send the actuator message if there was an event, or again if one was not acknowledged.
+def note_events(link: AutopilotLink, controllers: Controllers, mask: int, lockstep: bool) -> bool:
+    """Note the events to be sent; return whether an actuator message is due.
 
-    Each message carries all four channels, so that a channel's event is acknowledged by the
-    message that carried it first and by every later one.
+    One is due if there was an event, or again if one was not acknowledged. Each message carries
+    all four channels, so that a channel's event is acknowledged by the message that carried it
+    first and by every later one.
     """
     state, sim_state = link.state[0], link.simulator.sim_state[0]
     time_usec, now_s = int(sim_state["time_usec"]), state["heard_s"]
@@ -331,7 +343,7 @@ def send_actuators(
         if state["pending_usec"][c] != _NONE and now_s - state["pending_s"][c] >= timeout_s:
             overdue |= 1 << c
     if mask | overdue == 0:
-        return
+        return False
     for c in range(N_CHANNELS):
         if (mask | overdue) & (1 << c):
             state["pending_s"][c] = now_s
@@ -340,4 +352,4 @@ def send_actuators(
         elif overdue & (1 << c):
             state["repeated"][c] += 1
     controllers.actuators[0]["time_usec"] = time_usec
-    _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)
+    return True

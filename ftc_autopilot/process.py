@@ -6,6 +6,8 @@ a signal stopped it, 1 the plant fell silent, 2 bad input.
 """
 
 import argparse
+import os
+import signal
 import socket
 import sys
 import time
@@ -13,9 +15,13 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
 from ftc_autopilot.link import GCS, PLANT, SIMULATOR, new_link, run
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -46,9 +52,12 @@ from mavlink_defs.runtime.shutdown import on_stop
 
 __all__ = ["main"]
 
+_NEVER = 2**62
 _TICK_S = 0.02
 _MAX_GCS_DATAGRAMS = 8
 """Most datagrams of ground stations handled at a time while no control step can be late."""
+_AWAY_S = 1.0
+"""Lockstep: time that passes without control after a restart [s, simulated]."""
 _TURN_US = 20_000
 """Lockstep: messages are handled at multiples of this simulated time [µs]."""
 
@@ -63,7 +72,21 @@ class Autopilot:
         formation: socket.socket,
         gcs: socket.socket,
         record_steps: int,
+        keep_in: Path | None,
     ) -> None:
+        """Boot, and take up the flight of a life before, if its file is there.
+
+        Args:
+            config: The configuration.
+            plant: Connected to the plant.
+            formation: Bound to the own formation port.
+            gcs: Sends to the ground stations.
+            record_steps: Number of steps to record.
+            keep_in: File for what a restart takes up; None: nothing is kept.
+
+        Raises:
+            OSError: The file cannot be made.
+        """
         self._config = config
         self._plant, self._formation, self._gcs = plant, formation, gcs
         set_receive_timeout(plant, _TICK_S)
@@ -82,8 +105,12 @@ class Autopilot:
             load_link_signer(config.signing_key, PLANT_LINK),
             load_link_signer(config.signing_key, FORMATION_LINK),
         )
+        self._kept = np.zeros(1, VEHICLE)
+        resumes = keep_in is not None and self._keep_in(keep_in, record_steps)
         self._hot = HotState(self._link)
-        self._vehicle = Vehicle(config, self._hot, self._controllers)
+        self._vehicle = Vehicle(config, self._hot, self._controllers, time.time())
+        if resumes:
+            self._vehicle.resume(self._kept[0])
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
         self._to_gcs = [FramePacker(config.id, component) for _ in config.gcs]
@@ -92,6 +119,38 @@ class Autopilot:
         self._gcs_signing = GcsSigning(config.id, config.signing_key)
         self._to_plant = FramePacker(config.id, component, self._next_sequence)
         self.stopping = False
+        self.crash_at = _NEVER
+
+    def _keep_in(self, path: Path, record_steps: int) -> bool:
+        """Keep the state in a file, the recorded signals beside it; return whether one was there.
+
+        In lockstep, control begins again when a fixed simulated time has passed, so that the flight
+        is the same however long the restart took; in real time, with the next state.
+        """
+        link, controllers = self._link, self._controllers
+        records = (
+            link.state,
+            link.formation.state,
+            controllers.parameters,
+            controllers.states,
+            controllers.guidance,
+            controllers.profiles,
+            controllers.actuators,
+            self._kept,
+        )
+        kept = open_kept_state(path, records, self._config.model_dump_json())
+        resumes = take_up(kept)
+        recorded = link.signals
+        if record_steps:
+            recorded = map_array(path.with_suffix(".signals"), SIGNALS, record_steps)
+            if not resumes:
+                recorded[:] = link.signals
+        self._link = link._replace(kept=kept, signals=recorded)
+        if resumes:
+            state = link.state[0]
+            state["heard_s"] = state["pending_s"] = 0.0
+            state["away"] = round(_AWAY_S * 1e6 / self._config.step_us)
+        return resumes
 
     def fly(self) -> str | None:
         """Serve all links until the simulation is over; return the reason if it ended otherwise."""
@@ -102,6 +161,8 @@ class Autopilot:
             outcome = run(
                 plant_fd, formation_fd, self._link, self._controllers, until_s, self._until_step()
             )
+            if self._hot.step >= self.crash_at:
+                os.kill(os.getpid(), signal.SIGKILL)
             if outcome == Outcome.SERVICE:
                 self._receive_from_simulator()
             elif outcome == Outcome.RESTARTED:
@@ -143,19 +204,21 @@ class Autopilot:
         if not self._vehicle.has_gcs_messages:  # answer earlier requests first
             more = self._receive_from_ground_stations(most or _MAX_GCS_DATAGRAMS)
         self._vehicle.handle_timer(time.monotonic(), most)
+        self._vehicle.note(self._kept[0])
+        keep(self._link.kept)
         self._send_messages(most)
         self._more_to_do = more or self._vehicle.has_gcs_messages
 
     def _until_step(self) -> int:
         """Return the step after which messages are to be handled."""
         if not self._vehicle.running:
-            return 2**62
+            return self.crash_at
         if self._more_to_do:
             return self._hot.step + 1
         due_us = self._vehicle.next_telemetry_us()
         if not self._in_real_time:  # no deadline in lockstep: fewer turns
             due_us = -(-due_us // _TURN_US) * _TURN_US
-        return -(-due_us // self._config.step_us)
+        return min(-(-due_us // self._config.step_us), self.crash_at)
 
     @property
     def _in_real_time(self) -> bool:
@@ -178,6 +241,8 @@ class Autopilot:
         elif (message.get_srcSystem(), message.get_srcComponent()) != self._simulator:
             self._hot.drops[SIMULATOR, -DropReason.STRANGER] += 1
         else:
+            if self._hot.heard_s > 0.0:  # in lockstep there is no state while others restart
+                self._hot.heard_s = time.monotonic()
             self._vehicle.receive_from_simulator(message, time.monotonic())
 
     def _receive_from_ground_stations(self, most: int) -> bool:
@@ -239,6 +304,15 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        metavar="FILE",
+        help="keep the state here, and take it up if it is there",
+    )
+    parser.add_argument(
+        "--crash-at", type=int, metavar="STEP", help="die after this step, as by SIGKILL: for tests"
+    )
     options = parser.parse_args(arguments)
     try:
         config = load(options.config, AutopilotConfig)
@@ -258,10 +332,15 @@ def main(arguments: list[str] | None = None) -> None:
         if not is_loopback(at):
             print(f"{prefix}: {exposed(at, bool(config.signing_key))}", file=sys.stderr)
     try:
-        autopilot = Autopilot(config, plant, formation, gcs, options.record_steps)
+        autopilot = Autopilot(config, plant, formation, gcs, options.record_steps, options.keep)
     except (EndpointError, SigningError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
+    except OSError as problem:
+        print(f"cannot write {problem.filename}: {problem.strerror}", file=sys.stderr)
+        sys.exit(2)
+    if options.crash_at is not None:
+        autopilot.crash_at = options.crash_at
 
     def stop() -> None:
         autopilot.stopping = True

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import resource
 import sys
 from typing import Annotated, NoReturn
 
@@ -149,6 +150,10 @@ def main() -> None:
     except Exception as problem:
         if os.environ.get("FTC_SITL_DEBUG"):
             raise
+        if isinstance(problem, OSError) and problem.errno in {errno.EMFILE, errno.ENFILE}:
+            limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+            text = f"error: too many files and sockets are open; the limit is {limit}"
+            _end(GcsError.exit_status, text, "raise it, as in `ulimit -n 1024`")
         if isinstance(problem, OSError) and problem.errno in _NOT_WRITABLE:
             if problem.filename is None:
                 _close_output()

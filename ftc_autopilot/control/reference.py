@@ -17,6 +17,7 @@ __all__ = [
     "Reference",
     "filter_reference",
     "profile_record",
+    "profile_segments",
     "profile_value",
     "read_reference",
     "start_filter",
@@ -56,6 +57,19 @@ def profile_record(segments: tuple[Segment, ...]) -> np.void:
         record["value"][i] = (segment.airspeed_m_s, *map(math.radians, angles))
         record["ramp"][i] = segment.ramp
     return record
+
+
+def profile_segments(record: np.void) -> tuple[Segment, ...]:
+    """Return the segments of a record of dtype `PROFILE`, angles to their last digits but one."""
+    return tuple(
+        Segment(
+            float(record["start"][i]),
+            float(record["value"][i, 0]),
+            *(float(f"{math.degrees(angle):.14g}") for angle in record["value"][i, 1:]),
+            ramp=bool(record["ramp"][i]),
+        )
+        for i in range(int(record["count"]))
+    )
 
 
 @compiled

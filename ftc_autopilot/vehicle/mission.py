@@ -67,6 +67,17 @@ class Mission:
         self.server.set_current(0)
         self._work()
 
+    def resume(self, profile: Sequence[MissionItem], item: int) -> None:
+        """Take up the mission of a life before.
+
+        Args:
+            profile: Its items, home included; none if there was no profile.
+            item: The current one.
+        """
+        self.server.restore(tuple(profile), item)
+        self._follows = self._modes.flies_profile
+        self._note_state()
+
     # commands
 
     def start(self, params: Sequence[float]) -> int:

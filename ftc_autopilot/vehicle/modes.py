@@ -197,6 +197,10 @@ class Modes:
         self._set_armed(False)
         self._enter(LOITER)
 
+    def resume(self, mode: int) -> None:
+        """Take up the mode and the arming of a life before, as the records have them."""
+        self.mode, self.armed = mode, bool(self._guidance["active"])
+
     # inside
 
     def _set_armed(self, armed: bool) -> None:

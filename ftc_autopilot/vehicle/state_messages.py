@@ -12,6 +12,7 @@ from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.geography import Origin, Place, place_of
 from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.vehicle.clock import VehicleClock
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
@@ -21,28 +22,34 @@ from sitl_plant.vec3 import Vec3, mul, vec3
 __all__ = ["StateMessages", "home_item"]
 
 _INT16, _UINT16 = 2**15 - 1, 2**16 - 1
-_UNKNOWN_U16, _UNKNOWN_U8 = _UINT16, 255
+_UNKNOWN_U16 = _UINT16
+_GPS_SATELLITES = 14
+_GPS_DILUTION = 80  # of precision, horizontal and vertical [1/100]
+_GPS_ACCURACY_MM, _GPS_ACCURACY_MM_S = 800, 100
 _ZERO_PWM_US, _SPAN_PWM_US = 1500, 500
 _GIVEN_IMU = 0b111111  # HIGHRES_IMU.fields_updated: accelerations and rates
 
 
 class StateMessages:
-    """Makes messages of position, attitude, motion and actuators."""
+    """Makes messages of position, attitude, motion and actuators; times are those of the clock."""
 
-    def __init__(self, hot: HotState, controllers: Controllers, origin: Origin) -> None:
+    def __init__(
+        self, hot: HotState, controllers: Controllers, origin: Origin, clock: VehicleClock
+    ) -> None:
         self._hot, self._controllers, self._origin = hot, controllers, origin
+        self._clock = clock
 
     # time and place
 
     def system_time(self) -> MAVLink_message:
-        """Return SYSTEM_TIME: simulation time; there is no date."""
-        return dialect.MAVLink_system_time_message(0, self.time_ms)
+        """Return SYSTEM_TIME."""
+        return dialect.MAVLink_system_time_message(self._clock.unix_us, self._clock.boot_ms)
 
     def local_position_ned(self) -> MAVLink_message:
         """Return LOCAL_POSITION_NED."""
         position = self._state["position"]
         return dialect.MAVLink_local_position_ned_message(
-            self.time_ms, *float32s((*position, *self._velocity_ned()))
+            self._clock.boot_ms, *float32s((*position, *self._velocity_ned()))
         )
 
     def global_position_int(self) -> MAVLink_message:
@@ -50,30 +57,34 @@ class StateMessages:
         place = self._place()
         vx, vy, vz = (whole_within(100.0 * v, -_INT16, _INT16) for v in self._velocity_ned())
         return dialect.MAVLink_global_position_int_message(
-            self.time_ms, *place, vx, vy, vz, _centidegrees(self._yaw())
+            self._clock.boot_ms, *place, vx, vy, vz, _centidegrees(self._yaw())
         )
 
     def gps_raw_int(self) -> MAVLink_message:
-        """Return GPS_RAW_INT: the true position; no accuracy is stated."""
+        """Return GPS_RAW_INT: the true position, stated as accurately as a receiver would."""
         place, (north, east, _) = self._place(), self._velocity_ned()
         return dialect.MAVLink_gps_raw_int_message(
-            self._time_us,
+            self._clock.boot_us,
             dialect.GPS_FIX_TYPE_3D_FIX,
             place.latitude,
             place.longitude,
             place.altitude,
-            eph=_UNKNOWN_U16,
-            epv=_UNKNOWN_U16,
+            eph=_GPS_DILUTION,
+            epv=_GPS_DILUTION,
             vel=whole_within(100.0 * math.hypot(north, east), 0, _UINT16 - 1),
             cog=_centidegrees(math.atan2(east, north)),
-            satellites_visible=_UNKNOWN_U8,
+            satellites_visible=_GPS_SATELLITES,
+            alt_ellipsoid=place.altitude,
+            h_acc=_GPS_ACCURACY_MM,
+            v_acc=_GPS_ACCURACY_MM,
+            vel_acc=_GPS_ACCURACY_MM_S,
         )
 
     def home_position(self) -> MAVLink_message:
         """Return HOME_POSITION: the origin."""
         home = place_of(self._origin, 0.0, 0.0, 0.0)
         return dialect.MAVLink_home_position_message(
-            *home[:3], 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, self._time_us
+            *home[:3], 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, self._clock.boot_us
         )
 
     def altitude(self) -> MAVLink_message:
@@ -81,7 +92,7 @@ class StateMessages:
         height = -float(self._state["position"][2])
         amsl = self._origin.altitude_m + height
         altitudes = float32s((amsl, amsl, height, height, self._origin.altitude_m, height))
-        return dialect.MAVLink_altitude_message(self._time_us, *altitudes)
+        return dialect.MAVLink_altitude_message(self._clock.boot_us, *altitudes)
 
     # attitude and motion
 
@@ -90,14 +101,16 @@ class StateMessages:
         roll, pitch, yaw = map(float, self._state["attitude"])
         angles = (_wrap(roll), pitch, _wrap(yaw))
         return dialect.MAVLink_attitude_message(
-            self.time_ms, *float32s((*angles, *self._state["rates"]))
+            self._clock.boot_ms, *float32s((*angles, *self._state["rates"]))
         )
 
     def attitude_quaternion(self) -> MAVLink_message:
         """Return ATTITUDE_QUATERNION: body to NED, scalar first."""
         q1, q2, q3, q4 = self._quaternion()
         p, q, r = float32s(self._state["rates"])
-        return dialect.MAVLink_attitude_quaternion_message(self.time_ms, q1, q2, q3, q4, p, q, r)
+        return dialect.MAVLink_attitude_quaternion_message(
+            self._clock.boot_ms, q1, q2, q3, q4, p, q, r
+        )
 
     def attitude_target(self) -> MAVLink_message:
         """Return ATTITUDE_TARGET: the filtered reference; the airspeed is in FTC_TRACKING."""
@@ -109,7 +122,7 @@ class StateMessages:
         )
         thrust = float(self._controllers.actuators[0]["controls"][3])
         return dialect.MAVLink_attitude_target_message(
-            self.time_ms, mask, float32s(q), 0.0, 0.0, 0.0, thrust
+            self._clock.boot_ms, mask, float32s(q), 0.0, 0.0, 0.0, thrust
         )
 
     def vfr_hud(self) -> MAVLink_message:
@@ -138,7 +151,7 @@ class StateMessages:
         altitude = self._origin.altitude_m - float(self._state["position"][2])
         north, east, down, amsl = float32s((*wind, altitude))
         return dialect.MAVLink_wind_cov_message(
-            self._time_us, north, east, down, unknown, unknown, amsl, unknown, unknown
+            self._clock.boot_us, north, east, down, unknown, unknown, amsl, unknown, unknown
         )
 
     def highres_imu(self) -> MAVLink_message:
@@ -146,7 +159,7 @@ class StateMessages:
         state, unknown = self._state, math.nan
         ax, ay, az, p, q, r = float32s((*state["specific_force"], *state["rates"]))
         return dialect.MAVLink_highres_imu_message(
-            self._time_us,
+            self._clock.boot_us,
             ax,
             ay,
             az,
@@ -169,7 +182,7 @@ class StateMessages:
         x, y, z = float32s(state["position"])
         u, v, w, p, q, r = float32s((*state["velocity"], *state["rates"]))
         return dialect.MAVLink_odometry_message(
-            self._time_us,
+            self._clock.boot_us,
             dialect.MAV_FRAME_LOCAL_NED,
             dialect.MAV_FRAME_BODY_FRD,
             x,
@@ -191,29 +204,22 @@ class StateMessages:
     def actuator_output_status(self) -> MAVLink_message:
         """Return ACTUATOR_OUTPUT_STATUS: the commands held, as HIL_ACTUATOR_CONTROLS has them."""
         return dialect.MAVLink_actuator_output_status_message(
-            self._time_us, 0b1111, self._held() + [0.0] * 28
+            self._clock.boot_us, 0b1111, self._held() + [0.0] * 28
         )
 
     def servo_output_raw(self) -> MAVLink_message:
         """Return SERVO_OUTPUT_RAW: the same as pulses, on ArduPlane's channels."""
         aileron, elevator, rudder, throttle = self._held()
         pulses = [_pulse(aileron), _pulse(elevator), _pulse(2.0 * throttle - 1.0), _pulse(rudder)]
-        return dialect.MAVLink_servo_output_raw_message(self._time_us % 2**32, 0, *pulses, *[0] * 4)
-
-    @property
-    def time_ms(self) -> int:
-        """Simulation time as most messages have it [ms]."""
-        return self._time_us // 1000 % 2**32
+        return dialect.MAVLink_servo_output_raw_message(
+            self._clock.boot_us % 2**32, 0, *pulses, *[0] * 4
+        )
 
     # inside
 
     @property
     def _state(self) -> np.void:
         return self._hot.measured
-
-    @property
-    def _time_us(self) -> int:
-        return self._hot.time_us
 
     def _yaw(self) -> float:
         return float(self._state["attitude"][2])

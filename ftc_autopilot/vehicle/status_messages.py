@@ -5,6 +5,8 @@ from collections.abc import Callable
 from importlib.metadata import version
 
 from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.vehicle.battery import CELLS, CURRENT_CA, battery_at
+from ftc_autopilot.vehicle.clock import VehicleClock
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 
@@ -28,21 +30,32 @@ _SENSORS = (
     dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | dialect.MAV_SYS_STATUS_SENSOR_3D_ACCEL
     | dialect.MAV_SYS_STATUS_SENSOR_3D_MAG
+    | dialect.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+    | dialect.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
     | dialect.MAV_SYS_STATUS_SENSOR_GPS
     | dialect.MAV_SYS_STATUS_GEOFENCE
+    | dialect.MAV_SYS_STATUS_SENSOR_BATTERY
     | dialect.MAV_SYS_STATUS_AHRS
     | dialect.MAV_SYS_STATUS_PREARM_CHECK
     | _ACTUATORS
 )
 _ALL_KNOWN = 0b11_0111_1111  # EKF_STATUS_REPORT.flags
-_UNKNOWN_U16, _UNKNOWN_I16, _UNKNOWN = 2**16 - 1, 2**15 - 1, -1
+_UINT16, _UNKNOWN_I16 = 2**16 - 1, 2**15 - 1  # the former also: no such cell
+_VOLTAGES = 10  # of BATTERY_STATUS
 
 
 class StatusMessages:
     """Makes the messages that do not depend on the aircraft's motion."""
 
-    def __init__(self, config: AutopilotConfig, actuators_healthy: Callable[[], bool]) -> None:
-        self._actuators_healthy = actuators_healthy
+    def __init__(
+        self,
+        config: AutopilotConfig,
+        actuators_healthy: Callable[[], bool],
+        frames_dropped: Callable[[], int],
+        clock: VehicleClock,
+    ) -> None:
+        self._actuators_healthy, self._frames_dropped = actuators_healthy, frames_dropped
+        self._clock = clock
         self._system = config.id
         self._capabilities = _CAPABILITIES | config.param_capability
 
@@ -67,37 +80,44 @@ class StatusMessages:
         )
 
     def sys_status(self) -> MAVLink_message:
-        """Return SYS_STATUS: everything works, but what the diagnosis of the actuators finds."""
+        """Return SYS_STATUS: all is well, but what the diagnosis of the actuators finds.
+
+        The drops are those of the ground stations' links.
+        """
         health = _SENSORS if self._actuators_healthy() else _SENSORS & ~_ACTUATORS
+        battery = battery_at(self._clock.boot_us / 1e6)
         return dialect.MAVLink_sys_status_message(
             _SENSORS,
             _SENSORS,
             health,
             load=0,
-            voltage_battery=_UNKNOWN_U16,
-            current_battery=_UNKNOWN,
-            battery_remaining=_UNKNOWN,
+            voltage_battery=CELLS * battery.cell_mv,
+            current_battery=CURRENT_CA,
+            battery_remaining=battery.remaining_percent,
             drop_rate_comm=0,
-            errors_comm=0,
+            errors_comm=min(self._frames_dropped(), _UINT16),
             errors_count1=0,
             errors_count2=0,
             errors_count3=0,
             errors_count4=0,
         )
 
-    @staticmethod
-    def battery_status() -> MAVLink_message:
-        """Return BATTERY_STATUS: nothing is known of any."""
+    def battery_status(self) -> MAVLink_message:
+        """Return BATTERY_STATUS: that of the avionics."""
+        battery = battery_at(self._clock.boot_us / 1e6)
+        cells = [battery.cell_mv] * CELLS
         return dialect.MAVLink_battery_status_message(
             0,
-            dialect.MAV_BATTERY_FUNCTION_UNKNOWN,
-            dialect.MAV_BATTERY_TYPE_UNKNOWN,
+            dialect.MAV_BATTERY_FUNCTION_AVIONICS,
+            dialect.MAV_BATTERY_TYPE_LIPO,
             _UNKNOWN_I16,
-            [_UNKNOWN_U16] * 10,
-            _UNKNOWN,
-            _UNKNOWN,
-            _UNKNOWN,
-            _UNKNOWN,
+            cells + [_UINT16] * (_VOLTAGES - CELLS),
+            CURRENT_CA,
+            battery.consumed_mah,
+            battery.consumed_hj,
+            battery.remaining_percent,
+            battery.time_left_s,
+            dialect.MAV_BATTERY_CHARGE_STATE_OK,
         )
 
     @staticmethod

@@ -8,10 +8,14 @@ import math
 from collections.abc import Iterable
 from functools import partial
 
+import numpy as np
+
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
+from ftc_autopilot.control.reference import profile_segments
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.link import GCS, PLANT
+from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
@@ -25,6 +29,7 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import text_chunks
+from mavlink_defs.profile import segments_to_items
 from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
 from mavlink_defs.services.responder import Responder
@@ -32,6 +37,7 @@ from mavlink_defs.services.responder import Responder
 __all__ = ["Vehicle"]
 
 _HEARTBEAT_S = 1.0
+_REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
 _REQUESTS = {  # commands that ask for one message
     dialect.MAV_CMD_GET_HOME_POSITION: dialect.MAVLINK_MSG_ID_HOME_POSITION,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
@@ -41,27 +47,45 @@ _REQUESTS = {  # commands that ask for one message
 class Vehicle:
     """The services of one autopilot, between the steps of its control loop."""
 
-    def __init__(self, config: AutopilotConfig, hot: HotState, controllers: Controllers) -> None:
+    def __init__(
+        self,
+        config: AutopilotConfig,
+        hot: HotState,
+        controllers: Controllers,
+        unix_s: float = 0.0,
+    ) -> None:
+        """Boot.
+
+        Args:
+            config: The configuration.
+            hot: What the compiled loop knows.
+            controllers: Those of one UAV.
+            unix_s: The date, Unix time [s]; 0 if it does not matter.
+        """
         own = SystemId(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._own, self._hot, self._controllers = own, hot, controllers
         self._stations = range(len(config.gcs))
         self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
         self._asking = 0  # the ground station whose message is being handled
         self._simulator_outbox: list[MAVLink_message] = []
-        self._next_heartbeat = -math.inf
+        self._next_heartbeat = self._next_registration = -math.inf
         self._reported = (-1, False, -1)
         self._texts = 0
         self._edges = hot.edges.copy()
         self._edge_changes = 0
+        self._resumed_us: int | None = None  # simulated time of what was taken up, until told
 
         self.modes = Modes(config, hot, controllers, self.say)
         self._mission = Mission(own, self.modes, home_item(config.origin), self.say)
         self._diagnosis = DiagnosisMessages(hot, controllers)
+        self._clock = VehicleClock(round(unix_s * 1e6))
         makers = makers_of(
-            StateMessages(hot, controllers, config.origin),
+            StateMessages(hot, controllers, config.origin, self._clock),
             ControllerMessages(hot, controllers),
             self._diagnosis,
-            StatusMessages(config, self._diagnosis.healthy),
+            StatusMessages(
+                config, self._diagnosis.healthy, lambda: int(hot.drops[GCS].sum()), self._clock
+            ),
         )
         makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
         self.telemetry = [Telemetry(makers) for _ in self._stations]
@@ -84,6 +108,7 @@ class Vehicle:
         if not is_for(message, self._own):
             self._hot.drops[GCS, -DropReason.OTHER_TARGET] += 1
             return
+        self._advance_clock(now)
         match message:
             case dialect.MAVLink_set_attitude_target_message():
                 self.modes.set_attitude_target(message)
@@ -94,7 +119,7 @@ class Vehicle:
         self._commands.receive(message, now, station)
         self._mission.receive(message, now, station)
         self._params.receive(message, now)
-        self._responder.receive(message, self.time_s)
+        self._responder.receive(message, self._clock.boot_us * 1e-6)
         self._queue(self._responder.messages_to_send(), station)
         self._collect()
 
@@ -120,6 +145,7 @@ class Vehicle:
             now: Wall-clock time [s].
             most: How many messages of telemetry to make, at most; None: all that are due.
         """
+        self._advance_clock(now)
         self._commands.handle_timer(now)
         self._params.handle_timer(now)
         self._mission.handle_timer(now)
@@ -128,6 +154,11 @@ class Vehicle:
             self._next_heartbeat, self._reported = now + _HEARTBEAT_S, state
             self._queue([self.modes.heartbeat()])
             self._simulator_outbox.append(self.modes.heartbeat())
+            self._next_registration = now + _REGISTER_S
+        if now >= self._next_registration and self.modes.status == dialect.MAV_STATE_BOOT:
+            self._next_registration = now + _REGISTER_S
+            self._simulator_outbox.append(self.modes.heartbeat())
+        self._report_resumption()
         self._report_edges()
         for severity, text in self._diagnosis.changes():
             self.say(severity, text)
@@ -145,6 +176,7 @@ class Vehicle:
 
     def restart(self) -> None:
         """Forget the flight when the plant was started again: disarm and wait to be armed."""
+        self._resumed_us = None
         self._hot.reset()
         reset_controllers(self._controllers)
         self.modes.restart()
@@ -152,6 +184,22 @@ class Vehicle:
         self._edges, self._edge_changes = self._hot.edges.copy(), 0
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
+
+    def resume(self, kept: np.void) -> None:
+        """Take up what was kept of the life before; the records hold it already.
+
+        Args:
+            kept: Record of dtype `ftc_autopilot.kept_state.VEHICLE`.
+        """
+        self.modes.resume(int(kept["mode"]))
+        segments = profile_segments(self._controllers.profiles[0])
+        profile = segments_to_items(segments, *self._own) if segments else []
+        self._mission.resume(profile, int(kept["item"]))
+        self._resumed_us = self._hot.step * self._hot.step_us
+
+    def note(self, kept: np.void) -> None:
+        """Write what is to be kept into a record of dtype `ftc_autopilot.kept_state.VEHICLE`."""
+        kept["mode"], kept["item"] = self.modes.mode, self._mission.server.current
 
     def farewell(self, text: str) -> None:
         """Send a last text and the final counters before the process ends."""
@@ -204,6 +252,9 @@ class Vehicle:
         return self._hot.time_us * 1e-6
 
     # inside
+
+    def _advance_clock(self, now: float) -> None:
+        self._clock.advance(round(now * 1e6), self._hot.time_us, self.running)
 
     def _handlers(self) -> dict[int, Handler]:
         modes, mission = self.modes, self._mission
@@ -267,14 +318,24 @@ class Vehicle:
             self._queue([message], station)
         self._simulator_outbox += self._commands.simulator_messages()
 
-    def _report_edges(self) -> None:
-        """Announce every neighbour that was dropped or restored."""
-        if self._hot.edge_changes == self._edge_changes:
+    def _report_resumption(self) -> None:
+        """Announce once what was taken up, and how old it is."""
+        if self._resumed_us is None or self._hot.heard_s == 0.0:
             return
-        self._edge_changes = self._hot.edge_changes
+        resumed_us, self._resumed_us = self._resumed_us, None
+        text = "autopilot restarted: profile, parameters, mode and arming taken up"
+        if resumed_us >= 0:
+            age_s = (self._hot.time_us - resumed_us) * 1e-6
+            text += f", and the flight of {resumed_us * 1e-6:.3f} s, {age_s:.3f} s old"
+        self.say(dialect.MAV_SEVERITY_WARNING, text)
+
+    def _report_edges(self) -> None:
+        """Announce every neighbour that was dropped or restored; the first states are no change."""
         edges = self._hot.edges.copy()
-        for d in (edges != self._edges).nonzero()[0]:
-            event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
-            text = f"neighbour {self._hot.neighbours[d]} {event}"
-            self.say(dialect.MAV_SEVERITY_WARNING, text)
+        if self._hot.edge_changes != self._edge_changes:
+            self._edge_changes = self._hot.edge_changes
+            for d in (edges != self._edges).nonzero()[0]:
+                event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
+                text = f"neighbour {self._hot.neighbours[d]} {event}"
+                self.say(dialect.MAV_SEVERITY_WARNING, text)
         self._edges = edges

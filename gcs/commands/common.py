@@ -3,6 +3,7 @@
 import contextlib
 import time
 from collections.abc import Callable, Iterator
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,8 @@ from mavlink_defs.config.inherit import PlaceError, merged, with_values
 __all__ = [
     "FreePortsOption",
     "QuietOption",
+    "Restart",
+    "RestartOption",
     "RunFolderOption",
     "ScenarioArgument",
     "SetOption",
@@ -52,6 +55,19 @@ SetOption = Annotated[
     typer.Option(
         "--set", help="A key of the scenario and its value, in YAML.", metavar="KEY=VALUE"
     ),
+]
+
+
+class Restart(StrEnum):
+    """Whether autopilots that fail are started again."""
+
+    ON_FAILURE = "on-failure"
+    NEVER = "never"
+
+
+RestartOption = Annotated[
+    Restart,
+    typer.Option(help="Whether autopilots that fail are started again; they take up their flight."),
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 

@@ -149,7 +149,7 @@ def list_(station: Station) -> None:
 
 async def _time_s(vehicle: Vehicle) -> float:
     """Request and return its simulated time [s]."""
-    await vehicle.request(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
+    await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
     if (time_s := vehicle.state.time_s) is None:
         raise NoAnswer(f"UAV {vehicle.system} did not tell its simulated time")
     return time_s

@@ -13,6 +13,8 @@ from rich.console import Console
 from gcs.commands.common import (
     FreePortsOption,
     QuietOption,
+    Restart,
+    RestartOption,
     RunFolderOption,
     SetOption,
     WithOption,
@@ -66,6 +68,7 @@ def fly(
         bool,
         typer.Option("--in-process", help="Plant and controllers in one process, without links."),
     ] = False,
+    restart: RestartOption = Restart.NEVER,
     free_ports: FreePortsOption = False,
     quiet: QuietOption = False,
     as_json: Annotated[
@@ -91,6 +94,10 @@ def fly(
     """
     if speed is not None and not 0.0 < speed < float("inf"):
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
+    again = restart is Restart.ON_FAILURE
+    if again and in_process:
+        text = "--restart is about processes; --in-process has none"
+        raise BadInput(text, "leave one of them out")
     if speed is not None and in_process:
         raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
     from gcs.fleet.in_process import fly_in_process
@@ -115,9 +122,9 @@ def fly(
             if in_process:
                 recording = fly_in_process(loaded, on_progress)
             else:
-                recording = _over_udp(loaded, folder, speed, free_ports, on_progress)
-        again = None if speed is not None or campaign is None else (campaign, row or 0)
-        _report(recording, loaded, folder, console, as_json, again)
+                recording = _over_udp(loaded, folder, speed, free_ports, again, on_progress)
+        flown = None if speed is not None or campaign is None else (campaign, row or 0)
+        _report(recording, loaded, folder, console, as_json, flown)
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
     except FlightLost as problem:
@@ -149,6 +156,7 @@ def _over_udp(
     folder: Path,
     speed: float | None,
     free_ports: bool,
+    restart: bool,
     on_progress: Callable[[float, np.ndarray], None],
 ) -> "Recording":
     from gcs.fleet.flight import fly_over_udp
@@ -157,7 +165,7 @@ def _over_udp(
     def flown(scenario: Scenario, _hub: UdpAddress | None = None) -> "Recording":
         links = scenario.links
         warn_if_exposed(UdpAddress(links.host, links.gcs_port), links.signing_key is not None)
-        return asyncio.run(fly_over_udp(scenario, folder, speed, on_progress))
+        return asyncio.run(fly_over_udp(scenario, folder, speed, on_progress, restart=restart))
 
     return on_free_ports(scenario, flown) if free_ports else flown(scenario)
 

@@ -13,6 +13,8 @@ from rich.console import Console
 from gcs.commands.common import (
     FreePortsOption,
     QuietOption,
+    Restart,
+    RestartOption,
     RunFolderOption,
     ScenarioArgument,
     SetOption,
@@ -37,6 +39,7 @@ Examples:
 - gcs up paper/scenario1       (then: gcs start; gcs arm; gcs status --watch)
 - gcs up paper/scenario1 --start --speed 2
 - gcs up my.yaml --lockstep --free-ports --json
+- gcs up my.yaml --restart never
 
 Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 1 flight lost, 2 bad input, 3 a vehicle refused
 something, 4 a vehicle did not answer.
@@ -56,6 +59,7 @@ def up(
         typer.Option("--lockstep", help="As fast as the machine allows, instead of real time."),
     ] = False,
     start: Annotated[bool, typer.Option("--start", help="Also start the mission and arm.")] = False,
+    restart: RestartOption = Restart.ON_FAILURE,
     hub_port: Annotated[
         int,
         typer.Option(
@@ -99,7 +103,7 @@ def up(
     pace = None if lockstep else speed or 1.0
 
     def fly(scenario: Scenario, hub: UdpAddress) -> None:
-        _up(scenario, folder, hub, pace, start, console, as_json)
+        _up(scenario, folder, hub, pace, start, restart is Restart.ON_FAILURE, console, as_json)
 
     try:
         warm_up(loaded, console)
@@ -118,6 +122,7 @@ def _up(
     hub: UdpAddress,
     speed: float | None,
     start: bool,
+    restart: bool,
     console: Console,
     as_json: bool,
 ) -> None:
@@ -139,6 +144,7 @@ def _up(
         hub,
         speed=speed,
         start=start,
+        restart=restart,
         on_ready=ready,
         on_message=lambda text: words.print(text, soft_wrap=True),
     )

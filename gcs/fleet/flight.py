@@ -6,8 +6,9 @@ vehicle is armed simulated time begins; when the plant ends, the flight is over.
 
 import asyncio
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -35,6 +36,9 @@ async def fly_over_udp(
     folder: Path,
     speed: float | None = None,
     on_progress: Callable[[float, np.ndarray], None] | None = None,
+    *,
+    restart: bool = False,
+    crashes: Mapping[int, Sequence[int]] = MappingProxyType({}),
 ) -> Recording:
     """Fly a scenario with one plant and one autopilot process per UAV.
 
@@ -44,6 +48,8 @@ async def fly_over_udp(
             and the log of each process; with `links.impairments` also `wire.json`.
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
+        restart: Start autopilots that fail again; they take up what they kept.
+        crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
 
     Raises:
         BadInput: A port is in use.
@@ -67,7 +73,14 @@ async def fly_over_udp(
         async with Client(
             connection, tlog=tlog, on_message=follow, private=True, signing_key=key
         ) as client:
-            with FleetProcesses(scenario, speed, folder / "processes", via=relay.via) as fleet:
+            with FleetProcesses(
+                scenario,
+                speed,
+                folder / "processes",
+                restart=restart,
+                crashes=crashes,
+                via=relay.via,
+            ) as fleet:
                 try:
                     await prepare(client, fleet, scenario, start=True)
                     while fleet.plant_returncode is None:
@@ -148,6 +161,7 @@ def collect(scenario: Scenario, fleet: FleetProcesses, mode: Mode) -> Recording:
         repeats=np.stack([a["repeats"] for a in autopilots]),
         wall_s=wall_s,
         loss=loss or None,
+        restarts=tuple(fleet.restarts_of(i) for i in ids),
     )
     for name in ("plant", *(f"uav{i}" for i in ids)):
         fleet.recording_of(name).unlink()

@@ -18,6 +18,7 @@ from typing import Self, TypeVar
 
 from gcs.errors import BadInput, FlightLost, PortInUse
 from gcs.fleet.relays import through
+from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, PortTaken, UdpAddress, bind_udp, free_ports
@@ -31,12 +32,13 @@ _TRIES = 5
 _PLANT = "plant"
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Process:
     name: str
-    popen: subprocess.Popen[bytes]
+    command: list[str]
     log: Path
     address: UdpAddress  # that it binds
+    popen: subprocess.Popen[bytes]
 
     def last_line(self) -> str:
         """Its last line on standard error, or its exit status."""
@@ -126,6 +128,8 @@ class FleetProcesses:
         folder: Path,
         *,
         endless: bool = False,
+        restart: bool = False,
+        crashes: Mapping[int, Sequence[int]] = MappingProxyType({}),
         ground_stations: Sequence[UdpAddress] = (),
         via: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
@@ -137,6 +141,8 @@ class FleetProcesses:
             folder: For the files of the processes.
             endless: Ignore the scenario's duration, record nothing, and wait for autopilots that
                 have fallen silent.
+            restart: Start autopilots that fail again; they take up what they kept.
+            crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
             ground_stations: Addresses that autopilots send to besides the scenario's GCS port.
             via: Relays to send through, as of `gcs.fleet.relays`.
         """
@@ -145,6 +151,10 @@ class FleetProcesses:
         self._speed = speed
         self._folder = folder
         self._endless = endless
+        self._restart = restart
+        self._crashes = {f"uav{uav}": list(steps) for uav, steps in crashes.items()}
+        self._restarts = Restarts()
+        self._restarted: list[str] = []
         self._ground_stations = tuple(map(str, ground_stations))
         self._processes: list[_Process] = []
         self._ended: set[str] = set()
@@ -159,12 +169,22 @@ class FleetProcesses:
             self._start(_PLANT, "sitl_plant.process", scenario.links.plant_port, [])
             for uav in scenario.uavs:
                 port = scenario.links.formation_base_port + uav.id
-                arguments = [] if self._endless else ["--record-steps", str(steps)]
-                self._start(f"uav{uav.id}", "ftc_autopilot.process", port, arguments)
+                self._start(
+                    f"uav{uav.id}", "ftc_autopilot.process", port, self._options(uav.id, steps)
+                )
         except BaseException:
             self.stop()
             raise
         return self
+
+    def _options(self, uav: int, steps: int) -> list[str]:
+        """Return the options of an autopilot beside those of every process."""
+        options = [] if self._endless else ["--record-steps", str(steps)]
+        if self._restart:
+            kept = self._folder / f"uav{uav}.kept"
+            kept.unlink(missing_ok=True)
+            options += ["--keep", str(kept)]
+        return options
 
     def __exit__(
         self,
@@ -184,8 +204,12 @@ class FleetProcesses:
         """Exit status of the plant; None while it runs."""
         return self._processes[0].popen.poll()
 
+    def restarts_of(self, uav: int) -> int:
+        """Return how often an autopilot was started again."""
+        return self._restarts.counts[f"uav{uav}"]
+
     def check(self) -> None:
-        """Check that no process has ended early.
+        """Check that no process has ended early; start autopilots that failed again, if asked.
 
         The plant may have ended because the flight was lost, which its recording says.
 
@@ -194,7 +218,7 @@ class FleetProcesses:
                 has its port.
             FlightLost: An autopilot ended in mid-flight, or the plant without a recording.
         """
-        for process in self._processes:
+        for process in list(self._processes):
             status = process.popen.poll()
             if status == BadInput.exit_status:
                 try:
@@ -203,12 +227,23 @@ class FleetProcesses:
                     raise PortInUse(process.last_line()) from None
                 raise BadInput(process.last_line())
             if status and not self.recording_of(process.name).exists():
-                raise FlightLost(f"{process.name}: {process.last_line()}")
+                if process.name == _PLANT or not self._restart:
+                    raise FlightLost(f"{process.name}: {process.last_line()}")
+                self._start_again(process)
+
+    def newly_restarted(self) -> list[str]:
+        """Return the autopilots that were started again since the last call, with the reason."""
+        restarted, self._restarted = self._restarted, []
+        return restarted
 
     def newly_ended(self) -> list[tuple[str, str]]:
         """Return name and last log line of each process that has ended since the last call."""
         over = [
-            p for p in self._processes if p.popen.poll() is not None and p.name not in self._ended
+            p
+            for p in self._processes
+            if p.popen.poll() is not None
+            and p.name not in self._ended
+            and not (self._restart and p.popen.returncode and p.name != _PLANT)
         ]
         self._ended |= {process.name for process in over}
         return [(process.name, process.last_line()) for process in over]
@@ -237,6 +272,8 @@ class FleetProcesses:
     def _configure(self) -> None:
         """Write the configuration file of each process."""
         plant = self._scenario.plant_config(self._speed, endless=self._endless)
+        if self._restart:
+            plant = plant.model_copy(update={"wait_for_restart": True})
         dump(plant, self._folder / f"{_PLANT}.yaml")
         for uav in self._scenario.uavs:
             config = through(self._scenario.autopilot_config(uav.id), self._via)
@@ -258,13 +295,37 @@ class FleetProcesses:
             *record,
             *arguments,
         ]
-        with log.open("wb") as output:
+        log.unlink(missing_ok=True)
+        address = UdpAddress(self._scenario.links.host, port)
+        popen = self._launched(name, command, log)
+        self._processes.append(_Process(name, command, log, address, popen))
+
+    def _start_again(self, process: _Process) -> None:
+        """Start a dead autopilot again when its pause is over.
+
+        Raises:
+            FlightLost: It has died too often.
+        """
+        now, words = time.monotonic(), process.last_line()
+        due = self._restarts.is_due(process.name, now)
+        if due is None:
+            text = f"{process.name}: {words}, {MOST_IN_A_ROW + 1} times in a row"
+            raise FlightLost(f"{text} soon after its start")
+        if due:
+            process.popen = self._launched(process.name, process.command, process.log)
+            self._restarted.append(f"{process.name}: {words}; started again")
+
+    def _launched(self, name: str, command: list[str], log: Path) -> "subprocess.Popen[bytes]":
+        """Start a process that appends to its log."""
+        crashes = self._crashes.get(name)
+        crash = ["--crash-at", str(crashes.pop(0))] if crashes else []
+        with log.open("ab") as output:
             popen = subprocess.Popen(
-                command,
+                command + crash,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
             )
-        address = UdpAddress(self._scenario.links.host, port)
-        self._processes.append(_Process(name, popen, log, address))
+        self._restarts.started(name, time.monotonic())
+        return popen

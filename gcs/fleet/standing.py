@@ -28,6 +28,7 @@ async def keep_up(
     *,
     speed: float | None,
     start: bool,
+    restart: bool,
     on_ready: Callable[[], None],
     on_message: Callable[[str], None],
 ) -> None:
@@ -39,6 +40,7 @@ async def keep_up(
         hub: Address to which any number of ground stations can connect.
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         start: Start the mission and arm, too.
+        restart: Start autopilots that fail again; they take up what they kept.
         on_ready: Called when the fleet is up.
         on_message: Called with later messages to the user.
 
@@ -66,7 +68,13 @@ async def keep_up(
         with (
             relay_of(scenario) as relay,
             FleetProcesses(
-                scenario, speed, processes, endless=True, ground_stations=[hub], via=relay.via
+                scenario,
+                speed,
+                processes,
+                endless=True,
+                restart=restart,
+                ground_stations=[hub],
+                via=relay.via,
             ) as fleet,
         ):
             async with Client(Connection("out", hub), signing_key=key) as client:
@@ -76,6 +84,10 @@ async def keep_up(
             told: set[str] = set()
             while True:
                 await asyncio.sleep(_LOOK_S)
+                if restart:
+                    fleet.check()
+                for words in fleet.newly_restarted():
+                    on_message(words)
                 for name, words in fleet.newly_ended():
                     if name == "plant":
                         raise FlightLost(words)

@@ -34,6 +34,7 @@ class Recording:
         repeats: Shape (n, 4), events sent again because the plant had not applied them.
         wall_s: Wall-clock time that the simulated time took [s].
         loss: Why the flight was lost; None if it was not.
+        restarts: How often each autopilot was started again, length n; empty if none was.
     """
 
     mode: Mode
@@ -46,6 +47,7 @@ class Recording:
     repeats: np.ndarray
     wall_s: float
     loss: str | None
+    restarts: tuple[int, ...] = ()
 
     @property
     def time_s(self) -> np.ndarray:

@@ -88,6 +88,7 @@ class UavSummary:
         attitude_lost_at_s: When roll or pitch was first more than 90° off [s]; None if never.
         heading_lost_at_s: The same for yaw.
         diagnosis: Decisions of its diagnosis, in order; none of a law without one.
+        restarts: How often its autopilot was started again.
     """
 
     id: int
@@ -107,6 +108,7 @@ class UavSummary:
     attitude_lost_at_s: float | None
     heading_lost_at_s: float | None
     diagnosis: tuple[DiagnosisSummary, ...] = ()
+    restarts: int = 0
 
     @property
     def false_alarms(self) -> int:
@@ -262,6 +264,7 @@ def _summarise_uav(
         attitude_lost_at_s=_lost_at_s(time_s, reference[:, 1:3]),
         heading_lost_at_s=_lost_at_s(time_s, reference[:, 3:]),
         diagnosis=tuple(_decisions(recording, i, scenario)),
+        restarts=recording.restarts[i] if recording.restarts else 0,
     )
 
 

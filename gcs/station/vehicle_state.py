@@ -12,6 +12,7 @@ from gcs.station.event_counts import EventCounts
 from gcs.station.fault_text import describe_fault
 from gcs.station.history import History
 from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
+from gcs.station.told_clock import SIMULATED_TIME, ToldClock
 from mavlink_defs import dialect
 from mavlink_defs.constants import MODE_NAMES
 from mavlink_defs.dialect import MAVLink_message
@@ -27,7 +28,6 @@ LOST_S = 2.0
 """Silence after which the link to a vehicle counts as lost."""
 
 _RATE_WINDOW_S = 2.0
-_BACK_IN_TIME_S = 1.0  # only messages older than the newest for this long: a restart
 _FAULTS_REFRESH_S = 5.0
 _PROFILE_REFRESH_S = 30.0
 _PRIVATE_PATIENCE_S = 5.0
@@ -83,8 +83,7 @@ class VehicleState:
         self.faults: tuple[Fault, ...] | None = None
         self.profile: tuple[Segment, ...] | None = None
         self.faults_due = self.profile_due = self.private_due = now
-        self._newest_ms = -1
-        self._back_since: float | None = None
+        self._boot, self._simulated = ToldClock(), ToldClock()
 
     # input: messages and time
 
@@ -215,8 +214,9 @@ class VehicleState:
 
     @property
     def time_s(self) -> float | None:
-        """Simulated time of its newest message [s]; None before the first one."""
-        return None if self._newest_ms < 0 else self._newest_ms / 1e3
+        """Simulated time of its newest private message [s]; None before the first one."""
+        newest_ms = self._simulated.newest_ms
+        return None if newest_ms < 0 else newest_ms / 1e3
 
     @property
     def airspeed_m_s(self) -> float | None:
@@ -302,8 +302,8 @@ class VehicleState:
     def _is_another_run(self, message: MAVLink_message, now: float) -> bool:
         """Return whether the vehicle has been started again.
 
-        It boots, its step counter fell while time advanced, or its time went back and stays back,
-        unlike that of messages that are merely late.
+        It boots, its step counter fell while time advanced, or its time since boot or simulated
+        time, which private messages tell, went back and stays back.
         """
         if isinstance(message, dialect.MAVLink_heartbeat_message):
             before = self.latest.get(dialect.MAVLINK_MSG_ID_HEARTBEAT)
@@ -312,11 +312,8 @@ class VehicleState:
         time_ms = getattr(message, "time_boot_ms", None)
         if time_ms is None:
             return False
-        if time_ms >= self._newest_ms:
-            self._newest_ms, self._back_since = time_ms, None
-        elif self._back_since is None:
-            self._back_since = now
-        elif now - self._back_since > _BACK_IN_TIME_S:
+        clock = self._simulated if message.get_msgId() in SIMULATED_TIME else self._boot
+        if clock.goes_back(time_ms, now):
             return True
         return (
             isinstance(message, dialect.MAVLink_ftc_events_message)

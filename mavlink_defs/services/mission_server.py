@@ -163,6 +163,11 @@ class MissionServer(Machine[MissionEvent]):
         self._happened.append(CurrentChanged(seq))
         return True
 
+    def restore(self, items: tuple[MissionItem, ...], current: int) -> None:
+        """Put a mission in force again that was accepted before; nobody is told."""
+        home = items[:1] if self._home is None else (self._home,)
+        self._items, self._current = (*home, *items[1:]) if items else (), current
+
     def mission_current(self) -> MAVLink_mission_current_message:
         """Return the MISSION_CURRENT of the current item; home does not count in its total."""
         total = len(self._items) - 1 if len(self._items) > 1 else _NO_MISSION

@@ -97,8 +97,7 @@ def station(scenario: Scenario) -> Client:
 
 
 def simulated_ms(client: Client, uav: int) -> int:
-    message = client.vehicle(uav).state.latest.get(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
-    return 0 if message is None else int(message.time_boot_ms)
+    return round(1e3 * (client.vehicle(uav).state.time_s or 0.0))
 
 
 def is_told(vehicle: Vehicle, words: str) -> bool:

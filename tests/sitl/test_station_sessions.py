@@ -99,7 +99,7 @@ def test_commands_over_a_lossy_link(fleet: Up, tmp_path: Path) -> None:
 
 def test_an_operator_s_session(tmp_path: Path) -> None:
     """Waiting, a vehicle that falls silent, start, arm, a dead autopilot, Ctrl-C."""
-    with up(tmp_path / "a session") as fleet:
+    with up(tmp_path / "a session", "--restart", "never") as fleet:
         states = [state_of(fleet, uav) for uav in (1, 2, 3)]
         assert [(s["armed"], s["time_s"], s["steps"]) for s in states] == [(False, 0.0, 0)] * 3
         assert [len(s["profile"]) for s in states] == [3, 3, 3]

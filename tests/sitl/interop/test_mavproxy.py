@@ -31,7 +31,11 @@ def test_link_and_status(mavproxy: MavProxy) -> None:
     mavproxy.ask("status", r"HEARTBEAT \{type : 1, autopilot : 3")
     mavproxy.say("long SET_MESSAGE_INTERVAL 53104 200000 0 0 0 0 0", r"INTERVAL: ACCEPTED")
     mavproxy.say("watch FTC_EVENTS", r"FTC_EVENTS \{time_boot_ms : 0")
+    mavproxy.say(
+        "watch SYSTEM_TIME", r"SYSTEM_TIME \{time_unix_usec : 1\d{15}, time_boot_ms : [1-9]"
+    )
     mavproxy.say("watch", "")
+    mavproxy.ask("bat", r"[Vv]oltage")
 
 
 def test_the_vehicle_is_chosen(mavproxy: MavProxy) -> None:

@@ -21,6 +21,7 @@ from mavlink_defs.profile import segments_to_items
 pytestmark = pytest.mark.sitl
 
 TIMEOUT_S = 180.0
+HOUR_US = 3600e6
 
 
 def wait(condition: Callable[[], Any], what: str) -> None:
@@ -113,6 +114,8 @@ def test_telemetry_of_a_waiting_vehicle(fleet: Standing, telemetry: Telemetry) -
     wait(lambda: not math.isnan(telemetry.heading().heading_deg), "heading")
     wait(lambda: telemetry.landed_state() == LandedState.IN_AIR, "landed state")
     wait(lambda: telemetry.flight_mode() == FlightMode.HOLD, "flight mode")
+    wait(lambda: telemetry.battery().remaining_percent > 0.9 * 100.0, "battery")
+    wait(lambda: telemetry.gps_info().num_satellites >= 6, "satellites")
     position, home = telemetry.position(), telemetry.home()
     assert home.absolute_altitude_m == pytest.approx(584.0)
     assert position.relative_altitude_m == pytest.approx(100.0, abs=0.01)
@@ -126,6 +129,16 @@ def test_telemetry_of_a_waiting_vehicle(fleet: Standing, telemetry: Telemetry) -
     assert telemetry.landed_state() == LandedState.IN_AIR
     assert telemetry.flight_mode() == FlightMode.HOLD
     assert not telemetry.armed()
+
+
+def test_time_of_a_waiting_vehicle_flows(telemetry: Telemetry) -> None:
+    began_us = time.time() * 1e6 - HOUR_US
+    wait(lambda: telemetry.unix_epoch_time() > began_us, "the date")
+    wait(lambda: telemetry.raw_gps().timestamp_us > 0, "GPS time")
+    date_us, gps_us = telemetry.unix_epoch_time(), telemetry.raw_gps().timestamp_us
+    wait(lambda: telemetry.unix_epoch_time() > date_us, "a later date")
+    wait(lambda: telemetry.raw_gps().timestamp_us > gps_us, "later GPS time")
+    assert telemetry.unix_epoch_time() < time.time() * 1e6 + HOUR_US
 
 
 def attitudes_between(telemetry: Telemetry, n: int) -> int:

@@ -12,16 +12,18 @@ from pymavlink.dialects.v20 import common
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.geography import Origin, place_of
 from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.link import new_link
+from ftc_autopilot.link import GCS, new_link
 from ftc_autopilot.vehicle.status_messages import VERSION
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, parse
 
 ACCEPTED, DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 ATTITUDE = dialect.MAVLINK_MSG_ID_ATTITUDE
+UNIX_S = 1.8e9
 
 
 class Bench:
@@ -37,7 +39,7 @@ class Bench:
         state["attitude"] = (0.0, math.radians(10.0), math.radians(45.0))
         state["time_usec"] = 5_000_000
         self.controllers.actuators[0]["controls"][:4] = (0.5, -1.0, 1.0, 0.25)
-        self.vehicle = Vehicle(config, self.hot, self.controllers)
+        self.vehicle = Vehicle(config, self.hot, self.controllers, UNIX_S)
         (self.telemetry,) = self.vehicle.telemetry
         self.speaker = FramePacker(3, 1)
 
@@ -99,15 +101,50 @@ def test_held_commands(bench: Bench) -> None:
     assert (m.servo1_raw, m.servo2_raw, m.servo3_raw, m.servo4_raw) == (1750, 1000, 1250, 2000)
 
 
-def test_nothing_is_made_up(bench: Bench) -> None:
+def test_it_looks_like_a_small_aircraft(bench: Bench) -> None:
     battery, status = bench.heard("BATTERY_STATUS"), bench.heard("SYS_STATUS")
-    assert set(battery.voltages) == {65535}
-    assert (battery.battery_remaining, battery.current_battery) == (-1, -1)
-    assert (status.voltage_battery, status.battery_remaining) == (65535, -1)
-    for bit in (0, 1, 2, 5, 20, 28):
+    cells = [mv for mv in battery.voltages if mv != 65535]
+    assert sum(cells) == status.voltage_battery
+    assert all(3500 <= mv <= 4200 for mv in cells)
+    assert battery.battery_remaining == status.battery_remaining == 100
+    assert battery.current_battery == status.current_battery > 0
+    for bit in (0, 1, 2, 3, 4, 5, 20, 25, 28):
         assert status.onboard_control_sensors_health & 1 << bit
     gps = bench.heard("GPS_RAW_INT")
-    assert (gps.eph, gps.satellites_visible) == (65535, 255)
+    assert gps.fix_type >= dialect.GPS_FIX_TYPE_3D_FIX
+    assert 6 <= gps.satellites_visible <= 30
+    assert 0 < gps.eph < 200
+
+
+def test_dropped_datagrams_of_ground_stations_are_told(bench: Bench) -> None:
+    bench.hot.drops[GCS, -DropReason.BAD_CRC] = 7
+    assert bench.heard("SYS_STATUS").errors_comm == 7
+
+
+def test_a_vehicle_lives_while_simulated_time_stands_still(bench: Bench) -> None:
+    """And from then on its clock is simulated time, however fast that runs."""
+    times = []
+    for now, simulated_s, running in [
+        (100.0, 0.0, False),
+        (160.0, 0.0, False),
+        (160.0, 0.0, True),
+        (161.0, 30.0, True),  # thirty times as fast as real time
+        (162.0, 60.0, True),
+        (162.0, 60.0, False),  # the plant ended, and another one starts at 0
+        (172.0, 0.0, False),
+        (172.0, 0.0, True),
+        (173.0, 1.0, True),
+    ]:
+        bench.hot.measured["time_usec"] = round(simulated_s * 1e6)
+        bench.hot.flags = dialect.FTC_SIM_FLAGS_RUNNING if running else 0
+        bench.vehicle.handle_timer(now)
+        told = bench.heard("SYSTEM_TIME")
+        times.append(told.time_boot_ms / 1e3)
+        assert bench.heard("ATTITUDE").time_boot_ms == told.time_boot_ms
+        assert bench.heard("GPS_RAW_INT").time_usec == 1000 * told.time_boot_ms
+        assert told.time_unix_usec == round(UNIX_S * 1e6) + 1000 * told.time_boot_ms
+        assert bench.heard("FTC_EVENTS").time_boot_ms == round(simulated_s * 1e3)
+    assert times == [0.0, 60.0, 60.0, 90.0, 120.0, 120.0, 130.0, 130.0, 131.0]
 
 
 def test_version(bench: Bench) -> None:

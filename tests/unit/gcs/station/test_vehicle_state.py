@@ -347,3 +347,18 @@ def test_a_diagnosis_is_known_once_a_law_has_one() -> None:
     assert state.diagnosis is None
     state.receive(dialect.MAVLink_ftc_diagnosis_message(0, four, four, four, [0, 0, 2, 0]), 2.0)
     assert state.diagnosis == (0, 0, 2, 0)
+
+
+def test_only_private_messages_tell_simulated_time() -> None:
+    """Time since boot flows before the flight; neither clock passes for the other."""
+    bench = Bench(1)
+    bench.say(dialect.MAVLink_system_time_message(10**15, 90_000), 0.0)
+    state = bench.fleet.vehicles[1]
+    assert state.time_s is None
+    bench.say(events(0.0, 0), 0.1)
+    assert state.time_s == 0.0
+    for k in range(30):
+        now = 0.2 + 0.1 * k
+        bench.say(dialect.MAVLink_system_time_message(10**15, 90_000 + 100 * k), now)
+        bench.say(events(0.1 * k, 100 * k), now)
+    assert (state.restarts, state.time_s) == (0, pytest.approx(2.9))

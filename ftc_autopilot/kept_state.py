@@ -1,0 +1,147 @@
+"""What an autopilot keeps for the case that its process dies: a file in shared memory.
+
+The compiled loop copies its records into the file after each control step, before the step's
+messages are sent; that is a copy in memory, and the system writes the file later. So an event is
+in the file before it is on the wire: it is counted once, and sent again if it did not go out.
+
+The file holds two slots, written in turn. Each has a count and a checksum, so that a slot
+that was being written when the process died is not taken for a whole one.
+"""
+
+import hashlib
+import mmap
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs.runtime.files import naming
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = [
+    "VEHICLE",
+    "KeptState",
+    "keep",
+    "map_array",
+    "no_kept_state",
+    "open_kept_state",
+    "take_up",
+]
+
+VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])
+"""What is kept of a vehicle besides its compiled records: custom_mode, current mission item."""
+
+N_PARTS = 8
+_HEAD = 16  # bytes of a slot before its parts: count, checksum
+_DIGEST = 64  # bytes of the file before the slots
+_FNV_START, _FNV_PRIME = 0xCBF29CE484222325, 0x100000001B3
+
+
+class KeptState(NamedTuple):
+    """The file of an autopilot and the records that are kept in it; without slots nothing is."""
+
+    slots: np.ndarray  # (2, size), bytes in the file
+    words: np.ndarray  # (2, size / 8), the same as unsigned numbers
+    count: np.ndarray  # (1,), slots written
+    parts: tuple[np.ndarray, ...]  # the bytes of each record, N_PARTS of them
+
+
+def no_kept_state() -> KeptState:
+    """Return what keeps nothing."""
+    none = np.zeros(0, np.uint8)
+    return KeptState(
+        np.zeros((0, 0), np.uint8),
+        np.zeros((0, 0), np.uint64),
+        np.zeros(1, np.uint64),
+        (none,) * N_PARTS,
+    )
+
+
+def open_kept_state(path: Path, records: Sequence[np.ndarray], configuration: str) -> KeptState:
+    """Open the file of an autopilot, or make it; its space on the disk is taken at once.
+
+    Args:
+        path: The file.
+        records: What is kept, `N_PARTS` arrays.
+        configuration: A text that tells a configuration from others; a file of another one, or of
+            records of other types, is begun anew.
+
+    Raises:
+        OSError: The file cannot be made; it is named.
+    """
+    parts = tuple(record.reshape(-1).view(np.uint8) for record in records)
+    assert len(parts) == N_PARTS
+    size = -(-(_HEAD + sum(map(len, parts))) // 8) * 8
+    described = [configuration, *(str(record.dtype.descr) for record in records)]
+    digest = hashlib.sha512("\n".join(described).encode()).digest()
+    content = map_array(path, np.dtype(np.uint8), _DIGEST + 2 * size)
+    if content[:_DIGEST].tobytes() != digest:
+        content[:] = 0
+        content[:_DIGEST] = np.frombuffer(digest, np.uint8)
+    slots = content[_DIGEST:].reshape(2, size)
+    words = slots.view(np.uint64)
+    return KeptState(slots, words, words[:, 0].max(keepdims=True), parts)
+
+
+def take_up(kept: KeptState) -> bool:
+    """Return the records to what was kept last; False if nothing was.
+
+    Args:
+        kept: The file; the records that it was opened with are written.
+    """
+    for slot in np.argsort(kept.words[:, 0])[::-1]:
+        if kept.words[slot, 0] == 0 or kept.words[slot, 1] != checksum(kept.words[slot]):
+            continue
+        begin = _HEAD
+        for part in kept.parts:
+            part[:] = kept.slots[slot, begin : begin + len(part)]
+            begin += len(part)
+        return True
+    return False
+
+
+@compiled
+def keep(kept: KeptState) -> None:
+    """Write the records into the slot whose turn it is; do nothing without a file."""
+    if len(kept.slots) == 0:
+        return
+    kept.count[0] += np.uint64(1)
+    slot = int(kept.count[0] % np.uint64(2))
+    row = kept.slots[slot]
+    begin = _HEAD
+    for part in kept.parts:
+        for k in range(len(part)):
+            row[begin + k] = part[k]
+        begin += len(part)
+    kept.words[slot, 0] = kept.count[0]
+    kept.words[slot, 1] = checksum(kept.words[slot])
+
+
+@compiled
+def checksum(words: np.ndarray) -> int:
+    """Return the FNV-1a hash, by words, of a slot without its checksum; never that of zeros."""
+    total = np.uint64(_FNV_START)
+    for k in range(len(words)):
+        if k != 1:
+            total = (total ^ words[k]) * np.uint64(_FNV_PRIME)
+    return total
+
+
+def map_array(path: Path, dtype: np.dtype, length: int) -> np.ndarray:
+    """Return an array that is the content of a file, shared with whoever else maps it.
+
+    A new file holds zeros. Its space is taken at once, so that a disk that fills up later does no
+    harm.
+
+    Raises:
+        OSError: The file cannot be made; it is named.
+    """
+    size = max(length * dtype.itemsize, 1)
+    with naming(path), path.open("a+b") as file:
+        if os.fstat(file.fileno()).st_size != size:
+            file.truncate(0)
+            os.posix_fallocate(file.fileno(), 0, size)
+        mapped = mmap.mmap(file.fileno(), size)
+    return np.frombuffer(mapped, dtype, length)

@@ -1,0 +1,96 @@
+"""Autopilots that die are started again and take up their flight."""
+
+import asyncio
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flying import process_of, processes_of, wait_until
+from station import state_of, status_when, up
+
+from gcs.fleet.flight import fly_over_udp
+from gcs.fleet.in_process import fly_in_process
+from gcs.fleet.processes import on_free_ports
+from gcs.results.recording import Recording
+from gcs.results.summary import summarise
+from gcs.scenario.model import Scenario
+from mavlink_defs import dialect
+from mavlink_defs.capture.tlog import read_tlog
+from mavlink_defs.constants import ACTUATORS
+
+pytestmark = pytest.mark.sitl
+DIES_AT, AWAY = 400, 1000  # steps
+
+
+def flown(scenario: Scenario, folder: Path) -> Recording:
+    folder.mkdir()
+    return on_free_ports(
+        scenario,
+        lambda on_ports, _: asyncio.run(
+            fly_over_udp(on_ports, folder, restart=True, crashes={2: [DIES_AT]})
+        ),
+    )
+
+
+def test_in_lockstep_a_restart_is_the_same_in_every_run(
+    scenario1: Scenario, tmp_path: Path
+) -> None:
+    scenario = scenario1.model_copy(update={"duration_s": 1.6, "faults": ()})
+    first, second = (flown(scenario, tmp_path / name) for name in ("first", "second"))
+    assert first.restarts == second.restarts == (0, 1, 0)
+    assert np.array_equal(first.states, second.states)
+    assert first.signals.tobytes() == second.signals.tobytes()
+    undisturbed = fly_in_process(scenario)
+    until = slice(0, DIES_AT + 1)
+    assert np.array_equal(first.states[until], undisturbed.states[until])
+    assert first.signals[until].tobytes() == undisturbed.signals[until].tobytes()
+    assert not np.array_equal(first.states, undisturbed.states)
+
+    missing = np.flatnonzero(first.missing[:, 1])
+    assert (missing == np.arange(DIES_AT + 1, DIES_AT + 1 + AWAY)).all()
+    held = first.applied[missing[2:], 1]
+    assert (held == held[0]).all()  # the aircraft holds its last command
+    count_events_of_both_lives(first, scenario, tmp_path / "first")
+
+
+def count_events_of_both_lives(flight: Recording, scenario: Scenario, folder: Path) -> None:
+    """The autopilots' own counters, as a ground station hears them, agree with the recording."""
+    told, texts = {}, {1: "", 2: "", 3: ""}
+    for _, message in read_tlog(folder / "flight.tlog"):
+        if isinstance(message, dialect.MAVLink_ftc_events_message):
+            told[message.get_srcSystem()] = message
+        if isinstance(message, dialect.MAVLink_statustext_message):
+            texts[message.get_srcSystem()] += message.text
+    for uav in summarise(flight, scenario).uavs:
+        assert told[uav.id].steps == uav.active_steps
+        assert list(told[uav.id].events) == [uav.channels[name].events for name in ACTUATORS]
+        assert told[uav.id].messages == uav.actuator_messages
+        assert uav.restarts == int(uav.id == 2)
+    assert "the flight of 0.400 s" in texts[2]
+    assert "silent, edge dropped" in texts[1]
+    assert "heard again, edge taken up" in texts[1]
+
+
+def test_a_killed_autopilot_of_a_standing_fleet_comes_back_by_itself(tmp_path: Path) -> None:
+    with up(tmp_path / "fleet", "--start") as fleet:
+        wait_until(lambda: state_of(fleet, 2)["time_s"] > 0.5, "it flies")
+        before = state_of(fleet, 2)
+        pid = process_of(fleet.folder, "uav2")
+        os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: pid not in processes_of(fleet.folder), "it is dead")
+        (after,) = status_when(
+            fleet,
+            lambda states: bool(states) and (states[0]["steps"] or 0) > before["steps"],
+            "--uav",
+            "2",
+        )["vehicles"]
+        assert (after["armed"], after["mode"]) == (True, before["mode"])
+        assert after["profile"] == before["profile"]
+        for name, channel in before["channels"].items():
+            assert after["channels"][name]["events"] >= channel["events"]
+        status, stderr = fleet.stop()
+        assert status == 0
+        assert stderr.strip() == "uav2: ended by signal 9; started again"
+        assert not processes_of(fleet.folder)
