@@ -14,7 +14,8 @@ import numpy as np
 from gcs.errors import FlightLost
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
-from gcs.results.recording import Mode, Recording
+from gcs.results.recording import Recording
+from gcs.results.steps import Mode
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from mavlink_defs import dialect
