@@ -22,6 +22,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params, fault_to_params
 from mavlink_defs.profile import items_to_segments, segments_to_items
+from mavlink_defs.runtime.borrowed import borrowed
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
@@ -158,6 +159,7 @@ def _run(
     signals: np.ndarray,
 ) -> tuple[int, int]:
     """Fly the steps from `first` on that there is room for; return how many, and who was lost."""
+    fleet, controllers, sources = borrowed(fleet), borrowed(controllers), borrowed(sources)
     n = len(sources)
     k, lost = 0, -1
     while k < len(states) and lost < 0:
