@@ -11,12 +11,12 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.link import GCS, PLANT, SIMULATOR, new_link, run
+from ftc_autopilot.recorder import RECORD_ROWS, Recorder
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -41,7 +41,6 @@ from mavlink_defs.framing.header import MAX_FRAME_SIZE
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
-from mavlink_defs.runtime.files import save_arrays
 from mavlink_defs.runtime.shutdown import on_stop
 
 __all__ = ["main"]
@@ -62,7 +61,7 @@ class Autopilot:
         plant: socket.socket,
         formation: socket.socket,
         gcs: socket.socket,
-        record_steps: int,
+        record: Path | None,
     ) -> None:
         self._config = config
         self._plant, self._formation, self._gcs = plant, formation, gcs
@@ -78,10 +77,11 @@ class Autopilot:
             config.neighbours,
             config.step_us,
             config.neighbour_timeout_s,
-            record_steps,
+            0 if record is None else RECORD_ROWS,
             load_link_signer(config.signing_key, PLANT_LINK),
             load_link_signer(config.signing_key, FORMATION_LINK),
         )
+        self._recorder = None if record is None else Recorder(self._link, record)
         self._hot = HotState(self._link)
         self._vehicle = Vehicle(config, self._hot, self._controllers)
         component = dialect.MAV_COMP_ID_AUTOPILOT1
@@ -102,6 +102,9 @@ class Autopilot:
             outcome = run(
                 plant_fd, formation_fd, self._link, self._controllers, until_s, self._until_step()
             )
+            if (loss := self._keep_record(outcome == Outcome.RESTARTED)) is not None:
+                self._vehicle.farewell(loss)
+                break
             if outcome == Outcome.SERVICE:
                 self._receive_from_simulator()
             elif outcome == Outcome.RESTARTED:
@@ -119,13 +122,26 @@ class Autopilot:
         self._send_messages()
         return loss
 
-    def recording(self) -> dict[str, Any]:
-        """Return everything recorded, by name."""
-        return {
-            "signals": self._link.signals,
-            "repeats": self._hot.repeated,
-            "heard_end": bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED),
-        }
+    def finish_record(self, loss: str | None) -> str | None:
+        """Write the end of the record; return `loss`, or why it cannot be written."""
+        heard_end = bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED)
+        try:
+            if self._recorder is not None:
+                self._recorder.finish(loss, self._hot.repeated, heard_end)
+        except OSError as problem:
+            return f"cannot write {problem.filename}: {problem.strerror}"
+        return loss
+
+    def _keep_record(self, restarted: bool) -> str | None:
+        """Write the record if it is full; return why it cannot be written."""
+        try:
+            if self._recorder is not None and restarted:
+                self._recorder.restart()
+            elif self._recorder is not None:
+                self._recorder.keep()
+        except OSError as problem:
+            return f"cannot write {problem.filename}: {problem.strerror}"
+        return None
 
     def refused(self) -> Counter[str]:
         """Return the datagrams dropped on all links, by reason."""
@@ -232,10 +248,7 @@ def main(arguments: list[str] | None = None) -> None:
         epilog="`gcs fly` writes such a CONFIG for each UAV of a scenario into its run folder.",
     )
     parser.add_argument("config", type=Path, help="autopilot configuration (YAML)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="write all signals as .npz")
-    parser.add_argument(
-        "--record-steps", type=int, default=0, metavar="N", help="number of steps to record"
-    )
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="write all signals as .npy")
     parser.add_argument(
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
@@ -258,9 +271,12 @@ def main(arguments: list[str] | None = None) -> None:
         if not is_loopback(at):
             print(f"{prefix}: {exposed(at, bool(config.signing_key))}", file=sys.stderr)
     try:
-        autopilot = Autopilot(config, plant, formation, gcs, options.record_steps)
+        autopilot = Autopilot(config, plant, formation, gcs, options.record)
     except (EndpointError, SigningError) as problem:
         print(problem, file=sys.stderr)
+        sys.exit(2)
+    except OSError as problem:
+        print(f"cannot write {problem.filename}: {problem.strerror}", file=sys.stderr)
         sys.exit(2)
 
     def stop() -> None:
@@ -269,11 +285,7 @@ def main(arguments: list[str] | None = None) -> None:
     on_stop(stop, options.exit_with_parent)
     with plant, formation, gcs:
         loss = autopilot.fly()
-    if options.record:
-        try:
-            save_arrays(options.record, {"loss": loss or "", **autopilot.recording()})
-        except OSError as problem:
-            loss = f"cannot write {options.record}: {problem.strerror}"
+    loss = autopilot.finish_record(loss)
     if refused := autopilot.refused():
         print(f"{prefix}: frames dropped: {words_of(refused)}", file=sys.stderr)
     if loss is not None:

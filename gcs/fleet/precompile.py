@@ -46,7 +46,7 @@ def _call_everything(scenario: Scenario) -> None:
         fd = sock.fileno()
         plant = short.plant_config(speed=None)
         fleet = new_plant_state(plant)
-        link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, True)
+        link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, 1)
         plant_link.run(fd, link, fleet, 0.0)
         plant_link.send_states(fd, link, fleet, False)
         autopilot = short.autopilot_config(short.uavs[0].id)

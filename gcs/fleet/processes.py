@@ -21,6 +21,7 @@ from gcs.fleet.relays import through
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, PortTaken, UdpAddress, bind_udp, free_ports
+from mavlink_defs.runtime.spool import SpoolReader
 
 __all__ = ["FleetProcesses", "check_ports", "on_free_ports"]
 
@@ -154,13 +155,11 @@ class FleetProcesses:
         scenario = self._scenario
         self._folder.mkdir(parents=True, exist_ok=True)
         self._configure()
-        steps = round(scenario.duration_s * 1e6 / scenario.step_us)
         try:
-            self._start(_PLANT, "sitl_plant.process", scenario.links.plant_port, [])
+            self._start(_PLANT, "sitl_plant.process", scenario.links.plant_port)
             for uav in scenario.uavs:
                 port = scenario.links.formation_base_port + uav.id
-                arguments = [] if self._endless else ["--record-steps", str(steps)]
-                self._start(f"uav{uav.id}", "ftc_autopilot.process", port, arguments)
+                self._start(f"uav{uav.id}", "ftc_autopilot.process", port)
         except BaseException:
             self.stop()
             raise
@@ -176,8 +175,8 @@ class FleetProcesses:
         self.stop()
 
     def recording_of(self, name: str) -> Path:
-        """Return the file to which a process ("plant", "uav3") writes its recording at its end."""
-        return self._folder / f"{name}.npz"
+        """Return the folder in which a process ("plant", "uav3") records."""
+        return self._folder / name
 
     @property
     def plant_returncode(self) -> int | None:
@@ -202,7 +201,7 @@ class FleetProcesses:
                 except PortTaken:
                     raise PortInUse(process.last_line()) from None
                 raise BadInput(process.last_line())
-            if status and not self.recording_of(process.name).exists():
+            if status and SpoolReader(self.recording_of(process.name)).facts is None:
                 raise FlightLost(f"{process.name}: {process.last_line()}")
 
     def newly_ended(self) -> list[tuple[str, str]]:
@@ -243,7 +242,7 @@ class FleetProcesses:
             gcs = (*config.gcs, *self._ground_stations)
             dump(config.model_copy(update={"gcs": gcs}), self._folder / f"uav{uav.id}.yaml")
 
-    def _start(self, name: str, module: str, port: int, arguments: list[str]) -> None:
+    def _start(self, name: str, module: str, port: int) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         record = [] if self._endless else ["--record", str(self.recording_of(name))]
         # -P: do not import from the user's current folder
@@ -256,7 +255,6 @@ class FleetProcesses:
             "--exit-with-parent",
             str(os.getpid()),
             *record,
-            *arguments,
         ]
         with log.open("wb") as output:
             popen = subprocess.Popen(

@@ -22,7 +22,9 @@ class Steps(NamedTuple):
     applied: np.ndarray  # (steps, n, 4)
     signals: np.ndarray  # (steps, n), dtype SIGNALS
 
-    def __len__(self) -> int:
+    @property
+    def length(self) -> int:
+        """Number of steps."""
         return len(self.states)
 
     @classmethod

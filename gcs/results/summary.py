@@ -6,9 +6,9 @@ from typing import Any, Literal, Self
 
 import numpy as np
 
+from gcs.results.events import events_of
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees
 from gcs.results.recording import Recording
-from gcs.results.events import events_of
 from gcs.results.steps import Ending, Mode
 from gcs.results.tally import FINAL_S, Decision, Tally
 from gcs.scenario.model import Scenario
@@ -255,9 +255,7 @@ def _diagnosis(
         )
 
 
-def _summarise_channel(
-    own: np.void, repeats: np.ndarray, c: int, step_us: int
-) -> ChannelSummary:
+def _summarise_channel(own: np.void, repeats: np.ndarray, c: int, step_us: int) -> ChannelSummary:
     gap = int(own["min_gap"][c])
     return ChannelSummary(
         events=int(own["events"][c]),

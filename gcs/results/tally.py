@@ -93,7 +93,7 @@ class Tally:
                 tally["wanted"][1] = own.signals["reference"][known[0]]
                 self._count_unheard(i)
             self._count(i, own)
-        self.steps += len(steps)
+        self.steps += steps.length
 
     def finish(self) -> None:
         """Count the steps of autopilots that never received a state: these have no errors."""
