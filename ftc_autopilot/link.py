@@ -42,8 +42,8 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
-from mavlink_defs.runtime.borrowed import borrowed
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import borrowed, copy_record
 from mavlink_defs.runtime.native import monotonic_s, receive, receive_soon, send
 
 __all__ = [
@@ -257,7 +257,7 @@ def _is_of_another_run(link: AutopilotLink) -> bool:
     state["flags"] = int(sim_state["flags"])
     state["heard_s"] = monotonic_s()
     state["run"] = run
-    link.simulator.measured[0] = sim_state
+    copy_record(link.simulator.measured[0], sim_state)
     return bool(before >= 0 and before != run)
 
 
@@ -285,7 +285,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         row = state["recorded"]
         if row < len(link.record.steps):
             link.record.steps[row] = step
-            link.record.signals[row] = controllers.signals[0]
+            copy_record(link.record.signals[row], controllers.signals[0])
             state["recorded"] = row + 1
     elif not running and not ended:  # frozen: neighbours learn of each other
         announce(controllers, 0, sim_state)

@@ -28,8 +28,8 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import PLANT_LINK
-from mavlink_defs.runtime.borrowed import borrowed
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import borrowed
 from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
     monotonic_s,

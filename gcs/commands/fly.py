@@ -198,7 +198,7 @@ def _report(
     with console.status("drawing flight.png"):
         preview = recorder.preview
         shown = preview.recording(ending)
-        draw_flight(shown, scenario, preview.gaps, folder / "flight.png")
+        draw_flight(shown, scenario, preview.gaps(), folder / "flight.png")
     console.print(*flight_tables(summary, scenario), sep="\n")
     console.print(f"results in {folder}", soft_wrap=True)
     if as_json:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from gcs.results.recording import Recording
     from gcs.scenario.model import Scenario
+    from mavlink_defs.endpoint import UdpAddress
 
 __all__ = ["EPILOG", "reproduce"]
 
@@ -101,10 +102,19 @@ def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
     """Fly with processes; each flight's tlog and logs go into a folder of its own."""
     from gcs.fleet.flight import fly_over_udp
     from gcs.fleet.processes import on_free_ports
+    from gcs.results.recording import Recording
+    from gcs.results.steps import Ending, Steps
 
     def fly(file: str, scenario: "Scenario") -> "Recording":
         own = folder / "wire" / file
         own.mkdir(parents=True)
-        return on_free_ports(scenario, lambda chosen, _: asyncio.run(fly_over_udp(chosen, own)))
+        ids, parts = tuple(uav.id for uav in scenario.uavs), list[Steps]()
+
+        def flown(chosen: "Scenario", _hub: "UdpAddress") -> Ending:
+            parts.clear()
+            return asyncio.run(fly_over_udp(chosen, own, parts.append))
+
+        ending = on_free_ports(scenario, flown)
+        return Recording.of(Steps.joined(parts, len(ids)), ending, ids, scenario.step_us)
 
     return fly

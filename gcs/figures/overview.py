@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_flight"]
 
-Gaps: TypeAlias = Mapping[tuple[int, int], tuple[np.ndarray, np.ndarray]]
+Gaps: TypeAlias = Mapping[tuple[int, int], np.ndarray]
 
 
 def draw_flight(recording: Recording, scenario: Scenario, gaps: Gaps, path: Path) -> None:

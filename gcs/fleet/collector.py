@@ -73,11 +73,9 @@ class Collector:
 
     def recording(self, mode: Mode) -> Recording:
         """Return the whole flight, of which nothing has been handed on; raises as `ending`."""
-        n = len(self._scenario.uavs)
-        parts = [Steps.room(0, n), *self._complete(over=True)]
-        arrays = [np.concatenate(same) for same in zip(*(part[1:] for part in parts), strict=True)]
         ids = tuple(uav.id for uav in self._scenario.uavs)
-        return Recording.of(Steps(0, *arrays), self.ending(mode), ids, self._scenario.step_us)
+        steps = Steps.joined(list(self._complete(over=True)), len(ids))
+        return Recording.of(steps, self.ending(mode), ids, self._scenario.step_us)
 
     def _complete(self, over: bool) -> Iterator[Steps]:
         while True:

@@ -22,8 +22,8 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params, fault_to_params
 from mavlink_defs.profile import items_to_segments, segments_to_items
-from mavlink_defs.runtime.borrowed import borrowed
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import borrowed, copy_record
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
 from sitl_plant.plant import describe_loss
@@ -170,7 +170,7 @@ def _run(
                 receive_controls(fleet, i, controllers.actuators[i])
             states[k, i] = fleet.states[i]
             wind[k, i] = fleet.air[i, :3]
-            signals[k, i] = controllers.signals[i]
+            copy_record(signals[k, i], controllers.signals[i])
         _deliver(controllers, sources)
         lost = fly(fleet, first + k, step_us)
         applied[k] = fleet.applied
@@ -183,4 +183,5 @@ def _deliver(controllers: Controllers, sources: np.ndarray) -> None:
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
             if sources[i, d] >= 0:
-                controllers.neighbour_states[i, d] = controllers.own_states[sources[i, d]]
+                own = controllers.own_states[sources[i, d]]
+                copy_record(controllers.neighbour_states[i, d], own)

@@ -1,7 +1,7 @@
-"""Columns of a recorded trajectory: one number each, in SI units and rad, of one UAV at one step."""
+"""Columns of a recorded trajectory: each a number of one UAV at one step, in SI units and rad."""
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +14,7 @@ __all__ = ["COLUMNS", "LIGHT", "Column"]
 
 _TRACKED = dict(zip(QUANTITIES, ("m/s", "rad", "rad", "rad"), strict=True))
 _RATES = dict(zip(QUANTITIES, ("m/s²", "rad/s", "rad/s", "rad/s"), strict=True))
-_COMMANDS = dict(zip(ACTUATORS, ("rad", "rad", "rad", "N"), strict=True))
+_COMMANDS: dict[str, str] = dict(zip(ACTUATORS, ("rad", "rad", "rad", "N"), strict=True))
 _STATE = {
     **dict.fromkeys(("north", "east", "down"), "m"),
     **dict.fromkeys("uvw", "m/s"),
@@ -36,15 +36,16 @@ _ELEMENTS: dict[str, Mapping[str, str]] = {
     "omega_d_dot": dict.fromkeys("pqr", "rad/s²"),
     "e_omega": dict.fromkeys("pqr", "rad/s"),
     "zeta_omega": dict.fromkeys("pqr", ""),
-    "effectiveness": dict.fromkeys(ACTUATORS, ""),
+    "effectiveness": dict.fromkeys(_COMMANDS, ""),
     "offset": _COMMANDS,
-    "confidence": dict.fromkeys(ACTUATORS, ""),
-    "phase": dict.fromkeys(ACTUATORS, ""),
+    "confidence": dict.fromkeys(_COMMANDS, ""),
+    "phase": dict.fromkeys(_COMMANDS, ""),
 }
 _UNITS = {"V": "m/s", "V_dot": "m/s²"}
 
 
-class Column(NamedTuple):
+@dataclass(frozen=True)
+class Column:
     """A column and where its values stand.
 
     Attributes:

@@ -1,12 +1,16 @@
 """Events as a table: one row for each actuator channel that a trigger made an autopilot send."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["events_of"]
+__all__ = ["Events", "events_of"]
+
+Events: TypeAlias = Mapping[str, np.ndarray]
+"""Columns of equal length, as `events_of` returns them."""
 
 
 def events_of(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS
-from gcs.results.events import events_of
+from gcs.results.events import Events
 from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps
 from gcs.scenario.model import Scenario
@@ -11,73 +11,73 @@ from mavlink_defs.constants import N_CHANNELS
 
 __all__ = ["Preview"]
 
-_MOST_ROWS = 100_000  # of all UAVs: 20 MB; scenario 1 is kept at full rate
-_MOST_GAPS = 30_000  # of one channel of one UAV
+_MOST_ROWS = 30_000  # of all UAVs
+_LEAST_STEPS = 1000
+_MOST_GAPS = 300_000  # of all UAVs
 _FIELDS = ("V", "command", "reference", "held")
 
 
 class Preview:
-    """Every step of a short flight, and every second, fourth, eighth ... one of a long one.
-
-    Attributes:
-        gaps: Intervals between events of each UAV and channel: the times at which they end, and
-            their lengths [s]; of many, every second, fourth, eighth ... one.
-    """
+    """Steps of a flight that are evenly apart, and the intervals between events."""
 
     def __init__(self, scenario: Scenario) -> None:
         """Gather a flight of a scenario."""
         self._ids = tuple(uav.id for uav in scenario.uavs)
         self._step_us, n = scenario.step_us, len(self._ids)
-        capacity = min(max(_MOST_ROWS // n, 1000), scenario.steps + 1)
-        signals = np.zeros((capacity, n), [(name, SIGNALS[name]) for name in _FIELDS])
-        room = Steps.room(0, n)._replace(signals=signals)
-        for name in ("states", "wind", "applied"):
-            shape = (capacity, *getattr(room, name).shape[1:])
-            room = room._replace(**{name: np.zeros(shape)})
-        self._kept, self._every, self._count = room, 1, 0
-        self.gaps = {
-            (i, c): (np.zeros(0), np.zeros(0)) for i in self._ids for c in range(N_CHANNELS)
-        }
-        self._last_event = dict.fromkeys(self.gaps, np.nan)
+        most = max(_MOST_ROWS // n, _LEAST_STEPS)
+        self._every = -(-scenario.steps // most)
+        room = Steps.room(-(-scenario.steps // self._every), n)
+        fields = [(name, SIGNALS[name]) for name in _FIELDS]
+        self._kept = room._replace(signals=np.zeros(room.signals.shape, fields))
+        self._count = 0
+        self._last_event = np.full(n * N_CHANNELS, np.nan)
+        self._gaps: list[np.ndarray] = []  # each (3, k): channel of a UAV, time [s], length [s]
+        self._gap_count = 0
 
-    def add(self, steps: Steps) -> None:
-        """Gather the next steps."""
-        self._add_gaps(steps)
-        for begin in range(0, steps.length, 500):  # fewer than there is room for in half of it
-            self._add_steps(steps.part(begin, begin + 500))
-
-    def recording(self, ending: Ending) -> Recording:
-        """Return the flight with the period of the steps that were kept; it has no events."""
-        kept = self._kept.part(0, self._count)
-        return Recording.of(kept, ending, self._ids, self._step_us * self._every)
-
-    def _add_steps(self, steps: Steps) -> None:
-        if self._count + steps.length > self._kept.length:
-            for array in self._kept[1:]:
-                half = array[: self._count : 2].copy()
-                array[: len(half)] = half
-            self._count, self._every = -(-self._count // 2), self._every * 2
+    def add(self, steps: Steps, events: Events) -> None:
+        """Gather the next steps, given their events."""
+        self._add_gaps(events)
         chosen = slice(-steps.first % self._every, None, self._every)
-        new = len(steps.states[chosen])
-        end = self._count + new
+        end = self._count + len(steps.states[chosen])
         for to, values in zip(self._kept[1:4], steps[1:4], strict=True):
             to[self._count : end] = values[chosen]
         for name in _FIELDS:
             self._kept.signals[name][self._count : end] = steps.signals[name][chosen]
         self._count = end
 
-    def _add_gaps(self, steps: Steps) -> None:
-        events = events_of(steps.signals, steps.first, self._ids, self._step_us)
-        for (system, c), (times, gaps) in self.gaps.items():
-            own = (events["uav"] == system) & (events["channel"] == c)
-            ends = events["time_s"][own]
-            if not len(ends):
-                continue
-            lengths = np.diff(ends, prepend=self._last_event[system, c])
-            self._last_event[system, c] = ends[-1]
-            known = np.isfinite(lengths)  # not that of the very first event
-            times = np.concatenate([times, ends[known]])
-            gaps = np.concatenate([gaps, lengths[known]])
-            if len(times) > _MOST_GAPS:
-                times, gaps = times[::2], gaps[::2]
-            self.gaps[system, c] = times, gaps
+    def recording(self, ending: Ending) -> Recording:
+        """Return the flight with the period of the steps that were kept; it has no events."""
+        kept = self._kept.part(0, self._count)
+        return Recording.of(kept, ending, self._ids, self._step_us * self._every)
+
+    def gaps(self) -> dict[tuple[int, int], np.ndarray]:
+        """Return the intervals between events by system id and channel.
+
+        Each has shape (2, k): the times at which they end, and their lengths [s]. Of very many,
+        there is every second, fourth, eighth ... one.
+        """
+        key, *gaps = np.concatenate([np.zeros((3, 0)), *self._gaps], axis=1)
+        return {
+            (system, c): np.array(gaps)[:, key == i * N_CHANNELS + c]
+            for i, system in enumerate(self._ids)
+            for c in range(N_CHANNELS)
+        }
+
+    def _add_gaps(self, events: Events) -> None:
+        if not len(events["step"]):
+            return
+        index = np.searchsorted(self._ids, events["uav"], sorter=np.argsort(self._ids))
+        key = np.argsort(self._ids)[index] * N_CHANNELS + events["channel"]
+        order = np.argsort(key, kind="stable")
+        key, times = key[order], events["time_s"][order]
+        first = np.diff(key, prepend=-1) != 0
+        gaps = np.diff(times, prepend=0.0)
+        gaps[first] = times[first] - self._last_event[key[first]]
+        self._last_event[key] = times  # the last one of each channel stays
+        known = np.isfinite(gaps)  # not that of a channel's very first event
+        self._gaps.append(np.array([key, times, gaps])[:, known])
+        self._gap_count += len(key)
+        if self._gap_count > _MOST_GAPS:
+            every = np.concatenate(self._gaps, axis=1)
+            halved = every[:, np.argsort(every[0], kind="stable")][:, ::2]
+            self._gaps, self._gap_count = [halved], halved.shape[1]

@@ -3,10 +3,9 @@
 import shutil
 from pathlib import Path
 
-import numpy as np
-
 from gcs.errors import BadInput
 from gcs.results.columns import COLUMNS, LIGHT
+from gcs.results.events import events_of
 from gcs.results.preview import Preview
 from gcs.results.record import Record
 from gcs.results.recording import Recording
@@ -68,22 +67,25 @@ class FlightRecorder:
         self._tally = Tally(len(self._ids), scenario.step_us)
         self.preview = Preview(scenario)
         self._whole: list[Steps] | None = [] if record is Record.NPZ else None
-        self._streams: list[TrajectoryStream | EventStream] = []
+        self._trajectory: TrajectoryStream | None = None
+        self._events: EventStream | None = None
         if record in {Record.FULL, Record.LIGHT}:
             light = record is Record.LIGHT
             columns, every = (LIGHT, _light_every(scenario)) if light else (COLUMNS, 1)
-            self._streams.append(EventStream(folder / EVENTS, self._ids, scenario.step_us))
-            path = folder / TRAJECTORY
-            self._streams.append(
-                TrajectoryStream(path, columns, every, self._ids, scenario.step_us, light)
+            self._events = EventStream(folder / EVENTS, scenario.step_us)
+            self._trajectory = TrajectoryStream(
+                folder / TRAJECTORY, columns, every, self._ids, scenario.step_us, light
             )
 
     def add(self, steps: Steps) -> None:
         """Take the next steps; OSError with a file's name if it cannot be written."""
+        events = events_of(steps.signals, steps.first, self._ids, self._scenario.step_us)
         self._tally.add(steps)
-        self.preview.add(steps)
-        for stream in self._streams:
-            stream.add(steps)
+        self.preview.add(steps, events)
+        if self._events is not None:
+            self._events.add(events)
+        if self._trajectory is not None:
+            self._trajectory.add(steps)
         if self._whole is not None:
             self._whole.append(Steps(steps.first, *(array.copy() for array in steps[1:])))
 
@@ -93,9 +95,12 @@ class FlightRecorder:
         Raises:
             OSError: With a file's name.
         """
-        streams, self._streams = self._streams, []
-        for stream in streams:
-            stream.close()
+        events, trajectory = self._events, self._trajectory
+        self._events = self._trajectory = None
+        if events is not None:
+            events.close()
+        if trajectory is not None:
+            trajectory.close()
 
     def finish(self, ending: Ending) -> FlightSummary:
         """Write `summary.json` and complete the recording; return the figures.
@@ -107,9 +112,9 @@ class FlightRecorder:
         save_summary(summary, self._folder)
         self.close()
         if self._whole is not None:
-            whole, n = [Steps.room(0, len(self._ids)), *self._whole], self._scenario.step_us
-            arrays = [np.concatenate(a) for a in zip(*(part[1:] for part in whole), strict=True)]
-            save_arrays_of(Recording.of(Steps(0, *arrays), ending, self._ids, n), self._folder)
+            whole = Steps.joined(self._whole, len(self._ids))
+            recording = Recording.of(whole, ending, self._ids, self._scenario.step_us)
+            save_arrays_of(recording, self._folder)
         return summary
 
 

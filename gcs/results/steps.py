@@ -1,5 +1,6 @@
 """What a flight hands over while it is flown, and what is known at its end."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Self
 
@@ -21,6 +22,12 @@ class Steps(NamedTuple):
     wind: np.ndarray  # (steps, n, 3)
     applied: np.ndarray  # (steps, n, 4)
     signals: np.ndarray  # (steps, n), dtype SIGNALS
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self], n: int) -> Self:
+        """Return consecutive steps of n UAVs, from step 0 on, in arrays of their own."""
+        arrays = zip(*(part[1:] for part in (cls.room(0, n), *parts)), strict=True)
+        return cls(0, *(np.concatenate(same) for same in arrays))
 
     @property
     def length(self) -> int:

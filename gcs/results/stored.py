@@ -78,7 +78,8 @@ def read_recording(folder: Path, mode: Mode, loss: str | None, most_rows: int = 
         BadInput: There is none, or it cannot be read.
     """
     path = folder / TRAJECTORY
-    total, ids = 0, []
+    total = 0
+    ids: list[int] = []
     for batch in batches(path):
         total += len(batch)
         if not ids:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs.results.columns import Column
-from gcs.results.events import events_of
+from gcs.results.events import Events
 from gcs.results.steps import Steps
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.runtime.files import naming
@@ -18,15 +18,13 @@ from mavlink_defs.runtime.files import naming
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["EVENT_SIZE", "EventStream", "TrajectoryStream", "row_size"]
+__all__ = ["EventStream", "TrajectoryStream", "row_size"]
 
 _BATCH_ROWS = 512
-EVENT_SIZE = 26
-"""Bytes of a row of events before compression."""
 
 
 def row_size(columns: tuple[Column, ...]) -> int:
-    """Return the bytes of a row of a trajectory before compression, and those of no event."""
+    """Return the bytes of a row of a trajectory before compression."""
     return 10 + sum(column.dtype.itemsize for column in columns)
 
 
@@ -138,11 +136,10 @@ class TrajectoryStream:
 class EventStream:
     """`events.arrows`: one row per event, ordered by time."""
 
-    def __init__(self, path: Path, uav_ids: tuple[int, ...], step_us: int) -> None:
+    def __init__(self, path: Path, step_us: int) -> None:
         """Make the file; OSError with its name if it cannot."""
         import pyarrow as pa
 
-        self._ids, self._step_us = uav_ids, step_us
         fields = [
             pa.field("time_s", pa.float64(), nullable=False, metadata={"unit": "s"}),
             pa.field("step", pa.int64(), nullable=False),
@@ -153,20 +150,19 @@ class EventStream:
         self._actuators = pa.array(ACTUATORS)
         self._stream = _Stream(path, pa.schema(fields, {"step_us": str(step_us)}), True)
 
-    def add(self, steps: Steps) -> None:
-        """Record the events of the next steps; OSError with the file's name if it cannot."""
+    def add(self, events: Events) -> None:
+        """Record the next events; OSError with the file's name if it cannot."""
         import pyarrow as pa
 
-        table = events_of(steps.signals, steps.first, self._ids, self._step_us)
-        if len(table["step"]):
-            channel = pa.array(table["channel"].astype(np.int8))
+        if len(events["step"]):
+            channel = pa.array(events["channel"].astype(np.int8))
             self._stream.write(
                 [
-                    table["time_s"],
-                    table["step"],
-                    table["uav"].astype(np.int16),
+                    events["time_s"],
+                    events["step"],
+                    events["uav"].astype(np.int16),
                     pa.DictionaryArray.from_arrays(channel, self._actuators),
-                    table["value"],
+                    events["value"],
                 ]
             )
 
