@@ -1,21 +1,23 @@
-"""Reading the recording of a run folder, as a whole or thinned out."""
+"""Reading the recording of a run folder, also one that a crash has torn."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftc_autopilot.control.controller import no_signals
 from gcs.errors import BadInput
 from gcs.results.columns import COLUMNS
 from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Mode, Steps
+from gcs.results.steps import Ending, Steps
+from gcs.results.summary import FlightSummary
+from mavlink_defs.constants import ACTUATORS
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["EVENTS", "TRAJECTORY", "batches", "is_complete", "read_events", "read_recording"]
+__all__ = ["EVENTS", "TRAJECTORY", "batches", "is_complete", "read_recording", "read_summary"]
 
 EVENTS, TRAJECTORY = "events.arrows", "trajectory.arrows"
 _END = b"\xff\xff\xff\xff\x00\x00\x00\x00"
@@ -38,12 +40,14 @@ def batches(path: Path) -> Iterator["pa.RecordBatch"]:
     """
     import pyarrow as pa
 
-    if not path.exists():
+    try:
+        file = path.open("rb")
+    except OSError as problem:
         raise BadInput(
-            f"{path} does not exist",
-            "gcs fly writes it unless --record is npz or none",
-        )
-    with path.open("rb") as file:
+            f"cannot read {path}: {problem.strerror}",
+            "gcs fly writes it with --record light or full",
+        ) from None
+    with file:
         try:
             reader = pa.ipc.open_stream(file)
         except (pa.ArrowInvalid, OSError) as problem:
@@ -55,59 +59,43 @@ def batches(path: Path) -> Iterator["pa.RecordBatch"]:
                 return
 
 
-def schema_of(path: Path) -> "pa.Schema":
-    """Return the columns of a file that `batches` reads."""
-    import pyarrow as pa
-
-    with path.open("rb") as file:
-        return pa.ipc.open_stream(file).schema
-
-
-def read_recording(folder: Path, mode: Mode, loss: str | None, most_rows: int = 2**62) -> Recording:
-    """Read the trajectory of a run folder.
-
-    Where a light recording, or a thinned one, has no value, there is NaN.
-
-    Args:
-        folder: Run folder.
-        mode: How it was flown.
-        loss: Why the flight was lost, or None.
-        most_rows: Thin it out to at most so many rows, with its period as `step_us`.
+def read_summary(folder: Path) -> FlightSummary:
+    """Read `summary.json` of a run folder.
 
     Raises:
-        BadInput: There is none, or it cannot be read.
+        BadInput: There is none, or it is something else.
     """
-    path = folder / TRAJECTORY
-    total = 0
-    ids: list[int] = []
-    for batch in batches(path):
-        total += len(batch)
-        if not ids:
-            first = batch.column("time_s").to_numpy() == batch.column("time_s")[0].as_py()
-            ids = batch.column("uav").to_numpy()[first].tolist()
-    if not ids:
-        raise BadInput(f"{path} has no steps")
-    n, stride = len(ids), max(-(-total // most_rows), 1)
-    count = -(-(total // n) // stride)
-    steps = Steps.room(count, n)._replace(signals=no_signals(count * n).reshape(count, n))
-    for _, _, array in (("", "", steps.states), ("", "", steps.wind), ("", "", steps.applied)):
-        array[:] = np.nan
-    schema = schema_of(path)
+    path = folder / "summary.json"
+    try:
+        return FlightSummary.from_json(json.loads(path.read_text()))
+    except OSError as problem:
+        raise BadInput(f"cannot read {path}: {problem.strerror}") from None
+    except ValueError as problem:
+        raise BadInput(f"{path} is no summary: {problem}") from None
+
+
+def read_recording(folder: Path) -> Recording:
+    """Read the full recording of a run folder into memory, such as for `gcs.theory.check_theory`.
+
+    Raises:
+        BadInput: There is none, it is not a full one, or it is torn.
+    """
+    path, summary = folder / TRAJECTORY, read_summary(folder)
+    n = len(summary.uavs)
+    steps = Steps.room(summary.steps, n)
     row = 0
     for batch in batches(path):
-        chosen = (row + np.arange(len(batch))) // n
-        uav = (row + np.arange(len(batch))) % n
-        row += len(batch)
-        kept = (chosen % stride == 0) & (chosen // stride < count)
+        missing = [column.name for column in COLUMNS if column.name not in batch.schema.names]
+        if missing or batch.schema.metadata[b"every"] != b"1":
+            raise BadInput(f"{path} is no full recording", "fly again with --record full")
+        count = len(batch) // n
+        part = steps.part(row, row + count)
         for column in COLUMNS:
-            if column.name in schema.names:
-                values = batch.column(column.name).to_numpy()
-                column.of(steps)[chosen[kept] // stride, uav[kept]] = values[kept]
-    period = int(schema.metadata[b"step_us"]) * int(schema.metadata[b"every"]) * stride
-    ending = Ending(mode, count, np.zeros((n, 4), np.int64), 0.0, loss)
-    return Recording.of(steps, ending, tuple(ids), period)
-
-
-def read_events(folder: Path) -> Iterator["pa.RecordBatch"]:
-    """Yield the events of a run folder; raises as `batches`."""
-    yield from batches(folder / EVENTS)
+            column.of(part)[:] = batch.column(column.name).to_numpy().reshape(count, n)
+        row += count
+    if row < summary.steps:
+        raise BadInput(f"{path} ends after {row} of {summary.steps} steps", "fly again")
+    repeats = [[uav.channels[name].repeats for name in ACTUATORS] for uav in summary.uavs]
+    ending = Ending(summary.mode, row, np.array(repeats), summary.wall_s, summary.loss)
+    step_us = round(summary.duration_s * 1e6 / max(row, 1))
+    return Recording.of(steps, ending, tuple(uav.id for uav in summary.uavs), step_us)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["EventStream", "TrajectoryStream", "row_size"]
 
-_BATCH_ROWS = 512
+_BATCH_ROWS = 1024
 
 
 def row_size(columns: tuple[Column, ...]) -> int:
@@ -148,24 +148,39 @@ class EventStream:
             pa.field("value", pa.float64(), nullable=False, metadata={"unit": "rad, throttle N"}),
         ]
         self._actuators = pa.array(ACTUATORS)
+        self._waiting: list[Events] = []
+        self._rows = 0
         self._stream = _Stream(path, pa.schema(fields, {"step_us": str(step_us)}), True)
 
     def add(self, events: Events) -> None:
         """Record the next events; OSError with the file's name if it cannot."""
-        import pyarrow as pa
-
-        if len(events["step"]):
-            channel = pa.array(events["channel"].astype(np.int8))
-            self._stream.write(
-                [
-                    events["time_s"],
-                    events["step"],
-                    events["uav"].astype(np.int16),
-                    pa.DictionaryArray.from_arrays(channel, self._actuators),
-                    events["value"],
-                ]
-            )
+        self._waiting.append(events)
+        self._rows += len(events["step"])
+        if self._rows >= _BATCH_ROWS:
+            self._flush()
 
     def close(self) -> None:
-        """Write the end; OSError with the file's name if it cannot."""
-        self._stream.close()
+        """Write what waits, and the end; OSError with the file's name if it cannot."""
+        try:
+            self._flush()
+        finally:
+            self._stream.close()
+
+    def _flush(self) -> None:
+        import pyarrow as pa
+
+        parts, self._waiting = self._waiting, []
+        if not self._rows:
+            return
+        self._rows = 0
+        events = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        channel = pa.array(events["channel"].astype(np.int8))
+        self._stream.write(
+            [
+                events["time_s"],
+                events["step"],
+                events["uav"].astype(np.int16),
+                pa.DictionaryArray.from_arrays(channel, self._actuators),
+                events["value"],
+            ]
+        )

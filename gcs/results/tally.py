@@ -39,6 +39,8 @@ TALLY = np.dtype(
         ("largest", "f8", (4,)),  # of these errors, absolute
         ("attitude_lost", "i8"),  # first step with roll or pitch more than 90° off, -1: none
         ("heading_lost", "i8"),
+        ("lost", "i8"),  # bit per channel: its diagnosis has it as lost
+        ("changes", "i8"),  # steps at which that changed
     ]
 )
 """What is counted of one UAV."""
@@ -72,7 +74,6 @@ class Tally:
         # errors against the reference, over the window of the final error: row step % length
         self._tail = np.full((n, math.ceil(FINAL_S * 1e6 / step_us) + 1, 4), np.nan)
         self._unheard: list[list[Steps]] = [[] for _ in range(n)]
-        self._lost = np.zeros((n, N_CHANNELS), np.bool_)
         self._decisions: list[list[Decision]] = [[] for _ in range(n)]
 
     def add(self, steps: Steps) -> None:
@@ -81,7 +82,6 @@ class Tally:
         Before an autopilot's first state, its first command and reference hold: its steps wait
         for these. They are few, because the plant gives up a silent autopilot.
         """
-        self._note_decisions(steps)
         for i, tally in enumerate(self.uavs):
             own = _of_uav(steps, i)
             if not tally["heard"]:
@@ -126,6 +126,7 @@ class Tally:
         self._unheard[i].clear()
 
     def _count(self, i: int, own: Steps) -> None:
+        before = self.uavs[i].copy()
         _count(
             own.first,
             self._step_us,
@@ -135,15 +136,17 @@ class Tally:
             self.uavs[i],
             self._tail[i],
         )
+        if self.uavs[i]["changes"] > before["changes"]:
+            self._note_decisions(i, own, int(before["lost"]))
 
-    def _note_decisions(self, steps: Steps) -> None:
-        lost = steps.signals["phase"] == LOST
-        changes = np.diff(lost, axis=0, prepend=self._lost[None])
-        self._lost = lost[-1] if len(lost) else self._lost
-        for k, i, c in np.argwhere(changes):
-            offset = float(steps.signals["offset"][k, i, c])
+    def _note_decisions(self, i: int, own: Steps, mask: int) -> None:
+        """Note what a UAV's diagnosis has decided, given the channels lost before."""
+        lost = own.signals["phase"] == LOST
+        before = (mask >> np.arange(N_CHANNELS) & 1).astype(np.bool_)
+        for k, c in np.argwhere(np.diff(lost, axis=0, prepend=before[None])):
+            offset = float(own.signals["offset"][k, c])
             self._decisions[i].append(
-                Decision(steps.first + int(k), int(c), bool(lost[k, i, c]), offset)
+                Decision(own.first + int(k), int(c), bool(lost[k, c]), offset)
             )
 
 
@@ -173,9 +176,15 @@ def _count(
         tally: Record of dtype `TALLY`, updated in place.
         tail: Errors against the reference, row step % length, updated in place.
     """
-    wanted, error = tally["wanted"], np.empty(4)
+    wanted = tally["wanted"]
     for k in range(len(states)):
         step, signal = first + k, signals[k]
+        lost = 0
+        for c in range(N_CHANNELS):
+            lost |= (signal["phase"][c] == LOST) << c
+        if lost != tally["lost"]:
+            tally["lost"] = lost
+            tally["changes"] += 1
         if math.isnan(signal["V"]):
             tally["missing"] += 1
         else:
@@ -188,16 +197,21 @@ def _count(
         _count_events(step, signal["events"], tally)
         u, v, w = states[k, 3] - wind[k, 0], states[k, 4] - wind[k, 1], states[k, 5] - wind[k, 2]
         airspeed = math.sqrt(u * u + v * v + w * w)
-        for against in range(2):
-            error[0] = airspeed - wanted[against, 0]
-            error[1] = wrap(states[k, 6] - wanted[against, 1])
-            error[2] = states[k, 7] - wanted[against, 2]
-            error[3] = wrap(states[k, 8] - wanted[against, 3])
-            if _all_finite(error):
+        error, known = (0.0, 0.0, 0.0, 0.0), False
+        for against in range(2):  # the command, and then the reference
+            error = (
+                airspeed - wanted[against, 0],
+                wrap(states[k, 6] - wanted[against, 1]),
+                states[k, 7] - wanted[against, 2],
+                wrap(states[k, 8] - wanted[against, 3]),
+            )
+            known = math.isfinite(error[0]) and math.isfinite(error[1])
+            known = known and math.isfinite(error[2]) and math.isfinite(error[3])
+            if known:
                 tally["counted"][against] += 1
                 for j in range(4):
                     tally["sum"][against, j] += abs(error[j])
-        if _all_finite(error) and step * step_us / 1e6 > _SETTLING_S:
+        if known and step * step_us / 1e6 > _SETTLING_S:
             tally["settled"] += 1
             for j in range(4):
                 tally["largest"][j] = max(tally["largest"][j], abs(error[j]))
@@ -222,11 +236,3 @@ def _count_events(step: int, mask: int, tally: np.void) -> None:
                 tally["min_gap"][c] = gap
             tally["events"][c] += 1
             tally["last_event"][c] = step
-
-
-@compiled
-def _all_finite(values: np.ndarray) -> bool:
-    for value in values:
-        if not math.isfinite(value):
-            return False
-    return True

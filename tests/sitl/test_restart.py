@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flying import free_links
+from flying import free_links, recorded_by
 
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario

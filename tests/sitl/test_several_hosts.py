@@ -20,6 +20,7 @@ from flying import (
     assert_one_message,
     environment,
     free_links,
+    recorded_by,
     run,
     write_scenario,
 )
