@@ -91,7 +91,8 @@ class Collector:
                 signals[:, i] = autopilot.signals(begin, begin + count)
             plant, self._waiting = self._waiting, None
             self._next += count
-            yield Steps(begin, plant["states"], plant["wind"], plant["applied"], signals)
+            arrays = (np.ascontiguousarray(plant[name]) for name in ("states", "wind", "applied"))
+            yield Steps(begin, *arrays, signals)
 
 
 class _Autopilot:

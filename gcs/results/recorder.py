@@ -1,5 +1,6 @@
 """What is kept of a flight, while it is flown: figures always, and what `--record` says."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -74,7 +75,17 @@ class FlightRecorder:
             columns, every = (LIGHT, _light_every(scenario)) if light else (COLUMNS, 1)
             self._events = EventStream(folder / EVENTS, scenario.step_us)
             self._trajectory = TrajectoryStream(
-                folder / TRAJECTORY, columns, every, self._ids, scenario.step_us, light
+                folder / TRAJECTORY,
+                columns,
+                every,
+                self._ids,
+                scenario.step_us,
+                compressed=light,
+                about={
+                    "scenario": scenario.name,
+                    "origin": scenario.origin.model_dump_json(),
+                    "names": json.dumps({str(uav.id): uav.name for uav in scenario.uavs}),
+                },
             )
 
     def add(self, steps: Steps) -> None:

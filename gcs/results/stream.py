@@ -4,7 +4,9 @@ Of the formats that many programs read, it is the one that needs no end: a file 
 crash has everything up to its last complete batch. Parquet and HDF5 lose all of it.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,6 +72,7 @@ class TrajectoryStream:
         uav_ids: tuple[int, ...],
         step_us: int,
         compressed: bool,
+        about: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Make the file.
 
@@ -80,6 +83,7 @@ class TrajectoryStream:
             uav_ids: System ids, in the order of the steps' arrays.
             step_us: Control period [µs].
             compressed: With zstd; it takes time.
+            about: Metadata of the file, besides `step_us` and `every`.
 
         Raises:
             OSError: With the file's name.
@@ -98,7 +102,7 @@ class TrajectoryStream:
                 for c in columns
             ),
         ]
-        metadata = {"step_us": str(step_us), "every": str(every)}
+        metadata = {**about, "step_us": str(step_us), "every": str(every)}
         self._stream = _Stream(path, pa.schema(fields, metadata), compressed)
 
     def add(self, steps: Steps) -> None:

@@ -83,16 +83,16 @@ class Tally:
         for these. They are few, because the plant gives up a silent autopilot.
         """
         for i, tally in enumerate(self.uavs):
-            own = _of_uav(steps, i)
             if not tally["heard"]:
-                known = np.flatnonzero(~np.isnan(own.signals["V"]))
+                known = np.flatnonzero(~np.isnan(steps.signals["V"][:, i]))
                 if not len(known):
-                    self._unheard[i].append(Steps(own.first, *(a.copy() for a in own[1:])))
+                    own = (array[:, i : i + 1].copy() for array in steps[1:])
+                    self._unheard[i].append(Steps(steps.first, *own))
                     continue
-                tally["wanted"][0] = own.signals["command"][known[0]]
-                tally["wanted"][1] = own.signals["reference"][known[0]]
+                tally["wanted"][0] = steps.signals["command"][known[0], i]
+                tally["wanted"][1] = steps.signals["reference"][known[0], i]
                 self._count_unheard(i)
-            self._count(i, own)
+            self._count(i, steps, i)
         self.steps += steps.length
 
     def finish(self) -> None:
@@ -122,37 +122,33 @@ class Tally:
 
     def _count_unheard(self, i: int) -> None:
         for early in self._unheard[i]:
-            self._count(i, early)
+            self._count(i, early, 0)
         self._unheard[i].clear()
 
-    def _count(self, i: int, own: Steps) -> None:
+    def _count(self, i: int, steps: Steps, column: int) -> None:
+        """Count the i-th UAV's steps, which stand in a column of the arrays."""
         before = self.uavs[i].copy()
         _count(
-            own.first,
+            steps.first,
             self._step_us,
-            own.states,
-            own.wind,
-            own.signals,
+            np.ascontiguousarray(steps.states),
+            np.ascontiguousarray(steps.wind),
+            np.ascontiguousarray(steps.signals),
+            column,
             self.uavs[i],
             self._tail[i],
         )
         if self.uavs[i]["changes"] > before["changes"]:
-            self._note_decisions(i, own, int(before["lost"]))
+            self._note_decisions(i, steps.first, steps.signals[:, column], int(before["lost"]))
 
-    def _note_decisions(self, i: int, own: Steps, mask: int) -> None:
+    def _note_decisions(self, i: int, first: int, signals: np.ndarray, mask: int) -> None:
         """Note what a UAV's diagnosis has decided, given the channels lost before."""
-        lost = own.signals["phase"] == LOST
+        lost = signals["phase"] == LOST
         before = (mask >> np.arange(N_CHANNELS) & 1).astype(np.bool_)
         for k, c in np.argwhere(np.diff(lost, axis=0, prepend=before[None])):
-            offset = float(own.signals["offset"][k, c])
-            self._decisions[i].append(
-                Decision(own.first + int(k), int(c), bool(lost[k, c]), offset)
-            )
-
-
-def _of_uav(steps: Steps, i: int) -> Steps:
-    """Return one UAV's columns, as views."""
-    return Steps(steps.first, *(array[:, i] for array in steps[1:]))
+            offset = float(signals["offset"][k, c])
+            decision = Decision(first + int(k), int(c), bool(lost[k, c]), offset)
+            self._decisions[i].append(decision)
 
 
 @compiled
@@ -162,6 +158,7 @@ def _count(
     states: np.ndarray,
     wind: np.ndarray,
     signals: np.ndarray,
+    i: int,
     tally: np.void,
     tail: np.ndarray,
 ) -> None:
@@ -170,15 +167,16 @@ def _count(
     Args:
         first: Number of the first step.
         step_us: Control period [µs].
-        states: Shape (steps, 12).
-        wind: Shape (steps, 3).
-        signals: Shape (steps,), dtype `SIGNALS`.
+        states: Shape (steps, n, 12).
+        wind: Shape (steps, n, 3).
+        signals: Shape (steps, n), dtype `SIGNALS`.
+        i: Index of the UAV in these.
         tally: Record of dtype `TALLY`, updated in place.
         tail: Errors against the reference, row step % length, updated in place.
     """
     wanted = tally["wanted"]
     for k in range(len(states)):
-        step, signal = first + k, signals[k]
+        step, signal = first + k, signals[k, i]
         lost = 0
         for c in range(N_CHANNELS):
             lost |= (signal["phase"][c] == LOST) << c
@@ -195,15 +193,17 @@ def _count(
         if math.isfinite(signal["command"][0]):
             tally["active"] += 1
         _count_events(step, signal["events"], tally)
-        u, v, w = states[k, 3] - wind[k, 0], states[k, 4] - wind[k, 1], states[k, 5] - wind[k, 2]
+        u = states[k, i, 3] - wind[k, i, 0]
+        v = states[k, i, 4] - wind[k, i, 1]
+        w = states[k, i, 5] - wind[k, i, 2]
         airspeed = math.sqrt(u * u + v * v + w * w)
         error, known = (0.0, 0.0, 0.0, 0.0), False
         for against in range(2):  # the command, and then the reference
             error = (
                 airspeed - wanted[against, 0],
-                wrap(states[k, 6] - wanted[against, 1]),
-                states[k, 7] - wanted[against, 2],
-                wrap(states[k, 8] - wanted[against, 3]),
+                wrap(states[k, i, 6] - wanted[against, 1]),
+                states[k, i, 7] - wanted[against, 2],
+                wrap(states[k, i, 8] - wanted[against, 3]),
             )
             known = math.isfinite(error[0]) and math.isfinite(error[1])
             known = known and math.isfinite(error[2]) and math.isfinite(error[3])

@@ -98,15 +98,16 @@ def test_a_light_recording_has_some_steps_and_every_event(
 
 
 @pytest.fixture(scope="module")
-def stream(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def events(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = recorded(scenario, tmp_path_factory.mktemp("light"), Record.LIGHT)
-    return (folder / "events.arrows").read_bytes()
+    return folder / "events.arrows"
 
 
 @given(share=st.floats(0.0, 1.0, exclude_max=True))
 def test_a_torn_recording_is_read_up_to_its_tear(
-    stream: bytes, share: float, tmp_path_factory: pytest.TempPathFactory
+    events: Path, share: float, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
+    stream = events.read_bytes()
     path = tmp_path_factory.mktemp("torn") / "events.arrows"
     path.write_bytes(stream[: int(share * len(stream))])
     whole = pa.ipc.open_stream(stream).read_all()
