@@ -91,8 +91,13 @@ class Collector:
                 signals[:, i] = autopilot.signals(begin, begin + count)
             plant, self._waiting = self._waiting, None
             self._next += count
-            arrays = (np.ascontiguousarray(plant[name]) for name in ("states", "wind", "applied"))
-            yield Steps(begin, *arrays, signals)
+            yield Steps(
+                begin,
+                np.ascontiguousarray(plant["states"]),
+                np.ascontiguousarray(plant["wind"]),
+                np.ascontiguousarray(plant["applied"]),
+                signals,
+            )
 
 
 class _Autopilot:

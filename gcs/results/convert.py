@@ -121,7 +121,7 @@ class _Places:
 def _to_kml(run: Path, path: Path) -> Path:
     """Write the tracks of all UAVs; their time counts from 1970-01-01."""
     total = sum(len(batch) for batch in _batches(run / TRAJECTORY))
-    tracks: dict[int, list[str]] = {}
+    tracks: dict[int, tuple[list[str], list[str]]] = {}
     places: _Places | None = None
     row = 0
     for batch in _batches(run / TRAJECTORY):
@@ -136,14 +136,16 @@ def _to_kml(run: Path, path: Path) -> Path:
         for t, system, place in zip(times, systems, places.of(chosen), strict=True):
             latitude, longitude, altitude = place
             when = (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=t)).isoformat()
-            tracks.setdefault(system, []).append(
-                f"<when>{when}</when><gx:coord>{longitude} {latitude} {altitude}</gx:coord>"
-            )
+            times_of, places_of = tracks.setdefault(system, ([], []))
+            times_of.append(f"<when>{when}</when>")
+            places_of.append(f"<gx:coord>{longitude} {latitude} {altitude}</gx:coord>")
     assert places is not None
     marks = "\n".join(
         f"<Placemark><name>{escape(places.names[system])}</name><gx:Track>"
-        "<altitudeMode>absolute</altitudeMode>\n" + "\n".join(points) + "</gx:Track></Placemark>"
-        for system, points in tracks.items()
+        "<altitudeMode>absolute</altitudeMode>\n"
+        + "\n".join([*times_of, *places_of])
+        + "</gx:Track></Placemark>"
+        for system, (times_of, places_of) in tracks.items()
     )
     text = (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
@@ -198,5 +200,6 @@ def _to_mcap(run: Path, path: Path) -> Path:
                 event = {"actuator": values["actuator"], "value": values["value"]}
                 kinds = {"actuator": text, "value": number}
                 write(values["uav"], "event", values["time_s"], event, kinds)
-        writer.finish()
+        finish: Any = writer.finish  # without annotations
+        finish()
     return path

@@ -47,7 +47,7 @@ def complete_file(path: Path) -> Iterator[BinaryIO]:
         with naming(path), part.open("wb") as file:
             yield file
         part.replace(path)
-    except OSError:
+    except BaseException:
         part.unlink(missing_ok=True)
         raise
 
