@@ -16,6 +16,7 @@ from gcs.commands import (
     config,
     control,
     dashboard,
+    export,
     fault,
     fly,
     key,
@@ -102,6 +103,7 @@ def gcs(
 
 
 app.command(epilog=fly.EPILOG)(fly.fly)
+app.command(epilog=export.EPILOG)(export.export)
 app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
 app.command(epilog=compare.EPILOG)(compare.compare)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)

@@ -29,6 +29,7 @@ from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import PLANT_LINK
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import borrowed
 from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
     monotonic_s,
@@ -60,16 +61,17 @@ LINK_STATE = np.dtype(
         ("lag_s", "f8"),  # wall-clock time given up because the machine was too slow [s]
         ("received", "i8"),  # length of the datagram in `received`
         ("lost", "i8"),  # index of a lost aircraft
+        ("recorded", "i8"),  # rows of the record in use
     ]
 )
 
 
 class Record(NamedTuple):
-    """The record of every step; empty if nothing is recorded."""
+    """Room for the record of some steps, none if nothing is recorded; Python empties it."""
 
-    states: np.ndarray  # (steps, n, 12)
-    wind: np.ndarray  # (steps, n, 3)
-    applied: np.ndarray  # (steps, n, 4)
+    states: np.ndarray  # (rows, n, 12)
+    wind: np.ndarray  # (rows, n, 3)
+    applied: np.ndarray  # (rows, n, 4)
 
 
 class PlantLink(NamedTuple):
@@ -98,7 +100,7 @@ def new_link(
     step_us: int,
     last_step: int,
     speed: float | None,
-    record: bool,
+    record_rows: int,
     link_signer: LinkSigner | None = None,
 ) -> PlantLink:
     """Return the link of a plant with which no autopilot has registered.
@@ -108,7 +110,7 @@ def new_link(
         step_us: Control period [µs].
         last_step: Step at which the simulation ends.
         speed: Real-time factor; None for lockstep.
-        record: Keep states and applied controls of every step.
+        record_rows: Steps whose record there is room for; 0 to record nothing.
         link_signer: Signs the link.
     """
     n = len(systems)
@@ -119,7 +121,6 @@ def new_link(
     state["flags"] = 0 if speed else FTC_SIM_FLAGS_LOCKSTEP
     state["lost"] = -1
     received = codec.new_buffer()
-    rows = last_step if record else 0
     return PlantLink(
         state=state,
         systems=np.array(systems),
@@ -136,9 +137,9 @@ def new_link(
         step_done=codec.payload_view(received, codec.STEP_DONE),
         actuators=codec.payload_view(received, codec.ACTUATORS),
         record=Record(
-            states=np.zeros((rows, n, 12)),
-            wind=np.zeros((rows, n, 3)),
-            applied=np.zeros((rows, n, N_CHANNELS)),
+            states=np.zeros((record_rows, n, 12)),
+            wind=np.zeros((record_rows, n, 3)),
+            applied=np.zeros((record_rows, n, N_CHANNELS)),
         ),
         signer=link_signer or new_link_signer(b"", PLANT_LINK),
     )
@@ -191,8 +192,9 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
         until_s: Wall-clock time, as `monotonic_s` gives it, at which to return [s].
 
     Returns:
-        SERVICE, TICK, OVER or LOST.
+        SERVICE, TICK (also when the record is full), OVER or LOST.
     """
+    link, fleet = borrowed(link), borrowed(fleet)
     state, record = link.state[0], link.record
     while True:
         running = state["flags"] & FTC_SIM_FLAGS_RUNNING
@@ -202,13 +204,15 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
         outcome = _wait(fd, link, fleet, until_s)
         if outcome != Outcome.NONE:
             return outcome
-        step = state["step"]
-        if step < len(record.states):
-            record.states[step] = fleet.states
-            record.wind[step] = fleet.air[:, :3]
+        step, row = state["step"], state["recorded"]
+        recording = row < len(record.states)
+        if recording:
+            record.states[row] = fleet.states
+            record.wind[row] = fleet.air[:, :3]
         lost = fly(fleet, step, state["step_us"])
-        if step < len(record.applied):
-            record.applied[step] = fleet.applied
+        if recording:
+            record.applied[row] = fleet.applied
+            state["recorded"] = row + 1
         state["step"] = step + 1
         state["waiting"] = 0
         if lost >= 0:
@@ -216,6 +220,8 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
             return Outcome.LOST
         if state["step"] >= state["last_step"]:
             return Outcome.OVER
+        if recording and state["recorded"] == len(record.states):
+            return Outcome.TICK
 
 
 @compiled

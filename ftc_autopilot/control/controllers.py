@@ -29,6 +29,7 @@ from ftc_autopilot.control.reference import PROFILE, profile_value
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 
 __all__ = [
@@ -237,7 +238,7 @@ def _cut_thrust(controllers: Controllers, i: int, motion: Motion) -> int:
         controllers.actuators[i]["controls"][THROTTLE] = 0.0
         held[THROTTLE] = 0.0
         mask = 1 << THROTTLE
-    controllers.signals[i] = _NO_SIGNALS[0]
+    copy_record(signals, _NO_SIGNALS[0])
     signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
     for k in range(3):
         signals["attitude"][k] = motion.phi[k]

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from gcs.results.recording import Recording
     from gcs.scenario.model import Scenario
+    from mavlink_defs.endpoint import UdpAddress
 
 __all__ = ["EPILOG", "reproduce"]
 
@@ -109,12 +110,16 @@ def _in_process(file: str, scenario: "Scenario") -> "Recording":
 
 def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
     """Fly with processes; each flight's tlog and logs go into a folder of its own."""
-    from gcs.fleet.flight import fly_over_udp
+    from gcs.fleet.flight import fly_and_record
     from gcs.fleet.processes import on_free_ports
 
     def fly(file: str, scenario: "Scenario") -> "Recording":
         own = folder / "wire" / file
         own.mkdir(parents=True)
-        return on_free_ports(scenario, lambda chosen, _: asyncio.run(fly_over_udp(chosen, own)))
+
+        def flown(chosen: "Scenario", _hub: "UdpAddress") -> "Recording":
+            return asyncio.run(fly_and_record(chosen, own))
+
+        return on_free_ports(scenario, flown)
 
     return fly

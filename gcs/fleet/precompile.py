@@ -76,7 +76,7 @@ def _other_process(plant: PlantConfig) -> Iterator[None]:
 
 def _call_plant(plant: PlantConfig) -> None:
     fleet = new_plant_state(plant)
-    link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, True)
+    link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, 1)
     with _socket() as fd:
         plant_link.run(fd, link, fleet, 0.0)
         plant_link.send_states(fd, link, fleet, False)

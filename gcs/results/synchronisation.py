@@ -6,7 +6,30 @@ import numpy as np
 
 from gcs.scenario.model import Scenario
 
-__all__ = ["synchronisation_errors"]
+__all__ = ["Synchronisation", "synchronisation_errors"]
+
+
+class Synchronisation:
+    """Sums of absolute synchronisation errors (31) and (32), taken while a flight is flown.
+
+    Attributes:
+        sums: Shape (n, 4), of Ṽ' and e' [m/s, rad].
+        counted: Shape (n,), steps at which they are known.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._ids = tuple(uav.id for uav in scenario.uavs)
+        self.sums = np.zeros((len(self._ids), 4))
+        self.counted = np.zeros(len(self._ids), np.int64)
+
+    def add(self, errors: np.ndarray) -> None:
+        """Add the next steps' errors, shape (steps, n, 4), in the order of the steps."""
+        for i in range(len(self._ids)):
+            found = synchronisation_errors(errors, i, self._ids, self._scenario)
+            known = np.abs(found[np.isfinite(found).all(axis=1)])
+            self.counted[i] += len(known)
+            self.sums[i] = np.cumsum(np.vstack([self.sums[i], known]), axis=0)[-1]
 
 
 def synchronisation_errors(

@@ -86,7 +86,7 @@ def fly_sniffed(
         sniffers.append(Sniffer())
         monkeypatch.setattr(flight, "relay_of", partial(relay_of, gate=sniffers[-1]))
         folder.mkdir(exist_ok=True)
-        return asyncio.run(flight.fly_over_udp(on_ports, folder))
+        return asyncio.run(flight.fly_and_record(on_ports, folder))
 
     return on_free_ports(scenario, fly), sniffers[-1]
 

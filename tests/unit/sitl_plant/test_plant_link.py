@@ -28,7 +28,7 @@ def sock() -> Iterator[socket.socket]:
 
 
 def running(speed: float, origin_s: float) -> PlantLink:
-    link = new_link([1, 2, 3], 1000, STEPS, speed, record=False)
+    link = new_link([1, 2, 3], 1000, STEPS, speed, record_rows=0)
     link.state["flags"] = FTC_SIM_FLAGS_RUNNING
     link.state["origin_s"] = origin_s
     return link
