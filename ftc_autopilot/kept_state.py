@@ -44,7 +44,7 @@ class KeptState(NamedTuple):
 
     slots: np.ndarray  # (2, size), bytes in the file
     words: np.ndarray  # (2, size / 8), the same as unsigned numbers
-    count: np.ndarray  # (1,), slots written
+    written: np.ndarray  # (1,), how often a slot was written
     parts: tuple[np.ndarray, ...]  # the bytes of each record, N_PARTS of them
 
 
@@ -107,15 +107,15 @@ def keep(kept: KeptState) -> None:
     """Write the records into the slot whose turn it is; do nothing without a file."""
     if len(kept.slots) == 0:
         return
-    kept.count[0] += np.uint64(1)
-    slot = int(kept.count[0] % np.uint64(2))
+    kept.written[0] += np.uint64(1)
+    slot = int(kept.written[0] % np.uint64(2))
     row = kept.slots[slot]
     begin = _HEAD
     for part in kept.parts:
         for k in range(len(part)):
             row[begin + k] = part[k]
         begin += len(part)
-    kept.words[slot, 0] = kept.count[0]
+    kept.words[slot, 0] = kept.written[0]
     kept.words[slot, 1] = checksum(kept.words[slot])
 
 
@@ -126,7 +126,7 @@ def checksum(words: np.ndarray) -> int:
     for k in range(len(words)):
         if k != 1:
             total = (total ^ words[k]) * np.uint64(_FNV_PRIME)
-    return total
+    return total  # type: ignore[return-value] # numba's: an unsigned number of 64 bits
 
 
 def map_array(path: Path, dtype: np.dtype, length: int) -> np.ndarray:
