@@ -63,14 +63,18 @@ def profile_segments(record: np.void) -> tuple[Segment, ...]:
     """Return the segments of a record of dtype `PROFILE`, angles to their last digits but one."""
     count = int(record["count"])
     return tuple(
-        Segment(start, airspeed, *(float(f"{math.degrees(a):.14g}") for a in angles), bool(ramp))
-        for start, (airspeed, *angles), ramp in zip(
+        Segment(start, airspeed, _degrees(roll), _degrees(pitch), _degrees(yaw), bool(ramp))
+        for start, (airspeed, roll, pitch, yaw), ramp in zip(
             record["start"][:count].tolist(),
             record["value"][:count].tolist(),
             record["ramp"][:count],
             strict=True,
         )
     )
+
+
+def _degrees(angle: float) -> float:
+    return float(f"{math.degrees(angle):.14g}")
 
 
 @compiled
