@@ -36,15 +36,16 @@ VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])
 N_PARTS = 8
 _HEAD = 16  # bytes of a slot before its parts: count, checksum
 _DIGEST = 64  # bytes of the file before the slots
-_FNV_START, _FNV_PRIME = 0xCBF29CE484222325, 0x100000001B3
+_FNV_START, _FNV_PRIME = 0x811C9DC5, 0x01000193
 
 
 class KeptState(NamedTuple):
     """The file of an autopilot and the records that are kept in it; without slots nothing is."""
 
     slots: np.ndarray  # (2, size), bytes in the file
-    words: np.ndarray  # (2, size / 8), the same as unsigned numbers
-    count: np.ndarray  # (1,), slots written
+    words: np.ndarray  # (2, size / 8), the same as unsigned numbers: count, checksum, the rest
+    halves: np.ndarray  # (2, size / 4), the same
+    written: np.ndarray  # (1,), how often a slot was written
     parts: tuple[np.ndarray, ...]  # the bytes of each record, N_PARTS of them
 
 
@@ -54,6 +55,7 @@ def no_kept_state() -> KeptState:
     return KeptState(
         np.zeros((0, 0), np.uint8),
         np.zeros((0, 0), np.uint64),
+        np.zeros((0, 0), np.uint32),
         np.zeros(1, np.uint64),
         (none,) * N_PARTS,
     )
@@ -82,7 +84,7 @@ def open_kept_state(path: Path, records: Sequence[np.ndarray], configuration: st
         content[:_DIGEST] = np.frombuffer(digest, np.uint8)
     slots = content[_DIGEST:].reshape(2, size)
     words = slots.view(np.uint64)
-    return KeptState(slots, words, words[:, 0].max(keepdims=True), parts)
+    return KeptState(slots, words, slots.view(np.uint32), words[:, 0].max(keepdims=True), parts)
 
 
 def take_up(kept: KeptState) -> bool:
@@ -92,7 +94,7 @@ def take_up(kept: KeptState) -> bool:
         kept: The file; the records that it was opened with are written.
     """
     for slot in np.argsort(kept.words[:, 0])[::-1]:
-        if kept.words[slot, 0] == 0 or kept.words[slot, 1] != checksum(kept.words[slot]):
+        if kept.words[slot, 0] == 0 or kept.words[slot, 1] != checksum(kept.halves[slot]):
             continue
         begin = _HEAD
         for part in kept.parts:
@@ -107,25 +109,28 @@ def keep(kept: KeptState) -> None:
     """Write the records into the slot whose turn it is; do nothing without a file."""
     if len(kept.slots) == 0:
         return
-    kept.count[0] += np.uint64(1)
-    slot = int(kept.count[0] % np.uint64(2))
+    kept.written[0] += np.uint64(1)
+    slot = int(kept.written[0] % np.uint64(2))
     row = kept.slots[slot]
     begin = _HEAD
     for part in kept.parts:
         for k in range(len(part)):
             row[begin + k] = part[k]
         begin += len(part)
-    kept.words[slot, 0] = kept.count[0]
-    kept.words[slot, 1] = checksum(kept.words[slot])
+    kept.words[slot, 0] = kept.written[0]
+    kept.words[slot, 1] = checksum(kept.halves[slot])
 
 
 @compiled
-def checksum(words: np.ndarray) -> int:
-    """Return the FNV-1a hash, by words, of a slot without its checksum; never that of zeros."""
-    total = np.uint64(_FNV_START)
-    for k in range(len(words)):
-        if k != 1:
-            total = (total ^ words[k]) * np.uint64(_FNV_PRIME)
+def checksum(halves: np.ndarray) -> int:
+    """Return the FNV-1a hash, by numbers of 32 bits, of a slot without its checksum.
+
+    It is that of no slot that holds zeros only.
+    """
+    total = _FNV_START
+    for k in range(len(halves)):
+        if k != 2 and k != 3:
+            total = ((total ^ int(halves[k])) * _FNV_PRIME) & 0xFFFFFFFF
     return total
 
 

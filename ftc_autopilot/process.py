@@ -71,7 +71,7 @@ class Autopilot:
         formation: socket.socket,
         gcs: socket.socket,
         record: Path | None,
-        keep_in: Path | None,
+        keep_in: Path | None = None,
     ) -> None:
         """Boot, and take up the flight of a life before, if its file is there.
 

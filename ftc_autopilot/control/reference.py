@@ -61,15 +61,20 @@ def profile_record(segments: tuple[Segment, ...]) -> np.void:
 
 def profile_segments(record: np.void) -> tuple[Segment, ...]:
     """Return the segments of a record of dtype `PROFILE`, angles to their last digits but one."""
+    count = int(record["count"])
     return tuple(
-        Segment(
-            float(record["start"][i]),
-            float(record["value"][i, 0]),
-            *(float(f"{math.degrees(angle):.14g}") for angle in record["value"][i, 1:]),
-            ramp=bool(record["ramp"][i]),
+        Segment(start, airspeed, _degrees(roll), _degrees(pitch), _degrees(yaw), bool(ramp))
+        for start, (airspeed, roll, pitch, yaw), ramp in zip(
+            record["start"][:count].tolist(),
+            record["value"][:count].tolist(),
+            record["ramp"][:count],
+            strict=True,
         )
-        for i in range(int(record["count"]))
     )
+
+
+def _degrees(angle: float) -> float:
+    return float(f"{math.degrees(angle):.14g}")
 
 
 @compiled

@@ -14,7 +14,7 @@ OPTIONS = ["--seed", "14", "--chapters", "1", "--seconds", "1.5", "--uavs", "4"]
 """A chapter with a fault, a restart and losses on both links."""
 
 
-def soaked() -> list[str]:
+def soaked() -> list[tuple[str, str, str]]:
     done = subprocess.run(
         [sys.executable, "-m", "soak", *OPTIONS],
         capture_output=True,

@@ -1,6 +1,7 @@
 """The chapters of a soak: valid for any seed, and the same for the same one."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from hypothesis import given, settings
@@ -33,13 +34,16 @@ def test_one_event_more_or_less_anywhere_is_found() -> None:
     drawn = replace(chapter(3, 1, 2, 0.2), crashes={}, lossy=False)
     flight = fly_in_process(drawn.scenario)
     summary = summarise(flight, drawn.scenario)
-    told, captured = {}, []
+    told: dict[int, Any] = {}
+    captured = []
     for uav in summary.uavs:
         events = [uav.channels[name].events for name in ACTUATORS]
         told[uav.id] = MAVLink_ftc_events_message(
             200, uav.active_steps, events, [0] * 4, uav.actuator_messages, [0] * 4, 0
         )
-        channels = {n: ChannelReport(k, None, None) for n, k in zip(ACTUATORS, events, strict=True)}
+        channels = {
+            str(n): ChannelReport(k, None, None) for n, k in zip(ACTUATORS, events, strict=True)
+        }
         captured.append(
             UavReport("plant", uav.id, False, 200, None, uav.actuator_messages, 0, channels)
         )

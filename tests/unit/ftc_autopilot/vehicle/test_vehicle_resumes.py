@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -92,7 +93,7 @@ class Life(Bench):
         (count,) = of_type(
             self.say(dialect.MAVLink_mission_request_list_message(UAV, 1)), "MISSION_COUNT"
         )
-        items = []
+        items: list[tuple[float, ...]] = []
         for seq in range(count.count):
             request = dialect.MAVLink_mission_request_int_message(UAV, 1, seq)
             (item,) = of_type(self.say(request), "MISSION_ITEM_INT")
@@ -122,7 +123,7 @@ def test_profile_mode_arming_and_parameters_come_back(scenario1: Scenario, tmp_p
         "PARAM_VALUE",
     )
     assert value.param_value == pytest.approx(42.5)
-    events = second.vehicle.telemetry[0].make(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
+    events: Any = second.vehicle.telemetry[0].make(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
     assert events.events == [5, 6, 7, 8]
 
     second.run()
