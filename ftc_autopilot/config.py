@@ -18,7 +18,15 @@ from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repe
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
 
-__all__ = ["AutopilotConfig", "Controller", "Identity", "Neighbour", "Origin", "Trigger"]
+__all__ = [
+    "AutopilotConfig",
+    "Controller",
+    "Identity",
+    "Neighbour",
+    "Origin",
+    "TelemetryClockKind",
+    "Trigger",
+]
 
 Identity: TypeAlias = Literal["ardupilot", "generic"]
 """Whose conventions a vehicle follows where they differ.
@@ -26,6 +34,9 @@ Identity: TypeAlias = Literal["ardupilot", "generic"]
 Clients choose modes and the encoding of parameters by HEARTBEAT.autopilot. As ArduPilot,
 integers travel C-cast; as a generic autopilot, bytewise, and clients do not know the modes.
 """
+
+TelemetryClockKind: TypeAlias = Literal["wall", "simulated"]
+"""What intervals of telemetry count in lockstep; see `ftc_autopilot.vehicle.telemetry_clock`."""
 
 
 class Trigger(Model):
@@ -88,6 +99,9 @@ class AutopilotConfig(Model):
     plant: HostPort = Field(description="Where the plant receives the simulator link.")
     gcs: tuple[HostPort, ...] = Field(
         min_length=1, description="Addresses of the ground stations, host:port."
+    )
+    telemetry_clock: TelemetryClockKind = Field(
+        default="wall", description="What intervals of telemetry count in lockstep."
     )
     signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
     silence_timeout_s: float = quantity(
