@@ -2,15 +2,10 @@
 
 import socket
 
-from ftc_autopilot import link as autopilot_link
-from ftc_autopilot.control.controllers import new_controllers
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
-from ftc_autopilot.vehicle.vehicle import Vehicle
+from ftc_autopilot.warm_up import call_everything
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
-from gcs.station.vehicle import PRIVATE_INTERVALS_S
 from gcs.theory import check_theory
 from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.runtime.jit import mark_cache_warm, not_cached
@@ -49,10 +44,4 @@ def _call_everything(scenario: Scenario) -> None:
         link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, True)
         plant_link.run(fd, link, fleet, 0.0)
         plant_link.send_states(fd, link, fleet, False)
-        autopilot = short.autopilot_config(short.uavs[0].id)
-        controllers = new_controllers([autopilot])
-        own = autopilot_link.new_link(autopilot.id, autopilot.neighbours, plant.step_us, 1.0, 1)
-        autopilot_link.run(fd, fd, own, controllers, 0.0, 0)
-        telemetry = Vehicle(autopilot, HotState(own), controllers).telemetry[0]
-        for message_id in (*DEFAULT_INTERVALS_US, *PRIVATE_INTERVALS_S):
-            telemetry.make(message_id)
+    call_everything(short.autopilot_config(short.uavs[0].id))

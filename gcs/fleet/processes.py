@@ -17,6 +17,7 @@ from types import MappingProxyType, TracebackType
 from typing import Self, TypeVar
 
 from gcs.errors import BadInput, FlightLost, PortInUse
+from gcs.fleet.forked import Forked, ForkServer
 from gcs.fleet.relays import through
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.files import dump
@@ -29,12 +30,13 @@ T = TypeVar("T")
 _STOP_S = 5.0
 _TRIES = 5
 _PLANT = "plant"
+_FORKS = sys.platform == "linux"  # elsewhere, libraries do not allow it
 
 
 @dataclass(frozen=True)
 class _Process:
     name: str
-    popen: subprocess.Popen[bytes]
+    popen: subprocess.Popen[bytes] | Forked
     log: Path
     address: UdpAddress  # that it binds
 
@@ -147,6 +149,7 @@ class FleetProcesses:
         self._endless = endless
         self._ground_stations = tuple(map(str, ground_stations))
         self._processes: list[_Process] = []
+        self._server = ForkServer()
         self._ended: set[str] = set()
 
     def __enter__(self) -> Self:
@@ -156,11 +159,11 @@ class FleetProcesses:
         self._configure()
         steps = round(scenario.duration_s * 1e6 / scenario.step_us)
         try:
-            self._start(_PLANT, "sitl_plant.process", scenario.links.plant_port, [])
+            self._start(_PLANT, scenario.links.plant_port, [])
             for uav in scenario.uavs:
                 port = scenario.links.formation_base_port + uav.id
                 arguments = [] if self._endless else ["--record-steps", str(steps)]
-                self._start(f"uav{uav.id}", "ftc_autopilot.process", port, arguments)
+                self._start(f"uav{uav.id}", port, arguments)
         except BaseException:
             self.stop()
             raise
@@ -232,7 +235,8 @@ class FleetProcesses:
                 popen.wait(max(end - time.monotonic(), 0.0))
             except subprocess.TimeoutExpired:
                 popen.kill()
-                popen.wait()
+                popen.wait(_STOP_S)
+        self._server.close()
 
     def _configure(self) -> None:
         """Write the configuration file of each process."""
@@ -243,28 +247,36 @@ class FleetProcesses:
             gcs = (*config.gcs, *self._ground_stations)
             dump(config.model_copy(update={"gcs": gcs}), self._folder / f"uav{uav.id}.yaml")
 
-    def _start(self, name: str, module: str, port: int, arguments: list[str]) -> None:
+    def _start(self, name: str, port: int, more: list[str]) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         record = [] if self._endless else ["--record", str(self.recording_of(name))]
-        # -P: do not import from the user's current folder
-        command = [
-            sys.executable,
-            "-P",
-            "-c",
-            f"from {module} import main; main()",
-            str(config),
-            "--exit-with-parent",
-            str(os.getpid()),
-            *record,
-            *arguments,
-        ]
-        with log.open("wb") as output:
-            popen = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
+        arguments = [str(config), *record, *more]
+        popen: subprocess.Popen[bytes] | Forked
+        if name != _PLANT and _FORKS:
+            popen = self._server.start(arguments, log)
+        else:
+            module = "sitl_plant" if name == _PLANT else "ftc_autopilot"
+            popen = _started(module, arguments, log)
         address = UdpAddress(self._scenario.links.host, port)
         self._processes.append(_Process(name, popen, log, address))
+
+
+def _started(package: str, arguments: list[str], log: Path) -> subprocess.Popen[bytes]:
+    """Start the process of a package."""
+    command = [
+        sys.executable,
+        "-P",  # do not import from the user's current folder
+        "-c",
+        f"from {package}.process import main; main()",
+        *arguments,
+        "--exit-with-parent",
+        str(os.getpid()),
+    ]
+    with log.open("wb") as output:
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
