@@ -8,6 +8,9 @@ Requests come as lines of JSON on standard input, ``{"arguments": [...], "log": 
 arguments of ``ftc-autopilot``, and are numbered from 0. Standard output gets a line for every
 process that was started, ``[number, pid, null]``, or has ended, ``[number, pid, status]``, with the
 status as in `subprocess.Popen.returncode`. At the end of the input all that still run are stopped.
+
+All are in the session of the server. Linux divides the processors among sessions first, so that the
+plant and the ground station, each alone in one, are not starved by a hundred autopilots.
 """
 
 import ctypes
@@ -86,7 +89,6 @@ def _fork(arguments: list[str], log: str, pipes: tuple[int, int]) -> int:
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         for pipe in pipes:
             os.close(pipe)
-        os.setsid()
         with open(os.devnull, "rb") as nothing, open(log, "wb") as output:
             os.dup2(nothing.fileno(), 0)
             os.dup2(output.fileno(), 1)

@@ -1,6 +1,7 @@
 """How long a vehicle waits for the items of an upload: that a machine is busy must not end it."""
 
-from lossy_network import OTHER_GCS
+from typing import Any
+
 from lossy_network import GCS, OTHER_GCS, over_the_wire
 from mission_bench import CANCELLED, Vehicle, ack, count, item
 
@@ -58,7 +59,10 @@ def test_a_stuck_client_makes_way_for_another() -> None:
         vehicle.server.handle_timer(at)
     vehicle.sent()
     vehicle.server.receive(over_the_wire(count(2), OTHER_GCS), 3.0)
-    told = [(m.get_type(), m.target_system) for m in vehicle.server.messages_to_send()]
+    message: Any
+    told = []
+    for message in vehicle.server.messages_to_send():
+        told.append((message.get_type(), message.target_system))
     assert told == [("MISSION_ACK", GCS.system), ("MISSION_REQUEST_INT", OTHER_GCS.system)]
 
 
