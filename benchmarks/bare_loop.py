@@ -48,18 +48,18 @@ def bare_us_per_step(uavs: int, steps: int) -> float:
     for sock in sockets:
         set_receive_timeout(sock, _TIMEOUT_S)
     ports, back = _addresses(formation), _addresses(autopilots)
-    _plant(plant.fileno(), back[:0], 1)  # compile both before the fork
-    _autopilot(plant.fileno(), plant.fileno(), ports[:0], 0)
+    plant_loop(plant.fileno(), back[:0], 1)  # compile both before the fork
+    autopilot_loop(plant.fileno(), plant.fileno(), ports[:0], 0)
     children = []
     try:
         for i in range(uavs):
             neighbours = ports[1:] if i == 0 else ports[:1]
             if (pid := os.fork()) == 0:
-                _autopilot(autopilots[i].fileno(), formation[i].fileno(), neighbours, steps)
+                autopilot_loop(autopilots[i].fileno(), formation[i].fileno(), neighbours, steps)
                 os._exit(0)
             children.append(pid)
         begin = time.perf_counter()
-        made = _plant(plant.fileno(), back, steps)
+        made = plant_loop(plant.fileno(), back, steps)
         end = time.perf_counter()
     finally:
         for pid in children:
@@ -78,7 +78,7 @@ def _addresses(sockets: list[socket.socket]) -> np.ndarray:
 
 
 @compiled
-def _plant(fd: int, autopilots: np.ndarray, steps: int) -> int:
+def plant_loop(fd: int, autopilots: np.ndarray, steps: int) -> int:
     """Return the number of steps made."""
     datagram, sender = np.zeros(codec.BUFFER_SIZE, np.uint8), np.zeros(ADDRESS_SIZE, np.uint8)
     for step in range(steps):
@@ -91,7 +91,7 @@ def _plant(fd: int, autopilots: np.ndarray, steps: int) -> int:
 
 
 @compiled
-def _autopilot(fd: int, formation_fd: int, neighbours: np.ndarray, steps: int) -> None:
+def autopilot_loop(fd: int, formation_fd: int, neighbours: np.ndarray, steps: int) -> None:
     datagram, sender = np.zeros(codec.BUFFER_SIZE, np.uint8), np.zeros(ADDRESS_SIZE, np.uint8)
     for step in range(steps):
         if receive_soon(fd, datagram) < 0:

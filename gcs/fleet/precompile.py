@@ -1,6 +1,12 @@
 """Compile the numeric core ahead of its first use, once for all processes."""
 
+import contextlib
+import os
 import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
 
 from ftc_autopilot.warm_up import call_everything
 from gcs.fleet.in_process import fly_in_process
@@ -10,6 +16,7 @@ from gcs.theory import check_theory
 from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.runtime.jit import mark_cache_warm, not_cached
 from sitl_plant import link as plant_link
+from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
 
 __all__ = ["compile_everything"]
@@ -17,6 +24,8 @@ __all__ = ["compile_everything"]
 
 def compile_everything(scenario: Scenario) -> None:
     """Call every compiled entry point once, so that its machine code is in the cache.
+
+    Two processes share the work.
 
     Args:
         scenario: Any scenario; a few steps of it are flown in process.
@@ -33,15 +42,54 @@ def compile_everything(scenario: Scenario) -> None:
 
 def _call_everything(scenario: Scenario) -> None:
     short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
+    plant = short.plant_config(speed=None)
+    with _other_process(plant):
+        call_everything(short.autopilot_config(short.uavs[0].id))
+    _call_plant(plant)
     flight = fly_in_process(short)
     summarise(flight, short)
     check_theory(flight, short)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        set_receive_timeout(sock, 1e-3)
-        fd = sock.fileno()
-        plant = short.plant_config(speed=None)
-        fleet = new_plant_state(plant)
-        link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, True)
+
+
+@contextlib.contextmanager
+def _other_process(plant: PlantConfig) -> Iterator[None]:
+    """Compile the plant in another process meanwhile; what fails there is left to the caller."""
+    command = [sys.executable, "-m", __spec__.name if __spec__ else __name__]
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as child:
+        assert child.stdin is not None
+        try:
+            child.stdin.write(plant.model_dump_json().encode() + b"\n")
+            child.stdin.flush()
+            yield
+            child.wait()
+        except BrokenPipeError:
+            return
+        finally:
+            child.kill()
+
+
+def _call_plant(plant: PlantConfig) -> None:
+    fleet = new_plant_state(plant)
+    link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, True)
+    with _socket() as fd:
         plant_link.run(fd, link, fleet, 0.0)
         plant_link.send_states(fd, link, fleet, False)
-    call_everything(short.autopilot_config(short.uavs[0].id))
+
+
+@contextlib.contextmanager
+def _socket() -> Iterator[int]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        set_receive_timeout(sock, 1e-3)
+        yield sock.fileno()
+
+
+def _end_with_parent() -> None:
+    sys.stdin.buffer.read()
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    given = PlantConfig.model_validate_json(sys.stdin.buffer.readline())
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _call_plant(given)
