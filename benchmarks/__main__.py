@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks import codec, dashboard
+from benchmarks import codec, dashboard, fleet
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
 ROUNDS = 5
@@ -42,6 +42,8 @@ def main() -> None:
     load = dashboard.measure()
     row("dashboard with 30 UAVs, from key to screen", load.key_ms, "ms", wanted="< 100")
     row("the same, share of one core", [load.cpu_percent], "%", wanted="< 100")
+    print()
+    fleet.print_table([fleet.measure(uavs) for uavs in (3, 30, 100)])
     print()
     codec.main()
 

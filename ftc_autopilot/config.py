@@ -28,6 +28,7 @@ __all__ = [
     "Identity",
     "Neighbour",
     "Origin",
+    "TelemetryClockKind",
     "Trigger",
     "trigger_problems",
 ]
@@ -38,6 +39,9 @@ Identity: TypeAlias = Literal["ardupilot", "generic"]
 Clients choose modes and the encoding of parameters by HEARTBEAT.autopilot. As ArduPilot,
 integers travel C-cast; as a generic autopilot, bytewise, and clients do not know the modes.
 """
+
+TelemetryClockKind: TypeAlias = Literal["wall", "simulated"]
+"""What intervals of telemetry count in lockstep; see `ftc_autopilot.vehicle.telemetry_clock`."""
 
 
 NEIGHBOUR_TIMEOUT_S = 0.25
@@ -127,6 +131,9 @@ class AutopilotConfig(Model):
     plant: HostPort = Field(description="Where the plant receives the simulator link.")
     gcs: tuple[HostPort, ...] = Field(
         min_length=1, description="Addresses of the ground stations, host:port."
+    )
+    telemetry_clock: TelemetryClockKind = Field(
+        default="wall", description="What intervals of telemetry count in lockstep."
     )
     signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
     silence_timeout_s: float = quantity(

@@ -16,9 +16,11 @@ ALLOWED: dict[str, set[str]] = {
 MODEL = {"aerodynamics", "aircraft", "config", "hardware", "lag", "rigid_body", "vec3"}
 """Modules of `sitl_plant` that an autopilot may import: the aircraft's model, not its process."""
 SHELLS = {
+    "ftc_autopilot.fork_server",
     "ftc_autopilot.process",
     "gcs.cli",
     "gcs.fleet.flight",
+    "gcs.fleet.forked",
     "gcs.fleet.processes",
     "gcs.fleet.relays",
     "gcs.fleet.standing",
@@ -31,6 +33,7 @@ ABOVE = ("gcs.commands.", "gcs.testing.")
 """Packages on top of the shells."""
 SYSTEM = {"asyncio", "selectors", "socket", "subprocess", "threading", "time"}
 USERS_OF_THE_SYSTEM = SHELLS | {
+    "ftc_autopilot.warm_up",
     "gcs.campaigns.engine",
     "gcs.figures.style",
     "gcs.fleet.in_process",

@@ -9,7 +9,7 @@ own phase, so that few are due at a time.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import TypeAlias
 
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
@@ -171,6 +171,11 @@ class Telemetry:
     def streams(self, message_id: int) -> bool:
         """Return whether a message is sent periodically."""
         return message_id in self._intervals_us
+
+    @property
+    def available(self) -> Collection[int]:
+        """Ids of all messages that can be made."""
+        return self._makers.keys()
 
     def make(self, message_id: int) -> MAVLink_message:
         """Make one message now; its id must be among the makers'."""

@@ -25,6 +25,7 @@ from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.state_messages import StateMessages, home_item
 from ftc_autopilot.vehicle.status_messages import StatusMessages
 from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry, makers_of
+from ftc_autopilot.vehicle.telemetry_clock import TelemetryClock
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.framing.drop_reason import DropReason
@@ -89,6 +90,7 @@ class Vehicle:
         )
         makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
         self.telemetry = [Telemetry(makers) for _ in self._stations]
+        self.telemetry_clock = TelemetryClock(config.telemetry_clock, hot)
         self._params = ParamServer(
             own, parameters_of(config, hot, controllers), bytewise=config.identity == "generic"
         )
@@ -139,7 +141,7 @@ class Vehicle:
     def handle_timer(self, now: float, most: int | None = None) -> None:
         """Do what is due: timers, heartbeats, mission progress, telemetry.
 
-        Call it at `deadline`, and when simulated time reaches `next_telemetry_us`.
+        Call it at `deadline`, and when the telemetry's clock reaches `next_telemetry_us`.
 
         Args:
             now: Wall-clock time [s].
@@ -163,8 +165,7 @@ class Vehicle:
         for severity, text in self._diagnosis.changes():
             self.say(severity, text)
         if self._hot.heard_s > 0.0:
-            time_us = self._hot.time_us
-            clock_us = time_us if self.running else round(now * 1e6)
+            clock_us = self.telemetry_clock.read_us(now)
             for station, telemetry in enumerate(self.telemetry):
                 self._gcs_outboxes[station][:0] = telemetry.due(clock_us, most)
         self._collect()
@@ -227,7 +228,7 @@ class Vehicle:
         return any(self._gcs_outboxes)
 
     def next_telemetry_us(self) -> int:
-        """Return the simulated time at which the next message is due [µs]; far away if none is."""
+        """Return when the next message is due, by its clock [µs]; far away if none is."""
         return min(telemetry.next_due_us() for telemetry in self.telemetry)
 
     def most_per_step(self, step_us: int) -> int:

@@ -6,7 +6,7 @@ vehicle is armed simulated time begins; when the plant ends, the flight is over.
 
 import asyncio
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -30,6 +30,7 @@ __all__ = ["fly_and_record", "fly_over_udp", "prepare"]
 
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.05
+_AT_A_TIME = 8
 _END_TIMEOUT_S = 10.0
 
 
@@ -139,10 +140,21 @@ async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, sta
         await asyncio.wait([waiting], timeout=_LOOK_S)
     await waiting
     segments = scenario.segments()
-    await asyncio.gather(*(client.vehicle(i).upload(segments) for i in ids))
+    await _for_each(ids, lambda i: client.vehicle(i).upload(segments))
     for uav_id, fault in scenario.fault_commands():
         await client.vehicle(uav_id).set_fault(fault)
     if start:
-        await asyncio.gather(*(client.vehicle(i).start_mission() for i in ids))
-        await asyncio.gather(*(client.vehicle(i).arm() for i in ids))
+        await _for_each(ids, lambda i: client.vehicle(i).start_mission())
+        await _for_each(ids, lambda i: client.vehicle(i).arm())
     fleet.check()
+
+
+async def _for_each(ids: Iterable[int], work: Callable[[int], Awaitable[None]]) -> None:
+    """Do some work with every UAV, with a few of them at a time: each answers at once."""
+    turns = asyncio.Semaphore(_AT_A_TIME)
+
+    async def in_turn(uav_id: int) -> None:
+        async with turns:
+            await work(uav_id)
+
+    await asyncio.gather(*map(in_turn, ids))

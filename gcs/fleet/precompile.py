@@ -8,15 +8,10 @@ import sys
 import threading
 from collections.abc import Iterator
 
-from ftc_autopilot import link as autopilot_link
-from ftc_autopilot.control.controllers import new_controllers
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
-from ftc_autopilot.vehicle.vehicle import Vehicle
+from ftc_autopilot.warm_up import call_everything
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
-from gcs.station.vehicle import PRIVATE_INTERVALS_S
 from gcs.theory import check_theory
 from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.runtime.jit import mark_cache_warm, not_cached
@@ -49,7 +44,7 @@ def _call_everything(scenario: Scenario) -> None:
     short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
     plant = short.plant_config(speed=None)
     with _other_process(plant):
-        _call_autopilot(short)
+        call_everything(short.autopilot_config(short.uavs[0].id))
     _call_plant(plant)
     flight = fly_in_process(short)
     summarise(flight, short)
@@ -80,17 +75,6 @@ def _call_plant(plant: PlantConfig) -> None:
     with _socket() as fd:
         plant_link.run(fd, link, fleet, 0.0)
         plant_link.send_states(fd, link, fleet, False)
-
-
-def _call_autopilot(scenario: Scenario) -> None:
-    config = scenario.autopilot_config(scenario.uavs[0].id)
-    controllers = new_controllers([config])
-    link = autopilot_link.new_link(config.id, config.neighbours, scenario.step_us, 1.0, 1)
-    with _socket() as fd:
-        autopilot_link.run(fd, fd, link, controllers, 0.0, 0)
-    telemetry = Vehicle(config, HotState(link), controllers).telemetry[0]
-    for message_id in (*DEFAULT_INTERVALS_US, *PRIVATE_INTERVALS_S):
-        telemetry.make(message_id)
 
 
 @contextlib.contextmanager

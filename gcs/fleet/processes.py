@@ -17,6 +17,7 @@ from types import MappingProxyType, TracebackType
 from typing import Self, TypeVar
 
 from gcs.errors import BadInput, FlightLost, PortInUse
+from gcs.fleet.forked import Forked, ForkServer
 from gcs.fleet.relays import through
 from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
@@ -31,15 +32,16 @@ T = TypeVar("T")
 _STOP_S = 5.0
 _TRIES = 5
 _PLANT = "plant"
+_FORKS = sys.platform == "linux"  # elsewhere, libraries do not allow it
 
 
 @dataclass
 class _Process:
     name: str
-    command: list[str]
+    arguments: list[str]
     log: Path
     address: UdpAddress  # that it binds
-    popen: subprocess.Popen[bytes]
+    popen: subprocess.Popen[bytes] | Forked
 
     def last_line(self) -> str:
         """Its last line on standard error, or its exit status."""
@@ -158,6 +160,7 @@ class FleetProcesses:
         self._restarted: list[str] = []
         self._ground_stations = tuple(map(str, ground_stations))
         self._processes: list[_Process] = []
+        self._server = ForkServer()
         self._ended: set[str] = set()
 
     def __enter__(self) -> Self:
@@ -166,10 +169,10 @@ class FleetProcesses:
         self._folder.mkdir(parents=True, exist_ok=True)
         self._configure()
         try:
-            self._start(_PLANT, "sitl_plant.process", scenario.links.plant_port)
+            self._start(_PLANT, scenario.links.plant_port)
             for uav in scenario.uavs:
                 port = scenario.links.formation_base_port + uav.id
-                self._start(f"uav{uav.id}", "ftc_autopilot.process", port, *self._options(uav.id))
+                self._start(f"uav{uav.id}", port, *self._options(uav.id))
         except BaseException:
             self.stop()
             raise
@@ -264,7 +267,8 @@ class FleetProcesses:
                 popen.wait(max(end - time.monotonic(), 0.0))
             except subprocess.TimeoutExpired:
                 popen.kill()
-                popen.wait()
+                popen.wait(_STOP_S)
+        self._server.close()
 
     def _configure(self) -> None:
         """Write the configuration file of each process."""
@@ -277,25 +281,14 @@ class FleetProcesses:
             gcs = (*config.gcs, *self._ground_stations)
             dump(config.model_copy(update={"gcs": gcs}), self._folder / f"uav{uav.id}.yaml")
 
-    def _start(self, name: str, module: str, port: int, *options: str) -> None:
+    def _start(self, name: str, port: int, *options: str) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         record = [] if self._endless else ["--record", str(self.recording_of(name))]
-        # -P: do not import from the user's current folder
-        command = [
-            sys.executable,
-            "-P",
-            "-c",
-            f"from {module} import main; main()",
-            str(config),
-            "--exit-with-parent",
-            str(os.getpid()),
-            *record,
-            *options,
-        ]
+        arguments = [str(config), *record, *options]
         log.unlink(missing_ok=True)
         address = UdpAddress(self._scenario.links.host, port)
-        popen = self._launched(name, command, log)
-        self._processes.append(_Process(name, command, log, address, popen))
+        popen = self._launched(name, arguments, log)
+        self._processes.append(_Process(name, arguments, log, address, popen))
 
     def _start_again(self, process: _Process) -> None:
         """Start a dead autopilot again when its pause is over.
@@ -309,20 +302,38 @@ class FleetProcesses:
             text = f"{process.name}: {words}, {MOST_IN_A_ROW + 1} times in a row"
             raise FlightLost(f"{text} soon after its start")
         if due:
-            process.popen = self._launched(process.name, process.command, process.log)
+            process.popen = self._launched(process.name, process.arguments, process.log)
             self._restarted.append(f"{process.name}: {words}; started again")
 
-    def _launched(self, name: str, command: list[str], log: Path) -> "subprocess.Popen[bytes]":
+    def _launched(
+        self, name: str, arguments: list[str], log: Path
+    ) -> "subprocess.Popen[bytes] | Forked":
         """Start a process that appends to its log."""
         crashes = self._crashes.get(name)
         crash = ["--crash-at", str(crashes.pop(0))] if crashes else []
-        with log.open("ab") as output:
-            popen = subprocess.Popen(
-                command + crash,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
         self._restarts.started(name, time.monotonic())
-        return popen
+        if name != _PLANT and _FORKS:
+            return self._server.start([*arguments, *crash], log)
+        package = "sitl_plant" if name == _PLANT else "ftc_autopilot"
+        return _started(package, [*arguments, *crash], log)
+
+
+def _started(package: str, arguments: list[str], log: Path) -> subprocess.Popen[bytes]:
+    """Start the process of a package."""
+    command = [
+        sys.executable,
+        "-P",  # do not import from the user's current folder
+        "-c",
+        f"from {package}.process import main; main()",
+        *arguments,
+        "--exit-with-parent",
+        str(os.getpid()),
+    ]
+    with log.open("ab") as output:
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )

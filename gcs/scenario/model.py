@@ -149,6 +149,7 @@ class Scenario(Model):
             formation_bind=self._formation_address(uav_id),
             plant=links.plant_relay or links.address(links.plant_port),
             gcs=(links.address(links.gcs_port),),
+            telemetry_clock=links.telemetry_clock,
             signing_key=links.signing_key,
         )
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, FormationTrigger
+from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, FormationTrigger, TelemetryClockKind
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import HostPort, Loc, Model, Port, Problem, Problems, SystemId
 from mavlink_defs.config.quantity import quantity
@@ -145,6 +145,11 @@ class Links(Model):
     )
     plant_relay: HostPort | None = Field(
         default=None, description="Where autopilots send instead of to the plant itself."
+    )
+    telemetry_clock: TelemetryClockKind = Field(
+        default="wall",
+        description="What intervals of telemetry count in lockstep: simulated time, or the slower "
+        "of simulated and wall-clock time.",
     )
     signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
     formation: FormationLinks = Field(

@@ -13,6 +13,7 @@ link's traffic. Use it inside a running asyncio event loop::
 import asyncio
 import contextlib
 import select
+import socket
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Coroutine, Iterable
@@ -38,8 +39,11 @@ GROUND_STATION = SystemId(255, dialect.MAV_COMP_ID_MISSIONPLANNER)
 _AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 _TICK_S = 0.2
 _HEARTBEAT_S = 1.0
+_LONGEST_DATAGRAM = 65535
 _DISCOVERY_S = 1.2  # every vehicle sends a HEARTBEAT within a second
 _NOTIFICATIONS_KEPT = 2000
+_MAX_DATAGRAMS = 64
+"""Most datagrams processed at a time: a turn of the event loop costs as much as a datagram."""
 _SHARE_HINT = "go through the hub of `gcs up` with --connect udpout:HOST:PORT"
 
 
@@ -109,6 +113,7 @@ class Client(asyncio.DatagramProtocol):
         self.now = clock
         self.machines = MachineRunner(clock, self._send_to_target)
         self._heard = asyncio.Event()  # a vehicle has sent something, or is unreachable
+        self._sock: socket.socket | None = None
         self._transport: asyncio.DatagramTransport | None = None
         self._pulse: asyncio.Task[None] | None = None
         self._inquiries: dict[tuple[int, str], asyncio.Task[None]] = {}
@@ -128,6 +133,7 @@ class Client(asyncio.DatagramProtocol):
         except EndpointError as problem:
             raise bad_endpoint(problem) from problem
         sock.setblocking(False)
+        self._sock = sock
         loop = asyncio.get_running_loop()
         self._transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=sock)
         self._pulse = loop.create_task(self._live())
@@ -164,6 +170,11 @@ class Client(asyncio.DatagramProtocol):
 
         If private messages are wanted, wait until they arrive, too.
 
+        Args:
+            systems: System ids of the vehicles.
+            timeout_s: Longest time in which none of them becomes ready [s]; how long all take
+                depends on their number and on the machine.
+
         Raises:
             NoAnswer: Some are not ready; they are named.
         """
@@ -178,9 +189,11 @@ class Client(asyncio.DatagramProtocol):
         def missing() -> set[int]:
             return {i for i in wanted if not is_complete(self._vehicles.get(i))}
 
-        if not await self.until(lambda: not missing(), timeout_s):
-            names = ", ".join(map(str, sorted(missing())))
-            raise NoAnswer(f"UAV {names} not ready within {timeout_s:g} s on {self.connection}")
+        before: set[int] = set()
+        while before := missing():
+            if not await self.until(lambda: missing() != before, timeout_s):
+                names = ", ".join(map(str, sorted(before)))
+                raise NoAnswer(f"UAV {names} not ready within {timeout_s:g} s on {self.connection}")
 
     async def discover(
         self, timeout_s: float, systems: Collection[int] | None = None
@@ -252,7 +265,18 @@ class Client(asyncio.DatagramProtocol):
                 self._on_notification(one)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        """Process a datagram; called by asyncio."""
+        """Process a datagram, and others that have arrived with it; called by asyncio."""
+        self._receive(data, addr)
+        if self._sock is None:
+            return
+        for _ in range(_MAX_DATAGRAMS):
+            try:
+                more = self._sock.recvfrom(_LONGEST_DATAGRAM)
+            except OSError:  # none is left; an error is reported again to asyncio
+                return
+            self._receive(*more)
+
+    def _receive(self, data: bytes, addr: tuple[str, int]) -> None:
         wrong = None if self.signer is None else self.signer.problem(data)
         message = parse(data) if wrong is None else None
         if message is None:

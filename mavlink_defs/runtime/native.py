@@ -43,7 +43,11 @@ ADDRESS_SIZE = 16  # struct sockaddr_in
 
 _MONOTONIC, _UNIX = int(time.CLOCK_MONOTONIC), int(time.CLOCK_REALTIME)
 _NOW = int(socket.MSG_DONTWAIT)
-_YIELDS = 100  # about a tenth of a millisecond
+_SPIN_S = 1e-4
+"""Longest wait that keeps the processor, offered to others [s].
+
+By the clock, not by turns: with many processes a turn takes as long as all of theirs.
+"""
 _NUMBA_TYPES: dict[object, Any] = {
     ctypes.c_int: types.int32,
     ctypes.c_void_p: types.uintp,
@@ -93,11 +97,15 @@ def receive_soon(fd: int, buffer: np.ndarray) -> int:
     The processor is offered to others, but does not fall asleep, for the first moments:
     waking it again would take longer than all the work of a lockstep step.
     """
-    for _ in range(_YIELDS):
+    length = _recv(fd, buffer.ctypes.data, buffer.size, _NOW)
+    if length >= 0:
+        return length
+    end_s = monotonic_s() + _SPIN_S
+    while monotonic_s() < end_s:
+        _sched_yield()
         length = _recv(fd, buffer.ctypes.data, buffer.size, _NOW)
         if length >= 0:
             return length
-        _sched_yield()
     return _recv(fd, buffer.ctypes.data, buffer.size, 0)
 
 
@@ -120,11 +128,15 @@ def receive_from(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
 def receive_from_soon(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
     """Take one datagram and its sender, expected within microseconds; see `receive_soon`."""
     size = np.full(1, ADDRESS_SIZE, np.uint32)
-    for _ in range(_YIELDS):
+    length = _receive_from(fd, buffer, address, size, _NOW)
+    if length >= 0:
+        return length
+    end_s = monotonic_s() + _SPIN_S
+    while monotonic_s() < end_s:
+        _sched_yield()
         length = _receive_from(fd, buffer, address, size, _NOW)
         if length >= 0:
             return length
-        _sched_yield()
     return _receive_from(fd, buffer, address, size, 0)
 
 

@@ -43,6 +43,8 @@ _MISSION = dialect.MAV_MISSION_TYPE_MISSION
 _TYPES = (_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY)
 _NO_MISSION = 0xFFFF
 _MAX_READERS = 16
+_SILENCE_S = 30.0
+"""Silence of a client after which its upload is cancelled."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +92,10 @@ class _Upload:
     mission_type: int
     count: int
     items: list[MissionItem] = field(default_factory=list)
-    retries: int = 0
-    deadline: float = 0.0
+    retries: int = 0  # repeated requests since the last item
+    ignored: int = 0  # those of them after which the client was heard, but no item came
+    heard_s: float = 0.0  # when the client was heard
+    asked_s: float = 0.0  # when the awaited item was requested
     result: int | None = None
 
     def differs(self, item: MissionItem | MAVLink_mission_item_message, index: int) -> bool:
@@ -186,6 +190,9 @@ class MissionServer(Machine[MissionEvent]):
         if not is_for(message, self._own):
             return
         sender = _Client(sender_of(message), station)
+        upload = self._going_on()
+        if upload is not None and upload.sender == sender:
+            upload.heard_s = now
         self.asking = station
         match message:
             case MAVLink_mission_count_message():
@@ -212,14 +219,19 @@ class MissionServer(Machine[MissionEvent]):
                 self._ack(sender, message.mission_type, dialect.MAV_MISSION_UNSUPPORTED)
 
     def handle_timer(self, now: float) -> None:
-        """Request the awaited item again, or cancel the upload."""
+        """Request the awaited item again, or cancel the upload.
+
+        On a busy machine a client may be late with everything: it has ignored a request only if
+        it was heard since.
+        """
         upload = self._going_on()
-        if upload is None or now < upload.deadline:
+        if upload is None or now < upload.asked_s + ITEM_TIMEOUT_S:
             return
         self.asking = upload.sender.station
-        if upload.retries >= MAX_RETRIES:
-            text = f"Mission upload: item {len(upload.items)} did not come"
-            self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
+        if upload.heard_s > upload.asked_s:
+            upload.ignored += 1
+        if upload.ignored > MAX_RETRIES or now - upload.heard_s > _SILENCE_S:
+            self._end_stuck(upload)
         else:
             upload.retries += 1
             self._request_item(upload, now)
@@ -227,15 +239,25 @@ class MissionServer(Machine[MissionEvent]):
     def deadline(self) -> float | None:
         """Return the time at which an awaited item is requested again [s]."""
         upload = self._going_on()
-        return None if upload is None else upload.deadline
+        return None if upload is None else upload.asked_s + ITEM_TIMEOUT_S
 
     def _going_on(self) -> _Upload | None:
         upload = self._upload
         return upload if upload is not None and upload.result is None else None
 
     def _busy_for(self, sender: _Client) -> bool:
+        """Return whether another client uploads; one that is stuck must make way."""
         upload = self._going_on()
-        return upload is not None and upload.sender != sender
+        if upload is None or upload.sender == sender:
+            return False
+        if upload.retries < MAX_RETRIES:
+            return True
+        self._end_stuck(upload)
+        return False
+
+    def _end_stuck(self, upload: _Upload) -> None:
+        text = f"Mission upload: item {len(upload.items)} did not come"
+        self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
 
     def _on_count(
         self, message: MAVLink_mission_count_message, sender: _Client, now: float
@@ -251,7 +273,7 @@ class MissionServer(Machine[MissionEvent]):
                 self._end_upload(before, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
             return  # delayed, or of another client with this address
         # Without items the upload begins anew: it may be another mission of a restarted client.
-        self._upload = upload = _Upload(sender, mission_type, count)
+        self._upload = upload = _Upload(sender, mission_type, count, heard_s=now)
         if mission_type not in _TYPES or (mission_type != _MISSION and count > 0):
             text = f"Mission type {mission_type} is not supported"
             self._end_upload(upload, dialect.MAV_MISSION_UNSUPPORTED, text)
@@ -280,7 +302,7 @@ class MissionServer(Machine[MissionEvent]):
                 self._ack(sender, item.mission_type, result)
         elif item.seq == len(upload.items):
             upload.items.append(item_as_int(item))
-            upload.retries = 0
+            upload.retries = upload.ignored = 0
             if len(upload.items) < upload.count:
                 self._request_item(upload, now)
             else:
@@ -347,9 +369,7 @@ class MissionServer(Machine[MissionEvent]):
         if upload is None or message.type == dialect.MAV_MISSION_ACCEPTED:
             return  # an acceptance ends a download
         if (upload.sender, upload.mission_type) == (sender, message.mission_type):
-            upload.result = (
-                dialect.MAV_MISSION_OPERATION_CANCELLED
-            )  # the sender has cancelled it itself
+            upload.result = dialect.MAV_MISSION_OPERATION_CANCELLED  # by the sender itself
 
     def _replace(self, mission_type: int, items: tuple[MissionItem, ...]) -> None:
         if mission_type not in {_MISSION, dialect.MAV_MISSION_TYPE_ALL}:
@@ -359,7 +379,7 @@ class MissionServer(Machine[MissionEvent]):
         self._happened.append(MissionAccepted(items))
 
     def _request_item(self, upload: _Upload, now: float) -> None:
-        upload.deadline = now + ITEM_TIMEOUT_S
+        upload.asked_s = now
         request = MAVLink_mission_request_int_message(
             *upload.sender.address, len(upload.items), upload.mission_type
         )

@@ -31,7 +31,7 @@ def test_stopped_and_killed_ground_stations_change_nothing(
     tmp_path: Path, reference: dict[str, np.ndarray]
 ) -> None:
     """Lockstep events are those of the flight in one process, whatever becomes of stations."""
-    with up(tmp_path, "--lockstep") as fleet:
+    with up(tmp_path, "--lockstep", "--set", "links.telemetry_clock=simulated") as fleet:
         log = tmp_path / "events.tlog"
         direct = f"udpin:127.0.0.1:{fleet.gcs_port}"
         stations = [

@@ -38,7 +38,6 @@ from mavlink_defs.dialect import (
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import (
     ITEM_TIMEOUT_S,
-    MAX_RETRIES,
     MissionItem,
     item_as_int,
 )
@@ -118,33 +117,6 @@ class TestServerUpload:
         vehicle = Vehicle(segments=2)
         other = item(2, mission(2, airspeed=40.0))
         assert vehicle.answers(other) == ack(dialect.MAV_MISSION_INVALID_SEQUENCE)
-
-    def test_missing_item_is_asked_for_again_then_given_up(self) -> None:
-        vehicle = Vehicle(segments=1)
-        vehicle.answers(count(3), now=10.0)
-        assert vehicle.server.deadline() == 10.0 + ITEM_TIMEOUT_S
-        vehicle.server.handle_timer(10.1)
-        assert vehicle.sent() == []
-        while (at := vehicle.server.deadline()) is not None:
-            vehicle.server.handle_timer(at)
-        assert vehicle.sent() == [("MISSION_REQUEST_INT", 0)] * MAX_RETRIES + ack(CANCELLED)
-        assert vehicle.server.events() == [
-            MissionRefused(CANCELLED, "Mission upload: item 0 did not come")
-        ]
-        assert len(vehicle.server.items) == 2
-        assert vehicle.answers(item(0)) == ack(CANCELLED)
-
-    def test_patience_is_for_each_item(self) -> None:
-        vehicle = Vehicle()
-        vehicle.answers(count(3))
-        for seq in (0, 1, 2):
-            for _ in range(MAX_RETRIES):
-                at = vehicle.server.deadline()
-                assert at is not None
-                vehicle.server.handle_timer(at)
-            assert vehicle.sent() == [("MISSION_REQUEST_INT", seq)] * MAX_RETRIES
-            vehicle.answers(item(seq), now=at or 0.0)
-        assert len(vehicle.server.items) == 3
 
     def test_second_client_is_denied_meanwhile(self) -> None:
         vehicle = Vehicle()

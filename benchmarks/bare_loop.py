@@ -1,0 +1,104 @@
+"""The lockstep traffic of a fleet with nothing behind it: what sockets and scheduler allow.
+
+One process plays the plant and one each autopilot, with the socket calls and the ways to wait of
+the product. Every step has the datagrams of a flight without events, of the same sizes: a state
+to each autopilot, one from each to its neighbours (a star around the first), FTC_STEP_DONE from
+each. They are not packed, checked or understood, and there is no physics, control or telemetry.
+"""
+
+import os
+import signal
+import socket
+import time
+
+import numpy as np
+
+from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, set_receive_timeout, sockaddr
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE
+from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.native import (
+    ADDRESS_SIZE,
+    receive_from_soon,
+    receive_soon,
+    send,
+    send_to,
+)
+
+__all__ = ["bare_us_per_step"]
+
+_AROUND = HEADER_SIZE + CRC_SIZE
+_STATE = codec.SIM_STATE_SIZE - codec.SIM_STATE["wind"].itemsize + _AROUND  # in calm air
+_NEIGHBOUR = codec.NEIGHBOUR_SIZE + _AROUND
+_DONE = 2 + _AROUND  # of a step below 65536, without the zeros at its end
+_TIMEOUT_S = 5.0
+_ANY = UdpAddress("127.0.0.1", 0)
+
+
+def bare_us_per_step(uavs: int, steps: int) -> float:
+    """Return the time of a step [µs], the mean of `steps`.
+
+    Raises:
+        RuntimeError: A datagram was lost.
+    """
+    plant = bind_udp(_ANY, "plant of the bare loop")
+    formation = [bind_udp(_ANY, "autopilot of the bare loop") for _ in range(uavs)]
+    autopilots = [connect_udp(UdpAddress(*plant.getsockname())) for _ in range(uavs)]
+    sockets = [plant, *formation, *autopilots]
+    for sock in sockets:
+        set_receive_timeout(sock, _TIMEOUT_S)
+    ports, back = _addresses(formation), _addresses(autopilots)
+    plant_loop(plant.fileno(), back[:0], 1)  # compile both before the fork
+    autopilot_loop(plant.fileno(), plant.fileno(), ports[:0], 0)
+    children = []
+    try:
+        for i in range(uavs):
+            neighbours = ports[1:] if i == 0 else ports[:1]
+            if (pid := os.fork()) == 0:
+                autopilot_loop(autopilots[i].fileno(), formation[i].fileno(), neighbours, steps)
+                os._exit(0)
+            children.append(pid)
+        begin = time.perf_counter()
+        made = plant_loop(plant.fileno(), back, steps)
+        end = time.perf_counter()
+    finally:
+        for pid in children:
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+        for sock in sockets:
+            sock.close()
+    if made < steps:
+        raise RuntimeError(f"the bare loop lost a datagram in step {made} of {steps}")
+    return (end - begin) / steps * 1e6
+
+
+def _addresses(sockets: list[socket.socket]) -> np.ndarray:
+    addresses = [sockaddr(UdpAddress(*sock.getsockname())) for sock in sockets]
+    return np.array(addresses, np.uint8).reshape(len(sockets), ADDRESS_SIZE)
+
+
+@compiled
+def plant_loop(fd: int, autopilots: np.ndarray, steps: int) -> int:
+    """Return the number of steps made."""
+    datagram, sender = np.zeros(codec.BUFFER_SIZE, np.uint8), np.zeros(ADDRESS_SIZE, np.uint8)
+    for step in range(steps):
+        for i in range(len(autopilots)):
+            send_to(fd, datagram, _STATE, autopilots[i])
+        for _ in range(len(autopilots)):
+            if receive_from_soon(fd, datagram, sender) < 0:
+                return step
+    return steps
+
+
+@compiled
+def autopilot_loop(fd: int, formation_fd: int, neighbours: np.ndarray, steps: int) -> None:
+    datagram, sender = np.zeros(codec.BUFFER_SIZE, np.uint8), np.zeros(ADDRESS_SIZE, np.uint8)
+    for step in range(steps):
+        if receive_soon(fd, datagram) < 0:
+            return
+        if step > 0:
+            for _ in range(len(neighbours)):
+                receive_from_soon(formation_fd, datagram, sender)
+        for d in range(len(neighbours)):
+            send_to(formation_fd, datagram, _NEIGHBOUR, neighbours[d])
+        send(fd, datagram, _DONE)

@@ -1,0 +1,140 @@
+"""Lockstep flights over UDP from one UAV to a hundred, beside the bare loop of the same size.
+
+``python -m benchmarks.fleet`` prints the table; ``--figure FILE`` draws the time per UAV and step,
+too. Both sides of a ratio are measured in turn, so that they see the same machine.
+"""
+
+import argparse
+import json
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.bare_loop import bare_us_per_step
+from gcs.scenario.model import scenario_tree
+
+__all__ = ["Fleet", "main", "measure"]
+
+STEPS = {1: 24_000, 3: 24_000, 10: 6_000, 30: 2_000, 100: 500}
+"""Steps of a flight, by the number of UAVs; a step is 1 ms."""
+ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Times of a step [µs], one for each round."""
+
+    uavs: int
+    flights_us: list[float]
+    bare_us: list[float]
+
+    @property
+    def flight_us(self) -> float:
+        """Median of the flights [µs]."""
+        return statistics.median(self.flights_us)
+
+    @property
+    def ratio(self) -> float:
+        """Speed of the flights as a share of the bare loop's."""
+        return statistics.median(self.bare_us) / self.flight_us
+
+
+def measure(uavs: int, rounds: int = ROUNDS) -> Fleet:
+    """Measure a fleet of some size."""
+    flights_us, bare_us = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        scenario = Path(folder) / "star.yaml"
+        scenario.write_text(json.dumps(star(uavs, STEPS[uavs] / 1000)))
+        for _ in range(rounds):
+            flights_us.append(flown_us_per_step(scenario))
+            bare_us.append(bare_us_per_step(uavs, STEPS[uavs]))
+    return Fleet(uavs, flights_us, bare_us)
+
+
+def star(uavs: int, duration_s: float) -> dict[str, Any]:
+    """Return scenario 1 of the paper, without its fault, with more followers or fewer."""
+    tree = scenario_tree("paper/scenario1")
+    originals = tree["uavs"]
+    tree["uavs"] = [
+        {
+            **originals[min(i, len(originals) - 1)],
+            "id": 1 + i,
+            "name": f"UAV {1 + i}",
+        }
+        for i in range(uavs)
+    ]
+    tree["network"]["edges"] = [{"between": [1, 1 + i], "weight": 1.0} for i in range(1, uavs)]
+    tree["faults"], tree["duration_s"] = [], duration_s
+    return tree
+
+
+def flown_us_per_step(scenario: Path) -> float:
+    """Fly a scenario once; return the wall time of a step [µs]."""
+    folder = scenario.with_name("run")
+    command = ["fly", str(scenario), "--json", "--free-ports", "--out", str(folder)]
+    program = [sys.executable, "-c", "from gcs.cli import main; main()", *command]
+    output = subprocess.run(program, check=True, capture_output=True).stdout
+    shutil.rmtree(folder)
+    summary = json.loads(output)
+    return float(summary["wall_s"]) / int(summary["steps"]) * 1e6
+
+
+def print_table(fleets: list[Fleet]) -> None:
+    """Print a row for each fleet."""
+    head = ("UAVs", "µs/step", "real time", "bare loop", "share of it", "µs per UAV-step")
+    print("".join(f"{title:>17}" for title in head))
+    for fleet in fleets:
+        row = (
+            f"{fleet.uavs}",
+            f"{fleet.flight_us:.1f}",
+            f"{1000 / fleet.flight_us:.2f}×",
+            f"{1000 / statistics.median(fleet.bare_us):.2f}×",
+            f"{fleet.ratio:.2f}",
+            f"{fleet.flight_us / fleet.uavs:.1f}",
+        )
+        print("".join(f"{cell:>17}" for cell in row))
+
+
+def draw(fleets: list[Fleet], file: Path) -> None:
+    """Draw the time per UAV and step."""
+    from gcs.figures.style import new_figure, style, tidy
+
+    figure = new_figure(3.0)
+    axes = figure.add_subplot()
+    sizes = [fleet.uavs for fleet in fleets]
+    curves = {
+        "flight": [fleet.flight_us / fleet.uavs for fleet in fleets],
+        "bare loop": [statistics.median(fleet.bare_us) / fleet.uavs for fleet in fleets],
+    }
+    for i, (name, values) in enumerate(curves.items()):
+        axes.plot(sizes, values, marker="o", label=name, color=style(i).colour)
+    axes.set(xscale="log", ylim=(0.0, None), xlabel="UAVs", ylabel="time per UAV and step [µs]")
+    axes.set_xticks(sizes, [str(size) for size in sizes])
+    axes.minorticks_off()
+    tidy(axes)
+    axes.legend()
+    figure.savefig(file)
+
+
+def main() -> None:
+    """Measure every size and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.fleet", description=__doc__)
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="draw the times, too")
+    parser.add_argument(
+        "--uavs", type=int, nargs="+", choices=STEPS, default=list(STEPS), help="sizes of fleets"
+    )
+    parser.add_argument("--rounds", type=int, default=ROUNDS, help="flights of each")
+    options = parser.parse_args()
+    fleets = [measure(uavs, options.rounds) for uavs in options.uavs]
+    print_table(fleets)
+    if options.figure is not None:
+        draw(fleets, options.figure)
+
+
+if __name__ == "__main__":
+    main()

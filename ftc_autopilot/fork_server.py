@@ -1,0 +1,113 @@
+"""A process from which the autopilots of a fleet are forked, so that they share what they import.
+
+Python, numpy, the dialect and the compiled core take a second of processor time and most of the
+memory of an autopilot; a forked one begins with them. Linux only: elsewhere libraries do not
+allow a fork, and every autopilot is a process of its own from the start.
+
+Requests come as lines of JSON on standard input, ``{"arguments": [...], "log": FILE}`` with the
+arguments of ``ftc-autopilot``, and are numbered from 0. Standard output gets a line for every
+process that was started, ``[number, pid, null]``, or has ended, ``[number, pid, status]``, with the
+status as in `subprocess.Popen.returncode`. At the end of the input all that still run are stopped.
+
+All are in the session of the server. Linux divides the processors among sessions first, so that the
+plant and the ground station, each alone in one, are not starved by a hundred autopilots.
+"""
+
+import ctypes
+import gc
+import json
+import os
+import select
+import signal
+import sys
+import traceback
+from pathlib import Path
+
+from ftc_autopilot.process import main as fly
+from ftc_autopilot.warm_up import warm_up_with
+
+__all__ = ["main"]
+
+
+def main() -> None:
+    """Run the server."""
+    wake, waker = os.pipe()
+    os.set_blocking(waker, False)
+    signal.set_wakeup_fd(waker)
+    signal.signal(signal.SIGCHLD, lambda *_: None)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    numbers: dict[int, int] = {}
+    requests = 0
+    unread = b""
+    try:
+        while True:
+            readable, _, _ = select.select([0, wake], [], [])
+            if wake in readable:
+                os.read(wake, 4096)
+                _report_ended(numbers)
+            if 0 in readable:
+                received = os.read(0, 1 << 16)
+                if not received:
+                    break
+                *lines, unread = (unread + received).split(b"\n")
+                for line in lines:
+                    request = json.loads(line)
+                    if not requests:
+                        warm_up_with(Path(request["arguments"][0]))
+                        gc.collect()
+                        gc.freeze()  # the collector would write to, and so copy, every page
+                    pid = _fork(request["arguments"], request["log"], (wake, waker))
+                    numbers[pid] = requests
+                    _report(requests, pid, None)
+                    requests += 1
+    finally:
+        for pid in numbers:
+            os.kill(pid, signal.SIGTERM)
+
+
+def _report_ended(numbers: dict[int, int]) -> None:
+    while numbers:
+        pid, status = os.waitpid(-1, os.WNOHANG)
+        if pid == 0:
+            return
+        _report(numbers.pop(pid), pid, os.waitstatus_to_exitcode(status))
+
+
+def _report(number: int, pid: int, status: int | None) -> None:
+    os.write(1, json.dumps([number, pid, status]).encode() + b"\n")
+
+
+def _fork(arguments: list[str], log: str, pipes: tuple[int, int]) -> int:
+    """Start an autopilot; return its process id."""
+    parent = os.getpid()
+    pid = os.fork()
+    if pid:
+        return pid
+    status = 1
+    try:
+        signal.set_wakeup_fd(-1)
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        for pipe in pipes:
+            os.close(pipe)
+        with open(os.devnull, "rb") as nothing, open(log, "ab") as output:
+            os.dup2(nothing.fileno(), 0)
+            os.dup2(output.fileno(), 1)
+            os.dup2(output.fileno(), 2)
+        _set_command_line("ftc-autopilot", *arguments)
+        fly([*arguments, "--exit-with-parent", str(parent)])
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+
+
+def _set_command_line(*words: str) -> None:
+    """Show other words in ps and top; more than fit are cut off."""
+    fields = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
+    begin, end = int(fields[45]), int(fields[46])  # arg_start and arg_end of proc(5)
+    text = "\0".join(words).encode()[: end - begin - 1]
+    ctypes.memmove(begin, text.ljust(end - begin, b"\0"), end - begin)

@@ -1,0 +1,142 @@
+"""Autopilots forked from a warm process, `ftc_autopilot.fork_server`, started as by `Popen`."""
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+__all__ = ["ForkServer", "Forked"]
+
+_ROOM = " " * 512
+"""An argument for the server, which makes room for the command lines of those it forks."""
+
+
+class ForkServer:
+    """The process that autopilots are forked from; started with the first of them."""
+
+    def __init__(self) -> None:
+        self._popen: subprocess.Popen[bytes] | None = None
+        self._forked: list[Forked] = []
+        self._unread = b""
+
+    def start(self, arguments: Sequence[str], log: Path) -> "Forked":
+        """Start ``ftc-autopilot`` with these arguments; it writes to the file `log`."""
+        if self._popen is not None and self._popen.poll() is not None:
+            self.close()
+            self._popen, self._forked, self._unread = None, [], b""
+        if self._popen is None:
+            self._popen = _start_server(log)
+        request = {"arguments": list(arguments), "log": str(log)}
+        assert self._popen.stdin is not None
+        try:
+            self._popen.stdin.write(json.dumps(request).encode() + b"\n")
+            self._popen.stdin.flush()
+        except BrokenPipeError:
+            pass  # it has ended; so have its autopilots
+        forked = Forked(self)
+        self._forked.append(forked)
+        return forked
+
+    def read(self, timeout_s: float) -> bool:
+        """Take in what the server has reported; return whether there was anything.
+
+        Args:
+            timeout_s: How long to wait for a report [s].
+        """
+        if self._popen is None or self._popen.stdout is None or self._popen.stdout.closed:
+            return False
+        if not select.select([self._popen.stdout], [], [], timeout_s)[0]:
+            return False
+        received = os.read(self._popen.stdout.fileno(), 1 << 16)
+        *lines, self._unread = (self._unread + received).split(b"\n")
+        for line in lines:
+            number, pid, status = json.loads(line)
+            self._forked[number].pid, self._forked[number].returncode = pid, status
+        if not received:
+            self.close()
+        return True
+
+    def close(self) -> None:
+        """End the server, which stops all that it has forked."""
+        if self._popen is None or self._popen.stdin is None or self._popen.stdout is None:
+            return
+        self._popen.stdin.close()
+        self._popen.stdout.close()
+        status = self._popen.wait()
+        for forked in self._forked:
+            if forked.returncode is None:
+                forked.returncode = status
+
+
+class Forked:
+    """A forked process, with the methods of `Popen` that are used here.
+
+    Attributes:
+        pid: Its process id; None until the server has reported it.
+        returncode: As of `Popen`.
+    """
+
+    def __init__(self, server: ForkServer) -> None:
+        self._server = server
+        self.pid: int | None = None
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """Return the exit status; None while it runs."""
+        while self.returncode is None and self._server.read(0.0):
+            pass
+        return self.returncode
+
+    def wait(self, timeout: float) -> int:
+        """Wait for the end.
+
+        Raises:
+            subprocess.TimeoutExpired: It still runs.
+        """
+        end = time.monotonic() + timeout
+        while self.poll() is None:
+            left = end - time.monotonic()
+            if left <= 0.0:
+                raise subprocess.TimeoutExpired("ftc-autopilot", timeout)
+            self._server.read(left)
+        assert self.returncode is not None
+        return self.returncode
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self._send(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it."""
+        self._send(signal.SIGKILL)
+
+    def _send(self, number: int) -> None:
+        while self.poll() is None and self.pid is None:  # it is about to be started
+            self._server.read(1.0)
+        if self.returncode is None and self.pid is not None:
+            os.kill(self.pid, number)
+
+
+def _start_server(log: Path) -> subprocess.Popen[bytes]:
+    """Start the server; what it may have to say about itself goes to the first autopilot's log."""
+    command = [
+        sys.executable,
+        "-P",  # do not import from the user's current folder
+        "-c",
+        "from ftc_autopilot.fork_server import main; main()",
+        _ROOM,
+    ]
+    with log.open("ab") as errors:
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            start_new_session=True,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # a fork does not copy threads
+        )
