@@ -7,7 +7,7 @@ none, a set that flies well with Table III kept to the letter. Angles inside the
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ftc_autopilot.control.laws import Controller
 from ftc_autopilot.control.laws.proposed import Proposed
@@ -17,6 +17,7 @@ from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
+from sitl_plant.hardware import ActuatorServos
 
 __all__ = ["AutopilotConfig", "Controller", "Identity", "Neighbour", "Origin", "Trigger"]
 
@@ -53,6 +54,11 @@ class Trigger(Model):
     ] = schedule(1.0, doc="Absolute threshold of the surfaces, b2 of (29) [deg].")
 
 
+def _with_ideal_servos(controller: Controller) -> Controller:
+    """Return the parameters, complete: who gives none of the servos has ideal ones."""
+    return controller.with_servos(ActuatorServos())
+
+
 class Neighbour(Model):
     """One edge of the graph, seen from one of its ends."""
 
@@ -74,7 +80,7 @@ class AutopilotConfig(Model):
         default=Origin(), description="Geographic coordinates of north = east = down = 0."
     )
     aircraft: Aircraft = Field(description="The nominal aircraft.")
-    controller: Controller = Field(
+    controller: Annotated[Controller, AfterValidator(_with_ideal_servos)] = Field(
         default=Proposed(), description="Control law and its parameters."
     )
     trigger: Trigger = Field(default=Trigger(), description="Event triggers.")

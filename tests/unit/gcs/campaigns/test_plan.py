@@ -7,6 +7,7 @@ import pytest
 from campaign_flights import MASS, campaign_tree, planned, write_campaign
 
 from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.laws.surviving import Surviving
 from gcs.campaigns.model import load_campaign
 from gcs.campaigns.plan import plan, row_of, rows_of
 from gcs.scenario.bundled import SCENARIOS
@@ -197,6 +198,16 @@ def test_shipped_campaigns_can_be_flown(name: str) -> None:
     campaign = load_campaign(path)
     short = campaign.model_copy(update={"draws": 16})
     assert plan(short, path).draws.num_rows == 16 * len(campaign.variants)
+
+
+def test_the_autopilots_of_a_campaign_are_those_of_its_variants() -> None:
+    """What a variant leaves open, as the servos that a diagnosis models, its flights know, too."""
+    path = SCENARIOS / "campaigns" / "stuck_surface.yaml"
+    campaign = plan(load_campaign(path, draws=1), path)
+    for row in rows_of(campaign.draws):
+        law = campaign.flights.scenario(row).autopilot_config(3).controller
+        assert isinstance(law, Surviving)
+        assert law.diagnosis.servo_lag_s == (0.02 if row["variant"].endswith("_real") else 0.0)
 
 
 @pytest.mark.parametrize("name", ["uncertainty", "faults"])
