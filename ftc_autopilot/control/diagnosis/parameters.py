@@ -62,7 +62,7 @@ class Diagnosis(Model):
     )
     prior_n: float = quantity("N", gt=0.0, default=10.0, doc="The throttle's.")
     confirm_s: _Times = Field(
-        default=(0.02, 0.02, 0.03), description="Times for which a loss must be seen [s]."
+        default=(0.008, 0.008, 0.015), description="Times for which a loss must be seen [s]."
     )
     throttle_confirm_s: float = quantity("s", gt=0.0, default=0.008, doc="The throttle's.")
     jump_sigma: float = quantity(
