@@ -74,8 +74,7 @@ def campaign(
     """
     from gcs.campaigns.engine import missing_rows
     from gcs.campaigns.folder import default_folder, open_folder
-    from gcs.campaigns.model import load_campaign
-    from gcs.campaigns.plan import plan
+    from gcs.campaigns.plan import load_plan
     from gcs.campaigns.until import is_decided, note_condition, stopping_condition
     from gcs.errors import BadInput
     from gcs.scenario.bundled import find_scenario
@@ -85,7 +84,7 @@ def campaign(
     console = console_of(quiet=quiet)
     path = find_scenario(file)
     with console.status("checking every draw"):
-        planned = plan(load_campaign(path, draws), path)
+        planned = load_plan(path, draws)
     condition = stopping_condition(until, planned.mark.campaign) if until is not None else None
     folder = out or default_folder(planned.mark)
     open_folder(folder, planned)

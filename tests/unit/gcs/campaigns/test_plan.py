@@ -9,7 +9,7 @@ from campaign_flights import MASS, campaign_tree, planned, write_campaign
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.surviving import Surviving
 from gcs.campaigns.model import load_campaign
-from gcs.campaigns.plan import plan, row_of, rows_of
+from gcs.campaigns.plan import load_plan, plan, row_of, rows_of
 from gcs.scenario.bundled import SCENARIOS
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
@@ -33,7 +33,7 @@ def faulty(**keys: Any) -> dict[str, Any]:
 def message(tmp_path: Path, **changes: Any) -> str:
     path = write_campaign(tmp_path, **changes)
     with pytest.raises(ConfigError) as caught:
-        plan(load_campaign(path), path)
+        load_plan(path)
     text = str(caught.value)
     assert all(line.startswith(f"{path}: ") for line in text.splitlines())
     return text.replace(f"{path}: ", "")
@@ -106,16 +106,30 @@ def test_every_mistake_of_a_file_is_named(tmp_path: Path) -> None:
             "b": {"draw": {"kind": "normal", "mean": 1.0}},
             "c": {"draw": {"kind": "beta"}},
             "d": {"draws": uniform(0.0, 1.0)},
+            "trigger.b2_deq": {"draw": uniform(0.1, 1.0)},
+            "trigger.b1": {"draw": uniform(0.1, 1.0)},
         },
+        faults={"f": faulty(uavs=[7])["faults"]["f"]},
+        variants={"v": {"duration": 1.0}, "w": {}},
+        keep={"worst": -1},
     )
     for words in (
         "seed: expected",
+        "draws: missing",
         "factors.a.draw.high: expected > low = 2.0, got 1.0",
         "factors.b.draw.deviation: missing",
         "factors.c.draw.kind: expected one of 'uniform'",
         "factors.d.draws: unknown key; did you mean 'draw'?",
+        "factors.a: a: unknown key",
+        "factors.c: c: unknown key",
+        "factors.trigger.b2_deq: trigger.b2_deq: unknown key; did you mean",
+        "factors.trigger.b1.draw: with its end 1.0, trigger.b1: expected [0, 1)",
+        "faults.f.uavs[0]: expected one of the UAVs 1, 2, 3, got 7",
+        "variants.v.duration: unknown key; did you mean 'duration_s'?",
+        "keep.worst: expected >= 0, got -1",
     ):
         assert words in text, text
+    assert "duration_s: " not in text, text  # which stands in for what was left out
 
 
 @pytest.mark.parametrize(

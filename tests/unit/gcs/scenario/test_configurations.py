@@ -41,7 +41,7 @@ def test_configurations_of_the_processes_survive_their_files(
 
 
 def test_a_written_scenario_configures_the_same_autopilots(tree: Any, tmp_path: Path) -> None:
-    """What a scenario leaves open, as the servos that a diagnosis models, stays open in its file."""
+    """What a scenario leaves open, as the servos of a diagnosis, stays open in its file."""
     changes = {"controller": {"kind": "surviving"}, "servos": {"surfaces": {"lag_s": 0.02}}}
     scenario = Scenario.model_validate(tree | changes)
     dump(scenario, tmp_path / "written.yaml")
