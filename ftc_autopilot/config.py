@@ -8,7 +8,7 @@ none, a set that flies well with Table III kept to the letter. Angles inside the
 from collections.abc import Iterator
 from typing import Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
@@ -19,6 +19,7 @@ from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
+from sitl_plant.hardware import ActuatorServos
 
 __all__ = [
     "NEIGHBOUR_TIMEOUT_S",
@@ -90,6 +91,11 @@ class FormationTrigger(Model):
         return 5.0 * self.longest_silence_s
 
 
+def _with_ideal_servos(controller: Controller) -> Controller:
+    """Return the parameters, complete: who gives none of the servos has ideal ones."""
+    return controller.with_servos(ActuatorServos())
+
+
 class Neighbour(Model):
     """One edge of the graph, seen from one of its ends."""
 
@@ -111,7 +117,7 @@ class AutopilotConfig(Model):
         default=Origin(), description="Geographic coordinates of north = east = down = 0."
     )
     aircraft: Aircraft = Field(description="The nominal aircraft.")
-    controller: Controller = Field(
+    controller: Annotated[Controller, AfterValidator(_with_ideal_servos)] = Field(
         default=Proposed(), description="Control law and its parameters."
     )
     trigger: Trigger = Field(default=PerChannel(), description="Event triggers.")

@@ -29,7 +29,8 @@ def record_dtype(model: type[BaseModel], base: type[BaseModel] = BaseModel) -> n
     """Return the record that holds the numbers which a model has beyond those of a base class.
 
     A number is a number, a choice of texts its index, three numbers an array, a schedule its
-    table, a model a record. A text without a choice is left out.
+    table, a model a record. A text without a choice is left out. A number that may be left open
+    must be known when the record is filled.
     """
     own = {n: f for n, f in model.model_fields.items() if n not in base.model_fields}
     fields = ((in_si(name)[0], _dtype(field.annotation)) for name, field in own.items())
@@ -52,6 +53,8 @@ def _dtype(annotation: Any) -> tuple[Any, ...] | None:
             return ("i8",)
         if annotation is float:
             return ("f8",)
+    if annotation == float | None:
+        return ("f8",)
     raise TypeError(f"a compiled law cannot have a parameter of type {annotation}")
 
 

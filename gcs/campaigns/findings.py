@@ -105,10 +105,18 @@ class Findings:
 
     def importances(self, variant: str) -> dict[str, list[Importance]]:
         """Return the factors' importances for failure and for tracking error, by what it is."""
-        flights = self.counted[variant]
-        failure = (~flights.success).astype(float)
-        costs = {"failure": failure, "tracking error": self.tracking_error(flights)}
-        return {name: importances(flights.factors, cost) for name, cost in costs.items()}
+        return self._importances[variant]
+
+    @cached_property
+    def _importances(self) -> dict[str, dict[str, list[Importance]]]:
+        found = {}
+        for variant, flights in self.counted.items():
+            failure = (~flights.success).astype(float)
+            costs = {"failure": failure, "tracking error": self.tracking_error(flights)}
+            found[variant] = {
+                name: importances(flights.factors, cost) for name, cost in costs.items()
+            }
+        return found
 
     def most_important(self, count: int) -> list[str]:
         """Return the numeric factors that matter most on the average of all variants.
@@ -181,4 +189,5 @@ def findings_of(folder: Path) -> Findings:
     """
     mark = mark_of(folder)
     planned = int(read_draws(folder).num_rows)
-    return Findings(folder, mark, planned, read_samples(folder), noted_conditions(folder))
+    samples = read_samples(folder, FIGURES)
+    return Findings(folder, mark, planned, samples, noted_conditions(folder))

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.campaigns.distributions import Choice, Value
 from gcs.campaigns.model import Campaign
-from gcs.campaigns.store import Mark, Outcome, results_schema, uav_ids
+from gcs.campaigns.store import Mark, Outcome, results_schema
 from gcs.results.summary import FlightSummary, UavSummary
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import merged, value_at, with_values
-from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.models import ConfigError, Problem
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -25,6 +25,7 @@ __all__ = [
     "flights_of",
     "fly_rows",
     "outcome_of",
+    "variant_trees",
 ]
 
 Row = Mapping[str, Any]
@@ -102,12 +103,8 @@ class Flights:
         return drawn | {f"{kind}_{'n' if throttle else 'deg'}": severity * limit}
 
 
-def flights_of(mark: Mark, draws: "pa.Schema") -> Flights:
-    """Return the flights of a campaign, given the columns of its draws.
-
-    Raises:
-        ConfigError: The scenarios of variants cannot be used; places are those of the campaign.
-    """
+def variant_trees(mark: Mark) -> tuple[dict[str, dict[str, Any]], list[Problem]]:
+    """Return plain data of each variant's scenario, and the problems of those that are none."""
     trees, problems = {}, []
     for name, changes in mark.campaign.variants.items():
         try:
@@ -116,10 +113,22 @@ def flights_of(mark: Mark, draws: "pa.Schema") -> Flights:
             problems += [p._replace(loc=("variants", name, *p.loc)) for p in error.problems]
         else:
             trees[name] = _plain(scenario.model_dump())
-    if problems:
-        raise ConfigError(mark.file, problems)
-    schema = results_schema(draws, uav_ids(mark))
-    return Flights(mark.campaign, mark.file, trees, schema)
+    return trees, problems
+
+
+def flights_of(
+    mark: Mark, draws: "pa.Schema", trees: Mapping[str, dict[str, Any]] | None = None
+) -> Flights:
+    """Return the flights of a campaign.
+
+    Args:
+        mark: The campaign.
+        draws: Columns of its draws.
+        trees: Of `variant_trees`, if they are there already.
+    """
+    trees = variant_trees(mark)[0] if trees is None else trees
+    ids = sorted({uav["id"] for tree in trees.values() for uav in tree["uavs"]})
+    return Flights(mark.campaign, mark.file, trees, results_schema(draws, ids))
 
 
 def _plain(value: Any) -> Any:

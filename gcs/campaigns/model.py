@@ -24,7 +24,16 @@ from mavlink_defs.config.models import (
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import ACTUATORS, Actuator
 
-__all__ = ["Campaign", "Design", "DrawnFault", "Factor", "FaultKind", "Kept", "load_campaign"]
+__all__ = [
+    "Campaign",
+    "Design",
+    "DrawnFault",
+    "Factor",
+    "FaultKind",
+    "Kept",
+    "campaign_tree",
+    "load_campaign",
+]
 
 Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
 FaultKind = Literal["loss", "bias", "stuck"]
@@ -183,7 +192,16 @@ def load_campaign(path: Path | str, draws: int | None = None) -> Campaign:
     Raises:
         ConfigError: It cannot be used; every problem is named.
     """
+    return validate(path, campaign_tree(path, draws), Campaign)
+
+
+def campaign_tree(path: Path | str, draws: int | None = None) -> dict[Any, Any]:
+    """Read a campaign file as plain data that is not checked yet; arguments as `load_campaign`.
+
+    Raises:
+        ConfigError: It cannot be read, is not a YAML mapping, or is a scenario.
+    """
     tree = read(path)
     if "scenario" not in tree and tree.keys() & {"aircraft", "extends"}:
         raise ConfigError(path, [Problem((), "a scenario, not a campaign; see gcs fly")])
-    return validate(path, tree if draws is None else {**tree, "draws": draws}, Campaign)
+    return tree if draws is None else {**tree, "draws": draws}

@@ -5,23 +5,24 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gcs.campaigns.distributions import Choice, support
 from gcs.campaigns.draws import draw_table
-from gcs.campaigns.flights import Flights, Row, flights_of
-from gcs.campaigns.model import Campaign
+from gcs.campaigns.flights import Flights, Row, flights_of, variant_trees
+from gcs.campaigns.model import Campaign, campaign_tree
 from gcs.campaigns.store import Mark
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import scenario_of, scenario_tree
+from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, value_at, with_values
-from mavlink_defs.config.models import ConfigError, Loc, Problem
+from mavlink_defs.config.models import ConfigError, Loc, Problem, ProblemKind
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["Plan", "plan", "row_of", "rows_of"]
+__all__ = ["Plan", "load_plan", "plan", "row_of", "rows_of"]
 
 _SHOWN = 20
 """Problems of draws that are listed; further ones are counted."""
@@ -44,6 +45,37 @@ class Plan:
     draws: "pa.Table"
 
 
+def load_plan(path: Path, draws: int | None = None) -> Plan:
+    """Read a campaign file, draw its flights and check each of them.
+
+    Args:
+        path: The file; its scenario is looked for beside it.
+        draws: Number of draws instead of the file's.
+
+    Raises:
+        ConfigError: It cannot be flown; every problem of the file is named.
+    """
+    tree = rest = campaign_tree(path, draws)
+    problems: list[Problem] = []
+    while True:
+        try:
+            campaign = validate(path, rest, Campaign)
+            break
+        except ConfigError as error:
+            problems += error.problems
+            before, rest = rest, _without(rest, error.problems)
+            if "scenario" not in rest or rest == before:  # nothing more can be checked
+                raise ConfigError(path, problems) from error
+    if not problems:
+        return plan(campaign, path)
+    try:
+        planned, more = _planned(campaign, path)
+    except ConfigError as error:
+        raise ConfigError(path, [*problems, *error.problems]) from error
+    more += _of_left_out_keys(planned.flights, tree)
+    raise ConfigError(path, [*problems, *more])
+
+
 def plan(campaign: Campaign, path: Path) -> Plan:
     """Draw the flights of a campaign and check each of them.
 
@@ -54,6 +86,14 @@ def plan(campaign: Campaign, path: Path) -> Plan:
     Raises:
         ConfigError: Its scenario, a variant, a factor or a draw cannot be used; all are named.
     """
+    planned, problems = _planned(campaign, path)
+    if problems or (problems := _of_draws(planned.flights, planned.draws)):
+        raise ConfigError(path, problems)
+    return planned
+
+
+def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
+    """Return the plan, of the variants that can be used, and all problems but those of draws."""
     try:
         file = base_of(path.parent, campaign.scenario)
         tree = scenario_tree(file)
@@ -66,18 +106,50 @@ def plan(campaign: Campaign, path: Path) -> Plan:
         raise ConfigError(path, [Problem(("scenario",), text)])
     mark = Mark(campaign, str(file), tree, code_version(), code_digest())
     ids = [uav.id for uav in scenario.uavs]
-    if problems := list(_of_faulty_uavs(campaign, ids)):
-        raise ConfigError(path, problems)
     draws = draw_table(campaign, ids)
-    try:
-        flights = flights_of(mark, draws.schema)
-    except ConfigError as error:
-        raise ConfigError(path, error.problems) from error
-    if problems := [*_of_factors(flights), *_of_figures(flights)]:
-        raise ConfigError(path, problems)
-    if problems := _of_draws(flights, draws):
-        raise ConfigError(path, problems)
-    return Plan(mark, flights, draws)
+    trees, problems = variant_trees(mark)
+    flights = flights_of(mark, draws.schema, trees)
+    problems += [*_of_faulty_uavs(campaign, ids), *_of_factors(flights)]
+    if len(trees) == len(campaign.variants):  # they decide which columns there are
+        problems += _of_figures(flights)
+    return Plan(mark, flights, draws), problems
+
+
+_HARMLESS = {"duration_s": {"draw": {"kind": "choice", "values": [1.0]}, "relative": True}}
+
+
+def _without(tree: dict[Any, Any], problems: list[Problem]) -> dict[Any, Any]:
+    """Return a campaign's plain data without the parts that have problems.
+
+    Entries of factors, faults and variants are parts of their own. What a campaign must have, but
+    for its scenario, is replaced by something that has no problems of its own.
+    """
+    wrong = {problem.loc[:2] for problem in problems if problem.loc}
+    rest = dict(tree)
+    for key, *entry in wrong:
+        part = rest.get(key)
+        if entry and key in _NAMED and isinstance(part, dict):
+            rest[key] = {name: value for name, value in part.items() if str(name) != entry[0]}
+        else:
+            rest.pop(key, None)
+    rest = {key: value for key, value in rest.items() if key not in _NAMED or value}
+    if not rest.keys() & {"factors", "faults"} and {"factors", "faults"} & {
+        loc[0] for loc in wrong
+    }:
+        rest["factors"] = _HARMLESS
+    substitutes = {"name": "-"} if rest.get("design") == "grid" else {"name": "-", "draws": 1}
+    return rest | {key: value for key, value in substitutes.items() if (key,) in wrong}
+
+
+_NAMED = ("factors", "faults", "variants")
+
+
+def _of_left_out_keys(flights: Flights, tree: dict[Any, Any]) -> Iterator[Problem]:
+    """Check that the keys of factors exist which `_without` has left out, whatever their values."""
+    factors = tree.get("factors")
+    for name, factor in factors.items() if isinstance(factors, dict) else ():
+        if str(name) not in flights.campaign.factors and isinstance(factor, dict):
+            yield from _of_key(flights, str(name), str(factor.get("key") or name))
 
 
 def row_of(draws: "pa.Table", row: int) -> Row:
@@ -115,6 +187,21 @@ def _of_factors(flights: Flights) -> Iterator[Problem]:
         yield from (p._replace(loc=("factors", name, *p.loc)) for p in found.values())
 
 
+def _of_key(flights: Flights, name: str, key: str) -> list[Problem]:
+    """Check that the key of a factor exists in every variant, whatever its values."""
+    found: dict[str, Problem] = {}
+    for tree in flights.trees.values():
+        try:
+            scenario_of(flights.file, with_values(tree, {key: 1.0}))
+        except PlaceError as error:
+            found[str(error)] = Problem(("factors", name), str(error))
+        except ConfigError as error:
+            for problem in error.problems:
+                if problem.kind is ProblemKind.UNKNOWN_KEY:
+                    found[str(problem)] = Problem(("factors", name), str(problem))
+    return list(found.values())
+
+
 def _of_factor(flights: Flights, name: str, variant: str) -> Iterator[Problem]:
     factor = flights.campaign.factors[name]
     tree, key = flights.trees[variant], factor.key or name
@@ -141,7 +228,10 @@ def _of_factor(flights: Flights, name: str, variant: str) -> Iterator[Problem]:
         except ConfigError as error:
             what = "value" if isinstance(factor.draw, Choice) else "end"
             for problem in error.problems:
-                yield Problem(("draw",), f"with its {what} {end!r}, {problem}")
+                if problem.kind is ProblemKind.UNKNOWN_KEY:
+                    yield Problem((), str(problem))
+                else:
+                    yield Problem(("draw",), f"with its {what} {end!r}, {problem}")
 
 
 @dataclass

@@ -3,9 +3,7 @@
 Worker processes import the program that starts them, so a script needs the usual guard::
 
     if __name__ == "__main__":
-        path = Path("my.yaml")
-        planned = plan(load_campaign(path), path)
-        run_campaign(planned, Path("runs/mine"))
+        page = run_campaign(load_plan(Path("my.yaml")), Path("runs/mine"))
         table = read_results(Path("runs/mine")).to_pandas()
 """
 
@@ -19,9 +17,11 @@ from gcs.campaigns.engine import Flown, fly, missing_rows
 from gcs.campaigns.folder import open_folder
 from gcs.campaigns.keep import keep_flights
 from gcs.campaigns.plan import Plan, row_of, rows_of
+from gcs.campaigns.report import write_report
 from gcs.campaigns.store import alone_in
+from gcs.campaigns.until import is_decided, note_condition, stopping_condition
 
-__all__ = ["fly_missing", "run_campaign"]
+__all__ = ["begin_campaign", "fly_missing", "run_campaign"]
 
 
 def run_campaign(
@@ -29,28 +29,49 @@ def run_campaign(
     folder: Path,
     scheduler: str | None = None,
     jobs: int | None = None,
+    until: str | None = None,
     on_flown: Callable[[Flown], None] = lambda _: None,
-    enough: Callable[[], bool] = lambda: False,
-) -> None:
-    """Fly what a campaign's folder lacks, store it, and keep the chosen trajectories.
+) -> Path:
+    """Fly what a campaign's folder lacks, keep the chosen trajectories, and write the report.
 
     Args:
-        planned: The campaign.
+        planned: The campaign, as `gcs.campaigns.plan.load_plan` returns it.
         folder: Its folder, new or to continue.
         scheduler: Address of a dask scheduler whose workers fly; None for workers here.
         jobs: Worker processes here; None for as many as there are cores.
+        until: Condition that ends the campaign as soon as it is decided for every variant, as in
+            "p(attitude_lost) < 0.05 at 95 %"; None to fly every draw.
         on_flown: Called with each batch that ended.
-        enough: Asked whenever results were stored; True ends the campaign early.
+
+    Returns:
+        The path of report.html. The table is read by `gcs.campaigns.store.read_results`.
 
     Raises:
-        BadInput: The folder is another campaign's, or the scheduler or a worker cannot be used.
+        BadInput: The folder is another campaign's, or the condition, the scheduler or a worker
+            cannot be used.
         GcsError: The scheduler was lost; what was flown is stored.
         OSError: A file cannot be written; it is named.
     """
-    open_folder(folder, planned)
-    fly_missing(planned, folder, scheduler, jobs, on_flown, enough)
+    enough = begin_campaign(planned, folder, until)
+    if not enough():
+        fly_missing(planned, folder, scheduler, jobs, on_flown, enough)
     for _ in keep_flights(folder, planned.flights):
         pass
+    return write_report(folder)
+
+
+def begin_campaign(planned: Plan, folder: Path, until: str | None) -> Callable[[], bool]:
+    """Make or open the folder of a campaign; arguments and errors as of `run_campaign`.
+
+    Returns:
+        A function that tells from the stored flights whether the condition is decided.
+    """
+    campaign = planned.mark.campaign
+    condition = None if until is None else stopping_condition(until, campaign)
+    open_folder(folder, planned)
+    if condition is not None:
+        note_condition(folder, condition)
+    return lambda: condition is not None and is_decided(folder, campaign, condition)
 
 
 def fly_missing(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.campaigns.outcomes import happened
-from gcs.campaigns.store import read_results
+from gcs.campaigns.store import read_results, result_columns
 from gcs.errors import BadInput
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Sample", "figures_of", "higher_is_better", "read_samples", "same_draws", "samples_of"]
 
 _DRAWN = ("factor.", "fault.")
+_ABOUT = ("row", "variant", "draw", "seed", "outcome", "reason", "duration_s", "version", "digest")
 _HIGHER_IS_BETTER = "saving"
 _NO_FIGURES = ("wall_s", "duration_s", "min_interval_s", "lost_at_s")
 """Ends of names of columns that are neither good nor bad, or that have none where all is well."""
@@ -149,13 +150,27 @@ def figures_of(table: "pa.Table") -> list[str]:
     ]
 
 
-def read_samples(folder: Path) -> dict[str, Sample]:
+def read_samples(folder: Path, figures: Iterable[str] | None = None) -> dict[str, Sample]:
     """Read the flights of a campaign that ended so far, by variant.
+
+    Args:
+        folder: Folder of the campaign.
+        figures: Those wanted, as of `Sample.cost`; of a large campaign, others would fill the
+            memory. None for all.
 
     Raises:
         BadInput: It is no campaign, its results cannot be read, or they hold a flight twice.
     """
-    return samples_of(read_results(folder), folder)
+    columns = None
+    if figures is not None:
+        wanted = set(figures)
+        names = result_columns(folder)
+        columns = [
+            name
+            for name in names
+            if name in _ABOUT or name.startswith(_DRAWN) or {name, _UAV.sub("", name)} & wanted
+        ]
+    return samples_of(read_results(folder, columns), folder)
 
 
 def samples_of(table: "pa.Table", origin: Path | str) -> dict[str, Sample]:

@@ -47,6 +47,7 @@ __all__ = [
     "mark_of",
     "read_draws",
     "read_results",
+    "result_columns",
     "results_schema",
     "uav_ids",
     "write_draws",
@@ -283,35 +284,55 @@ def read_results(folder: Path, columns: Sequence[str] | None = None) -> "pa.Tabl
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    parts = list(_parts(folder))
-    if not parts:
-        schema = _planned_schema(folder)
-        known = _checked(folder, columns, schema)
-        return schema.empty_table().select(known)
-    try:
-        known = _checked(folder, columns, pq.read_schema(parts[0]))
-        wanted = [*known, *({"row"} - set(known))]
-        table = pa.concat_tables(pq.read_table(path, columns=wanted) for path in parts)
-    except (OSError, pa.ArrowException) as problem:
-        raise BadInput(
-            f"the results in {folder} cannot be read: {problem}",
-            "remove the damaged file; the command that flew the campaign flies its rows again",
-        ) from problem
-    return table.sort_by("row").select(known)
-
-
-def _checked(folder: Path, columns: Sequence[str] | None, schema: "pa.Schema") -> list[str]:
-    """Return the names of the wanted columns."""
+    schema = _schema(folder)
     if unknown := [name for name in columns or () if name not in schema.names]:
         raise BadInput(
             f"the results in {folder} have no column {', '.join(map(repr, unknown))}",
             f"they have {', '.join(schema.names)}",
         )
-    return list(schema.names if columns is None else columns)
+    known = list(schema.names if columns is None else columns)
+    wanted = [*known, *({"row"} - set(known))]
+    tables = [pa.schema([schema.field(name) for name in wanted]).empty_table()]
+    with _reading(folder):
+        tables += (pq.read_table(path, columns=wanted) for path in _parts(folder))
+    return pa.concat_tables(tables).sort_by("row").select(known)
 
 
-def _planned_schema(folder: Path) -> "pa.Schema":
+def result_columns(folder: Path) -> list[str]:
+    """Return the names of the results' columns.
+
+    Raises:
+        BadInput: The folder is no campaign, or a file cannot be read.
+    """
+    return list(_schema(folder).names)
+
+
+def _schema(folder: Path) -> "pa.Schema":
+    """Return the columns of the results, those planned if there are no results yet."""
+    import pyarrow.parquet as pq
+
+    for path in _parts(folder):
+        with _reading(folder):
+            return pq.read_schema(path)
     return results_schema(read_draws(folder).schema, uav_ids(mark_of(folder)))
+
+
+@contextlib.contextmanager
+def _reading(folder: Path) -> Iterator[None]:
+    """Turn errors of reading the results into ours.
+
+    Raises:
+        BadInput: A file cannot be read.
+    """
+    import pyarrow as pa
+
+    try:
+        yield
+    except (OSError, pa.ArrowException) as problem:
+        raise BadInput(
+            f"the results in {folder} cannot be read: {problem}",
+            "remove the damaged file; the command that flew the campaign flies its rows again",
+        ) from problem
 
 
 def _parts(folder: Path) -> Iterator[Path]:

@@ -73,10 +73,9 @@ def campaign(
     flight, stored every few seconds: after any interruption, the same command continues there.
     """
     from gcs.campaigns.engine import missing_rows
-    from gcs.campaigns.folder import default_folder, open_folder
-    from gcs.campaigns.model import load_campaign
-    from gcs.campaigns.plan import plan
-    from gcs.campaigns.until import is_decided, note_condition, stopping_condition
+    from gcs.campaigns.folder import default_folder
+    from gcs.campaigns.plan import load_plan
+    from gcs.campaigns.run import begin_campaign
     from gcs.errors import BadInput
     from gcs.scenario.bundled import find_scenario
 
@@ -85,22 +84,15 @@ def campaign(
     console = console_of(quiet=quiet)
     path = find_scenario(file)
     with console.status("checking every draw"):
-        planned = plan(load_campaign(path, draws), path)
-    condition = stopping_condition(until, planned.mark.campaign) if until is not None else None
+        planned = load_plan(path, draws)
     folder = out or default_folder(planned.mark)
-    open_folder(folder, planned)
-    if condition is not None:
-        note_condition(folder, condition)
-
-    def enough() -> bool:
-        return condition is not None and is_decided(folder, planned.mark.campaign, condition)
-
+    enough = begin_campaign(planned, folder, until)
     total = planned.draws.num_rows
     try:
         if not enough():
             _fly(planned, folder, scheduler, jobs, console, enough)
-        if condition is not None and enough():
-            console.print(f"{condition} is decided for every variant")
+        if enough():
+            console.print(f"{until} is decided for every variant")
         _keep(planned, folder, console)
     except KeyboardInterrupt:
         stored = total - len(missing_rows(folder, total))

@@ -80,8 +80,9 @@ def watch(
             actuator["long_var_u"] *= _KEPT
             actuator["long_cov"] *= _KEPT
         actuator["centre"] += dt / _CENTRE_S * away
-        share = dt / min(max(age, _FIRST_NOISE_S), _NOISE_S)  # at first the mean so far
-        actuator["noise"] += share * (min(away * away, jump * jump) - actuator["noise"])
+        if actuator["suspect"] == 0.0:  # else r moves because the commands do
+            share = dt / min(max(age, _FIRST_NOISE_S), _NOISE_S)  # at first the mean so far
+            actuator["noise"] += share * (min(away * away, jump * jump) - actuator["noise"])
         learn(actuator, limits.window, dt)
     actuator["suspect"] = max(actuator["suspect"] - dt, 0.0)
     actuator["lock"] = max(actuator["lock"] - dt, 0.0)

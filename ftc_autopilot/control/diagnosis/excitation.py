@@ -15,8 +15,7 @@ from mavlink_defs.runtime.jit import compiled
 __all__ = ["dithered", "probe", "probed"]
 
 _HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.05, 0.07
-_AFTER_S = 0.05  # a suspicion's first moments are blanked
-_WORTH = 1.5  # of the threshold of a jump, that the residual must be away from zero
+_AFTER_S, _RUDDER_AFTER_S = 0.1, 0.03  # an aileron or elevator that is lost mostly shows by itself
 
 
 @compiled
@@ -31,14 +30,17 @@ def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) 
         state: Record of dtype `DIAGNOSIS`.
     """
     actuator = state["actuators"][j]
-    half = _RUDDER_HALF_PERIOD_S if j == RUDDER else _HALF_PERIOD_S
+    half, after = _HALF_PERIOD_S, _AFTER_S
+    if j == RUDDER:
+        half, after = _RUDDER_HALF_PERIOD_S, _RUDDER_AFTER_S
     limits = thresholds_of(gains, j)
-    away = abs(actuator["measured"] - actuator["commanded"]) > _WORTH * limits.jump
-    due = 0.0 < actuator["suspect"] < limits.suspicion - _AFTER_S
+    away = abs(actuator["measured"] - actuator["commanded"]) > limits.jump
+    since = limits.suspicion - after - actuator["suspect"]
+    due = actuator["suspect"] > 0.0 and since > 0.0
     if actuator["lost"] != 0 or not due or not away:
         return delta
     delta = min(max(delta, -stop), stop)
-    if state["age"] % (2.0 * half) < half:
+    if since % (2.0 * half) < half:
         delta -= math.copysign(gains["dither_rad"][j], delta)
     return delta
 

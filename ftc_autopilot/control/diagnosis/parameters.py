@@ -19,22 +19,24 @@ _Time = Annotated[float, quantity("s", gt=0.0, doc="Of one surface.")]
 _Angles = tuple[_Angle, _Angle, _Angle]
 _Times = tuple[_Time, _Time, _Time]
 
+_UNLIMITED_DEG_S = 1e6
+
 
 class Diagnosis(Model):
     """Parameters of the diagnosis; triples are aileron, elevator, rudder."""
 
-    servo_lag_s: float = quantity(
+    servo_lag_s: float | None = quantity(
         "s",
         ge=0.0,
         le=10.0,
-        default=0.0,
+        default=None,
         doc="Lag of the servos, as the diagnosis models them; that of `servos` unless given.",
     )
-    servo_rate_limit_deg_s: float = quantity(
-        "deg/s", gt=0.0, default=1e6, doc="Their rate limit, likewise."
+    servo_rate_limit_deg_s: float | None = quantity(
+        "deg/s", gt=0.0, default=None, doc="Their rate limit, likewise."
     )
-    throttle_lag_s: float = quantity(
-        "s", ge=0.0, le=10.0, default=0.0, doc="Lag of the thrust, likewise."
+    throttle_lag_s: float | None = quantity(
+        "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust, likewise."
     )
     filter_s: float = quantity(
         "s", gt=0.0, le=1.0, default=0.01, doc="Filter of measurement and command."
@@ -60,7 +62,7 @@ class Diagnosis(Model):
     )
     prior_n: float = quantity("N", gt=0.0, default=10.0, doc="The throttle's.")
     confirm_s: _Times = Field(
-        default=(0.02, 0.02, 0.03), description="Times for which a loss must be seen [s]."
+        default=(0.008, 0.008, 0.015), description="Times for which a loss must be seen [s]."
     )
     throttle_confirm_s: float = quantity("s", gt=0.0, default=0.008, doc="The throttle's.")
     jump_sigma: float = quantity(
@@ -85,11 +87,10 @@ class Diagnosis(Model):
         limits = [s.rate_limit_deg_s for s in surfaces if s.rate_limit_deg_s is not None]
         known = {
             "servo_lag_s": max(servo.lag_s for servo in surfaces),
+            "servo_rate_limit_deg_s": min(limits, default=_UNLIMITED_DEG_S),
             "throttle_lag_s": servos.throttle.lag_s,
         }
-        if limits:
-            known["servo_rate_limit_deg_s"] = min(limits)
-        left_open = {key: value for key, value in known.items() if key not in self.model_fields_set}
+        left_open = {key: value for key, value in known.items() if getattr(self, key) is None}
         return self.model_copy(update=left_open)
 
 

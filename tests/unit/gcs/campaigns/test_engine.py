@@ -7,10 +7,11 @@ import pytest
 from campaign_flights import deadly, planned, rows_by_number
 
 from gcs.campaigns.cluster import local_cluster, prepare
-from gcs.campaigns.engine import KILLS, _Queue, fly, missing_rows
+from gcs.campaigns.engine import KILLS, Flown, _Queue, fly, missing_rows
 from gcs.campaigns.flights import Flights, fly_rows
 from gcs.campaigns.folder import open_folder
 from gcs.campaigns.plan import Plan, row_of, rows_of
+from gcs.campaigns.run import run_campaign
 from gcs.campaigns.store import read_results
 from gcs.errors import BadInput
 
@@ -62,6 +63,23 @@ def test_a_worker_of_other_code_is_refused(plan: Plan, monkeypatch: pytest.Monke
     assert plan.mark.digest in str(caught.value)
     assert "expected ftc-sitl" in str(caught.value)
     assert "with digest ours" in str(caught.value)
+
+
+def test_a_campaign_from_python_is_whole(tmp_path: Path) -> None:
+    """Flights, report and kept trajectories are there; the second call has nothing left to fly."""
+    short = planned(keep={"worst": 1, "figures": ["uav1.iae_roll"]})
+    batches: list[Flown] = []
+    page = run_campaign(short, tmp_path / "out", jobs=1, on_flown=batches.append)
+    assert sum(batch.rows.num_rows for batch in batches) == 8
+    assert read_results(tmp_path / "out").num_rows == 8
+    assert page == tmp_path / "out" / "report.html"
+    assert "A short campaign" in page.read_text()
+    assert len(list((tmp_path / "out" / "flights").iterdir())) == 1
+    batches.clear()
+    until = "p(failure) < 0.999 at 90 %"
+    assert run_campaign(short, tmp_path / "out", until=until, on_flown=batches.append) == page
+    assert batches == []
+    assert until in page.read_text().replace("&lt;", "<")
 
 
 def test_rows_are_dealt_in_batches_of_measured_size() -> None:

@@ -7,8 +7,9 @@ import pytest
 from campaign_flights import MASS, campaign_tree, planned, write_campaign
 
 from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.laws.surviving import Surviving
 from gcs.campaigns.model import load_campaign
-from gcs.campaigns.plan import plan, row_of, rows_of
+from gcs.campaigns.plan import load_plan, plan, row_of, rows_of
 from gcs.scenario.bundled import SCENARIOS
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
@@ -32,7 +33,7 @@ def faulty(**keys: Any) -> dict[str, Any]:
 def message(tmp_path: Path, **changes: Any) -> str:
     path = write_campaign(tmp_path, **changes)
     with pytest.raises(ConfigError) as caught:
-        plan(load_campaign(path), path)
+        load_plan(path)
     text = str(caught.value)
     assert all(line.startswith(f"{path}: ") for line in text.splitlines())
     return text.replace(f"{path}: ", "")
@@ -105,16 +106,30 @@ def test_every_mistake_of_a_file_is_named(tmp_path: Path) -> None:
             "b": {"draw": {"kind": "normal", "mean": 1.0}},
             "c": {"draw": {"kind": "beta"}},
             "d": {"draws": uniform(0.0, 1.0)},
+            "trigger.b2_deq": {"draw": uniform(0.1, 1.0)},
+            "trigger.b1": {"draw": uniform(0.1, 1.0)},
         },
+        faults={"f": faulty(uavs=[7])["faults"]["f"]},
+        variants={"v": {"duration": 1.0}, "w": {}},
+        keep={"worst": -1},
     )
     for words in (
         "seed: expected",
+        "draws: missing",
         "factors.a.draw.high: expected > low = 2.0, got 1.0",
         "factors.b.draw.deviation: missing",
         "factors.c.draw.kind: expected one of 'uniform'",
         "factors.d.draws: unknown key; did you mean 'draw'?",
+        "factors.a: a: unknown key",
+        "factors.c: c: unknown key",
+        "factors.trigger.b2_deq: trigger.b2_deq: unknown key; did you mean",
+        "factors.trigger.b1.draw: with its end 1.0, trigger.b1: expected [0, 1)",
+        "faults.f.uavs[0]: expected one of the UAVs 1, 2, 3, got 7",
+        "variants.v.duration: unknown key; did you mean 'duration_s'?",
+        "keep.worst: expected >= 0, got -1",
     ):
         assert words in text, text
+    assert "duration_s: " not in text, text  # which stands in for what was left out
 
 
 @pytest.mark.parametrize(
@@ -197,6 +212,16 @@ def test_shipped_campaigns_can_be_flown(name: str) -> None:
     campaign = load_campaign(path)
     short = campaign.model_copy(update={"draws": 16})
     assert plan(short, path).draws.num_rows == 16 * len(campaign.variants)
+
+
+def test_the_autopilots_of_a_campaign_are_those_of_its_variants() -> None:
+    """What a variant leaves open, as the servos that a diagnosis models, its flights know, too."""
+    path = SCENARIOS / "campaigns" / "stuck_surface.yaml"
+    campaign = plan(load_campaign(path, draws=1), path)
+    for row in rows_of(campaign.draws):
+        law = campaign.flights.scenario(row).autopilot_config(3).controller
+        assert isinstance(law, Surviving)
+        assert law.diagnosis.servo_lag_s == (0.02 if row["variant"].endswith("_real") else 0.0)
 
 
 @pytest.mark.parametrize("name", ["uncertainty", "faults"])

@@ -8,6 +8,7 @@ from scenario_edits import DELETE, edit
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.laws.surviving import Surviving
 from ftc_autopilot.control.triggers.per_channel import PerChannel
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.files import dump, load
@@ -38,6 +39,17 @@ def test_configurations_of_the_processes_survive_their_files(
     for config in configs:
         dump(config, tmp_path / "config.yaml")
         assert load(tmp_path / "config.yaml", type(config)) == config
+
+
+def test_a_written_scenario_configures_the_same_autopilots(tree: Any, tmp_path: Path) -> None:
+    """What a scenario leaves open, as the servos of a diagnosis, stays open in its file."""
+    changes = {"controller": {"kind": "surviving"}, "servos": {"surfaces": {"lag_s": 0.02}}}
+    scenario = Scenario.model_validate(tree | changes)
+    dump(scenario, tmp_path / "written.yaml")
+    written = load_scenario(tmp_path / "written.yaml").autopilot_config(1)
+    assert written == scenario.autopilot_config(1)
+    assert isinstance(written.controller, Surviving)
+    assert written.controller.diagnosis.servo_lag_s == 0.02
 
 
 def test_autopilot_knows_its_neighbours_and_addresses(tree: Any, tmp_path: Path) -> None:

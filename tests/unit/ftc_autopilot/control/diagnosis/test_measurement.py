@@ -15,6 +15,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.faults import Fault
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import fly, new_plant_state, observe
+from sitl_plant.hardware import ActuatorServos
 
 STEP_US, DT, STEPS = 1000, 1e-3, 800
 TRIM = np.array([0.07, -0.02, 0.36, 900.0])
@@ -27,7 +28,7 @@ def flown(scenario: Scenario, commands: np.ndarray, fault: Fault | None = None) 
     if fault is not None:
         add_fault(plant.faults[0], fault, now_s=0.0)
     gains = np.zeros(1, record_dtype(Diagnosis))[0]
-    fill(gains, Diagnosis())
+    fill(gains, Diagnosis().with_servos(ActuatorServos()))
     state = np.zeros(1, DIAGNOSIS)[0]
     commanded, measured = np.zeros((2, len(commands), 4))
     for step, command in enumerate(commands):
