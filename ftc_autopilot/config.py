@@ -6,7 +6,7 @@ none, a set that flies well with Table III kept to the letter. Angles inside the
 """
 
 from collections.abc import Iterator
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
