@@ -40,6 +40,7 @@ _ELEMENTS: dict[str, Mapping[str, str]] = {
     "offset": _COMMANDS,
     "confidence": dict.fromkeys(_COMMANDS, ""),
     "phase": dict.fromkeys(_COMMANDS, ""),
+    "predicted_exit": dict.fromkeys(_COMMANDS, "s"),
 }
 _UNITS = {"V": "m/s", "V_dot": "m/s²"}
 
