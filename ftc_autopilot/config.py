@@ -5,20 +5,32 @@ Names are the paper's, in ASCII; defaults are the values of Table III, or where 
 none, a set that flies well with Table III kept to the letter. Angles inside the laws are rad.
 """
 
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Iterator
+from typing import Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from ftc_autopilot.control.laws import Controller
+from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.schedule import Schedule, schedule
+from ftc_autopilot.control.triggers import Trigger
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from ftc_autopilot.geography import Origin
 from mavlink_defs import dialect
-from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repeated
+from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
 
-__all__ = ["AutopilotConfig", "Controller", "Identity", "Neighbour", "Origin", "Trigger"]
+__all__ = [
+    "NEIGHBOUR_TIMEOUT_S",
+    "AutopilotConfig",
+    "Controller",
+    "FormationTrigger",
+    "Identity",
+    "Neighbour",
+    "Origin",
+    "Trigger",
+    "trigger_problems",
+]
 
 Identity: TypeAlias = Literal["ardupilot", "generic"]
 """Whose conventions a vehicle follows where they differ.
@@ -28,29 +40,50 @@ integers travel C-cast; as a generic autopilot, bytewise, and clients do not kno
 """
 
 
-class Trigger(Model):
-    """Event triggers (25) and (29)."""
+NEIGHBOUR_TIMEOUT_S = 0.25
+"""Silence after which a neighbour's edge is dropped, if it sends in every period [s]."""
 
-    mode: Literal["per_channel", "joint", "periodic"] = Field(
-        default="per_channel",
-        description="Each surface has its own events, any one's event updates all three, or "
-        "there is no trigger: every channel is sent in every period.",
+
+def trigger_problems(
+    controller: Controller, trigger: Trigger, step_us: int
+) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text if law, trigger and control period [µs] do not go together."""
+    yield from ((("trigger", *loc), text) for loc, text in trigger.misfits(step_us))
+    chooses = [kind for kind, law in LAWS.items() if law.CHOOSES]
+    if controller.CHOOSES and trigger.mode != "consequence":
+        text = f"expected 'consequence', as the law {controller.kind!r} chooses what is sent"
+        yield ("trigger", "mode"), f"{text}, got {trigger.mode!r}"
+    elif not controller.CHOOSES and trigger.mode == "consequence":
+        text = f"'consequence' needs a law that chooses what is sent ({', '.join(chooses)})"
+        yield ("trigger", "mode"), f"{text}, got the law {controller.kind!r}"
+
+
+class FormationTrigger(Model):
+    """When an autopilot sends a neighbour message; the paper sends one in every period.
+
+    It compares its tracking errors with what its neighbours extrapolate from its last message.
+    """
+
+    airspeed_m_s: float = quantity(
+        "m/s", ge=0.0, default=0.02, doc="Absolute threshold of the airspeed."
     )
-    a1: Schedule[
-        Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of the thrust.")]
-    ] = schedule(0.01, doc="Relative threshold of the thrust, a1 of (25).")
-    a2_n: Schedule[
-        Annotated[float, quantity("N", ge=0.0, doc="Absolute threshold of the thrust.")]
-    ] = schedule(
-        [{"until_s": 14.0, "value": 0.5}, {"value": 1.0}],
-        doc="Absolute threshold of the thrust, a2 of (25) [N].",
+    airspeed_relative: float = quantity(
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the airspeed's tracking error."
     )
-    b1: Schedule[
-        Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of a surface.")]
-    ] = schedule(0.01, doc="Relative threshold of the surfaces, b1 of (29).")
-    b2_deg: Schedule[
-        Annotated[float, quantity("deg", ge=0.0, doc="Absolute threshold of a surface.")]
-    ] = schedule(1.0, doc="Absolute threshold of the surfaces, b2 of (29) [deg].")
+    attitude_deg: float = quantity(
+        "deg", ge=0.0, default=0.05, doc="Absolute threshold of roll, pitch and yaw."
+    )
+    attitude_relative: float = quantity(
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the angle's tracking error."
+    )
+    longest_silence_s: float = quantity(
+        "s", gt=0.0, default=0.2, doc="Time after which a message is sent in any case."
+    )
+
+    @property
+    def neighbour_timeout_s(self) -> float:
+        """Silence after which a neighbour's edge is dropped: five messages in a row lost [s]."""
+        return 5.0 * self.longest_silence_s
 
 
 class Neighbour(Model):
@@ -77,12 +110,18 @@ class AutopilotConfig(Model):
     controller: Controller = Field(
         default=Proposed(), description="Control law and its parameters."
     )
-    trigger: Trigger = Field(default=Trigger(), description="Event triggers.")
+    trigger: Trigger = Field(default=PerChannel(), description="Event triggers.")
+    formation_trigger: FormationTrigger | None = Field(
+        default=None, description="Trigger of the neighbour messages; none: every period."
+    )
     neighbours: tuple[Neighbour, ...] = Field(
         default=(), description="Neighbours in the communication graph."
     )
     neighbour_timeout_s: float = quantity(
-        "s", gt=0.0, default=0.25, doc="Silence after which a neighbour's edge is dropped."
+        "s",
+        gt=0.0,
+        default=NEIGHBOUR_TIMEOUT_S,
+        doc="Silence after which a neighbour's edge is dropped.",
     )
     formation_bind: HostPort = Field(description="Where the formation link is received.")
     plant: HostPort = Field(description="Where the plant receives the simulator link.")
@@ -114,4 +153,9 @@ class AutopilotConfig(Model):
         problems = repeated(ids)
         problems += [(i, f"UAV {n} is this UAV itself") for i, n in enumerate(ids) if n == self.id]
         Problems.check((("neighbours", i, "id"), text) for i, text in problems)
+        return self
+
+    @model_validator(mode="after")
+    def _law_and_trigger_fit(self) -> "AutopilotConfig":
+        Problems.check(trigger_problems(self.controller, self.trigger, self.step_us))
         return self

@@ -1,7 +1,8 @@
 """The formation link: own states to the neighbours, their states into the control step.
 
 A step uses neighbour states of the step before. A state of a later step is kept as pending until
-its turn comes, so that it does not matter which neighbour is faster.
+its turn comes, so that it does not matter which neighbour is faster. In lockstep the plant tells
+which autopilots sent nothing in the step before; the states of all others are waited for.
 """
 
 from collections.abc import Sequence
@@ -38,6 +39,7 @@ __all__ = [
     "FormationLink",
     "collect_neighbour_states",
     "new_formation_link",
+    "note_silent_neighbours",
     "receive_neighbour_states",
     "reset_formation_link",
     "send_own_state",
@@ -46,13 +48,14 @@ __all__ = [
 _NEIGHBOUR_WAIT_S = 0.05
 """Longest wait of a lockstep step for a neighbour state in transit, over a slow relay, say [s]."""
 _NEIGHBOUR_MISSES = 5
-"""Steps in a row that miss a neighbour's state before later steps stop waiting for it."""
+"""Messages of a neighbour missed in a row before later steps stop waiting for them."""
 _NEVER_HEARD = -1
 
 FORMATION_STATE = np.dtype(
     [
         ("sequence", "i8"),  # frames sent
         ("timeout_steps", "i8"),  # silence after which a neighbour is dropped
+        ("fade_steps", "i8"),  # steps in which a dropped neighbour's weight goes to 0, and back
         ("edge_changes", "i8"),  # neighbours dropped or restored
     ]
 )
@@ -66,10 +69,12 @@ class FormationLink(NamedTuple):
     neighbours: np.ndarray  # (degree,), system ids
     addresses: np.ndarray  # (degree, ADDRESS_SIZE), their sockaddr
     weights: np.ndarray  # (degree,), a_ij as configured
+    edges: np.ndarray  # (degree,), 1: the neighbour is heard, 0: it is dropped
     heard_step: np.ndarray  # (degree,), step of each neighbour's state in use
     pending: np.ndarray  # (degree,), dtype NEIGHBOUR: its state of a step that is not over here
     pending_step: np.ndarray  # (degree,), the step of that state
-    misses: np.ndarray  # (degree,), steps in a row that waited for its state in vain
+    silent: np.ndarray  # (degree,), 1: it sent no message in the step before
+    misses: np.ndarray  # (degree,), messages in a row that were waited for in vain
     drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
@@ -82,6 +87,7 @@ def new_formation_link(
     system: int,
     neighbours: Sequence[Neighbour],
     timeout_steps: int,
+    fade_steps: int,
     drops: np.ndarray,
     signer: LinkSigner,
 ) -> FormationLink:
@@ -91,6 +97,7 @@ def new_formation_link(
         system: Own system id.
         neighbours: Neighbours with addresses and weights.
         timeout_steps: Steps of silence after which a neighbour is dropped.
+        fade_steps: Steps in which its weight then goes to 0, and back when it is heard again.
         drops: Counts datagrams dropped, shape (DROPS_SIZE,).
         signer: Signs the link.
     """
@@ -99,7 +106,7 @@ def new_formation_link(
     for d, neighbour in enumerate(neighbours):
         addresses[d] = sockaddr(parse_address(neighbour.address))
     state = np.zeros(1, FORMATION_STATE)
-    state["timeout_steps"] = timeout_steps
+    state["timeout_steps"], state["fade_steps"] = timeout_steps, fade_steps
     received = codec.new_buffer()
     link = FormationLink(
         state=state,
@@ -107,9 +114,11 @@ def new_formation_link(
         neighbours=np.array([neighbour.id for neighbour in neighbours], np.int64),
         addresses=addresses,
         weights=np.array([neighbour.weight for neighbour in neighbours], np.float64),
+        edges=np.zeros(degree, np.int64),
         heard_step=np.zeros(degree, np.int64),
         pending=np.zeros(degree, codec.NEIGHBOUR),
         pending_step=np.zeros(degree, np.int64),
+        silent=np.zeros(degree, np.int64),
         misses=np.zeros(degree, np.int64),
         drops=drops,
         sent=codec.new_buffer(),
@@ -126,7 +135,7 @@ def reset_formation_link(link: FormationLink) -> None:
     """Forget the neighbours' states; frames and drops are counted on."""
     link.state["edge_changes"] = 0
     link.heard_step[:] = link.pending_step[:] = _NEVER_HEARD
-    link.misses[:] = 0
+    link.edges[:] = link.silent[:] = link.misses[:] = 0
 
 
 @compiled
@@ -153,6 +162,14 @@ def send_own_state(fd: int, link: FormationLink, controllers: Controllers) -> No
     length = sign_frame(link.signer, link.sent, length)
     for d in range(len(link.neighbours)):
         send_to(fd, link.sent, length, link.addresses[d])
+
+
+@compiled
+def note_silent_neighbours(link: FormationLink, silent: np.ndarray) -> None:
+    """Note which neighbours sent nothing in the step before, by FTC_SIM_STATE.silent."""
+    for d in range(len(link.neighbours)):
+        system = link.neighbours[d]
+        link.silent[d] = (np.int64(silent[system >> 3]) >> (system & 7)) & 1
 
 
 @compiled
@@ -186,7 +203,7 @@ def collect_neighbour_states(
             elif monotonic_s() >= end_s:
                 break
         for d in range(len(link.neighbours)):
-            if link.heard_step[d] < newest:
+            if _is_missing(link, d, newest):
                 link.misses[d] += 1
     _update_edges(link, controllers, step)
 
@@ -212,24 +229,40 @@ def receive_neighbour_states(
 
 @compiled
 def _update_edges(link: FormationLink, controllers: Controllers, step: int) -> None:
-    """Set the weight of each neighbour: as configured, or 0 after `timeout_steps` of silence."""
+    """Drop a neighbour after `timeout_steps` of silence, and restore one that is heard again.
+
+    In flight its weight fades to 0 and back to the configured one: a step of it would be a step of
+    the commands. Before the law's first step it is set at once.
+    """
     state = link.state[0]
+    flying = controllers.states[0]["steps"] > 0
     for d in range(len(link.neighbours)):
         heard = link.heard_step[d] != _NEVER_HEARD
         fresh = heard and step - link.heard_step[d] <= state["timeout_steps"]
-        weight = link.weights[d] if fresh else 0.0
-        if weight != controllers.weights[0, d]:
-            controllers.weights[0, d] = weight
+        edge = 1 if fresh else 0
+        if edge != link.edges[d]:
+            link.edges[d] = edge
             if step > 0:  # the first states are no change
                 state["edge_changes"] += 1
+        weight, before = edge * link.weights[d], controllers.weights[0, d]
+        if flying:
+            change = link.weights[d] / state["fade_steps"]
+            weight = min(max(weight, before - change), before + change)
+        controllers.weights[0, d] = weight
 
 
 @compiled
 def _some_missing(link: FormationLink, newest: int) -> bool:
     for d in range(len(link.neighbours)):
-        if link.misses[d] < _NEIGHBOUR_MISSES and link.heard_step[d] < newest:
+        if link.misses[d] < _NEIGHBOUR_MISSES and _is_missing(link, d, newest):
             return True
     return False
+
+
+@compiled
+def _is_missing(link: FormationLink, d: int, newest: int) -> bool:
+    """Return whether neighbour d has sent a state that has not arrived."""
+    return bool(link.heard_step[d] < newest and link.silent[d] == 0)
 
 
 @compiled

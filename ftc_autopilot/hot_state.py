@@ -46,6 +46,7 @@ class HotState:
         edge_changes: Neighbours dropped or restored.
         measured: Last state, dtype `mavlink_defs.framing.codec.SIM_STATE`.
         neighbours: System ids of the neighbours.
+        edges: 1 for each neighbour that is heard, 0 for a dropped one, shape (degree,).
         drops: Datagrams dropped, by link (GCS, FORMATION, SIMULATOR, PLANT of
             `ftc_autopilot.link`) and negated `DropReason`.
     """
@@ -64,6 +65,7 @@ class HotState:
         self._formation: np.void = link.formation.state[0]
         self.measured: np.void = link.simulator.measured[0]
         self.neighbours = _ints(link.formation.neighbours)
+        self.edges = link.formation.edges
         self.drops = link.drops
 
     @property

@@ -129,7 +129,7 @@ def checksum(halves: np.ndarray) -> int:
     """
     total = _FNV_START
     for k in range(len(halves)):
-        if k != 2 and k != 3:
+        if k not in (2, 3):
             total = ((total ^ int(halves[k])) * _FNV_PRIME) & 0xFFFFFFFF
     return total
 

@@ -2,9 +2,9 @@
 
 For each running state: take the neighbour states of the step before, make the control step, send
 an actuator message if a trigger fired (or if the plant has not acknowledged one), send the own
-state to the neighbours, and in lockstep report the step done. `run` returns to Python between
-steps: for a datagram that is not hot, when a time or step is reached, or when the simulation has
-ended or was restarted.
+state to the neighbours if it is due, and in lockstep report the step done. `run` returns to Python
+between steps: for a datagram that is not hot, when a time or step is reached, or when the
+simulation has ended or was restarted.
 """
 
 from collections.abc import Sequence
@@ -13,12 +13,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.config import Neighbour
-from ftc_autopilot.control.controller import no_signals
-from ftc_autopilot.control.controllers import Controllers, announce, controller_step
+from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.controllers import (
+    Controllers,
+    announce,
+    controller_step,
+    tell_neighbours,
+)
 from ftc_autopilot.formation_link import (
     FormationLink,
     collect_neighbour_states,
     new_formation_link,
+    note_silent_neighbours,
     receive_neighbour_states,
     reset_formation_link,
     send_own_state,
@@ -44,6 +50,7 @@ from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import borrowed, copy_record
 from mavlink_defs.runtime.native import monotonic_s, receive, receive_soon, send
 
 __all__ = [
@@ -64,6 +71,8 @@ GCS, FORMATION, SIMULATOR, PLANT = range(4)
 _ACK_TIMEOUT_S = 0.02
 """Real time: time to wait for the plant's acknowledgement [s, wall time]. In lockstep the next
 state carries it."""
+_EDGE_FADE_S = 0.5
+"""Simulated time in which a dropped neighbour's weight goes to 0, and back [s]."""
 _NONE = -1
 
 LINK_STATE = np.dtype(
@@ -79,6 +88,7 @@ LINK_STATE = np.dtype(
         ("sequence", "i8"),  # frames sent to the plant
         ("received", "i8"),  # length of the datagram in `SimulatorLink.received`
         ("away", "i8"),  # lockstep: steps to let pass before control is taken up again
+        ("recorded", "i8"),  # rows of the record in use
     ]
 )
 
@@ -96,6 +106,13 @@ class SimulatorLink(NamedTuple):
     signer: LinkSigner
 
 
+class Record(NamedTuple):
+    """Room for the record of some steps, none if nothing is recorded; Python empties it."""
+
+    steps: np.ndarray  # (rows,), step numbers
+    signals: np.ndarray  # (rows,), dtype SIGNALS
+
+
 class AutopilotLink(NamedTuple):
     """Both hot links of one autopilot, and what is recorded of its steps."""
 
@@ -103,7 +120,7 @@ class AutopilotLink(NamedTuple):
     simulator: SimulatorLink
     formation: FormationLink
     drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated `DropReason`
-    signals: np.ndarray  # (steps,), recorded, NaN where no state came; empty: no recording
+    record: Record
     kept: KeptState
 
 
@@ -112,7 +129,7 @@ def new_link(
     neighbours: Sequence[Neighbour],
     step_us: int,
     neighbour_timeout_s: float,
-    record_steps: int,
+    record_rows: int,
     plant_signer: LinkSigner | None = None,
     formation_signer: LinkSigner | None = None,
 ) -> AutopilotLink:
@@ -123,7 +140,7 @@ def new_link(
         neighbours: Neighbours with addresses and weights.
         step_us: Control period [µs].
         neighbour_timeout_s: Simulated silence after which a neighbour is dropped [s].
-        record_steps: Number of steps to keep signals of.
+        record_rows: Steps whose record there is room for; 0 to record nothing.
         plant_signer: Signs the simulator link.
         formation_signer: Signs the formation link.
     """
@@ -146,6 +163,7 @@ def new_link(
         system,
         neighbours,
         timeout_steps=round(neighbour_timeout_s * 1e6 / step_us),
+        fade_steps=max(round(_EDGE_FADE_S * 1e6 / step_us), 1),
         drops=drops[FORMATION],
         signer=formation_signer or new_link_signer(b"", FORMATION_LINK),
     )
@@ -154,7 +172,7 @@ def new_link(
         simulator=simulator,
         formation=formation,
         drops=drops,
-        signals=no_signals(record_steps),
+        record=Record(np.zeros(record_rows, np.int64), np.zeros(record_rows, SIGNALS)),
         kept=no_kept_state(),
     )
     reset_link(link)
@@ -162,15 +180,14 @@ def new_link(
 
 
 def reset_link(link: AutopilotLink) -> None:
-    """Forget the flight: steps, unacknowledged events, neighbour states, recorded signals.
+    """Forget the flight: steps, unacknowledged events, neighbour states, the record.
 
     Frames and drops are counted on, and the last state stays.
     """
     state = link.state
     state["step"] = state["pending_usec"] = _NONE
-    state["pending_s"] = state["repeated"] = 0
+    state["pending_s"] = state["repeated"] = state["recorded"] = 0
     reset_formation_link(link.formation)
-    link.signals[:] = no_signals(len(link.signals))
 
 
 @compiled
@@ -194,8 +211,10 @@ def run(
         until_step: Step after which to return.
 
     Returns:
-        SERVICE, TICK, OVER or RESTARTED; after the last, `reset_link` before the next call.
+        SERVICE, TICK (also when the record is full), OVER or RESTARTED; after the last,
+        `reset_link` before the next call.
     """
+    link, controllers = borrowed(link), borrowed(controllers)
     state, simulator = link.state[0], link.simulator
     while True:
         if state["flags"] == FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP:
@@ -219,7 +238,8 @@ def run(
                     _work(plant_fd, formation_fd, link, controllers)
                     if state["flags"] & FTC_SIM_FLAGS_ENDED:
                         return Outcome.OVER
-        if state["step"] >= until_step or monotonic_s() >= until_s:
+        full = 0 < len(link.record.steps) == state["recorded"]
+        if full or state["step"] >= until_step or monotonic_s() >= until_s:
             return Outcome.TICK
 
 
@@ -250,7 +270,7 @@ def _is_of_another_run(link: AutopilotLink) -> bool:
     state["flags"] = int(sim_state["flags"])
     state["heard_s"] = monotonic_s()
     state["run"] = run
-    link.simulator.measured[0] = sim_state
+    copy_record(link.simulator.measured[0], sim_state)
     return bool(before >= 0 and before != run)
 
 
@@ -258,8 +278,9 @@ def _is_of_another_run(link: AutopilotLink) -> bool:
 def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers) -> None:
     """Answer one received state; in lockstep nothing is left to send after FTC_STEP_DONE.
 
-    So when the next state comes, every neighbour has been sent the state of this step. A step
-    that was not flown is never reported done.
+    So when the next state comes, every neighbour has been sent the message of this step, if there
+    is one; whether there is, the plant hears with FTC_STEP_DONE and passes on with the next state.
+    A step that was not flown is never reported done.
     """
     state, sim_state = link.state[0], link.simulator.sim_state[0]
     formation, step, flags = link.formation, int(sim_state["step"]), int(sim_state["flags"])
@@ -272,18 +293,27 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
     if fresh and lockstep and state["away"] > 0:
         state["away"] -= 1
         state["step"] = step
+        note_silent_neighbours(formation, sim_state["silent"])
         receive_neighbour_states(formation_fd, formation, controllers, step - 1)
+        link.simulator.step_done[0]["silent"] = 1
     elif fresh:
+        note_silent_neighbours(formation, sim_state["silent"])
         collect_neighbour_states(formation_fd, formation, controllers, step, lockstep)
         mask = controller_step(controllers, 0, sim_state, state["step_us"])
         state["step"] = step
-        if step < len(link.signals):
-            link.signals[step] = controllers.signals[0]
-        due = _note_events(link, controllers, mask, lockstep)
+        row = state["recorded"]
+        if row < len(link.record.steps):
+            link.record.steps[row] = step
+            copy_record(link.record.signals[row], controllers.signals[0])
+            state["recorded"] = row + 1
+        due = note_events(link, controllers, mask, lockstep)
+        told = tell_neighbours(controllers, 0, step, state["step_us"])
         keep(link.kept)
         if due:
             _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)
-        send_own_state(formation_fd, formation, controllers)
+        if told:
+            send_own_state(formation_fd, formation, controllers)
+        link.simulator.step_done[0]["silent"] = 0 if told else 1
     elif not running and not ended:  # frozen: neighbours learn of each other
         announce(controllers, 0, sim_state)
         send_own_state(formation_fd, formation, controllers)
@@ -309,7 +339,7 @@ def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: i
 
 
 @compiled
-def _note_events(link: AutopilotLink, controllers: Controllers, mask: int, lockstep: bool) -> bool:
+def note_events(link: AutopilotLink, controllers: Controllers, mask: int, lockstep: bool) -> bool:
     """Note the events to be sent; return whether an actuator message is due.
 
     One is due if there was an event, or again if one was not acknowledged. Each message carries

@@ -13,7 +13,6 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,8 @@ from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
-from ftc_autopilot.link import GCS, PLANT, SIMULATOR, new_link, run
+from ftc_autopilot.link import GCS, PLANT, SIMULATOR, Record, new_link, run
+from ftc_autopilot.recorder import RECORD_ROWS, Recorder
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -47,7 +47,6 @@ from mavlink_defs.framing.header import MAX_FRAME_SIZE
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
-from mavlink_defs.runtime.files import save_arrays
 from mavlink_defs.runtime.shutdown import on_stop
 
 __all__ = ["main"]
@@ -71,7 +70,7 @@ class Autopilot:
         plant: socket.socket,
         formation: socket.socket,
         gcs: socket.socket,
-        record_steps: int,
+        record: Path | None = None,
         keep_in: Path | None = None,
     ) -> None:
         """Boot, and take up the flight of a life before, if its file is there.
@@ -81,11 +80,11 @@ class Autopilot:
             plant: Connected to the plant.
             formation: Bound to the own formation port.
             gcs: Sends to the ground stations.
-            record_steps: Number of steps to record.
+            record: Folder for the recorded signals; None: nothing is recorded.
             keep_in: File for what a restart takes up; None: nothing is kept.
 
         Raises:
-            OSError: The file cannot be made.
+            OSError: A file cannot be made; it is named.
         """
         self._config = config
         self._plant, self._formation, self._gcs = plant, formation, gcs
@@ -101,12 +100,13 @@ class Autopilot:
             config.neighbours,
             config.step_us,
             config.neighbour_timeout_s,
-            record_steps,
+            0 if record is None else RECORD_ROWS,
             load_link_signer(config.signing_key, PLANT_LINK),
             load_link_signer(config.signing_key, FORMATION_LINK),
         )
         self._kept = np.zeros(1, VEHICLE)
-        resumes = keep_in is not None and self._keep_in(keep_in, record_steps)
+        resumes = keep_in is not None and self._keep_in(keep_in)
+        self._recorder = None if record is None else Recorder(self._link, record, resumes)
         self._hot = HotState(self._link)
         self._vehicle = Vehicle(config, self._hot, self._controllers, time.time())
         if resumes:
@@ -121,7 +121,7 @@ class Autopilot:
         self.stopping = False
         self.crash_at = _NEVER
 
-    def _keep_in(self, path: Path, record_steps: int) -> bool:
+    def _keep_in(self, path: Path) -> bool:
         """Keep the state in a file, the recorded signals beside it; return whether one was there.
 
         In lockstep, control begins again when a fixed simulated time has passed, so that the flight
@@ -140,12 +140,12 @@ class Autopilot:
         )
         kept = open_kept_state(path, records, self._config.model_dump_json())
         resumes = take_up(kept)
-        recorded = link.signals
-        if record_steps:
-            recorded = map_array(path.with_suffix(".signals"), SIGNALS, record_steps)
-            if not resumes:
-                recorded[:] = link.signals
-        self._link = link._replace(kept=kept, signals=recorded)
+        rows = len(link.record.steps)
+        record = Record(
+            map_array(path.with_suffix(".steps"), np.dtype(np.int64), rows),
+            map_array(path.with_suffix(".signals"), SIGNALS, rows),
+        )
+        self._link = link._replace(kept=kept, record=record)
         if resumes:
             state = link.state[0]
             state["heard_s"] = state["pending_s"] = 0.0
@@ -163,6 +163,9 @@ class Autopilot:
             )
             if self._hot.step >= self.crash_at:
                 os.kill(os.getpid(), signal.SIGKILL)
+            if (loss := self._keep_record(outcome == Outcome.RESTARTED)) is not None:
+                self._vehicle.farewell(loss)
+                break
             if outcome == Outcome.SERVICE:
                 self._receive_from_simulator()
             elif outcome == Outcome.RESTARTED:
@@ -180,13 +183,26 @@ class Autopilot:
         self._send_messages()
         return loss
 
-    def recording(self) -> dict[str, Any]:
-        """Return everything recorded, by name."""
-        return {
-            "signals": self._link.signals,
-            "repeats": self._hot.repeated,
-            "heard_end": bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED),
-        }
+    def finish_record(self, loss: str | None) -> str | None:
+        """Write the end of the record; return `loss`, or why it cannot be written."""
+        heard_end = bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED)
+        try:
+            if self._recorder is not None:
+                self._recorder.finish(loss, self._hot.repeated, heard_end)
+        except OSError as problem:
+            return f"cannot write {problem.filename}: {problem.strerror}"
+        return loss
+
+    def _keep_record(self, restarted: bool) -> str | None:
+        """Write the record if it is full; return why it cannot be written."""
+        try:
+            if self._recorder is not None and restarted:
+                self._recorder.restart()
+            elif self._recorder is not None:
+                self._recorder.keep()
+        except OSError as problem:
+            return f"cannot write {problem.filename}: {problem.strerror}"
+        return None
 
     def refused(self) -> Counter[str]:
         """Return the datagrams dropped on all links, by reason."""
@@ -297,10 +313,7 @@ def main(arguments: list[str] | None = None) -> None:
         epilog="`gcs fly` writes such a CONFIG for each UAV of a scenario into its run folder.",
     )
     parser.add_argument("config", type=Path, help="autopilot configuration (YAML)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="write all signals as .npz")
-    parser.add_argument(
-        "--record-steps", type=int, default=0, metavar="N", help="number of steps to record"
-    )
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="write all signals as .npy")
     parser.add_argument(
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
@@ -332,7 +345,7 @@ def main(arguments: list[str] | None = None) -> None:
         if not is_loopback(at):
             print(f"{prefix}: {exposed(at, bool(config.signing_key))}", file=sys.stderr)
     try:
-        autopilot = Autopilot(config, plant, formation, gcs, options.record_steps, options.keep)
+        autopilot = Autopilot(config, plant, formation, gcs, options.record, options.keep)
     except (EndpointError, SigningError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
@@ -348,11 +361,7 @@ def main(arguments: list[str] | None = None) -> None:
     on_stop(stop, options.exit_with_parent)
     with plant, formation, gcs:
         loss = autopilot.fly()
-    if options.record:
-        try:
-            save_arrays(options.record, {"loss": loss or "", **autopilot.recording()})
-        except OSError as problem:
-            loss = f"cannot write {options.record}: {problem.strerror}"
+    loss = autopilot.finish_record(loss)
     if refused := autopilot.refused():
         print(f"{prefix}: frames dropped: {words_of(refused)}", file=sys.stderr)
     if loss is not None:

@@ -100,7 +100,7 @@ class AutopilotTarget:
         neighbours = tuple(n.model_copy(update={"address": station}) for n in config.neighbours)
         update = {"gcs": (station,), "plant": station, "neighbours": neighbours}
         self._autopilot = Autopilot(
-            config.model_copy(update=update), self._own, self._formation, self._gcs, 0
+            config.model_copy(update=update), self._own, self._formation, self._gcs, None
         )
         self._formation.setblocking(False)
         self._own.setblocking(False)
@@ -200,7 +200,7 @@ class PlantTarget:
         self._peer, self._other, self._sock = _udp(), _udp(), _udp()
         link_signer = new_link_signer(b"", PLANT_LINK)
         self._plant = Plant(
-            scenario.plant_config(), self._sock, record=False, link_signer=link_signer
+            scenario.plant_config(), self._sock, record=None, link_signer=link_signer
         )
         self._sock.setblocking(False)
         self._fuzzed = self._other if stranger else self._peer

@@ -10,11 +10,13 @@ from typing import Annotated, NoReturn
 import typer
 
 from gcs.commands import (
+    baseline,
     campaign,
     compare,
     config,
     control,
     dashboard,
+    export,
     fault,
     fly,
     key,
@@ -101,9 +103,11 @@ def gcs(
 
 
 app.command(epilog=fly.EPILOG)(fly.fly)
+app.command(epilog=export.EPILOG)(export.export)
 app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
 app.command(epilog=compare.EPILOG)(compare.compare)
 app.command(epilog=sweep.EPILOG)(sweep.sweep)
+app.command(epilog=baseline.EPILOG)(baseline.baseline)
 app.command(epilog=campaign.EPILOG)(campaign.campaign)
 app.command(epilog=trim.EPILOG)(trim.trim)
 app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)

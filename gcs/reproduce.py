@@ -1,15 +1,20 @@
-"""Fly the paper's scenarios and write the report in one folder."""
+"""Fly the paper's scenarios, and every law with every trigger, and write the report in a folder."""
 
 import csv
+import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gcs.combinations import combinations, fly_all, fly_faults
 from gcs.errors import BadInput
+from gcs.figures.combinations import draw_combinations
 from gcs.figures.flown import PlottedFlight
 from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import save
+from gcs.fleet.in_process import fly_in_process
+from gcs.reports.combinations import combinations_csv, combinations_section
 from gcs.reports.markdown import html_of
 from gcs.reports.paper import CONTROLLERS, MODES, Results, paper_report
 from gcs.reports.published_values import FIG_9
@@ -25,7 +30,7 @@ from mavlink_defs.runtime.files import naming, write_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["FILES", "STEPS", "load_all", "reproduce"]
+__all__ = ["FILES", "load_all", "reproduce", "steps"]
 
 FILES = ("scenario1", *CONTROLLERS, *MODES)
 """Scenario files that are flown, without suffix."""
@@ -42,8 +47,16 @@ _CAPTIONS = {
     "the time of the faults.",
 }
 
-STEPS = len(FILES) + len(_CAPTIONS) + 2
-"""Calls of `on_step` in one reproduction."""
+_COMBINATIONS = (
+    "Transmissions against IAE of follower 2 under every law and trigger. The line joins what "
+    "no other combination beats in both numbers."
+)
+_FOLLOWER_2 = 3
+
+
+def steps(scenarios: Mapping[str, Scenario]) -> int:
+    """Return how often a reproduction calls `on_step`."""
+    return len(FILES) + len(_CAPTIONS) + len(combinations(scenarios["scenario1"])) + 3
 
 
 def load_all(folder: Path) -> dict[str, Scenario]:
@@ -67,6 +80,8 @@ def reproduce(
     jobs: int,
     out: Path,
     on_step: Callable[[str], None],
+    *,
+    faults: bool = False,
 ) -> dict[str, FlightSummary]:
     """Fly everything, and write report, data and figures.
 
@@ -75,7 +90,8 @@ def reproduce(
         fly: Flies one of them.
         jobs: How many flights at once.
         out: Empty folder.
-        on_step: Called with the name of each finished step, `STEPS` times.
+        on_step: Called with the name of each finished step, as often as `steps` says.
+        faults: Fly every fault file, too, under every law and trigger.
 
     Returns:
         The summary of each flight, by file name.
@@ -106,10 +122,39 @@ def reproduce(
         figures=_CAPTIONS,
     )
     text = paper_report(results)
+    text += "\n" + _second_chapter(scenarios, summaries, jobs, out, on_step, faults=faults)
     write_text(out / "report.md", text)
     write_text(out / "report.html", html_of(text, out))
     on_step("wrote the report")
     return summaries
+
+
+def _second_chapter(
+    scenarios: Mapping[str, Scenario],
+    summaries: Mapping[str, FlightSummary],
+    jobs: int,
+    out: Path,
+    on_step: Callable[[str], None],
+    *,
+    faults: bool,
+) -> str:
+    """Fly every law with every trigger in process, and return the section of the report."""
+    flown = []
+    with ThreadPoolExecutor(jobs) as pool:
+        for one in fly_all(combinations(scenarios["scenario1"]), _summary_of, pool):
+            flown.append(fly_faults(one, _summary_of, pool) if faults else one)
+            on_step(f"flew {one.law}, {one.trigger}, {one.aircraft}")
+    write_text(out / "data" / "combinations.csv", combinations_csv(flown))
+    save(draw_combinations(flown, _FOLLOWER_2), out / "figures", "combinations")
+    on_step("drew combinations")
+    follower = summaries["scenario1"].uav(_FOLLOWER_2)
+    iae = follower.iae if follower is not None else {}
+    paper = {quantity: iae.get(quantity) or math.nan for quantity in QUANTITIES}
+    return combinations_section(flown, _FOLLOWER_2, paper, _COMBINATIONS)
+
+
+def _summary_of(scenario: Scenario) -> FlightSummary:
+    return summarise(fly_in_process(scenario), scenario)
 
 
 def _draw(

@@ -17,12 +17,13 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from typer.cli import get_docs_for_click
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.schedule import Schedule
-from ftc_autopilot.vehicle.param_table import tunables
+from ftc_autopilot.control.triggers import TRIGGERS
+from ftc_autopilot.control.triggers.base import TriggerParameters
+from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
 from gcs.campaigns import distributions
 from gcs.campaigns.model import Campaign, DrawnFault, Factor, Kept
 from gcs.cli import app
@@ -52,7 +53,8 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "sensor": Sensor,
     "controller": LawParameters,
     **LAWS,
-    "trigger": Trigger,
+    "trigger": TriggerParameters,
+    **TRIGGERS,
     "uavs": ScenarioUav,
     "network": Network,
     "profile": ProfileSegment,
@@ -85,8 +87,9 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 def keys(section: str) -> str:
     """Return the table of the keys of one section of a scenario or a campaign."""
     model = SECTIONS[section]
-    base = LawParameters if section in LAWS else None
-    rows = (row for row in key_rows(model) if base is None or row[0] not in base.model_fields)
+    extends = section in LAWS or section in TRIGGERS  # the keys of the class before it
+    common = model.__mro__[1].model_fields if extends else {}
+    rows = (row for row in key_rows(model) if row[0] not in common)
     shown = ((f"`{key}`", *rest) for key, *rest in rows)
     return table(("key", "expected", "default", "meaning"), shown)
 
@@ -203,14 +206,15 @@ def meaning(field: FieldInfo, part: type[BaseModel] | None) -> str:
 
 
 def parameters() -> str:
-    """Return the tables of the parameters: of every vehicle, then of each law."""
+    """Return the tables of the parameters: of triggers, then of laws."""
     records = np.zeros(1, PARAMETERS)
-    groups = {
-        "Trigger": tunables(Trigger, records["trigger"], "TRIG_"),
-        "Every law": tunables(LawParameters, records["common"]),
-    }
+    groups = {"Every trigger": trigger_tunables(records)}
+    for mode in TRIGGERS:
+        groups[f"Trigger `{mode}`"] = trigger_tunables(records, mode)
+    groups["Every law"] = tunables(LawParameters, records["common"])
     for kind, law in LAWS.items():
         groups[f"`{kind}`"] = tunables(law, records[kind], base=LawParameters)
+    own = {group: list(found) for group, found in groups.items()}
     head = ("parameter", "expected", "key", "meaning")
     return "\n\n".join(
         f"### {group}\n\n"
@@ -218,7 +222,8 @@ def parameters() -> str:
             head,
             ((f"`{t.name}`", range_of(t.quantity), f"`{t.field}`", t.quantity.doc) for t in found),
         )
-        for group, found in groups.items()
+        for group, found in own.items()
+        if found
     )
 
 

@@ -1,6 +1,7 @@
 """Disturbances d_v [m/s²] and d_ω [rad/s²]: per axis one sinusoid of simulation time."""
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -8,7 +9,10 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.config import Disturbance
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["disturbance_table", "disturbances"]
+__all__ = ["Disturbances", "disturbance_table", "disturbances", "disturbances_over"]
+
+Disturbances: TypeAlias = tuple[Vec3, Vec3]
+"""d_v [m/s²] and d_ω [rad/s²] at one time, body axes."""
 
 
 def disturbance_table(disturbance: Disturbance) -> np.ndarray:
@@ -26,12 +30,27 @@ def disturbance_table(disturbance: Disturbance) -> np.ndarray:
 
 
 @compiled
-def disturbances(table: np.ndarray, t: float) -> tuple[Vec3, Vec3]:
+def disturbances(table: np.ndarray, t: float) -> Disturbances:
     """Evaluate d_v and d_ω at time t [s]; `table` as `disturbance_table` returns it."""
     return (
         (_wave(table, 0, t), _wave(table, 1, t), _wave(table, 2, t)),
         (_wave(table, 3, t), _wave(table, 4, t), _wave(table, 5, t)),
     )
+
+
+@compiled
+def disturbances_over(
+    now: Disturbances, table: np.ndarray, t: float, dt: float
+) -> tuple[Disturbances, Disturbances, Disturbances]:
+    """Return d_v and d_ω at the start, in the middle and at the end of a period.
+
+    Args:
+        now: Those at its start.
+        table: As `disturbance_table` returns it.
+        t: Start of the period [s].
+        dt: Its length [s].
+    """
+    return now, disturbances(table, t + 0.5 * dt), disturbances(table, t + dt)
 
 
 @compiled

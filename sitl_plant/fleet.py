@@ -11,7 +11,12 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.config import InitialState, PlantConfig
-from sitl_plant.disturbance import disturbance_table
+from sitl_plant.disturbance import (
+    Disturbances,
+    disturbance_table,
+    disturbances,
+    disturbances_over,
+)
 from sitl_plant.plant import Environment, is_lost, specific_force, step_aircraft, time_s
 from sitl_plant.sensors import measure, new_sensors, true_motions
 from sitl_plant.servo import begin_period, new_servos, sent_commands
@@ -34,6 +39,7 @@ class PlantState(NamedTuple):
     aircraft: np.ndarray  # (n,), dtype AIRCRAFT, the true ones
     messages: np.ndarray  # (n,), dtype SIM_STATE: the present state as the wire carries it
     disturbance: np.ndarray  # (6, 3)
+    disturbed: np.ndarray  # (7,): a step, -1 for none, and the disturbances at it
     wind: np.ndarray  # (1,), dtype WIND
     turbulence: np.ndarray  # (n,), dtype TURBULENCE
     air: np.ndarray  # (n, 6), motion of the air around each now, see `sitl_plant.rigid_body.Air`
@@ -67,6 +73,7 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         aircraft,
         messages,
         disturbance_table(config.disturbance),
+        np.full(7, -1.0),
         wind,
         turbulence,
         np.zeros((n, 6)),
@@ -75,7 +82,7 @@ def new_plant_state(config: PlantConfig) -> PlantState:
     )
     for i, uav in enumerate(config.uavs):
         start_turbulence(turbulence[i], uav.initial.airspeed_m_s, config.seed, uav.id)
-        _look_at_air(fleet, i, 0.0)
+        look_at_air(fleet, i, 0.0)
     states[:, 3:6] += fleet.air[:, :3]  # the initial airspeed is one through the air
     return fleet
 
@@ -132,13 +139,13 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     around = Environment(
         fleet.servos[i],
         fleet.faults[i],
-        fleet.disturbance,
         fleet.wind[0],
         fleet.turbulence[i],
         fleet.aircraft[i],
     )
+    d_v, _ = _disturbances_at(fleet, step, step_us)
     air = vec3(fleet.air[i, :3]), vec3(fleet.air[i, 3:])
-    force = specific_force(x, step, step_us, air, around)
+    force = specific_force(x, step, step_us, d_v, air, around)
     for k in range(3):
         message["position"][k] = x[k]
         message["velocity"][k] = x[3 + k]
@@ -157,6 +164,8 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
         Index of the first aircraft that left the model's range of validity, or -1.
     """
     t, dt = time_s(step, step_us), step_us / 1e6
+    now = _disturbances_at(fleet, step, step_us)
+    disturbed = disturbances_over(now, fleet.disturbance, t, dt)
     lost = -1
     for i in range(len(fleet.states)):
         commanded = fleet.messages[i]["actuator_time_usec"] != _NOTHING_APPLIED
@@ -164,24 +173,35 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
         around = Environment(
             fleet.servos[i],
             fleet.faults[i],
-            fleet.disturbance,
             fleet.wind[0],
             fleet.turbulence[i],
             fleet.aircraft[i],
         )
-        step_aircraft(fleet.states[i], t, dt, around, fleet.applied[i])
+        step_aircraft(fleet.states[i], t, dt, disturbed, around, fleet.applied[i])
         if fleet.wind[0]["still"] == 0:
             V = norm(sub(vec3(fleet.states[i, 3:6]), vec3(fleet.air[i, :3])))
             system, seed = fleet.sensors[i]["system"], fleet.sensors[i]["seed"]
             advance_turbulence(fleet.turbulence[i], V, dt, seed, system, step + 1)
-            _look_at_air(fleet, i, time_s(step + 1, step_us))
+            look_at_air(fleet, i, time_s(step + 1, step_us))
         if lost < 0 and is_lost(fleet.states[i], fleet.air[i, :3]):
             lost = i
     return lost
 
 
 @compiled
-def _look_at_air(fleet: PlantState, i: int, t: float) -> None:
+def _disturbances_at(fleet: PlantState, step: int, step_us: int) -> Disturbances:
+    """Return the disturbances at a step, which all aircraft share: evaluated for the first one."""
+    memory = fleet.disturbed
+    if memory[0] != step:
+        d_v, d_omega = disturbances(fleet.disturbance, time_s(step, step_us))
+        memory[0] = step
+        for k in range(3):
+            memory[1 + k], memory[4 + k] = d_v[k], d_omega[k]
+    return vec3(memory[1:4]), vec3(memory[4:7])
+
+
+@compiled
+def look_at_air(fleet: PlantState, i: int, t: float) -> None:
     """Note the motion of the air around aircraft i at a time [s]."""
     x = fleet.states[i]
     air = air_around(fleet.wind[0], fleet.turbulence[i], vec3(x[0:3]), vec3(x[6:9]), t)

@@ -19,6 +19,7 @@ __all__ = [
     "Sensors",
     "Servos",
     "SurfaceServo",
+    "period_problems",
     "sensor_problems",
     "servo_problems",
 ]
@@ -135,14 +136,14 @@ def servo_problems(servos: Servos | ActuatorServos, step_us: int) -> _Found:
     for name in type(servos).model_fields:
         servo = getattr(servos, name)
         if servo is not None:
-            yield from _period_problems((name, "dead_time_s"), servo.dead_time_s, step_us)
+            yield from period_problems((name, "dead_time_s"), servo.dead_time_s, step_us)
 
 
 def sensor_problems(sensors: Sensors, step_us: int) -> _Found:
     """Yield place and text of what sensors cannot do at a control period [µs]."""
     for name in Sensors.model_fields:
         sensor = getattr(sensors, name)
-        yield from _period_problems((name, "latency_s"), sensor.latency_s, step_us)
+        yield from period_problems((name, "latency_s"), sensor.latency_s, step_us)
         if sensor.rate_hz is None:
             continue
         periods = 1e6 / (sensor.rate_hz * step_us)
@@ -153,7 +154,8 @@ def sensor_problems(sensors: Sensors, step_us: int) -> _Found:
             yield (name, "rate_hz"), f"{text} {near} Hz, got {sensor.rate_hz!r}"
 
 
-def _period_problems(loc: Loc, delay_s: float, step_us: int) -> _Found:
+def period_problems(loc: Loc, delay_s: float, step_us: int) -> _Found:
+    """Yield place and text if a time [s] is no whole number of control periods [µs]."""
     if not _is_whole(delay_s * 1e6 / step_us):
         text = f"expected a whole number of control periods of {step_us} us, got {delay_s!r} s"
         yield loc, text

@@ -29,6 +29,7 @@ from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import PLANT_LINK
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import borrowed
 from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
     monotonic_s,
@@ -60,16 +61,17 @@ LINK_STATE = np.dtype(
         ("lag_s", "f8"),  # wall-clock time given up because the machine was too slow [s]
         ("received", "i8"),  # length of the datagram in `received`
         ("lost", "i8"),  # index of a lost aircraft
+        ("recorded", "i8"),  # rows of the record in use
     ]
 )
 
 
 class Record(NamedTuple):
-    """The record of every step; empty if nothing is recorded."""
+    """Room for the record of some steps, none if nothing is recorded; Python empties it."""
 
-    states: np.ndarray  # (steps, n, 12)
-    wind: np.ndarray  # (steps, n, 3)
-    applied: np.ndarray  # (steps, n, 4)
+    states: np.ndarray  # (rows, n, 12)
+    wind: np.ndarray  # (rows, n, 3)
+    applied: np.ndarray  # (rows, n, 4)
 
 
 class PlantLink(NamedTuple):
@@ -81,6 +83,7 @@ class PlantLink(NamedTuple):
     addresses: np.ndarray  # (n, ADDRESS_SIZE), sockaddr of the autopilot
     heard_s: np.ndarray  # (n,), wall-clock time of its last datagram [s]
     done: np.ndarray  # (n,), last step that it has finished
+    silent: np.ndarray  # (32,), FTC_SIM_STATE.silent of the next step
     sequences: np.ndarray  # (n,), frames sent by each simulator component
     drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
@@ -97,7 +100,7 @@ def new_link(
     step_us: int,
     last_step: int,
     speed: float | None,
-    record: bool,
+    record_rows: int,
     link_signer: LinkSigner | None = None,
 ) -> PlantLink:
     """Return the link of a plant with which no autopilot has registered.
@@ -107,7 +110,7 @@ def new_link(
         step_us: Control period [µs].
         last_step: Step at which the simulation ends.
         speed: Real-time factor; None for lockstep.
-        record: Keep states and applied controls of every step.
+        record_rows: Steps whose record there is room for; 0 to record nothing.
         link_signer: Signs the link.
     """
     n = len(systems)
@@ -118,7 +121,6 @@ def new_link(
     state["flags"] = 0 if speed else FTC_SIM_FLAGS_LOCKSTEP
     state["lost"] = -1
     received = codec.new_buffer()
-    rows = last_step if record else 0
     return PlantLink(
         state=state,
         systems=np.array(systems),
@@ -126,6 +128,7 @@ def new_link(
         addresses=np.zeros((n, ADDRESS_SIZE), np.uint8),
         heard_s=np.zeros(n),
         done=np.full(n, -1),
+        silent=np.zeros(codec.SIM_STATE["silent"].shape, np.uint8),
         sequences=np.zeros(n, np.int64),
         drops=np.zeros(codec.DROPS_SIZE, np.int64),
         sent=codec.new_buffer(),
@@ -134,9 +137,9 @@ def new_link(
         step_done=codec.payload_view(received, codec.STEP_DONE),
         actuators=codec.payload_view(received, codec.ACTUATORS),
         record=Record(
-            states=np.zeros((rows, n, 12)),
-            wind=np.zeros((rows, n, 3)),
-            applied=np.zeros((rows, n, N_CHANNELS)),
+            states=np.zeros((record_rows, n, 12)),
+            wind=np.zeros((record_rows, n, 3)),
+            applied=np.zeros((record_rows, n, N_CHANNELS)),
         ),
         signer=link_signer or new_link_signer(b"", PLANT_LINK),
     )
@@ -156,6 +159,8 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
     for i in range(len(link.systems)):
         if not unfinished_only:
             observe(fleet, i, state["step"], state["step_us"])
+            for k in range(len(link.silent)):
+                fleet.messages[i]["silent"][k] = link.silent[k]
         if link.known[i] == 0 or (unfinished_only and link.done[i] >= state["step"]):
             continue
         fleet.messages[i]["flags"] = state["flags"]
@@ -171,6 +176,8 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
         link.sequences[i] += 1
         length = sign_frame(link.signer, link.sent, length)
         send_to(fd, link.sent, length, link.addresses[i])
+    if not unfinished_only:
+        link.silent[:] = 0
     state["sent_s"] = monotonic_s()
 
 
@@ -185,8 +192,9 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
         until_s: Wall-clock time, as `monotonic_s` gives it, at which to return [s].
 
     Returns:
-        SERVICE, TICK, OVER or LOST.
+        SERVICE, TICK (also when the record is full), OVER or LOST.
     """
+    link, fleet = borrowed(link), borrowed(fleet)
     state, record = link.state[0], link.record
     while True:
         running = state["flags"] & FTC_SIM_FLAGS_RUNNING
@@ -196,13 +204,15 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
         outcome = _wait(fd, link, fleet, until_s)
         if outcome != Outcome.NONE:
             return outcome
-        step = state["step"]
-        if step < len(record.states):
-            record.states[step] = fleet.states
-            record.wind[step] = fleet.air[:, :3]
+        step, row = state["step"], state["recorded"]
+        recording = row < len(record.states)
+        if recording:
+            record.states[row] = fleet.states
+            record.wind[row] = fleet.air[:, :3]
         lost = fly(fleet, step, state["step_us"])
-        if step < len(record.applied):
-            record.applied[step] = fleet.applied
+        if recording:
+            record.applied[row] = fleet.applied
+            state["recorded"] = row + 1
         state["step"] = step + 1
         state["waiting"] = 0
         if lost >= 0:
@@ -210,6 +220,8 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
             return Outcome.LOST
         if state["step"] >= state["last_step"]:
             return Outcome.OVER
+        if recording and state["recorded"] == len(record.states):
+            return Outcome.TICK
 
 
 @compiled
@@ -220,7 +232,7 @@ def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcom
     real_time = running and state["speed"] > 0.0
     while True:
         if real_time:
-            due_s = _due_s(link)
+            due_s = due_time_s(link)
             sleep_until(min(due_s, until_s))
             length = receive_from_now(fd, link.received, link.sender)
             if length < 0 and monotonic_s() >= due_s:
@@ -245,7 +257,7 @@ def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcom
 
 
 @compiled
-def _due_s(link: PlantLink) -> float:
+def due_time_s(link: PlantLink) -> float:
     """Return when the present step ends [s, wall time]; a machine too slow shifts the origin."""
     state = link.state[0]
     periods = state["step"] + 1 - state["origin_step"]
@@ -290,6 +302,8 @@ def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
         step = link.step_done[0]["step"]
         if step > link.state[0]["step"]:
             return DropReason.OUT_OF_RANGE
+        if step > link.done[i] and link.step_done[0]["silent"] != 0:
+            link.silent[link.systems[i] >> 3] |= 1 << (link.systems[i] & 7)
         link.done[i] = max(link.done[i], step)
         return 0
     if message_id == MessageId.ACTUATORS:

@@ -14,7 +14,7 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import apply_faults
 from sitl_plant.aerodynamics import aerodynamics
-from sitl_plant.disturbance import disturbances
+from sitl_plant.disturbance import Disturbances
 from sitl_plant.rigid_body import Air, State, advance, load_state, state_derivative, store_state
 from sitl_plant.servo import end_period, positions
 from sitl_plant.vec3 import Vec3, add, norm, scale, sub, vec3
@@ -43,7 +43,6 @@ class Environment(NamedTuple):
 
     servos: np.void  # dtype SERVOS
     faults: np.ndarray  # (MAX_FAULTS,), dtype FAULT
-    disturbance: np.ndarray  # (6, 3), as `disturbance_table` returns it
     wind: np.void  # dtype WIND
     turbulence: np.void  # dtype TURBULENCE
     aircraft: np.void  # dtype AIRCRAFT
@@ -60,6 +59,7 @@ def rk4_step(
     state: State,
     t: float,
     dt: float,
+    disturbed: tuple[Disturbances, Disturbances, Disturbances],
     environment: Environment,
 ) -> State:
     """Integrate eqs. (1) to (4) from t to t + dt [s].
@@ -68,13 +68,16 @@ def rk4_step(
         state: State at t.
         t: Start of the interval [s].
         dt: Its length [s].
+        disturbed: As `sitl_plant.disturbance.disturbances_over` returns it: the same for all
+            aircraft, so that it is evaluated once.
         environment: The aircraft and what acts on it.
     """
     middle = t + 0.5 * dt
-    k1 = _slope(state, t, t, environment)
-    k2 = _slope(advance(state, 0.5 * dt, k1), middle, t, environment)
-    k3 = _slope(advance(state, 0.5 * dt, k2), middle, t, environment)
-    k4 = _slope(advance(state, dt, k3), t + dt, t, environment)
+    at_start, at_middle, at_end = disturbed
+    k1 = _slope(state, t, t, at_start, environment)
+    k2 = _slope(advance(state, 0.5 * dt, k1), middle, t, at_middle, environment)
+    k3 = _slope(advance(state, 0.5 * dt, k2), middle, t, at_middle, environment)
+    k4 = _slope(advance(state, dt, k3), t + dt, t, at_end, environment)
     state = advance(advance(state, dt / 6.0, k1), dt / 3.0, k2)
     return advance(advance(state, dt / 3.0, k3), dt / 6.0, k4)
 
@@ -84,12 +87,13 @@ def _slope(
     state: State,
     t: float,
     interval_start: float,
+    disturbed: Disturbances,
     environment: Environment,
 ) -> State:
     aircraft = environment.aircraft
     moved = positions(environment.servos, t - interval_start)
     da, de, dr, thrust = apply_faults(moved, t, interval_start, environment.faults, aircraft)
-    d_v, d_omega = disturbances(environment.disturbance, t)
+    d_v, d_omega = disturbed
     air = air_around(environment.wind, environment.turbulence, state[0], state[2], t)
     return state_derivative(state, thrust, (da, de, dr), d_v, d_omega, air, aircraft)
 
@@ -99,6 +103,7 @@ def step_aircraft(
     x: np.ndarray,
     t: float,
     dt: float,
+    disturbed: tuple[Disturbances, Disturbances, Disturbances],
     environment: Environment,
     applied: np.ndarray,
 ) -> None:
@@ -108,6 +113,7 @@ def step_aircraft(
         x: State, shape (12,), in the order of `State`.
         t: Start of the period [s].
         dt: Control period [s].
+        disturbed: Disturbances at the period's start, middle and end.
         environment: The aircraft and what acts on it; its servos have begun the period.
         applied: True positions and thrust at the start of the period, shape (4,), written.
     """
@@ -115,13 +121,18 @@ def step_aircraft(
     real = apply_faults(moved, t, t, environment.faults, environment.aircraft)
     for i in range(N_CHANNELS):
         applied[i] = real[i]
-    store_state(rk4_step(load_state(x), t, dt, environment), x)
+    store_state(rk4_step(load_state(x), t, dt, disturbed, environment), x)
     end_period(environment.servos, dt)
 
 
 @compiled
 def specific_force(
-    x: np.ndarray, step: int, step_us: int, surrounding: Air, environment: Environment
+    x: np.ndarray,
+    step: int,
+    step_us: int,
+    d_v: Vec3,
+    surrounding: Air,
+    environment: Environment,
 ) -> Vec3:
     """Return the specific force at a step [m/s²], body axes.
 
@@ -132,6 +143,7 @@ def specific_force(
         x: State, shape (12,).
         step: Step number.
         step_us: Control period [µs].
+        d_v: Disturbance of the acceleration at the step [m/s²].
         surrounding: Motion of the air at the step.
         environment: The aircraft and what acts on it.
     """
@@ -141,7 +153,6 @@ def specific_force(
     moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
     real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
-    d_v, _ = disturbances(environment.disturbance, t)
     return add(scale(1.0 / aircraft["m"], (air.F[0] + real[THROTTLE], air.F[1], air.F[2])), d_v)
 
 

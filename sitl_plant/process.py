@@ -14,7 +14,6 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -44,12 +43,12 @@ from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import LinkSigner, load_link_signer, sign_bytes
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
-from mavlink_defs.runtime.files import save_arrays
 from mavlink_defs.runtime.shutdown import on_stop
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
 from sitl_plant.link import new_link, run, send_states
 from sitl_plant.plant import describe_loss, time_s
+from sitl_plant.recorder import RECORD_ROWS, Recorder
 from sitl_plant.registration import Claim, Registration
 from sitl_plant.service import AircraftService
 
@@ -66,7 +65,11 @@ class Plant:
     """Socket and wall clock around the compiled loop, the registration and the services."""
 
     def __init__(
-        self, config: PlantConfig, sock: socket.socket, record: bool, link_signer: LinkSigner
+        self,
+        config: PlantConfig,
+        sock: socket.socket,
+        record: Path | None,
+        link_signer: LinkSigner,
     ) -> None:
         self._config = config
         self._sock = sock
@@ -77,8 +80,10 @@ class Plant:
             last_step = round(config.duration_s * 1e6 / config.step_us)
         systems = [uav.id for uav in config.uavs]
         self._fleet = new_plant_state(config)
-        self._fleet.messages["run"] = secrets.randbits(32)
-        self._link = new_link(systems, config.step_us, last_step, config.speed, record, link_signer)
+        self._fleet.messages["run"] = 2**31 + secrets.randbits(31)  # all states of one size
+        rows = 0 if record is None else RECORD_ROWS
+        self._link = new_link(systems, config.step_us, last_step, config.speed, rows, link_signer)
+        self._recorder = None if record is None else Recorder(self._link, record)
         self._state = self._link.state[0]
         self._registration = Registration(
             self._link, config.silence_timeout_s, config.wait_for_restart, _log
@@ -107,6 +112,8 @@ class Plant:
         loss, outcome = None, Outcome.NONE
         while not self.stopping:
             outcome = run(self._fd, self._link, self._fleet, time.monotonic() + _TICK_S)
+            if (loss := self._keep_record()) is not None:
+                break
             if outcome == Outcome.SERVICE:
                 self._serve()
             elif outcome == Outcome.OVER:
@@ -131,17 +138,23 @@ class Plant:
         """Simulation time [s]."""
         return time_s(int(self._state["step"]), self._config.step_us)
 
-    def recording(self) -> dict[str, Any]:
-        """Return everything recorded, by name."""
-        steps = int(self._state["step"])
-        return {
-            "states": self._link.record.states[:steps],
-            "wind": self._link.record.wind[:steps],
-            "applied": self._link.record.applied[:steps],
-            "steps": steps,
-            "wall_s": self.wall_s,
-            "lag_s": float(self._state["lag_s"]),
-        }
+    def finish_record(self, loss: str | None) -> str | None:
+        """Write the end of the record; return `loss`, or why it cannot be written."""
+        try:
+            if self._recorder is not None:
+                self._recorder.finish(loss, int(self._state["step"]), self.wall_s)
+        except OSError as problem:
+            return f"cannot write {problem.filename}: {problem.strerror}"
+        return loss
+
+    def _keep_record(self) -> str | None:
+        """Write the record if it is full; return why it cannot be written."""
+        try:
+            if self._recorder is not None:
+                self._recorder.keep()
+        except OSError as problem:
+            return f"cannot write {problem.filename}: {problem.strerror}"
+        return None
 
     @property
     def _running(self) -> bool:
@@ -245,7 +258,7 @@ def main(arguments: list[str] | None = None) -> None:
         epilog="`gcs fly` writes such a CONFIG for a scenario into its run folder.",
     )
     parser.add_argument("config", type=Path, help="plant configuration (YAML)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="write all steps as .npz")
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="write all steps as .npy")
     parser.add_argument(
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
@@ -264,7 +277,11 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(2)
     if not is_loopback(address):
         _log(exposed(address, config.signing_key is not None))
-    plant = Plant(config, sock, options.record is not None, link_signer)
+    try:
+        plant = Plant(config, sock, options.record, link_signer)
+    except OSError as problem:
+        print(f"cannot write {problem.filename}: {problem.strerror}", file=sys.stderr)
+        sys.exit(2)
 
     def stop() -> None:
         plant.stopping = True
@@ -272,11 +289,7 @@ def main(arguments: list[str] | None = None) -> None:
     on_stop(stop, options.exit_with_parent)
     with sock:
         loss = plant.fly()
-    if options.record:
-        try:
-            save_arrays(options.record, {"loss": loss or "", **plant.recording()})
-        except OSError as problem:
-            loss = f"cannot write {options.record}: {problem.strerror}"
+    loss = plant.finish_record(loss)
     if refused := plant.refused():
         _log(f"frames dropped: {words_of(refused)}")
     if loss is not None:

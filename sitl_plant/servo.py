@@ -18,6 +18,7 @@ from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import Controls
 from sitl_plant.hardware import ActuatorServos, EngineServo, SurfaceServo
+from sitl_plant.lag import lagged
 
 __all__ = ["SERVOS", "begin_period", "end_period", "new_servos", "positions", "sent_commands"]
 
@@ -154,22 +155,6 @@ def _position(servos: np.void, c: int, elapsed: float) -> float:
 
 @compiled
 def _shaft(servos: np.void, c: int, elapsed: float) -> float:
-    """Solve lag · ẋ = target - x with |ẋ| ≤ rate limit, from the start of the period.
-
-    While the distance to the target is more than rate limit · lag the servo moves at its limit,
-    and then it closes exponentially; the two pieces meet with the same rate.
-    """
-    target: float = servos["target"][c]
-    start: float = servos["shaft"][c]
-    lag, limit = servos["lag"][c], servos["rate_limit"][c]
-    if lag == 0.0 and math.isinf(limit):
-        return target
-    distance = abs(target - start)
-    near = limit * lag if lag > 0.0 else 0.0
-    running = max(distance - near, 0.0) / limit
-    if elapsed < running:
-        return start + math.copysign(limit * elapsed, target - start)
-    rest = min(distance, near)
-    if lag > 0.0:
-        rest *= math.exp((running - elapsed) / lag)
-    return target - math.copysign(rest, target - start)
+    """Return where a servo's shaft stands, a time after the start of the period."""
+    start, target = servos["shaft"][c], servos["target"][c]
+    return lagged(start, target, servos["lag"][c], servos["rate_limit"][c], elapsed)

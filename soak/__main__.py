@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import GcsError
-from gcs.fleet.flight import fly_over_udp
+from gcs.fleet.flight import fly_and_record
 from gcs.fleet.precompile import compile_everything
 from gcs.fleet.processes import on_free_ports
 from gcs.results.recording import Recording
@@ -88,7 +88,7 @@ def _fly(drawn: Chapter) -> tuple[list[str], bytes]:
         flight = on_free_ports(
             drawn.scenario,
             lambda scenario, _: asyncio.run(
-                fly_over_udp(scenario, folder, restart=True, crashes=drawn.crashes)
+                fly_and_record(scenario, folder, restart=True, crashes=drawn.crashes)
             ),
         )
         summary = summarise(flight, drawn.scenario)

@@ -13,7 +13,7 @@ ALLOWED: dict[str, set[str]] = {
     "ftc_autopilot": {"mavlink_defs", "sitl_plant"},
     "gcs": {"mavlink_defs", "sitl_plant", "ftc_autopilot"},
 }
-MODEL = {"aerodynamics", "aircraft", "config", "hardware", "rigid_body", "vec3"}
+MODEL = {"aerodynamics", "aircraft", "config", "hardware", "lag", "rigid_body", "vec3"}
 """Modules of `sitl_plant` that an autopilot may import: the aircraft's model, not its process."""
 SHELLS = {
     "ftc_autopilot.process",

@@ -5,9 +5,11 @@ as they stand, advance the estimates by one explicit Euler step to t + dt, trigg
 reference filter.
 """
 
+import math
+
 import numpy as np
 
-from ftc_autopilot.config import Controller, Trigger
+from ftc_autopilot.config import Controller, FormationTrigger
 from ftc_autopilot.control.formation import formation_errors
 from ftc_autopilot.control.laws import KINDS, LAWS, evaluate
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
@@ -16,6 +18,8 @@ from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.schedule import scheduled
 from ftc_autopilot.control.trigger import trigger
+from ftc_autopilot.control.triggers import MODES, TRIGGERS
+from ftc_autopilot.control.triggers.base import ALL, TriggerParameters
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
@@ -43,11 +47,26 @@ def _record_of(law: type[LawParameters]) -> np.dtype:
     return np.dtype([*((name, own[name]) for name in own.names or ()), *law.DERIVED])
 
 
+def _record_of_triggers() -> np.dtype:
+    """Return the record of the thresholds, and of what each trigger has beyond them."""
+    common = record_dtype(TriggerParameters)
+    own = {mode: record_dtype(trigger, TriggerParameters) for mode, trigger in TRIGGERS.items()}
+    return np.dtype(
+        [
+            *((name, common[name]) for name in common.names or ()),
+            *((mode, record) for mode, record in own.items() if record.names),
+        ]
+    )
+
+
 PARAMETERS = np.dtype(
     [
         ("law", "i8"),  # index in KINDS
         ("common", record_dtype(LawParameters)),
-        ("trigger", record_dtype(Trigger)),
+        ("mode", "i8"),  # of the trigger, index in MODES
+        ("trigger", _record_of_triggers()),
+        ("formation_triggered", "i8"),  # 0: a neighbour message in every step
+        ("formation_trigger", record_dtype(FormationTrigger)),
         *((kind, _record_of(law)) for kind, law in LAWS.items()),
     ]
 )
@@ -55,14 +74,17 @@ PARAMETERS = np.dtype(
 CONTROLLER = np.dtype(
     [
         *((kind, law.STATE) for kind, law in LAWS.items()),
+        ("trigger", [(mode, one.STATE) for mode, one in TRIGGERS.items() if one.STATE.names]),
         ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
         ("held", "f8", (N_CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
+        ("chosen", "i8"),  # mask of the channels that the law chose to send; all unless it chooses
         ("started", "i8"),  # 0: the next step is the law's first one since the UAV was armed
         ("steps", "i8"),  # control steps made
         ("messages", "i8"),  # steps in which at least one channel had an event
         ("events", "i8", (N_CHANNELS,)),
         ("last_event", "i8", (N_CHANNELS,)),  # step of the channel's last event
         ("min_interval", "i8", (N_CHANNELS,)),  # smallest interval between two events [steps]
+        ("neighbour_messages", "i8"),  # steps after the first with a message to the neighbours
     ]
 )
 
@@ -79,6 +101,7 @@ SIGNALS = np.dtype(
         ("demand", "f8", (N_CHANNELS,)),  # δ̂ and T̂ before saturation
         ("held", "f8", (N_CHANNELS,)),  # δ_0 and T_x0
         ("events", "u1"),  # bit per channel
+        ("neighbour_message", "u1"),  # 1: sent in this step, which is not the first
         ("Phi_v", "f8"),
         ("g_v", "f8"),
         ("beta_v", "f8"),
@@ -101,6 +124,7 @@ SIGNALS = np.dtype(
         ("effectiveness", "f8", (N_CHANNELS,)),  # diagnosis: in use
         ("offset", "f8", (N_CHANNELS,)),  # of an actuator in service; where a lost one stands
         ("confidence", "f8", (N_CHANNELS,)),  # 1 - standard error of the effectiveness
+        ("predicted_exit", "f8", (N_CHANNELS,)),  # time until its output leaves the tube [s]
         ("phase", "u1", (N_CHANNELS,)),  # as `ftc_autopilot.control.diagnosis` numbers them
     ]
 )
@@ -108,12 +132,25 @@ SIGNALS = np.dtype(
 pitch, yaw [rad]; of commands: aileron, elevator, rudder [rad], thrust [N]."""
 
 
-def parameter_record(controller: Controller, trigger: Trigger) -> np.void:
-    """Turn a controller's and its trigger's configuration into a record of `PARAMETERS`."""
+def parameter_record(
+    controller: Controller, trigger: TriggerParameters, formation: FormationTrigger | None = None
+) -> np.void:
+    """Turn a controller's and its triggers' configuration into a record of `PARAMETERS`.
+
+    Triggers of the commands that are not chosen, to which a vehicle may change in flight, have
+    their defaults.
+    """
     record: np.void = np.zeros(1, PARAMETERS)[0]
     record["law"] = KINDS.index(controller.kind)
     fill(record["common"], controller)
+    record["mode"] = MODES.index(trigger.mode)
     fill(record["trigger"], trigger)
+    for mode, one in TRIGGERS.items():
+        if mode in record["trigger"].dtype.names:
+            fill(record["trigger"][mode], trigger if mode == trigger.mode else one(mode=mode))
+    if formation is not None:
+        record["formation_triggered"] = 1
+        fill(record["formation_trigger"], formation)
     fill(record[controller.kind], controller)
     return record
 
@@ -132,6 +169,7 @@ def restart_law(state: np.void) -> None:
         state: Record of dtype `CONTROLLER`, updated in place.
     """
     state["started"] = 0
+    state["trigger"] = np.zeros((), CONTROLLER["trigger"])
     for kind, law in LAWS.items():
         state[kind] = np.zeros((), law.STATE)
 
@@ -192,19 +230,12 @@ def control_step(
     thresholds = parameters["trigger"]
     a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
     b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_rad"], t)[0]
-    now = Instant(t, dt, first, motion, reference, errors, state["held"], a[0])
+    now = Instant(t, dt, first, motion, command, reference, errors, state["held"], a, b)
+    state["chosen"] = ALL
+    for i in range(N_CHANNELS):
+        signals["predicted_exit"][i] = math.nan
     demand = evaluate(now, aircraft, parameters, state, signals)
-    mask = trigger(
-        demand.delta_hat,
-        demand.T_hat,
-        state["held"],
-        first,
-        thresholds["mode"],
-        a,
-        b,
-        aircraft,
-        controls,
-    )
+    mask = trigger(demand, dt, first, state["chosen"], a, b, aircraft, parameters, state, controls)
     state["started"] = 1
     state["steps"] += 1
 

@@ -20,10 +20,16 @@ from ftc_autopilot.control.controller import (
     parameter_record,
 )
 from ftc_autopilot.control.motion import Motion, fill_neighbour_state, motion_of
+from ftc_autopilot.control.neighbour_messages import (
+    extrapolate,
+    is_message_due,
+    refer_to_reference,
+)
 from ftc_autopilot.control.reference import PROFILE, profile_value
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 
 __all__ = [
@@ -34,6 +40,7 @@ __all__ = [
     "controller_step",
     "new_controllers",
     "reset_controllers",
+    "tell_neighbours",
 ]
 
 NOT_STARTED = -(2**62)
@@ -58,10 +65,12 @@ class Controllers(NamedTuple):
     states: np.ndarray  # (n,), dtype CONTROLLER
     guidance: np.ndarray  # (n,), dtype GUIDANCE
     profiles: np.ndarray  # (n,), dtype PROFILE
-    neighbour_states: np.ndarray  # (n, degree), dtype NEIGHBOUR: in use, by neighbour
+    neighbour_states: np.ndarray  # (n, degree), dtype NEIGHBOUR: last messages, by neighbour
+    extrapolated: np.ndarray  # (n, degree + 1), the same now; last, what neighbours make of `told`
     weights: np.ndarray  # (n, degree), a_ij; 0 while a neighbour is silent
     actuators: np.ndarray  # (n,), dtype ACTUATORS: the actuator message in force
-    own_states: np.ndarray  # (n,), dtype NEIGHBOUR: to be sent to the neighbours
+    own_states: np.ndarray  # (n,), dtype NEIGHBOUR: what a message to the neighbours would say
+    told: np.ndarray  # (n,), dtype NEIGHBOUR: the last message to the neighbours
     signals: np.ndarray  # (n,), dtype SIGNALS
 
 
@@ -76,14 +85,18 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
         np.zeros(n, GUIDANCE),
         np.zeros(n, PROFILE),
         np.zeros((n, degree), NEIGHBOUR),
+        np.zeros((n, degree + 1), NEIGHBOUR),
         np.zeros((n, degree)),
         np.zeros(n, ACTUATORS),
+        np.zeros(n, NEIGHBOUR),
         np.zeros(n, NEIGHBOUR),
         np.zeros(n, SIGNALS),
     )
     for i, config in enumerate(configs):
         controllers.aircraft[i] = aircraft_record(config.aircraft)
-        controllers.parameters[i] = parameter_record(config.controller, config.trigger)
+        controllers.parameters[i] = parameter_record(
+            config.controller, config.trigger, config.formation_trigger
+        )
         law = controllers.parameters[i][config.controller.kind]
         config.controller.derive(config.aircraft, law)
     reset_controllers(controllers)
@@ -97,6 +110,7 @@ def reset_controllers(controllers: Controllers) -> None:
         controllers.neighbour_states,
         controllers.actuators,
         controllers.own_states,
+        controllers.told,
         controllers.signals,
     ):
         array[:] = np.zeros((), array.dtype)
@@ -107,7 +121,7 @@ def reset_controllers(controllers: Controllers) -> None:
 
 @compiled
 def announce(controllers: Controllers, i: int, measured: np.void) -> None:
-    """Set the state that UAV i sends to its neighbours from a measured one.
+    """Set the message that UAV i sends to its neighbours before the first step.
 
     Args:
         controllers: The controllers.
@@ -117,6 +131,7 @@ def announce(controllers: Controllers, i: int, measured: np.void) -> None:
     fill_neighbour_state(
         motion_of(measured, controllers.aircraft[i]), measured["step"], controllers.own_states[i]
     )
+    controllers.told[i] = controllers.own_states[i]
 
 
 @compiled
@@ -146,6 +161,42 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
 
 
 @compiled
+def tell_neighbours(controllers: Controllers, i: int, step: int, step_us: int) -> bool:
+    """Return whether UAV i sends `own_states` to its neighbours after a step; it is noted then.
+
+    Args:
+        controllers: Arrays over UAVs; message told, counter and signals of UAV i are updated.
+        i: Index of the UAV.
+        step: The step, which `controller_step` has made.
+        step_us: Control period [µs].
+    """
+    parameters, own, told = controllers.parameters[i], controllers.own_states[i], controllers.told
+    if parameters["formation_triggered"] != 0:
+        dt, extrapolated = step_us / 1e6, controllers.extrapolated[i, -1]
+        extrapolate(told[i], step, dt, extrapolated)
+        if not is_message_due(own, told[i], extrapolated, dt, parameters["formation_trigger"]):
+            controllers.signals[i]["neighbour_message"] = 0
+            return False
+    told[i] = own
+    counted = 1 if step > 0 else 0  # the first message is known before the start
+    controllers.signals[i]["neighbour_message"] = counted
+    controllers.states[i]["neighbour_messages"] += counted
+    return True
+
+
+@compiled
+def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> np.ndarray:
+    """Return what UAV i knows of its neighbours in a step, dtype NEIGHBOUR, shape (degree,)."""
+    known: np.ndarray = controllers.neighbour_states[i]
+    if controllers.parameters[i]["formation_triggered"] != 0:
+        messages, known = known, controllers.extrapolated[i, : len(known)]
+        for d in range(len(messages)):  # a step uses neighbour states of the step before
+            told = int(np.int64(messages[d]["step"]))
+            extrapolate(messages[d], max(step - 1, told), dt, known[d])
+    return known
+
+
+@compiled
 def _control(
     controllers: Controllers, i: int, measured: np.void, motion: Motion, step_us: int
 ) -> int:
@@ -156,12 +207,13 @@ def _control(
         clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
     if guidance["auto"] != 0:
         profile_value(controllers.profiles[i], clock, guidance["command"])
-    return control_step(
+    dt = step_us / 1e6
+    mask = control_step(
         clock,
-        step_us / 1e6,
+        dt,
         motion,
         guidance["command"],
-        controllers.neighbour_states[i],
+        _neighbours_now(controllers, i, int(np.int64(measured["step"])), dt),
         controllers.weights[i],
         controllers.aircraft[i],
         controllers.parameters[i],
@@ -169,6 +221,9 @@ def _control(
         controllers.actuators[i]["controls"],
         controllers.signals[i],
     )
+    if controllers.parameters[i]["formation_triggered"] != 0:
+        refer_to_reference(controllers.own_states[i], controllers.signals[i])
+    return mask
 
 
 @compiled
@@ -183,7 +238,7 @@ def _cut_thrust(controllers: Controllers, i: int, motion: Motion) -> int:
         controllers.actuators[i]["controls"][THROTTLE] = 0.0
         held[THROTTLE] = 0.0
         mask = 1 << THROTTLE
-    controllers.signals[i] = _NO_SIGNALS[0]
+    copy_record(signals, _NO_SIGNALS[0])
     signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
     for k in range(3):
         signals["attitude"][k] = motion.phi[k]

@@ -6,6 +6,7 @@ import numpy as np
 
 from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.reference import Reference, wrap
+from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, add, scale, sub, vec3
 
@@ -37,7 +38,8 @@ def formation_errors(
 
     Angles and their differences are taken the short way round, so that whole turns of the own
     aircraft or a neighbour change nothing. What a neighbour differs by counts only up to limits,
-    so that one in trouble does not drag the others along.
+    so that one in trouble does not drag the others along. A neighbour's errors are against its
+    own reference if it tells them, else against the own one.
 
     Args:
         motion: Own motion.
@@ -59,11 +61,14 @@ def formation_errors(
         if a == 0.0:
             continue
         other = neighbours[j]
-        e_j = _difference(vec3(other["attitude"]), reference.phi)
-        e_dot_j = sub(vec3(other["attitude_rate"]), reference.phi_dot)
+        V_j, V_dot_j = other["airspeed"], other["airspeed_rate"]
+        e_j, e_dot_j = vec3(other["attitude"]), vec3(other["attitude_rate"])
+        if other["frame"] != FTC_NEIGHBOUR_FRAME_REFERENCE:
+            V_j, V_dot_j = V_j - reference.V, V_dot_j - reference.V_dot
+            e_j, e_dot_j = _difference(e_j, reference.phi), sub(e_dot_j, reference.phi_dot)
         a_sum += a
-        V_sum += a * _limited(V_tilde - (other["airspeed"] - reference.V), speed)
-        V_dot_sum += a * _limited(other["airspeed_rate"] - reference.V_dot, acceleration)
+        V_sum += a * _limited(V_tilde - V_j, speed)
+        V_dot_sum += a * _limited(V_dot_j, acceleration)
         e_sum = add(e_sum, scale(a, _all_limited(_difference(e, e_j), angle)))
         e_dot_sum = add(e_dot_sum, scale(a, _all_limited(e_dot_j, rate)))
     lambda1, lambda2 = weighting["lambda1"], weighting["lambda2"]

@@ -20,6 +20,7 @@ class Motion(NamedTuple):
     omega: Vec3  # angular velocity, body axes [rad/s]
     V: float  # airspeed [m/s]
     V_dot: float  # from the accelerometer [m/s²]
+    specific_force: Vec3  # body axes [m/s²]
     gravity: Vec3  # R1ᵀ g, body axes [m/s²]
     air: Aerodynamics  # nominal force F0, moment N0, control matrix C0
 
@@ -37,8 +38,9 @@ def motion_of(measured: np.void, aircraft: np.void) -> Motion:
     omega = vec3(measured["rates"])
     air = aerodynamics(v, omega, aircraft)
     gravity = gravity_body(phi, aircraft["g"])
-    V_dot = dot(v, add(vec3(measured["specific_force"]), gravity)) / air.V
-    return Motion(v, phi, omega, air.V, V_dot, gravity, air)
+    force = vec3(measured["specific_force"])
+    V_dot = dot(v, add(force, gravity)) / air.V
+    return Motion(v, phi, omega, air.V, V_dot, force, gravity, air)
 
 
 @compiled

@@ -46,6 +46,8 @@ class ControllerMessages:
             messages=int(controller["messages"]),
             repeats=self._hot.repeated,
             edge_changes=self._hot.edge_changes,
+            predicted_exit=float32s(self._controllers.signals[0]["predicted_exit"]),
+            neighbour_messages=int(controller["neighbour_messages"]) * len(self._hot.neighbours),
         )
 
     def adaptation(self) -> MAVLink_message:

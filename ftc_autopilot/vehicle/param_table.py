@@ -6,7 +6,7 @@ scheduled value is read as of now; setting it makes it constant.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, get_args, get_origin
@@ -15,12 +15,14 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from ftc_autopilot.config import AutopilotConfig, Trigger
+from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.records import in_si
 from ftc_autopilot.control.schedule import Schedule
+from ftc_autopilot.control.triggers import MODES, TRIGGERS
+from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
@@ -32,7 +34,7 @@ from mavlink_defs.services.param_server import (
     ParamValueError,
 )
 
-__all__ = ["Tunable", "parameters_of", "tunables"]
+__all__ = ["Tunable", "parameters_of", "trigger_tunables", "tunables"]
 
 _ALWAYS = np.array([math.inf])
 _AXES = ("ROLL", "PITCH", "YAW")
@@ -99,7 +101,8 @@ def parameters_of(
     """Return all parameters of a vehicle: its trigger's, its law's, and some read-only ones."""
     records, kind = controllers.parameters, config.controller.kind
     found = [
-        *tunables(Trigger, records["trigger"], "TRIG_"),
+        *trigger_tunables(records),
+        *trigger_tunables(records, config.trigger.mode),
         *tunables(LawParameters, records["common"]),
         *tunables(LAWS[kind], records[kind], base=LawParameters),
     ]
@@ -115,6 +118,12 @@ def parameters_of(
             raise ParamValueError("acts at the start only", dialect.MAV_PARAM_ERROR_READ_ONLY)
         tunable.put(value)
 
+    def put_mode(tunable: Tunable, value: float) -> None:
+        if (value == MODES.index("consequence")) != config.controller.CHOOSES:
+            raise ParamValueError(f"is {value:g}, which does not go with the law {kind}")
+        tunable.put(value)
+        controllers.states["trigger"] = np.zeros((), controllers.states.dtype["trigger"])
+
     read_only = {
         "SYSID_THISMAV": config.id,
         "MAV_TYPE": dialect.MAV_TYPE_FIXED_WING,
@@ -126,11 +135,32 @@ def parameters_of(
         Parameter(name, INT32, partial(float, value)) for name, value in read_only.items()
     ]
     for tunable in _distinct(found, read_only):
-        late = tunable.field not in _AT_THE_START
-        put = tunable.put if late else partial(put_at_the_start, tunable)
+        put: Callable[[float], None] = tunable.put
+        if tunable.name == "TRIG_MODE":
+            put = partial(put_mode, tunable)
+        elif tunable.field in _AT_THE_START:
+            put = partial(put_at_the_start, tunable)
         get = partial(lambda tunable: tunable.at(clock_s()), tunable)
         parameters.append(Parameter(tunable.name, tunable.type, get, put))
     return parameters
+
+
+def trigger_tunables(records: np.ndarray, mode: str | None = None) -> Iterator[Tunable]:
+    """Find the numbers of the triggers.
+
+    Args:
+        records: One record of `ftc_autopilot.control.controller.PARAMETERS`, shape (1,).
+        mode: Of the trigger, for what it has beyond the others; None for what all have.
+    """
+    record, prefix = records["trigger"], "TRIG_"
+    if mode is None:
+        doc = ", ".join(f"{i} {each}" for i, each in enumerate(MODES))
+        quantity = Quantity("", None, 0, None, len(MODES) - 1, doc)
+        cells = records["mode"].reshape(1, 1)
+        yield Tunable(f"{prefix}MODE", "mode", INT32, quantity, _ALWAYS, cells, 1.0)
+        yield from tunables(TriggerParameters, record, prefix)
+    elif mode in (record.dtype.names or ()):
+        yield from tunables(TRIGGERS[mode], record[mode], prefix, base=TriggerParameters)
 
 
 def tunables(

@@ -71,7 +71,7 @@ class Vehicle:
         self._next_heartbeat = self._next_registration = -math.inf
         self._reported = (-1, False, -1)
         self._texts = 0
-        self._edges = controllers.weights[0] > 0.0
+        self._edges = hot.edges.copy()
         self._edge_changes = 0
         self._resumed_us: int | None = None  # simulated time of what was taken up, until told
 
@@ -181,7 +181,7 @@ class Vehicle:
         reset_controllers(self._controllers)
         self.modes.restart()
         self._mission.restart()
-        self._edges, self._edge_changes = self._controllers.weights[0] > 0.0, 0
+        self._edges, self._edge_changes = self._hot.edges.copy(), 0
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
@@ -331,7 +331,7 @@ class Vehicle:
 
     def _report_edges(self) -> None:
         """Announce every neighbour that was dropped or restored; the first states are no change."""
-        edges = self._controllers.weights[0] > 0.0
+        edges = self._hot.edges.copy()
         if self._hot.edge_changes != self._edge_changes:
             self._edge_changes = self._hot.edge_changes
             for d in (edges != self._edges).nonzero()[0]:

@@ -179,6 +179,8 @@ def figures_of(summary: FlightSummary) -> dict[str, Any]:
         "saving": summary.saving,
         "events": sum(uav.events for uav in summary.uavs),
         "messages": sum(uav.actuator_messages for uav in summary.uavs),
+        "neighbour_messages": sum(uav.neighbour_messages for uav in summary.uavs),
+        "neighbour_saving": summary.neighbour_saving,
         "wall_s": summary.wall_s,
     }
     for uav in summary.uavs:
@@ -189,11 +191,12 @@ def figures_of(summary: FlightSummary) -> dict[str, Any]:
 def _figures_of_uav(uav: UavSummary) -> dict[str, Any]:
     by_quantity = {
         f"{figure}_{quantity}": value
-        for figure in ("iae", "iae_filtered", "max_error", "final_error")
+        for figure in ("iae", "iae_filtered", "iae_sync", "max_error", "final_error")
         for quantity, value in getattr(uav, figure).items()
     }
     return {
         "saving": uav.saving,
+        "neighbour_saving": uav.neighbour_saving,
         **by_quantity,
         "min_interval_s": uav.min_interval_s,
         "attitude_lost_at_s": uav.attitude_lost_at_s,
@@ -204,4 +207,6 @@ def _figures_of_uav(uav: UavSummary) -> dict[str, Any]:
         "events": uav.events,
         **{f"events_{name}": channel.events for name, channel in uav.channels.items()},
         "messages": uav.actuator_messages,
+        "neighbour_messages": uav.neighbour_messages,
+        **{f"bytes_{kind}": size for kind, size in uav.link_bytes.items()},
     }

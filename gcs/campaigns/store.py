@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from gcs.campaigns.model import Campaign
 from gcs.errors import BadInput
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
+from gcs.results.traffic import KINDS
 from mavlink_defs.config.files import read
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.yaml_text import yaml_of
@@ -159,10 +160,10 @@ def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
     """Return the columns of the results, given those of the draws.
 
     ``outcome`` is one of `OUTCOMES`, ``reason`` says why it is not ``completed``. Figures are
-    those of `gcs.results.summary`; null where a flight has none. ``events``, ``messages`` and
-    ``saving`` are of the whole fleet, ``uav{k}.…`` of the UAV with id k. ``detection_s`` and
-    ``return_s`` are delays of the diagnosis after the beginning and the end of a fault,
-    ``false_alarms`` actuators declared lost in which no fault had begun.
+    those of `gcs.results.summary`; null where a flight has none. ``events``, ``messages``,
+    ``neighbour_messages`` and savings are of the whole fleet, ``uav{k}.…`` of the UAV with id k.
+    ``detection_s`` and ``return_s`` are delays of the diagnosis after the beginning and the end of
+    a fault, ``false_alarms`` actuators declared lost in which no fault had begun.
     """
     import pyarrow as pa
 
@@ -173,13 +174,16 @@ def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
         pa.field("saving", pa.float64()),
         pa.field("events", pa.int64()),
         pa.field("messages", pa.int64()),
+        pa.field("neighbour_messages", pa.int64()),
+        pa.field("neighbour_saving", pa.float64()),
     ]
     for uav_id in uav_ids:
         for name in (
             "saving",
+            "neighbour_saving",
             *(
                 f"{figure}_{quantity}"
-                for figure in ("iae", "iae_filtered", "max_error", "final_error")
+                for figure in ("iae", "iae_filtered", "iae_sync", "max_error", "final_error")
                 for quantity in QUANTITIES
             ),
             "min_interval_s",
@@ -194,6 +198,8 @@ def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
             "events",
             *(f"events_{channel}" for channel in PAPER_ORDER),
             "messages",
+            "neighbour_messages",
+            *(f"bytes_{kind}" for kind in KINDS),
         ):
             fields.append(pa.field(f"uav{uav_id}.{name}", pa.int64()))
     fields += [

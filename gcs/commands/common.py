@@ -29,6 +29,7 @@ __all__ = [
     "changed_scenario",
     "console_of",
     "flight_progress",
+    "values_of",
     "warm_up",
 ]
 
@@ -93,7 +94,7 @@ def changed_scenario(
     changes = [f"with {name}" for name in additions or ()]
     for name in additions or ():
         tree = merged(tree, scenario_tree(name))
-    values = {axis.key: _only(axis) for axis in parse_axes(settings or ())}
+    values = values_of(settings)
     changes += [f"{key} = {label(value)}" for key, value in values.items()]
     try:
         tree = with_values(tree, values)
@@ -104,10 +105,19 @@ def changed_scenario(
     return scenario_of(scenario, tree)
 
 
-def _only(axis: Axis) -> Any:
+def values_of(settings: list[str] | None, option: str = "--set") -> dict[str, Any]:
+    """Return keys and values of settings such as ``--set KEY=VALUE``.
+
+    Raises:
+        BadInput: A setting is not of that form, or has several values.
+    """
+    return {axis.key: _only(axis, option) for axis in parse_axes(settings or (), option)}
+
+
+def _only(axis: Axis, option: str) -> Any:
     if len(axis.values) > 1:
         raise BadInput(
-            f"--set {axis.key} has {len(axis.values)} values, expected one",
+            f"{option} {axis.key} has {len(axis.values)} values, expected one",
             "a list stands in brackets; gcs sweep flies several values",
         )
     return axis.values[0]

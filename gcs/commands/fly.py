@@ -1,6 +1,7 @@
 """``gcs fly``: fly one scenario to its end."""
 
 import asyncio
+import contextlib
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -25,15 +26,19 @@ from gcs.commands.common import (
 )
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.results.record import Record
 from gcs.scenario.model import Scenario
 from gcs.station.signing_key import signed, warn_if_exposed
 from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
-    from gcs.results.recording import Recording
+    from gcs.results.recorder import FlightRecorder
+    from gcs.results.steps import Ending, Steps
     from gcs.results.summary import FlightSummary
 
 __all__ = ["EPILOG", "fly"]
+
+_LARGE = 100e6  # bytes of a recording that are worth a word
 
 EPILOG = """
 Examples:
@@ -70,6 +75,13 @@ def fly(
     ] = False,
     restart: RestartOption = Restart.NEVER,
     free_ports: FreePortsOption = False,
+    record: Annotated[
+        Record,
+        typer.Option(
+            help="What is kept of the steps: all at full rate, the main signals at 50 Hz, all as "
+            ".npz (in memory until the end), or nothing."
+        ),
+    ] = Record.LIGHT,
     quiet: QuietOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
@@ -83,11 +95,13 @@ def fly(
         int | None, typer.Option(help="Row of the campaign's table: the flight to fly again.")
     ] = None,
 ) -> None:
-    """Fly a scenario to its end and record everything.
+    """Fly a scenario to its end and record it.
 
     Starts one plant and one autopilot process per UAV, uploads the profiles, sets the faults,
     starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,
-    flight.tlog (the GCS link), events.npz, trajectory.npz and flight.png.
+    flight.tlog (the GCS link), events.arrows, trajectory.arrows and flight.png.
+
+    The figures of summary.json are those of every step, whatever is recorded.
 
     With --campaign and --row, a flight of a campaign is flown again, over the wire or in process,
     and compared with its row of the table, bit for bit.
@@ -100,8 +114,9 @@ def fly(
         raise BadInput(text, "leave one of them out")
     if speed is not None and in_process:
         raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
-    from gcs.fleet.in_process import fly_in_process
+    from gcs.fleet.in_process import fly_in_steps
     from gcs.fleet.processes import check_ports
+    from gcs.results.recorder import FlightRecorder, trajectory_bytes
     from gcs.results.run_folder import make_run_folder
 
     if campaign is None and row is None and scenario is not None:
@@ -117,14 +132,20 @@ def fly(
     folder = make_run_folder(out, loaded.name)
     console = console_of(quiet=quiet or as_json)
     try:
-        warm_up(loaded, console)
-        with flight_progress(loaded, console) as on_progress:
-            if in_process:
-                recording = fly_in_process(loaded, on_progress)
-            else:
-                recording = _over_udp(loaded, folder, speed, free_ports, again, on_progress)
-        flown = None if speed is not None or campaign is None else (campaign, row or 0)
-        _report(recording, loaded, folder, console, as_json, flown)
+        recorder = FlightRecorder(loaded, folder, record)
+        if (size := trajectory_bytes(loaded, record)) > _LARGE:
+            console.print(f"recording the trajectory takes up to {size / 1e6:.0f} MB")
+        with contextlib.closing(recorder):
+            warm_up(loaded, console)
+            with flight_progress(loaded, console) as on_progress:
+                if in_process:
+                    ending = fly_in_steps(loaded, recorder.add, on_progress)
+                else:
+                    ending = _over_udp(
+                        loaded, folder, recorder.add, speed, free_ports, again, on_progress
+                    )
+            flown = None if speed is not None or campaign is None else (campaign, row or 0)
+            _report(recorder, ending, loaded, folder, console, as_json, flown)
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
     except FlightLost as problem:
@@ -154,24 +175,28 @@ def _of_campaign(
 def _over_udp(
     scenario: Scenario,
     folder: Path,
+    on_steps: Callable[["Steps"], None],
     speed: float | None,
     free_ports: bool,
     restart: bool,
     on_progress: Callable[[float, np.ndarray], None],
-) -> "Recording":
+) -> "Ending":
     from gcs.fleet.flight import fly_over_udp
     from gcs.fleet.processes import on_free_ports
 
-    def flown(scenario: Scenario, _hub: UdpAddress | None = None) -> "Recording":
+    def flown(scenario: Scenario, _hub: UdpAddress | None = None) -> "Ending":
         links = scenario.links
         warn_if_exposed(UdpAddress(links.host, links.gcs_port), links.signing_key is not None)
-        return asyncio.run(fly_over_udp(scenario, folder, speed, on_progress, restart=restart))
+        return asyncio.run(
+            fly_over_udp(scenario, folder, on_steps, speed, on_progress, restart=restart)
+        )
 
     return on_free_ports(scenario, flown) if free_ports else flown(scenario)
 
 
 def _report(
-    recording: "Recording",
+    recorder: "FlightRecorder",
+    ending: "Ending",
     scenario: Scenario,
     folder: Path,
     console: Console,
@@ -180,13 +205,12 @@ def _report(
 ) -> None:
     from gcs.figures.overview import draw_flight
     from gcs.reports.flight import flight_tables
-    from gcs.results.run_folder import save_flight
-    from gcs.results.summary import summarise
 
-    summary = summarise(recording, scenario)
-    save_flight(recording, summary, folder)
+    summary = recorder.finish(ending)
     with console.status("drawing flight.png"):
-        draw_flight(recording, scenario, folder / "flight.png")
+        preview = recorder.preview
+        shown = preview.recording(ending)
+        draw_flight(shown, scenario, preview.gaps(), folder / "flight.png")
     console.print(*flight_tables(summary, scenario), sep="\n")
     console.print(f"results in {folder}", soft_wrap=True)
     if as_json:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from gcs.results.recording import Recording
     from gcs.scenario.model import Scenario
+    from mavlink_defs.endpoint import UdpAddress
 
 __all__ = ["EPILOG", "reproduce"]
 
@@ -27,6 +28,7 @@ Examples:
 - gcs reproduce
 - gcs reproduce --out results && xdg-open results/report.html
 - gcs reproduce --over-wire
+- gcs reproduce --faults
 
 Exit status: 0 everything flown to its end, 1 a flight was lost (the report says which) or a file
 cannot be written, 2 bad input, 130 Ctrl-C.
@@ -42,6 +44,12 @@ def reproduce(
         bool,
         typer.Option("--over-wire", help="Fly with processes over MAVLink, one after the other."),
     ] = False,
+    faults: Annotated[
+        bool,
+        typer.Option(
+            "--faults", help="Fly every bundled fault file under every law and trigger: minutes."
+        ),
+    ] = False,
     scenarios: Annotated[
         Path,
         typer.Option(
@@ -53,8 +61,10 @@ def reproduce(
 ) -> None:
     """Fly the paper's scenarios and compare its tables and figures with ours.
 
-    Writes one folder: report.html (self-contained) and report.md, figures/ (Fig. 5 to 11 as PNG
-    and SVG), data/ (each flight as .npz and .csv, its summary, theory.json).
+    A second chapter flies every law with every trigger, on ideal and on realistic aircraft,
+    always in process. Writes one folder: report.html (self-contained) and report.md, figures/
+    (Fig. 5 to 11 and combinations, as PNG and SVG), data/ (each of the paper's flights as .npz and
+    .csv, its summary, theory.json, combinations.csv).
     """
     from gcs import reproduce as work
     from gcs.results.run_folder import make_run_folder
@@ -72,13 +82,14 @@ def reproduce(
     )
     try:
         with Progress(*columns, console=console, transient=True) as progress:
-            task = progress.add_task("flying", total=work.STEPS)
+            task = progress.add_task("flying", total=work.steps(loaded))
             summaries = work.reproduce(
                 loaded,
                 _over_wire(folder) if over_wire else _in_process,
                 1 if over_wire else os.cpu_count() or 1,
                 folder,
                 lambda done: progress.update(task, advance=1, description=done),
+                faults=faults,
             )
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; finished flights are in {folder}") from None
@@ -99,12 +110,16 @@ def _in_process(file: str, scenario: "Scenario") -> "Recording":
 
 def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
     """Fly with processes; each flight's tlog and logs go into a folder of its own."""
-    from gcs.fleet.flight import fly_over_udp
+    from gcs.fleet.flight import fly_and_record
     from gcs.fleet.processes import on_free_ports
 
     def fly(file: str, scenario: "Scenario") -> "Recording":
         own = folder / "wire" / file
         own.mkdir(parents=True)
-        return on_free_ports(scenario, lambda chosen, _: asyncio.run(fly_over_udp(chosen, own)))
+
+        def flown(chosen: "Scenario", _hub: "UdpAddress") -> "Recording":
+            return asyncio.run(fly_and_record(chosen, own))
+
+        return on_free_ports(scenario, flown)
 
     return fly

@@ -1,7 +1,8 @@
 """One flight at a glance: tracking, held commands, intervals between events."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -27,12 +28,20 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_flight"]
 
+Gaps: TypeAlias = Mapping[tuple[int, int], np.ndarray]
 
-def draw_flight(recording: Recording, scenario: Scenario, path: Path) -> None:
+
+def draw_flight(recording: Recording, scenario: Scenario, gaps: Gaps, path: Path) -> None:
     """Draw a flight into an image file (its suffix tells the format).
 
     Rows: airspeed and attitude of all UAVs against the filtered reference (dashed); held
     actuator commands; intervals between two events of a channel. Fault windows are shaded.
+
+    Args:
+        recording: The flight, as of `gcs.results.preview.Preview`.
+        scenario: What was flown.
+        gaps: Intervals between events, as there.
+        path: The file.
     """
     flight = PlottedFlight(scenario.name, scenario, recording)
     figure = new_figure(6.6)
@@ -40,7 +49,7 @@ def draw_flight(recording: Recording, scenario: Scenario, path: Path) -> None:
     draw_tracking(axes[0], flight)
     for column, channel in enumerate(PAPER_ORDER):
         _draw_command(axes[1, column], flight, channel)
-        _draw_intervals(axes[2, column], flight, channel)
+        _draw_intervals(axes[2, column], flight, gaps, channel)
     for axis in axes.flat:
         shade_faults(axis, [flight])
         mark_loss(axis, flight)
@@ -62,13 +71,12 @@ def _draw_command(axis: "Axes", flight: PlottedFlight, channel: str) -> None:
     axis.set_ylabel("thrust [N]" if channel == "throttle" else f"{channel} [deg]")
 
 
-def _draw_intervals(axis: "Axes", flight: PlottedFlight, channel: str) -> None:
-    for i in range(len(flight.names)):
-        times = flight.event_times(i, channel)
-        intervals = 1e3 * np.diff(times)
+def _draw_intervals(axis: "Axes", flight: PlottedFlight, gaps: Gaps, channel: str) -> None:
+    for i, system in enumerate(flight.recording.uav_ids):
+        times, intervals = gaps[system, ACTUATORS.index(channel)]
         axis.plot(
-            times[1:],
-            intervals,
+            times,
+            1e3 * intervals,
             ".",
             ms=2.2,
             mew=0,

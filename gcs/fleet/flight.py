@@ -9,13 +9,15 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
-from gcs.errors import FlightLost
+from gcs.fleet.collector import Collector
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
-from gcs.results.recording import Mode, Recording
+from gcs.results.recording import Recording
+from gcs.results.steps import Ending, Steps
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from mavlink_defs import dialect
@@ -24,7 +26,7 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, UdpAddress
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["collect", "fly_over_udp", "prepare"]
+__all__ = ["fly_and_record", "fly_over_udp", "prepare"]
 
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.05
@@ -34,18 +36,21 @@ _END_TIMEOUT_S = 10.0
 async def fly_over_udp(
     scenario: Scenario,
     folder: Path,
+    on_steps: Callable[[Steps], None],
     speed: float | None = None,
     on_progress: Callable[[float, np.ndarray], None] | None = None,
     *,
     restart: bool = False,
     crashes: Mapping[int, Sequence[int]] = MappingProxyType({}),
-) -> Recording:
+) -> Ending:
     """Fly a scenario with one plant and one autopilot process per UAV.
 
     Args:
         scenario: The scenario.
         folder: Run folder, exists; gets `flight.tlog`, and `processes/` with the configuration
             and the log of each process; with `links.impairments` also `wire.json`.
+        on_steps: Called with the recorded steps, in order; also with those of a flight that ends in
+            an error.
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
         restart: Start autopilots that fail again; they take up what they kept.
@@ -81,21 +86,37 @@ async def fly_over_udp(
                 crashes=crashes,
                 via=relay.via,
             ) as fleet:
+                collector = Collector(scenario, fleet)
                 try:
                     await prepare(client, fleet, scenario, start=True)
                     while fleet.plant_returncode is None:
                         fleet.check()
                         client.check()
+                        collector.pass_on(on_steps)
                         await asyncio.sleep(_LOOK_S)
                     fleet.check()
                     fleet.wait(_END_TIMEOUT_S)
                     await client.catch_up(_END_TIMEOUT_S)  # with the autopilots' last messages
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
+                    collector.pass_on(on_steps, over=True)
                     if relay.via:
                         report = json.dumps(relay.report().to_json(), indent=2)
                         write_text(folder / "wire.json", report + "\n")
-    return collect(scenario, fleet, "real_time" if speed else "lockstep")
+    return collector.ending("real_time" if speed else "lockstep")
+
+
+async def fly_and_record(scenario: Scenario, folder: Path, **options: Any) -> Recording:
+    """Fly as `fly_over_udp` does, and return every step of the flight.
+
+    Args:
+        scenario: The scenario.
+        folder: As of `fly_over_udp`, which raises the same.
+        options: Of `fly_over_udp`.
+    """
+    ids, parts = tuple(uav.id for uav in scenario.uavs), list[Steps]()
+    ending = await fly_over_udp(scenario, folder, parts.append, **options)
+    return Recording.of(Steps.joined(parts, len(ids)), ending, ids, scenario.step_us)
 
 
 async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, start: bool) -> None:
@@ -125,44 +146,3 @@ async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, sta
         await asyncio.gather(*(client.vehicle(i).start_mission() for i in ids))
         await asyncio.gather(*(client.vehicle(i).arm() for i in ids))
     fleet.check()
-
-
-def collect(scenario: Scenario, fleet: FleetProcesses, mode: Mode) -> Recording:
-    """Put together what the processes of a fleet have recorded when they ended.
-
-    The flight is as long as the plant has flown it. It is lost if a process says so, and if an
-    autopilot did not hear that the plant had come to the end.
-
-    Raises:
-        FlightLost: A process left no recording.
-    """
-    fleet.check()
-    ids = tuple(uav.id for uav in scenario.uavs)
-    try:
-        with np.load(fleet.recording_of("plant")) as plant:
-            states, wind, applied = plant["states"], plant["wind"], plant["applied"]
-            wall_s, loss = float(plant["wall_s"]), str(plant["loss"])
-        autopilots = [np.load(fleet.recording_of(f"uav{i}")) for i in ids]
-    except OSError as problem:
-        raise FlightLost(f"the flight left no complete recording: {problem}") from problem
-    steps = len(states)
-    for i, autopilot in zip(ids, autopilots, strict=True):
-        if steps == scenario.steps and not autopilot["heard_end"]:
-            why = str(autopilot["loss"]) or "its autopilot was stopped"
-            loss = loss or f"UAV {i} did not hear the end of the flight: {why}"
-    recording = Recording(
-        mode=mode,
-        step_us=scenario.step_us,
-        uav_ids=ids,
-        states=states,
-        wind=wind,
-        applied=applied,
-        signals=np.stack([a["signals"][:steps] for a in autopilots], axis=1),
-        repeats=np.stack([a["repeats"] for a in autopilots]),
-        wall_s=wall_s,
-        loss=loss or None,
-        restarts=tuple(fleet.restarts_of(i) for i in ids),
-    )
-    for name in ("plant", *(f"uav{i}" for i in ids)):
-        fleet.recording_of(name).unlink()
-    return recording

@@ -9,39 +9,74 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import (
     Controllers,
     announce,
     controller_step,
     new_controllers,
+    tell_neighbours,
 )
 from ftc_autopilot.control.reference import profile_record
 from gcs.results.recording import Recording
+from gcs.results.steps import Ending, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params, fault_to_params
 from mavlink_defs.profile import items_to_segments, segments_to_items
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import borrowed, copy_record
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
 from sitl_plant.plant import describe_loss
 
-__all__ = ["fly_in_process"]
+__all__ = ["fly_in_process", "fly_in_steps"]
 
-_CHUNK_STEPS = 500
+_CHUNK_STEPS = 1000
+
+OnProgress = Callable[[float, np.ndarray], None]
 
 
-def fly_in_process(
-    scenario: Scenario, on_progress: Callable[[float, np.ndarray], None] | None = None
-) -> Recording:
-    """Fly a scenario to its end, or until it is lost.
+def fly_in_process(scenario: Scenario, on_progress: OnProgress | None = None) -> Recording:
+    """Fly a scenario to its end, or until it is lost, and keep every step in memory.
 
     Args:
         scenario: The scenario.
-        on_progress: Called every 500 steps with the simulated time [s] and the event counts so
+        on_progress: Called every 1000 steps with the simulated time [s] and the event counts so
             far, shape (n, 4).
     """
+    ids = tuple(uav.id for uav in scenario.uavs)
+    everything = Steps.room(scenario.steps, len(ids))
+    ending = _fly(scenario, everything.part, None, on_progress)
+    return Recording.of(everything.part(0, ending.steps), ending, ids, scenario.step_us)
+
+
+def fly_in_steps(
+    scenario: Scenario,
+    on_steps: Callable[[Steps], None],
+    on_progress: OnProgress | None = None,
+) -> Ending:
+    """Fly a scenario to its end, or until it is lost, in memory that does not grow with time.
+
+    Args:
+        scenario: The scenario.
+        on_steps: Called with every 1000 steps; their arrays are overwritten afterwards.
+        on_progress: As of `fly_in_process`.
+    """
+    room = Steps.room(_CHUNK_STEPS, len(scenario.uavs))
+
+    def reused(begin: int, end: int) -> Steps:
+        return room.part(0, end - begin)._replace(first=begin)
+
+    return _fly(scenario, reused, on_steps, on_progress)
+
+
+def _fly(
+    scenario: Scenario,
+    room: Callable[[int, int], Steps],
+    on_steps: Callable[[Steps], None] | None,
+    on_progress: OnProgress | None,
+) -> Ending:
+    """Fly a scenario; `room` returns the arrays to write from one step up to another."""
     fleet = new_plant_state(scenario.plant_config(speed=None))
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
@@ -53,42 +88,34 @@ def fly_in_process(
             controllers.weights[i, d] = neighbour.weight
     _brief(scenario, fleet, controllers, ids)
 
-    steps = scenario.steps
-    states = np.zeros((steps, len(ids), 12))
-    wind = np.zeros((steps, len(ids), 3))
-    applied = np.zeros((steps, len(ids), N_CHANNELS))
-    signals = np.zeros((steps, len(ids)), SIGNALS)
-    _exchange_initial_states(fleet, controllers, sources, scenario.step_us)
+    exchange_initial_states(fleet, controllers, sources, scenario.step_us)
     begin = time.perf_counter()
     step, loss = 0, None
-    while step < steps and loss is None:
-        last = min(step + _CHUNK_STEPS, steps)
-        step, lost = _run(
+    while step < scenario.steps and loss is None:
+        chunk = room(step, min(step + _CHUNK_STEPS, scenario.steps))
+        flown, lost = run_steps(
             fleet,
             controllers,
             sources,
             step,
-            last,
             scenario.step_us,
-            states,
-            wind,
-            applied,
-            signals,
+            chunk.states,
+            chunk.wind,
+            chunk.applied,
+            chunk.signals,
         )
+        step += flown
         if lost >= 0:
             t = step * scenario.step_us / 1e6
             why = describe_loss(fleet.states[lost], fleet.air[lost, :3])
             loss = f"UAV {ids[lost]} was lost at {t:.3f} s: {why}"
+        if on_steps is not None:
+            on_steps(chunk.part(0, flown))
         if on_progress is not None:
             on_progress(step * scenario.step_us / 1e6, controllers.states["events"])
-    return Recording(
+    return Ending(
         mode="in_process",
-        step_us=scenario.step_us,
-        uav_ids=ids,
-        states=states[:step],
-        wind=wind[:step],
-        applied=applied[:step],
-        signals=signals[:step],
+        steps=step,
         repeats=np.zeros((len(ids), N_CHANNELS), np.int64),
         wall_s=time.perf_counter() - begin,
         loss=loss,
@@ -111,49 +138,53 @@ def _brief(
 
 
 @compiled
-def _exchange_initial_states(
+def exchange_initial_states(
     fleet: PlantState, controllers: Controllers, sources: np.ndarray, step_us: int
 ) -> None:
     for i in range(len(sources)):
         observe(fleet, i, 0, step_us)
         announce(controllers, i, fleet.messages[i])
-    _deliver(controllers, sources)
+    _deliver(controllers, sources, 0)
 
 
 @compiled
-def _run(
+def run_steps(
     fleet: PlantState,
     controllers: Controllers,
     sources: np.ndarray,
-    step: int,
-    last: int,
+    first: int,
     step_us: int,
     states: np.ndarray,
     wind: np.ndarray,
     applied: np.ndarray,
     signals: np.ndarray,
 ) -> tuple[int, int]:
+    """Fly the steps from `first` on that there is room for; return how many, and who was lost."""
+    fleet, controllers, sources = borrowed(fleet), borrowed(controllers), borrowed(sources)
     n = len(sources)
-    lost = -1
-    while step < last and lost < 0:
+    k, lost = 0, -1
+    while k < len(states) and lost < 0:
         for i in range(n):
-            observe(fleet, i, step, step_us)
+            observe(fleet, i, first + k, step_us)
             mask = controller_step(controllers, i, fleet.messages[i], step_us)
             if mask != 0:
                 receive_controls(fleet, i, controllers.actuators[i])
-            states[step, i] = fleet.states[i]
-            wind[step, i] = fleet.air[i, :3]
-            signals[step, i] = controllers.signals[i]
-        _deliver(controllers, sources)
-        lost = fly(fleet, step, step_us)
-        applied[step] = fleet.applied
-        step += 1
-    return step, lost
+            tell_neighbours(controllers, i, first + k, step_us)
+            states[k, i] = fleet.states[i]
+            wind[k, i] = fleet.air[i, :3]
+            copy_record(signals[k, i], controllers.signals[i])
+        _deliver(controllers, sources, first + k)
+        lost = fly(fleet, first + k, step_us)
+        applied[k] = fleet.applied
+        k += 1
+    return k, lost
 
 
 @compiled
-def _deliver(controllers: Controllers, sources: np.ndarray) -> None:
+def _deliver(controllers: Controllers, sources: np.ndarray, step: int) -> None:
+    """Deliver the neighbour messages that were sent in a step."""
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
-            if sources[i, d] >= 0:
-                controllers.neighbour_states[i, d] = controllers.own_states[sources[i, d]]
+            j = sources[i, d]
+            if j >= 0 and controllers.told[j]["step"] == step:
+                copy_record(controllers.neighbour_states[i, d], controllers.told[j])

@@ -22,6 +22,7 @@ from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, PortTaken, UdpAddress, bind_udp, free_ports
+from mavlink_defs.runtime.spool import SpoolReader
 
 __all__ = ["FleetProcesses", "check_ports", "on_free_ports"]
 
@@ -164,27 +165,23 @@ class FleetProcesses:
         scenario = self._scenario
         self._folder.mkdir(parents=True, exist_ok=True)
         self._configure()
-        steps = round(scenario.duration_s * 1e6 / scenario.step_us)
         try:
-            self._start(_PLANT, "sitl_plant.process", scenario.links.plant_port, [])
+            self._start(_PLANT, "sitl_plant.process", scenario.links.plant_port)
             for uav in scenario.uavs:
                 port = scenario.links.formation_base_port + uav.id
-                self._start(
-                    f"uav{uav.id}", "ftc_autopilot.process", port, self._options(uav.id, steps)
-                )
+                self._start(f"uav{uav.id}", "ftc_autopilot.process", port, *self._options(uav.id))
         except BaseException:
             self.stop()
             raise
         return self
 
-    def _options(self, uav: int, steps: int) -> list[str]:
+    def _options(self, uav: int) -> list[str]:
         """Return the options of an autopilot beside those of every process."""
-        options = [] if self._endless else ["--record-steps", str(steps)]
-        if self._restart:
-            kept = self._folder / f"uav{uav}.kept"
-            kept.unlink(missing_ok=True)
-            options += ["--keep", str(kept)]
-        return options
+        if not self._restart:
+            return []
+        kept = self._folder / f"uav{uav}.kept"
+        kept.unlink(missing_ok=True)
+        return ["--keep", str(kept)]
 
     def __exit__(
         self,
@@ -196,8 +193,8 @@ class FleetProcesses:
         self.stop()
 
     def recording_of(self, name: str) -> Path:
-        """Return the file to which a process ("plant", "uav3") writes its recording at its end."""
-        return self._folder / f"{name}.npz"
+        """Return the folder in which a process ("plant", "uav3") records."""
+        return self._folder / name
 
     @property
     def plant_returncode(self) -> int | None:
@@ -226,7 +223,7 @@ class FleetProcesses:
                 except PortTaken:
                     raise PortInUse(process.last_line()) from None
                 raise BadInput(process.last_line())
-            if status and not self.recording_of(process.name).exists():
+            if status and SpoolReader(self.recording_of(process.name)).facts is None:
                 if process.name == _PLANT or not self._restart:
                     raise FlightLost(f"{process.name}: {process.last_line()}")
                 self._start_again(process)
@@ -280,7 +277,7 @@ class FleetProcesses:
             gcs = (*config.gcs, *self._ground_stations)
             dump(config.model_copy(update={"gcs": gcs}), self._folder / f"uav{uav.id}.yaml")
 
-    def _start(self, name: str, module: str, port: int, arguments: list[str]) -> None:
+    def _start(self, name: str, module: str, port: int, *options: str) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         record = [] if self._endless else ["--record", str(self.recording_of(name))]
         # -P: do not import from the user's current folder
@@ -293,7 +290,7 @@ class FleetProcesses:
             "--exit-with-parent",
             str(os.getpid()),
             *record,
-            *arguments,
+            *options,
         ]
         log.unlink(missing_ok=True)
         address = UdpAddress(self._scenario.links.host, port)

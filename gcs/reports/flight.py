@@ -25,7 +25,8 @@ def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Te
         "periodic transmissions"
     )
     remarks = [line for uav in summary.uavs for line in _remarks(uav, summary.steps)]
-    return [_transmissions(summary, names), _tracking(summary, names), *remarks, total]
+    tables = [_transmissions(summary, names), _links(summary, names), _tracking(summary, names)]
+    return [*tables, *remarks, total]
 
 
 def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
@@ -83,6 +84,31 @@ def _transmissions(summary: FlightSummary, names: dict[int, str]) -> Table:
     return table
 
 
+def _links(summary: FlightSummary, names: dict[int, str]) -> Table:
+    table = Table(title="Messages and bytes on the links, each once")
+    table.add_column("UAV")
+    table.add_column("")
+    for heading in ("messages", "bytes", "saved"):
+        table.add_column(heading, justify="right")
+    for uav in summary.uavs:
+        size = uav.link_bytes
+        rows = (
+            ("states", summary.steps, "states", ""),
+            ("actuators", uav.actuator_messages, "actuator_messages", ""),
+            (
+                "neighbours",
+                uav.neighbour_messages,
+                "neighbour_messages",
+                percent(uav.neighbour_saving),
+            ),
+        )
+        for k, (label, messages, kind, saved) in enumerate(rows):
+            name = names[uav.id] if k == 0 else ""
+            table.add_row(name, label, str(messages), str(size[kind]), saved)
+        table.add_section()
+    return table
+
+
 def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
     table = Table(title="Tracking: integral of absolute error (IAE), largest error after 1 s")
     table.add_column("UAV")
@@ -93,6 +119,7 @@ def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
         rows = (
             (names[uav.id], "IAE vs commands", uav.iae, "{:.2f}"),
             ("", "IAE vs reference", uav.iae_filtered, "{:.2f}"),
+            ("", "IAE synchronisation", uav.iae_sync, "{:.2f}"),
             ("", "max error [m/s, deg]", uav.max_error, "{:.3f}"),
         )
         for name, label, errors, shape in rows:

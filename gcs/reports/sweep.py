@@ -16,6 +16,7 @@ from gcs.errors import BadInput
 from gcs.reports.formatting import milliseconds, percent
 from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
 from gcs.results.summary import UavSummary
+from gcs.results.traffic import KINDS
 from gcs.sweeps.axes import label
 from gcs.sweeps.folder import Result
 from gcs.sweeps.grid import Run
@@ -81,6 +82,9 @@ def write_csv(results: Sequence[Result], path: Path) -> None:
     head += [f"iae_{quantity}_{IAE_UNITS[quantity].replace(' ', '_')}" for quantity in QUANTITIES]
     head += [f"events_{channel}" for channel in PAPER_ORDER]
     head += ["min_interval_s", "attitude_lost_at_s", "heading_lost_at_s"]
+    head += ["messages", "neighbour_messages", "neighbour_saving"]
+    head += [f"iae_sync_{quantity}" for quantity in QUANTITIES]
+    head += [f"bytes_{kind}" for kind in KINDS]
     with naming(path), path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(head)
@@ -99,7 +103,10 @@ def _uav_columns(uav: UavSummary) -> list[Any]:
     iae = [uav.iae[quantity] for quantity in QUANTITIES]
     events = [uav.channels[channel].events for channel in PAPER_ORDER]
     lost = [uav.attitude_lost_at_s, uav.heading_lost_at_s]
-    return [uav.id, uav.saving, *iae, *events, uav.min_interval_s, *lost]
+    told = [uav.actuator_messages, uav.neighbour_messages, uav.neighbour_saving]
+    sync = [uav.iae_sync[quantity] for quantity in QUANTITIES]
+    size = [uav.link_bytes[kind] for kind in KINDS]
+    return [uav.id, uav.saving, *iae, *events, uav.min_interval_s, *lost, *told, *sync, *size]
 
 
 def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) -> None:
@@ -107,12 +114,17 @@ def write_markdown(results: Sequence[Result], uav_id: int | None, path: Path) ->
     names = [name for name, _ in dimensions_of(results)]
     iae = [f"IAE {quantity} [{IAE_UNITS[quantity]}]" for quantity in QUANTITIES]
     head = [*names, "outcome", "saving", *iae, "events", "smallest interval", "reason"]
+    triggered = _has_formation_trigger(results)
+    if triggered:
+        head[-1:-1] = ["neighbour messages", "neighbour messages saved"]
     lines = [_title(uav_id), "", _markdown_row(head), _markdown_row(["---"] * len(head))]
     for result in results:
         where = [position(result.run, name) for name in names]
         cells = [*where, result.outcome, *_figures(result, uav_id), result.reason]
         if lost := _lost(result, uav_id):
             cells[len(where)], cells[-1] = lost
+        if triggered:
+            cells[-1:-1] = _neighbour_figures(result, uav_id)
         lines.append(_markdown_row(cells))
     write_text(path, "\n".join(lines) + "\n")
 
@@ -149,12 +161,16 @@ def terminal_table(results: Sequence[Result], uav_id: int | None) -> Table:
     for quantity in QUANTITIES:
         heading = f"{quantity}\n[{IAE_UNITS[quantity]}]"
         table.add_column(heading, justify="right", no_wrap=True)
+    triggered = _has_formation_trigger(results)
+    if triggered:
+        table.add_column("neighbour\nmessages", justify="right", no_wrap=True)
     for result in results[:_TERMINAL_ROWS]:
         where = [position(result.run, name) for name in names]
         saving, *iae = _figures(result, uav_id)[:-2]
         done = result.outcome == "completed"
         style = "red" if not done or _lost(result, uav_id) else None
-        table.add_row(*where, saving if done else result.outcome, *iae, style=style)
+        told = _neighbour_figures(result, uav_id)[:1] if triggered else []
+        table.add_row(*where, saving if done else result.outcome, *iae, *told, style=style)
     return table
 
 
@@ -173,6 +189,20 @@ def _figures(result: Result, uav_id: int | None) -> list[str]:
         str(uav.events),
         milliseconds(uav.min_interval_s),
     ]
+
+
+def _has_formation_trigger(results: Sequence[Result]) -> bool:
+    """Return whether neighbour messages were triggered in any run, and are worth a column."""
+    scenarios = (result.run.scenario for result in results)
+    return any(s is not None and s.links.formation.trigger is not None for s in scenarios)
+
+
+def _neighbour_figures(result: Result, uav_id: int | None) -> list[str]:
+    """Format number and saving of the neighbour messages of a complete flight."""
+    uav = uav_of(result, uav_id)
+    if uav is None:
+        return ["-", "-"]
+    return [str(uav.neighbour_messages), percent(uav.neighbour_saving)]
 
 
 def _lost(result: Result, uav_id: int | None) -> tuple[str, str] | None:

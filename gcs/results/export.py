@@ -24,6 +24,7 @@ _SIGNALS = (
     "demand",
     "held",
     "events",
+    "neighbour_message",
     "Phi_v",
     "g_v",
     "beta_v",

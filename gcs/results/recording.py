@@ -5,16 +5,15 @@ where it received no state, and while disarmed only what it measures and holds.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
 from ftc_autopilot.control.reference import wrap
+from gcs.results.steps import Ending, Mode, Steps
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Mode", "Recording"]
-
-Mode = Literal["lockstep", "real_time", "in_process"]
+__all__ = ["Recording"]
 
 
 @dataclass(frozen=True)
@@ -48,6 +47,35 @@ class Recording:
     wall_s: float
     loss: str | None
     restarts: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, steps: Steps, ending: Ending, uav_ids: tuple[int, ...], step_us: int) -> Self:
+        """Return the recording of a flight, given all its steps."""
+        return cls(
+            mode=ending.mode,
+            step_us=step_us,
+            uav_ids=uav_ids,
+            states=steps.states,
+            wind=steps.wind,
+            applied=steps.applied,
+            signals=steps.signals,
+            repeats=ending.repeats,
+            wall_s=ending.wall_s,
+            loss=ending.loss,
+            restarts=ending.restarts,
+        )
+
+    @property
+    def steps(self) -> Steps:
+        """All steps."""
+        return Steps(0, self.states, self.wind, self.applied, self.signals)
+
+    @property
+    def ending(self) -> Ending:
+        """What is known of the flight besides its steps."""
+        return Ending(
+            self.mode, len(self.states), self.repeats, self.wall_s, self.loss, self.restarts
+        )
 
     @property
     def time_s(self) -> np.ndarray:
@@ -88,8 +116,8 @@ class Recording:
             wanted: The unfiltered commands, or the filtered reference.
         """
         error: np.ndarray = self.response - self._held_over(self.signals[wanted])
-        _wrap_all(error[..., 1])
-        _wrap_all(error[..., 3])
+        wrap_all(error[..., 1])
+        wrap_all(error[..., 3])
         return error
 
     def _held_over(self, values: np.ndarray) -> np.ndarray:
@@ -104,7 +132,7 @@ class Recording:
 
 
 @compiled
-def _wrap_all(angles: np.ndarray) -> None:
+def wrap_all(angles: np.ndarray) -> None:
     for k in range(angles.shape[0]):
         for i in range(angles.shape[1]):
             angles[k, i] = wrap(angles[k, i])

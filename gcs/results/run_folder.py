@@ -14,7 +14,7 @@ from gcs.results.recording import Recording
 from gcs.results.summary import FlightSummary, event_table
 from mavlink_defs.runtime.files import save_arrays, write_text
 
-__all__ = ["make_run_folder", "save_flight", "save_summary"]
+__all__ = ["make_run_folder", "save_arrays_of", "save_flight", "save_summary"]
 
 
 def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
@@ -53,6 +53,15 @@ def save_flight(recording: Recording, summary: FlightSummary, folder: Path) -> N
         OSError: One of them cannot be written; it is named.
     """
     save_summary(summary, folder)
+    save_arrays_of(recording, folder)
+
+
+def save_arrays_of(recording: Recording, folder: Path) -> None:
+    """Write `events.npz` and `trajectory.npz`.
+
+    Raises:
+        OSError: One of them cannot be written; it is named.
+    """
     save_arrays(folder / "events.npz", event_table(recording))
     signals = recording.signals
     trajectory = {

@@ -1,14 +1,17 @@
 """Figures of one flight: events, savings, intervals, tracking errors."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Self
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis import LOST
-from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees, integrated_error
-from gcs.results.recording import Mode, Recording
+from gcs.results.events import events_of
+from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees
+from gcs.results.recording import Recording
+from gcs.results.steps import Ending, Mode
+from gcs.results.tally import FINAL_S, Decision, Tally
+from gcs.results.traffic import KINDS
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.transmissions import saving
 from mavlink_defs.constants import ACTUATORS
@@ -20,11 +23,8 @@ __all__ = [
     "UavSummary",
     "event_table",
     "summarise",
+    "summary_of",
 ]
-
-_SETTLING_S = 1.0  # the largest error counts after this time
-_FINAL_S = 1.0  # the final error is the largest one of this long before the end
-_MAX_ANGLE = np.pi / 2.0  # error of an angle beyond which attitude or heading is lost [rad]
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,14 @@ class UavSummary:
         saving: Share of the periodic sender's transmissions that were not sent.
         channels: By name, in the order of the paper's tables.
         actuator_messages: Messages that carried the events; several may travel in one.
+        neighbour_messages: Messages to neighbours, one to each, after the first step.
+        neighbour_saving: Share of those of a sender in every step that were not sent; None
+            without neighbours.
+        link_bytes: Size of `states` received, and of both kinds of messages sent, by kind; see
+            `gcs.results.traffic`.
         iae: Integrals of absolute errors against the commands [m, deg s].
         iae_filtered: The same against the filtered reference.
+        iae_sync: Those of the synchronisation errors (31) and (32) between the true states.
         max_error: Largest errors against the reference after the first second [m/s, deg].
         final_error: Largest ones within the last second [m/s, deg].
         attitude_lost_at_s: When roll or pitch was first more than 90° off [s]; None if never.
@@ -89,8 +95,12 @@ class UavSummary:
     saving: float | None
     channels: Mapping[str, ChannelSummary]
     actuator_messages: int
+    neighbour_messages: int
+    neighbour_saving: float | None
+    link_bytes: Mapping[str, int]
     iae: Mapping[str, float | None]
     iae_filtered: Mapping[str, float | None]
+    iae_sync: Mapping[str, float | None]
     max_error: Mapping[str, float | None]
     final_error: Mapping[str, float | None]
     attitude_lost_at_s: float | None
@@ -135,6 +145,7 @@ class FlightSummary:
         wall_s: Wall-clock time that they took [s].
         real_time_factor: Simulated by wall-clock time; None if the latter is 0.
         saving: Share of the periodic senders' transmissions that were not sent.
+        neighbour_saving: The same of the neighbour messages; None without neighbours.
         uavs: In the order of the scenario.
     """
 
@@ -147,6 +158,7 @@ class FlightSummary:
     wall_s: float
     real_time_factor: float | None
     saving: float | None
+    neighbour_saving: float | None
     uavs: tuple[UavSummary, ...]
 
     def uav(self, system: int) -> UavSummary | None:
@@ -170,102 +182,119 @@ class FlightSummary:
 
 
 def summarise(recording: Recording, scenario: Scenario) -> FlightSummary:
-    """Compute the figures of a flight.
+    """Compute the figures of a recorded flight, as `summary_of` does."""
+    tally = Tally(scenario)
+    tally.add(recording.steps)
+    return summary_of(tally, recording.ending, scenario)
+
+
+def summary_of(tally: Tally, ending: Ending, scenario: Scenario) -> FlightSummary:
+    """Return the figures of a flight.
 
     Saving is the share of the periodic sender's transmissions that the triggers did without;
     a periodic sender transmits every channel in every step that the law is evaluated at.
     Errors are those of the true state, as `Recording.error` gives them.
+
+    Args:
+        tally: The counts of all its steps.
+        ending: Of the flight.
+        scenario: What was flown.
     """
-    steps = len(recording.states)
-    commands, reference = recording.error("command"), recording.error("reference")
+    tally.finish()
     uavs = tuple(
-        _summarise_uav(recording, i, commands[:, i], reference[:, i], scenario)
-        for i in range(len(recording.uav_ids))
+        _summarise_uav(tally, i, uav.id, ending, scenario) for i, uav in enumerate(scenario.uavs)
     )
-    wall_s = recording.wall_s
-    loss = recording.loss
-    if loss is None and steps < scenario.steps:
-        loss = f"stopped at {recording.duration_s:g} s of {scenario.duration_s:g} s"
+    duration_s, wall_s, loss = ending.steps * scenario.step_us / 1e6, ending.wall_s, ending.loss
+    if loss is None and ending.steps < scenario.steps:
+        loss = f"stopped at {duration_s:g} s of {scenario.duration_s:g} s"
     return FlightSummary(
         scenario=scenario.name,
         completed=loss is None,
         loss=loss,
-        mode=recording.mode,
-        duration_s=recording.duration_s,
-        steps=steps,
+        mode=ending.mode,
+        duration_s=duration_s,
+        steps=ending.steps,
         wall_s=wall_s,
-        real_time_factor=recording.duration_s / wall_s if wall_s > 0.0 else None,
+        real_time_factor=duration_s / wall_s if wall_s > 0.0 else None,
         saving=saving(sum(uav.events for uav in uavs), sum(uav.active_steps for uav in uavs)),
+        neighbour_saving=saving(
+            sum(uav.neighbour_messages for uav in uavs),
+            sum(
+                len(scenario.neighbours(uav.id)) * int(own["neighbour_periods"])
+                for uav, own in zip(scenario.uavs, tally.uavs, strict=True)
+            ),
+            channels=1,
+        ),
         uavs=uavs,
     )
 
 
 def _summarise_uav(
-    recording: Recording,
-    i: int,
-    commands: np.ndarray,
-    reference: np.ndarray,
-    scenario: Scenario,
+    tally: Tally, i: int, system: int, ending: Ending, scenario: Scenario
 ) -> UavSummary:
-    """Summarise the i-th UAV, given its errors against commands and reference, (steps, 4)."""
-    active = int(np.count_nonzero(recording.active[:, i]))
-    time_s = recording.time_s
-    channels = {name: _summarise_channel(recording, i, name) for name in PAPER_ORDER}
+    """Summarise the i-th UAV."""
+    own, step_us, degree = tally.uavs[i], scenario.step_us, len(scenario.neighbours(system))
+    together = tally.synchronisation
+    apart = together.sums[i] * step_us / 1e6
+    duration_s = ending.steps * step_us / 1e6
+    active = int(own["active"])
+    channels = {
+        name: _summarise_channel(own, ending.repeats[i], ACTUATORS.index(name), step_us)
+        for name in PAPER_ORDER
+    }
+    integrals = np.where(own["counted"][:, None] > 0, own["sum"] * step_us / 1e6, np.nan)
+    largest = own["largest"] if own["settled"] else np.full(len(QUANTITIES), np.nan)
     return UavSummary(
-        id=recording.uav_ids[i],
+        id=system,
         active_steps=active,
-        missing_steps=int(np.count_nonzero(recording.missing[:, i])),
+        missing_steps=int(own["missing"]),
         saving=saving(sum(channel.events for channel in channels.values()), active),
         channels=channels,
-        actuator_messages=int(np.count_nonzero(recording.signals["events"][:, i])),
-        iae=_by_quantity(integrated_error(commands, recording.step_us)),
-        iae_filtered=_by_quantity(integrated_error(reference, recording.step_us)),
-        max_error=_by_quantity(_largest(reference[time_s > _SETTLING_S])),
-        final_error=_by_quantity(_largest(reference[time_s >= recording.duration_s - _FINAL_S])),
-        attitude_lost_at_s=_lost_at_s(time_s, reference[:, 1:3]),
-        heading_lost_at_s=_lost_at_s(time_s, reference[:, 3:]),
-        diagnosis=tuple(_decisions(recording, i, scenario)),
-        restarts=recording.restarts[i] if recording.restarts else 0,
+        actuator_messages=int(own["messages"]),
+        neighbour_messages=degree * int(own["neighbour_messages"]),
+        neighbour_saving=saving(
+            degree * int(own["neighbour_messages"]),
+            degree * int(own["neighbour_periods"]),
+            channels=1,
+        ),
+        link_bytes=dict(zip(KINDS, tally.traffic.bytes[i].tolist(), strict=True)),
+        iae=_by_quantity(integrals[0]),
+        iae_filtered=_by_quantity(integrals[1]),
+        iae_sync=_by_quantity(apart if together.counted[i] else np.full(len(QUANTITIES), np.nan)),
+        max_error=_by_quantity(largest),
+        final_error=_by_quantity(tally.largest_final_error(i, duration_s - FINAL_S)),
+        attitude_lost_at_s=_time_s(own["attitude_lost"], step_us),
+        heading_lost_at_s=_time_s(own["heading_lost"], step_us),
+        diagnosis=tuple(_diagnosis(tally.decisions(i), system, scenario)),
+        restarts=ending.restarts[i] if ending.restarts else 0,
     )
 
 
-def _decisions(recording: Recording, i: int, scenario: Scenario) -> list[DiagnosisSummary]:
-    """Return the decisions of the i-th UAV's diagnosis, in order."""
-    lost = recording.signals["phase"][:, i] == LOST
-    found = []
-    for c, name in enumerate(ACTUATORS):
-        faults = [
-            fault
-            for fault in scenario.faults
-            if fault.uav == recording.uav_ids[i] and fault.actuator == name
-        ]
-        for k in np.flatnonzero(np.diff(lost[:, c], prepend=False)):
-            time_s, is_lost = float(recording.time_s[k]), bool(lost[k, c])
-            causes = (fault.start_s if is_lost else fault.end_s for fault in faults)
-            cause = max((t for t in causes if t is not None and t <= time_s), default=None)
-            stuck = float(recording.signals["offset"][k, i, c])
-            found.append(
-                DiagnosisSummary(
-                    actuator=name,
-                    phase="lost" if is_lost else "back",
-                    time_s=time_s,
-                    delay_s=None if cause is None else round(time_s - cause, 6),
-                    stuck=(stuck if name == "throttle" else float(np.degrees(stuck)))
-                    if is_lost
-                    else None,
-                )
-            )
-    return sorted(found, key=lambda decision: decision.time_s)
+def _diagnosis(
+    decisions: list[Decision], system: int, scenario: Scenario
+) -> Iterator[DiagnosisSummary]:
+    """Set the decisions of a UAV's diagnosis beside the injected faults."""
+    for step, c, lost, offset in decisions:
+        name, time_s = ACTUATORS[c], step * scenario.step_us / 1e6
+        faults = (f for f in scenario.faults if f.uav == system and f.actuator == name)
+        causes = (fault.start_s if lost else fault.end_s for fault in faults)
+        cause = max((t for t in causes if t is not None and t <= time_s), default=None)
+        stands = offset if name == "throttle" else float(np.degrees(offset))
+        yield DiagnosisSummary(
+            actuator=name,
+            phase="lost" if lost else "back",
+            time_s=time_s,
+            delay_s=None if cause is None else round(time_s - cause, 6),
+            stuck=stands if lost else None,
+        )
 
 
-def _summarise_channel(recording: Recording, i: int, name: str) -> ChannelSummary:
-    c = ACTUATORS.index(name)
-    at = np.flatnonzero(recording.signals["events"][:, i] & (1 << c))
-    gaps = np.diff(at)
+def _summarise_channel(own: np.void, repeats: np.ndarray, c: int, step_us: int) -> ChannelSummary:
+    gap = int(own["min_gap"][c])
     return ChannelSummary(
-        events=len(at),
-        repeats=int(recording.repeats[i, c]),
-        min_interval_s=int(gaps.min()) * recording.step_us / 1e6 if len(gaps) else None,
+        events=int(own["events"][c]),
+        repeats=int(repeats[c]),
+        min_interval_s=gap * step_us / 1e6 if gap else None,
     )
 
 
@@ -275,28 +304,12 @@ def event_table(recording: Recording) -> dict[str, np.ndarray]:
     Columns: `uav` (system id), `channel` (number as in `mavlink_defs.faults.ACTUATORS`),
     `step`, `time_s`, `value` (held from then on: rad, or N for the throttle).
     """
-    events = recording.signals["events"]
-    bits = np.stack([events >> c & 1 for c in range(len(ACTUATORS))], axis=-1)
-    step, uav, channel = np.nonzero(bits)
-    return {
-        "uav": np.array(recording.uav_ids)[uav],
-        "channel": channel,
-        "step": step,
-        "time_s": step * recording.step_us / 1e6,
-        "value": recording.signals["held"][step, uav, channel],
-    }
+    return events_of(recording.signals, 0, recording.uav_ids, recording.step_us)
 
 
-def _largest(error: np.ndarray) -> np.ndarray:
-    """Return the largest absolute error of the steps that have one; NaN if none has."""
-    known = np.abs(error[np.isfinite(error).all(axis=1)])
-    return np.asarray(known.max(axis=0)) if len(known) else np.full(len(QUANTITIES), np.nan)
-
-
-def _lost_at_s(time_s: np.ndarray, angles: np.ndarray) -> float | None:
-    """Return when an error in `angles`, shape (steps, k), first exceeded 90° [s], or None."""
-    beyond = np.flatnonzero((np.abs(angles) > _MAX_ANGLE).any(axis=1))
-    return float(time_s[beyond[0]]) if len(beyond) else None
+def _time_s(step: int, step_us: int) -> float | None:
+    """Return the time of a step [s]; None for -1."""
+    return None if step < 0 else int(step) * step_us / 1e6
 
 
 def _by_quantity(values: np.ndarray) -> dict[str, float | None]:

@@ -17,9 +17,11 @@ from ftc_autopilot.config import (
     Neighbour,
     Origin,
     Trigger,
+    trigger_problems,
 )
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.sections import (
     Found,
@@ -74,7 +76,7 @@ class Scenario(Model):
     controller: Controller = Field(
         default=Proposed(), description="Control law of every UAV, and its parameters."
     )
-    trigger: Trigger = Field(default=Trigger(), description="Event triggers of every UAV.")
+    trigger: Trigger = Field(default=PerChannel(), description="Event triggers of every UAV.")
     uavs: tuple[ScenarioUav, ...] = Field(min_length=1, description="The fleet.")
     network: Network = Field(description="The communication graph.")
     profile: tuple[ProfileSegment, ...] = Field(
@@ -138,15 +140,26 @@ class Scenario(Model):
             aircraft=self.aircraft,
             controller=self.controller.with_servos(servos),
             trigger=self.trigger,
+            formation_trigger=links.formation.trigger,
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
-                for other, weight in self._neighbours(uav_id)
+                for other, weight in self.neighbours(uav_id)
             ),
+            neighbour_timeout_s=links.formation.neighbour_timeout_s,
             formation_bind=self._formation_address(uav_id),
             plant=links.plant_relay or links.address(links.plant_port),
             gcs=(links.address(links.gcs_port),),
             signing_key=links.signing_key,
         )
+
+    def neighbours(self, uav_id: int) -> list[tuple[int, float]]:
+        """Return id and weight of each neighbour of a UAV."""
+        return [
+            (edge.between[1 - end], edge.weight)
+            for edge in self.network.edges
+            for end in (0, 1)
+            if edge.between[end] == uav_id
+        ]
 
     def signed(self, key_file: Path) -> Self:
         """Return the same scenario with every link signed."""
@@ -161,14 +174,6 @@ class Scenario(Model):
         """Return UAV id and fault of each fault, in the order of the file."""
         return [(fault.uav, fault.command()) for fault in self.faults]
 
-    def _neighbours(self, uav_id: int) -> list[tuple[int, float]]:
-        return [
-            (edge.between[1 - end], edge.weight)
-            for edge in self.network.edges
-            for end in (0, 1)
-            if edge.between[end] == uav_id
-        ]
-
     def _formation_address(self, uav_id: int) -> str:
         return self.links.address(self.links.formation_base_port + uav_id)
 
@@ -177,6 +182,7 @@ class Scenario(Model):
         checks = (
             self._uav_problems,
             self._aircraft_problems,
+            lambda: trigger_problems(self.controller, self.trigger, self.step_us),
             self._hardware_problems,
             self._network_problems,
             self._profile_problems,

@@ -9,6 +9,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, FormationTrigger
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import HostPort, Loc, Model, Port, Problem, Problems, SystemId
 from mavlink_defs.config.quantity import quantity
@@ -21,6 +22,7 @@ from sitl_plant.hardware import Servos
 
 __all__ = [
     "Edge",
+    "FormationLinks",
     "Found",
     "Impairments",
     "Links",
@@ -115,6 +117,19 @@ class Impairments(Model):
     )
 
 
+class FormationLinks(Model):
+    """The links between neighbours."""
+
+    trigger: FormationTrigger | None = Field(
+        default=None, description="Trigger of the neighbour messages; none: every period."
+    )
+
+    @property
+    def neighbour_timeout_s(self) -> float:
+        """Silence after which a neighbour's edge is dropped [s]."""
+        return self.trigger.neighbour_timeout_s if self.trigger else NEIGHBOUR_TIMEOUT_S
+
+
 class Links(Model):
     """Addresses and ports; everything binds `host`."""
 
@@ -132,6 +147,9 @@ class Links(Model):
         default=None, description="Where autopilots send instead of to the plant itself."
     )
     signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
+    formation: FormationLinks = Field(
+        default=FormationLinks(), description="The links between neighbours."
+    )
     impairments: Impairments | None = Field(
         default=None, description="Relays that the flight puts in front of links."
     )

@@ -36,6 +36,7 @@ class EventCounts:
         min_interval_s: Smallest time between two events per channel, None with fewer than two.
         messages: Actuator messages sent because of an event.
         edge_changes: Times that a neighbour was dropped or re-added.
+        neighbour_messages: Messages sent to neighbours after the first step.
     """
 
     def __init__(self) -> None:
@@ -46,6 +47,7 @@ class EventCounts:
         self.min_interval_s: tuple[float | None, ...] = (None,) * 4
         self.messages = 0
         self.edge_changes = 0
+        self.neighbour_messages = 0
         self._samples: deque[tuple[float, Four]] = deque()
 
     def receive(self, message: MAVLink_ftc_events_message) -> None:
@@ -59,6 +61,7 @@ class EventCounts:
             None if us == _NONE_YET else us / 1e6 for us in message.min_interval_us
         )
         self.messages, self.edge_changes = message.messages, message.edge_changes
+        self.neighbour_messages = message.neighbour_messages
         if self._samples and self._samples[-1][0] == time_s:
             self._samples.pop()
         self._samples.append((time_s, self.events))

@@ -14,6 +14,7 @@ ROW = np.dtype(
         ("sync_error", "f8", 4),  # (31), (32)
         ("held", "f8", 4),  # commands held: aileron, elevator, rudder, throttle [share of limit]
         ("events", "f8", 4),  # events so far, same order
+        ("predicted_exit", "f8", 4),  # time until the output leaves its tube [s], same order
         ("position", "f8", 3),  # north, east, down [m]
     ]
 )

@@ -4,11 +4,11 @@ import functools
 
 import numpy as np
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.vehicle.param_table import tunables
+from ftc_autopilot.control.triggers import MODES
+from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
 from mavlink_defs.config.quantity import Quantity
 
 __all__ = ["known_quantity"]
@@ -31,9 +31,11 @@ def known_quantity(name: str) -> Quantity | None:
 def _known() -> dict[str, Quantity]:
     records = np.zeros(1, PARAMETERS)
     found = [
-        *tunables(Trigger, records["trigger"], "TRIG_"),
+        *trigger_tunables(records),
         *tunables(LawParameters, records["common"]),
     ]
+    for mode in MODES:
+        found += trigger_tunables(records, mode)
     for kind, law in LAWS.items():
         found += tunables(law, records[kind], base=LawParameters)
     told = {name: Quantity("", None, None, None, None, doc) for name, doc in _TOLD.items()}

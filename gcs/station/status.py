@@ -109,6 +109,8 @@ class VehicleStatus:
         held: Commands held, as shares of their limits, by channel.
         steps: Control steps with active control.
         saving: Share of periodic transmissions that was saved.
+        actuator_messages: Actuator messages sent because of an event.
+        neighbour_messages: Messages sent to neighbours after the first step.
         channels: Events by channel.
         faults: Its faults, as of `fault_dict`.
         profile: Its profile, as of `segment_dict`.
@@ -127,6 +129,8 @@ class VehicleStatus:
     held: Mapping[str, float] | None
     steps: int
     saving: float | None
+    actuator_messages: int
+    neighbour_messages: int
     channels: Mapping[str, ChannelStatus]
     faults: Sequence[Mapping[str, Any]] | None
     profile: Sequence[Mapping[str, Any]] | None
@@ -159,6 +163,8 @@ def vehicle_status(state: VehicleState, now: float) -> VehicleStatus:
         held=None if held is None else dict(zip(ACTUATORS, held, strict=True)),
         steps=state.counts.steps,
         saving=state.counts.saving,
+        actuator_messages=state.counts.messages,
+        neighbour_messages=state.counts.neighbour_messages,
         channels=_channels(state.counts),
         faults=None if faults is None else [fault_dict(f, state.time_s) for f in faults],
         profile=None if profile is None else [segment_dict(s) for s in profile],

@@ -342,6 +342,7 @@ class VehicleState:
 
     def _remember(self, message: dialect.MAVLink_ftc_tracking_message) -> None:
         nothing = (math.nan,) * 4
+        events = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
         actual = tuple(a + b for a, b in zip(message.reference, message.error, strict=True))
         if math.isnan(actual[0]) and self.airspeed_m_s is not None:  # disarmed: no reference
             actual = (self.airspeed_m_s, *(self.attitude_deg or nothing[:3]))
@@ -353,6 +354,7 @@ class VehicleState:
                 tuple(message.sync_error),
                 self.held or nothing,
                 self.counts.events,
+                nothing if events is None else tuple(events.predicted_exit),
                 self.position_m or nothing[:3],
             )
         )

@@ -22,24 +22,28 @@ class Axis:
     values: tuple[Any, ...]
 
 
-def parse_axes(texts: Iterable[str]) -> list[Axis]:
+def parse_axes(texts: Iterable[str], option: str = "--set") -> list[Axis]:
     """Read axes written as ``KEY=VALUE,VALUE``; the values are YAML, as in a list in brackets.
+
+    Args:
+        texts: The axes.
+        option: Their option on the command line, for messages.
 
     Raises:
         BadInput: A text is not of this form, or a key or a value is given twice.
     """
     axes: list[Axis] = []
     for text in texts:
-        axis = _parse_axis(text)
+        axis = _parse_axis(text, option)
         if axis.key in (other.key for other in axes):
             raise BadInput(
-                f"--set {axis.key} is given twice", "give all its values at once, with commas"
+                f"{option} {axis.key} is given twice", "give all its values at once, with commas"
             )
         axes.append(axis)
     return axes
 
 
-def _parse_axis(text: str) -> Axis:
+def _parse_axis(text: str, option: str) -> Axis:
     key, _, listed = (part.strip() for part in text.partition("="))
     try:
         values = parse_yaml(f"[{listed}]")
@@ -48,11 +52,12 @@ def _parse_axis(text: str) -> Axis:
         labels = []
     if not key or not labels:
         raise BadInput(
-            f"--set is {text!r}, expected KEY=VALUE,VALUE,...",
-            "as in --set trigger.b2_deg=0.5,1 or --set 'controller.K1=[40, 40, 40], [50, 50, 50]'",
+            f"{option} is {text!r}, expected KEY=VALUE,VALUE,...",
+            f"as in {option} trigger.b2_deg=0.5,1 or "
+            f"{option} 'controller.K1=[40, 40, 40], [50, 50, 50]'",
         )
     for _, problem in repeated(labels):
-        raise BadInput(f"--set {key}: {problem}", "leave one of them out")
+        raise BadInput(f"{option} {key}: {problem}", "leave one of them out")
     return Axis(key, tuple(values))
 
 

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from gcs.errors import BadInput, FlightLost, NoAnswer
-from gcs.fleet.flight import collect, prepare
+from gcs.fleet.collector import Collector
+from gcs.fleet.flight import prepare
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
-from gcs.results.recording import Mode
+from gcs.results.steps import Mode
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from gcs.testing.results import FlightResult
@@ -206,7 +207,7 @@ class TestFleet:
             self._fleet.wait(_END_TIMEOUT_S if over else 0.0)
             self.call(self.client.catch_up(_END_TIMEOUT_S))
             mode: Mode = "real_time" if self._speed else "lockstep"
-            recording = collect(self.scenario, self._fleet, mode)
+            recording = Collector(self.scenario, self._fleet).recording(mode)
             self._flight = FlightResult(self.scenario, recording, self._relay.report(), self.folder)
         return self._flight
 

@@ -218,12 +218,12 @@ class FlightResult:
         wire: TapReport | None = None,
         folder: Path | None = None,
     ) -> None:
-        for array in (recording.states, recording.applied, recording.signals, recording.repeats):
-            array.flags.writeable = False
         self.scenario, self.recording = scenario, recording
         self.wire = None if wire is None else wire.to_json()
         self.folder = folder
         summary = summarise(recording, scenario)
+        for array in (recording.states, recording.applied, recording.signals, recording.repeats):
+            array.flags.writeable = False
         self.summary = summary.to_json()
         self.loss = recording.loss
         self.completed = summary.completed

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.triggers import Trigger
+from ftc_autopilot.control.triggers.periodic import Periodic
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from gcs.theory.definitions import attitude_definitions, speed_definitions
@@ -50,7 +52,7 @@ class Theory:
     Attributes:
         scenario: Its name.
         controller: Kind of law.
-        trigger_mode: Of `ftc_autopilot.config.Trigger`.
+        trigger_mode: Name of the trigger.
         period_s: Control period.
         duration_s: Simulated time flown.
         loss: Why the flight ended early, or None.
@@ -116,9 +118,17 @@ def _unlike_the_papers(scenario: Scenario) -> str | None:
         "servos": any(uav.servos != ActuatorServos() for uav in plant.uavs),
         "errors of sensors": plant.sensors != Sensors(),
         "motions of the air": plant.wind != Wind(),
+        "other triggers than (25), (29)": not _papers(scenario.trigger),
         "limits of (57)": getattr(scenario.controller, "omega_d_limit_deg_s", 0.0) > 0.0,
     }
     return ", ".join(name for name, there in parts.items() if there) or None
+
+
+def _papers(trigger: Trigger) -> bool:
+    """Return whether the paper has the trigger: (25) and (29), or none at all."""
+    return trigger.mode in {"per_channel", "joint"} or (
+        isinstance(trigger, Periodic) and not any(trigger.by_channel().values())
+    )
 
 
 def _proofs(

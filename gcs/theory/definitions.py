@@ -9,8 +9,8 @@ from itertools import accumulate
 
 import numpy as np
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.triggers import Trigger
 from gcs.theory.dwell import WIRE_ROUNDING, in_force
 from gcs.theory.equality import Equality, compare
 from gcs.theory.ground_truth import Known, short_way, solve

@@ -94,7 +94,7 @@ def _against_bound(
         unit, schedule, limit = "deg", trigger.b2_deg, scenario.aircraft.surface_limit_deg
     keys = ("bound_s", "bound_below_period", "intervals_below_bound", "held")
     result: dict[str, Any] = {f"threshold_{unit}": None, **dict.fromkeys(keys)}
-    if trigger.mode == "periodic" or not len(recording.time_s):
+    if not trigger.BY_THRESHOLD or not len(recording.time_s):
         return result
     threshold = in_force(schedule, recording.time_s)
     result[f"threshold_{unit}"] = smallest = float(threshold.min())

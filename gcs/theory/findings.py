@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from ftc_autopilot.control.triggers import TRIGGERS
 from gcs.theory.check import Theory
 from gcs.theory.judgement import Hypotheses, Judgement, Rate, Verdict
 
@@ -66,8 +67,11 @@ def _missing(theory: Theory) -> Iterator[str]:
 
 def _dwell(theory: Theory) -> Iterator[str]:
     period = theory.period_s
-    if theory.trigger_mode == "periodic":
-        yield f"No trigger: every channel is sent every {_time(period)}; no dwell time to bound."
+    if not TRIGGERS[theory.trigger_mode].BY_THRESHOLD:
+        yield (
+            f"Trigger {theory.trigger_mode}: no event depends on the thresholds of (25), (29); no "
+            "dwell time to bound."
+        )
         return
     channels = [channel for uav in theory.uavs for channel in uav.dwell.values()]
     checked = [c for c in channels if c["held"] is not None and c["bound_s"] is not None]

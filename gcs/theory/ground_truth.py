@@ -200,12 +200,13 @@ def solve(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 def _neighbours(recording: Recording, i: int, scenario: Scenario) -> tuple[Neighbours, np.ndarray]:
     """Return the reports that UAV index i had, and a mask of the steps that had them, (n,).
 
-    Step k uses what they derived from the state of step k - 1; step 0 that of step 0.
+    Step k uses what they derived from the state of step k - 1; step 0 that of step 0. With a
+    trigger on the formation links it is extrapolated, and no step has such reports.
     """
     config = scenario.autopilot_config(recording.uav_ids[i]).neighbours
     others = [recording.uav_ids.index(neighbour.id) for neighbour in config]
     before = np.maximum(np.arange(len(recording.states)) - 1, 0)
-    reported = np.ones(len(before), bool)
+    reported = np.full(len(before), scenario.links.formation.trigger is None)
     attitude = _heard(recording.signals["attitude"], before, others)
     rates = np.empty_like(attitude)
     for d, j in enumerate(others):

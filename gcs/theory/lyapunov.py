@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.triggers import Trigger
 from gcs.theory.definitions import thresholds
 from gcs.theory.dwell import in_force
 from gcs.theory.equality import Equality, compare

@@ -11,7 +11,15 @@ from textual.color import Color
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.faults import Fault
 
-__all__ = ["Palette", "draw_formation", "draw_held", "draw_quantity", "latest", "palette_of"]
+__all__ = [
+    "Palette",
+    "draw_exits",
+    "draw_formation",
+    "draw_held",
+    "draw_quantity",
+    "latest",
+    "palette_of",
+]
 
 Colour: TypeAlias = tuple[int, int, int]
 
@@ -115,6 +123,17 @@ def draw_held(
             plt.scatter(marks, [low - (k + 1) * lane] * len(marks), marker="╵", color=colour)
     plt.ylim(low - (len(palette.channels) + 0.2) * lane, high)
     plt.yticks(_ticks(low, high))
+    _finish(plt, limits)
+
+
+def draw_exits(plt: Any, rows: np.ndarray, limits: tuple[float, float], palette: Palette) -> None:
+    """Draw for every channel the time until its output is predicted to leave its tube [s]."""
+    exits = rows["predicted_exit"]
+    for k, colour in enumerate(palette.channels):
+        _line(plt, rows["time_s"].tolist(), exits[:, k].tolist(), colour)
+    high = float(np.nanmax(exits)) if np.isfinite(exits).any() else 0.0
+    plt.ylim(0.0, max(high, 0.1))
+    plt.yticks(_ticks(0.0, max(high, 0.1)))
     _finish(plt, limits)
 
 

@@ -10,6 +10,7 @@ from textual_plotext import PlotextPlot
 from gcs.tui.cached_static import CachedStatic
 from gcs.tui.curves import (
     Palette,
+    draw_exits,
     draw_formation,
     draw_held,
     draw_quantity,
@@ -24,10 +25,14 @@ __all__ = ["Chart", "PlotsPanel"]
 
 _SPANS_S = (10.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 _QUANTITIES = (("airspeed", "m/s"), ("roll", "°"), ("pitch", "°"), ("yaw", "°"))
-_NAMES = ("airspeed", "roll", "pitch", "yaw", "held", "formation")
+_NAMES = ("airspeed", "roll", "pitch", "yaw", "held", "formation", "exits")
 _HELD = (
     "held [$primary]aileron[/] [$accent]elevator[/] [$success]rudder[/] [$error]throttle[/]"
     " / limit, ╵ events"
+)
+_EXITS = (
+    "predicted exit from the tube, s [$primary]aileron[/] [$accent]elevator[/] [$success]rudder[/]"
+    " [$error]throttle[/]"
 )
 _DRAW_S = 0.1  # one chart at a time, so that keys never wait for all of them
 
@@ -67,6 +72,9 @@ class Chart(PlotextPlot):
                 height = self.size.height
                 draw_held(plt, rows, state.faults or (), limits, height, palette)
                 self.border_title = _HELD
+            elif self.kind == "exits":
+                draw_exits(plt, rows, limits, palette)
+                self.border_title = _EXITS
             else:
                 i = _NAMES.index(self.kind)
                 draw_quantity(plt, rows, i, limits, palette)
@@ -117,7 +125,7 @@ class PlotsPanel(Vertical):
         yield CachedStatic(markup=True, id="plots-about", classes="about")
         with Container(id="charts"):
             for name in _NAMES:
-                chart = Chart(name, classes="panel chart")
+                chart = Chart(name, classes=f"panel chart -{name}")
                 chart.set_class(name == _NAMES[0], "-chosen")
                 yield chart
 

@@ -96,7 +96,10 @@ def _totals(view: FleetView) -> str:
     fleet = view.source.fleet
     periodic = 4 * sum(state.counts.steps for state in view.states)
     repeats = sum(sum(state.counts.repeats) for state in view.states)
+    to_actuators = sum(state.counts.messages for state in view.states)
+    to_neighbours = sum(state.counts.neighbour_messages for state in view.states)
     return (
         f"Wire · {count(fleet.events)} events instead of {count(periodic)}: "
-        f"{percent(fleet.saving, 2)} saved · {count(repeats)} repeats"
+        f"{percent(fleet.saving, 2)} saved · {count(repeats)} repeats · "
+        f"{count(to_actuators)} actuator, {count(to_neighbours)} neighbour messages"
     )

@@ -112,9 +112,10 @@ def _problems(model: type[BaseModel], error: ErrorDetails) -> list[Problem]:
     if error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]:
         return []  # pydantic does not count entries that have problems of their own
     place = _Place(model, error["loc"])
-    if error["type"] == "union_tag_invalid":  # our unions of models are told apart by `kind`
+    if error["type"] == "union_tag_invalid":
         tags, tag = error["ctx"]["expected_tags"], shown(error["ctx"]["tag"])
-        return [Problem((*place.loc, "kind"), f"expected one of {tags}, got {tag}")]
+        key = error["ctx"]["discriminator"].strip("_()'")  # the key 'kind', or a function _kind()
+        return [Problem((*place.loc, key), f"expected one of {tags}, got {tag}")]
     if error["type"] in {"extra_forbidden", "invalid_key"}:
         whole_file = ["extends"] if len(place.loc) == 1 else []  # see `inherit`
         return [unknown_key(place.loc, [*place.siblings, *whole_file])]

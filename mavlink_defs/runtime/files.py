@@ -1,13 +1,13 @@
-"""Writing files: an error names the file, and arrays are there as a whole or not at all."""
+"""Writing files: an error names the file, and one can be there as a whole or not at all."""
 
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-__all__ = ["naming", "save_arrays", "write_text"]
+__all__ = ["complete_file", "naming", "save_arrays", "write_text"]
 
 
 @contextlib.contextmanager
@@ -35,8 +35,9 @@ def write_text(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def save_arrays(path: Path, arrays: dict[str, Any]) -> None:
-    """Write arrays as .npz; the name appears when the file is complete.
+@contextlib.contextmanager
+def complete_file(path: Path) -> Iterator[BinaryIO]:
+    """Open a file to write; the name appears when the file is complete.
 
     Raises:
         OSError: With the file's name; nothing is left of the file.
@@ -44,8 +45,14 @@ def save_arrays(path: Path, arrays: dict[str, Any]) -> None:
     part = path.with_name(f"{path.name}.part")
     try:
         with naming(path), part.open("wb") as file:
-            np.savez(file, **arrays)
+            yield file
         part.replace(path)
-    except OSError:
+    except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def save_arrays(path: Path, arrays: dict[str, Any]) -> None:
+    """Write arrays as .npz, as `complete_file` does."""
+    with complete_file(path) as file:
+        np.savez(file, **arrays)

@@ -49,7 +49,12 @@ class Rig:
             sock.close()
 
     def state(
-        self, step: int, flags: int = LOCKSTEP, applied_usec: int | None = None, run: int = 7
+        self,
+        step: int,
+        flags: int = LOCKSTEP,
+        applied_usec: int | None = None,
+        run: int = 7,
+        silent: tuple[int, ...] = (),
     ) -> Outcome:
         """Send a state; by default the plant has applied all that it was sent."""
         flown = self.controllers.states[0]["steps"] > 0
@@ -57,6 +62,8 @@ class Rig:
         state = np.zeros(1, codec.SIM_STATE)
         state["step"], state["time_usec"], state["flags"] = step, step * 1000, flags
         state["run"] = run
+        for system in silent:
+            state["silent"][0, system // 8] |= 1 << system % 8
         state["velocity"], state["attitude"] = (40.0, 0.0, 0.5), (0.0, math.radians(1.0), 0.0)
         applied = sent if applied_usec is None else applied_usec
         state["actuator_time_usec"] = NOTHING_APPLIED if applied < 0 else applied

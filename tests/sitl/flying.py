@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import yaml
 
 from gcs.fleet.processes import FleetProcesses, on_free_ports
@@ -25,7 +26,7 @@ SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml
 TIMEOUT_S = 300.0  # only a defect takes so long, on whatever machine
 CHANNELS = ("throttle", "aileron", "elevator", "rudder")
 _PORT_BLOCKS = itertools.count(random.randrange(60))
-RESULTS = {"summary.json", "flight.tlog", "events.npz", "trajectory.npz", "flight.png"}
+RESULTS = {"summary.json", "flight.tlog", "events.arrows", "trajectory.arrows", "flight.png"}
 
 
 def scenario_tree(**changes: Any) -> dict[str, Any]:
@@ -97,6 +98,17 @@ def summary_of(folder: Path) -> dict[str, Any]:
 def arrays_of(path: Path) -> dict[str, np.ndarray]:
     with np.load(path) as arrays:
         return dict(arrays)
+
+
+def table_of(path: Path) -> dict[str, np.ndarray]:
+    """The columns of a recording, as any reader of Arrow streams gives them."""
+    table = pa.ipc.open_stream(path.read_bytes()).read_all()
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def recorded_by(folder: Path) -> np.ndarray:
+    """All rows that a process has recorded into its folder."""
+    return np.concatenate([np.load(path) for path in sorted(folder.glob("*.npy"))])
 
 
 def processes_of(folder: Path) -> dict[int, str]:

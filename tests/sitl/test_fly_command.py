@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from flying import (
     BIN,
@@ -17,7 +18,6 @@ from flying import (
     RESULTS,
     SCENARIO_1,
     TIMEOUT_S,
-    arrays_of,
     assert_one_message,
     fly,
     fly_well,
@@ -26,6 +26,7 @@ from flying import (
     run,
     scenario_tree,
     summary_of,
+    table_of,
     write_scenario,
 )
 
@@ -115,13 +116,13 @@ def test_summary_has_the_promised_keys(flown: tuple[Path, str]) -> None:
 
 def test_summary_agrees_with_the_event_file(flown: tuple[Path, str]) -> None:
     folder, _ = flown
-    summary, events = summary_of(folder), arrays_of(folder / "events.npz")
+    summary, events = summary_of(folder), table_of(folder / "events.arrows")
     total = 0
     for uav in summary["uavs"]:
         mine = events["uav"] == uav["id"]
         assert uav["actuator_messages"] == len(set(events["step"][mine].tolist()))
-        for number, name in enumerate(("aileron", "elevator", "rudder", "throttle")):
-            steps = events["step"][mine & (events["channel"] == number)]
+        for name in ("aileron", "elevator", "rudder", "throttle"):
+            steps = events["step"][mine & (events["actuator"] == name)]
             total += len(steps)
             assert uav["channels"][name]["events"] == len(steps)
             shortest = min(b - a for a, b in itertools.pairwise(steps.tolist()))
@@ -133,7 +134,9 @@ def test_run_folder_holds_the_results(flown: tuple[Path, str]) -> None:
     folder, _ = flown
     assert {entry.name for entry in folder.iterdir()} >= RESULTS
     assert (folder / "flight.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
-    assert len(arrays_of(folder / "trajectory.npz")["time_s"]) == 2000
+    trajectory = table_of(folder / "trajectory.arrows")
+    assert len(trajectory["time_s"]) == 100 * 3
+    assert set(np.diff(trajectory["time_s"][::3]).round(9)) == {0.02}
     assert not processes_of(folder)
 
 
@@ -200,7 +203,8 @@ def test_lost_flight(tmp_path: Path, how: str) -> None:
     assert summary == strict_json(done.stdout)
     assert summary["completed"] is False
     assert 500 < summary["steps"] < 6000
-    assert len(arrays_of(folder / "trajectory.npz")["time_s"]) == summary["steps"]
+    trajectory = table_of(folder / "trajectory.arrows")
+    assert len(trajectory["time_s"]) == 3 * -(-summary["steps"] // 20)
     assert not processes_of(folder)
 
 

@@ -103,7 +103,7 @@ def test_a_lockstep_flight_is_the_same_bit_for_bit(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path, duration_s=8.0)
     expected = event_table(fly_in_process(load_scenario(scenario)))
     folder = tmp_path / "run"
-    with flying(folder, scenario, "--quiet") as popen:
+    with flying(folder, scenario, "--quiet", "--record=npz") as popen:
         (plant_port,) = udp_ports(process_of(folder, "plant"))
         ports = {*ports_of(folder), *udp_ports(popen.pid)}
         assert len(ports) == 1 + 3 * 3 + 1

@@ -78,8 +78,8 @@ REALISTIC: dict[str, Any] = {
 def test_flights_with_everything_realistic_are_equal_bit_for_bit(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path, duration_s=2.0, faults=FAULTS[:1], **REALISTIC)
     udp, in_process = tmp_path / "udp", tmp_path / "in_process"
-    fly_well(scenario, "--quiet", "--free-ports", "--out", udp)
-    fly_well(scenario, "--quiet", "--in-process", "--out", in_process)
+    fly_well(scenario, "--quiet", "--free-ports", "--record=npz", "--out", udp)
+    fly_well(scenario, "--quiet", "--in-process", "--record=npz", "--out", in_process)
     flown = arrays_of(udp / "trajectory.npz")
     assert_equal_bit_for_bit(flown, arrays_of(in_process / "trajectory.npz"))
     assert np.all(np.ptp(flown["wind"], axis=0) > 0.1)
@@ -87,13 +87,17 @@ def test_flights_with_everything_realistic_are_equal_bit_for_bit(tmp_path: Path)
     assert np.abs(flown["attitude"] - true).max() > np.radians(0.05)
 
 
-@pytest.mark.parametrize(("kind", "least_events"), [("proposed", 1000), ("surviving", 400)])
+@pytest.mark.parametrize(
+    ("kind", "least_events"), [("proposed", 1000), ("surviving", 400), ("tube", 100)]
+)
 def test_flights_are_equal_bit_for_bit(tmp_path: Path, kind: str, least_events: int) -> None:
-    keys = {} if kind == "proposed" else {"controller": {"kind": kind}}
+    keys: dict[str, Any] = {} if kind == "proposed" else {"controller": {"kind": kind}}
+    if kind == "tube":
+        keys["trigger"] = {"mode": "consequence"}
     scenario = write_scenario(tmp_path, duration_s=6.0, faults=FAULTS, **keys)
     folders = udp, in_process = tmp_path / "udp", tmp_path / "in_process"
-    fly_well(scenario, "--quiet", "--free-ports", "--out", udp)
-    fly_well(scenario, "--quiet", "--in-process", "--out", in_process)
+    fly_well(scenario, "--quiet", "--free-ports", "--record=npz", "--out", udp)
+    fly_well(scenario, "--quiet", "--in-process", "--record=npz", "--out", in_process)
     for name in ("events.npz", "trajectory.npz"):
         assert_equal_bit_for_bit(*(arrays_of(folder / name) for folder in folders))
     assert_worth_comparing(udp, least_events)

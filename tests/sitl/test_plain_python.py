@@ -14,8 +14,9 @@ STEPS = 50
 @pytest.mark.parametrize("how", ["--in-process", "--free-ports"])
 def test_plain_python_gives_the_same_flight(tmp_path: Path, how: str) -> None:
     scenario = write_scenario(tmp_path, duration_s=STEPS / 1000)
-    fly_well(scenario, "--quiet", "--in-process", "--out", tmp_path / "compiled")
-    fly_well(scenario, "--quiet", how, "--out", tmp_path / "plain", NUMBA_DISABLE_JIT="1")
+    options = ("--quiet", "--record=npz")
+    fly_well(scenario, *options, "--in-process", "--out", tmp_path / "compiled")
+    fly_well(scenario, *options, how, "--out", tmp_path / "plain", NUMBA_DISABLE_JIT="1")
     assert summary_of(tmp_path / "plain")["completed"] is True
     plain, compiled = (arrays_of(tmp_path / name / "events.npz") for name in ("plain", "compiled"))
     for key in ("uav", "channel", "step"):

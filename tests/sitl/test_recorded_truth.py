@@ -72,7 +72,7 @@ def assert_nothing_is_made_up(folder: Path) -> None:
 def test_lost_states_are_missing_steps_and_not_zeros(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     scenario = impaired(tmp_path, 1.0, loss=0.05, seed=1)
-    done = fly_well(scenario, "--speed", "1", "--out", folder)
+    done = fly_well(scenario, "--speed", "1", "--record=npz", "--out", folder)
     summary = summary_of(folder)
     assert summary["completed"]
     assert_nothing_is_made_up(folder)
@@ -89,7 +89,9 @@ def test_lost_states_are_missing_steps_and_not_zeros(tmp_path: Path) -> None:
 def test_a_flight_whose_end_the_autopilots_do_not_see_is_not_completed(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     outages = [{"from_s": 0.3, "to_s": 0.5}, {"from_s": 0.7, "to_s": 600.0}]
-    done = fly(impaired(tmp_path, 1.0, outages=outages), "--speed", "1", "--out", folder)
+    done = fly(
+        impaired(tmp_path, 1.0, outages=outages), "--speed", "1", "--record=npz", "--out", folder
+    )
     assert done.returncode == 1, done.stderr
     assert_one_message(done.stderr)
     summary = summary_of(folder)

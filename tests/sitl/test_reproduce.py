@@ -13,7 +13,7 @@ from gcs.reproduce import FILES
 
 pytestmark = pytest.mark.sitl
 
-FIGURES = [f"fig{number}" for number in range(5, 12)]
+FIGURES = [*(f"fig{number}" for number in range(5, 12)), "combinations"]
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +94,21 @@ def test_laws_and_triggers_are_those_of_the_files(out: Path) -> None:
             errors[name] = arrays["error"]
     assert np.array_equal(errors["scenario1"], errors["scenario2_proposed"])
     assert not np.allclose(errors["scenario2_backstepping"], errors["scenario2_pid"])
+
+
+def test_every_law_is_flown_with_every_trigger(out: Path) -> None:
+    with (out / "data" / "combinations.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["uav"] == "3"]
+    flown = {(row["aircraft"], row["law"], row["trigger"]): row for row in rows}
+    assert len(flown) == len(rows)
+    report = (out / "report.md").read_text()
+    for (_, law, trigger), row in flown.items():
+        assert f"{law}, {trigger}" in report
+        if trigger == "periodic":
+            assert row["transmissions"] == "1600"
+    summary = json.loads((out / "data" / "scenario1" / "summary.json").read_text())
+    own = flown["ideal", "proposed", "per_channel"]
+    assert float(own["iae_yaw_deg_s"]) == summary["uavs"][2]["iae"]["yaw"]
 
 
 def test_theory_stands_in_a_file(out: Path) -> None:

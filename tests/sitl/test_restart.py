@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flying import arrays_of, free_links
+from flying import free_links, recorded_by
 
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
@@ -40,16 +40,16 @@ class Processes:
         dump(config, self._folder / "plant.yaml")
         self._start("plant", "sitl_plant.process", record=config.duration_s is not None)
 
-    def start_autopilot(self, uav: int, record_steps: int = 0, **changes: object) -> None:
+    def start_autopilot(self, uav: int, **changes: object) -> None:
         config = self.scenario.autopilot_config(uav).model_copy(update=changes)
         dump(config, self._folder / f"uav{uav}.yaml")
-        self._start(f"uav{uav}", "ftc_autopilot.process", True, "--record-steps", str(record_steps))
+        self._start(f"uav{uav}", "ftc_autopilot.process", record=True)
 
     def log(self, name: str) -> str:
         return (self._folder / f"{name}.log").read_text()
 
-    def record(self, name: str) -> dict[str, np.ndarray]:
-        return arrays_of(self._folder / f"{name}.npz")
+    def record(self, name: str) -> np.ndarray:
+        return recorded_by(self._folder / name)
 
     def kill(self, name: str) -> None:
         self._running[name].kill()
@@ -65,7 +65,7 @@ class Processes:
         for name in list(self._running):
             self.kill(name)
 
-    def _start(self, name: str, module: str, record: bool, *arguments: str) -> None:
+    def _start(self, name: str, module: str, record: bool) -> None:
         command = [
             sys.executable,
             "-P",
@@ -74,10 +74,9 @@ class Processes:
             str(self._folder / f"{name}.yaml"),
             "--exit-with-parent",
             str(os.getpid()),
-            *arguments,
         ]
         if record:
-            command += ["--record", str(self._folder / f"{name}.npz")]
+            command += ["--record", str(self._folder / name)]
         with (self._folder / f"{name}.log").open("ab") as output:
             self._running[name] = subprocess.Popen(command, stdout=output, stderr=output)
 
@@ -158,7 +157,7 @@ def test_a_plant_that_was_started_again_flies_only_when_all_are_armed_again(
     async def fly(processes: Processes) -> None:
         async with station(scenario) as client:
             for i in ids:
-                processes.start_autopilot(i, steps, silence_timeout_s=PATIENCE_S)
+                processes.start_autopilot(i, silence_timeout_s=PATIENCE_S)
             await client.wait_for(ids, PATIENCE_S)
             vehicles = [client.vehicle(i) for i in ids]
             for vehicle in vehicles:

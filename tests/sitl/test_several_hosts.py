@@ -17,10 +17,10 @@ import yaml
 from flying import (
     BIN,
     TIMEOUT_S,
-    arrays_of,
     assert_one_message,
     environment,
     free_links,
+    recorded_by,
     run,
     write_scenario,
 )
@@ -100,9 +100,7 @@ def test_a_fleet_on_two_hosts_flies_as_on_one(hosts: tuple[Host, Host], tmp_path
     plant = yaml.safe_load((fleet / "plant.yaml").read_text())
     lockstep = {"speed": None, "duration_s": STEPS / 1000}
     (fleet / "plant.yaml").write_text(yaml.safe_dump(plant | lockstep))
-    record: dict[str, list[str | Path]] = {
-        name: ["--record", fleet / f"{name}.npz"] for name in where
-    }
+    record: dict[str, list[str | Path]] = {name: ["--record", fleet / name] for name in where}
 
     with contextlib.ExitStack() as stack:
         processes = [
@@ -111,8 +109,7 @@ def test_a_fleet_on_two_hosts_flies_as_on_one(hosts: tuple[Host, Host], tmp_path
             )
         ]
         for name in ("uav1", "uav2", "uav3"):
-            more: list[str | Path] = [*record[name], "--record-steps", str(STEPS)]
-            popen = started(where[name], "ftc-autopilot", fleet / f"{name}.yaml", *more)
+            popen = started(where[name], "ftc-autopilot", fleet / f"{name}.yaml", *record[name])
             processes.append(stack.enter_context(popen))
         connect = f"udpin:{where['gcs'].address}:{links['gcs_port']}"
         orders: list[list[str | Path]] = [["profile", "upload", path], ["start"], ["arm"]]
@@ -127,9 +124,9 @@ def test_a_fleet_on_two_hosts_flies_as_on_one(hosts: tuple[Host, Host], tmp_path
             assert "dropped" not in words
 
     expected = fly_in_process(load_scenario(path))
-    assert np.array_equal(arrays_of(fleet / "plant.npz")["states"], expected.states)
+    assert np.array_equal(recorded_by(fleet / "plant")["states"], expected.states)
     for i in (1, 2, 3):
-        signals = arrays_of(fleet / f"uav{i}.npz")["signals"]
+        signals = recorded_by(fleet / f"uav{i}")["signals"]
         assert signals.tobytes() == expected.signals[:, i - 1].tobytes()
 
 

@@ -104,9 +104,10 @@ unsigned = pytest.mark.parametrize("fleet", [False], indirect=True)
 def test_signed_and_unsigned_flights_are_equal_bit_for_bit(tmp_path: Path) -> None:
     assert run("gcs", "key", tmp_path / "key").returncode == 0
     scenario = write_scenario(tmp_path, duration_s=2.0)
-    fly_well(scenario, "--quiet", "--free-ports", "--out", tmp_path / "plain", "--in-process")
+    npz = ("--quiet", "--record=npz")
+    fly_well(scenario, *npz, "--out", tmp_path / "plain", "--in-process")
     options = ("--signing-key", tmp_path / "key", "--out", tmp_path / "signed")
-    fly_well(scenario, "--quiet", "--free-ports", *options)
+    fly_well(scenario, *npz, "--free-ports", *options)
     for name in ("events.npz", "trajectory.npz"):
         plain, other = (arrays_of(tmp_path / folder / name) for folder in ("plain", "signed"))
         for key, array in plain.items():

@@ -84,10 +84,11 @@ def test_a_stopped_flight_goes_on_the_same(
 ) -> None:
     """`gcs fly` itself is stopped in mid-flight."""
     folder = tmp_path / "run"
-    with flying(folder, write_scenario(tmp_path, duration_s=FLOWN_S), "--quiet") as popen:
+    scenario = write_scenario(tmp_path, duration_s=FLOWN_S)
+    with flying(folder, scenario, "--quiet", "--record=npz") as popen:
         os.kill(popen.pid, signal.SIGSTOP)
-        log = folder / "processes" / "uav1.npz"
-        wait_until(log.exists, "the fleet has flown to its end")
+        end = folder / "processes" / "uav1" / "end.json"
+        wait_until(end.exists, "the fleet has flown to its end")
         os.kill(popen.pid, signal.SIGCONT)
         _, stderr = popen.communicate(timeout=TIMEOUT_S)
         assert popen.returncode == 0, stderr

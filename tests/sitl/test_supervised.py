@@ -10,7 +10,7 @@ import pytest
 from flying import process_of, processes_of, wait_until
 from station import state_of, status_when, up
 
-from gcs.fleet.flight import fly_over_udp
+from gcs.fleet.flight import fly_and_record
 from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.processes import on_free_ports
 from gcs.results.recording import Recording
@@ -29,7 +29,7 @@ def flown(scenario: Scenario, folder: Path) -> Recording:
     return on_free_ports(
         scenario,
         lambda on_ports, _: asyncio.run(
-            fly_over_udp(on_ports, folder, restart=True, crashes={2: [DIES_AT]})
+            fly_and_record(on_ports, folder, restart=True, crashes={2: [DIES_AT]})
         ),
     )
 

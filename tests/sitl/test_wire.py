@@ -54,7 +54,8 @@ def short_flight(folder: Path, duration_s: float, impairments: dict[str, Any]) -
 
 def flown(folder: Path, duration_s: float, impairments: dict[str, Any]) -> Path:
     """The run folder of a flight through relays."""
-    fly_well(short_flight(folder, duration_s, impairments), "--quiet", "--out", folder / "run")
+    scenario = short_flight(folder, duration_s, impairments)
+    fly_well(scenario, "--quiet", "--record=npz", "--out", folder / "run")
     return folder / "run"
 
 

@@ -15,6 +15,7 @@ from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from ftc_autopilot.control.laws.pid import Pid, pid_law
 from ftc_autopilot.control.laws.proposed import Proposed, proposed_law
 from ftc_autopilot.control.laws.surviving import Surviving, surviving_law
+from ftc_autopilot.control.laws.tube import Tube, tube_law
 from mavlink_defs.runtime.jit import compiled
 
 __all__ = ["KINDS", "LAWS", "Controller", "evaluate"]
@@ -28,7 +29,8 @@ Controller: TypeAlias = Annotated[
     Annotated[Proposed, Tag("proposed")]
     | Annotated[Backstepping, Tag("backstepping")]
     | Annotated[Pid, Tag("pid")]
-    | Annotated[Surviving, Tag("surviving")],
+    | Annotated[Surviving, Tag("surviving")]
+    | Annotated[Tube, Tag("tube")],
     Discriminator(_kind),
 ]
 """The parameters of any law, discriminated by `kind`."""
@@ -40,6 +42,7 @@ KINDS = tuple(LAWS)
 _BACKSTEPPING = KINDS.index("backstepping")
 _PID = KINDS.index("pid")
 _SURVIVING = KINDS.index("surviving")
+_TUBE = KINDS.index("tube")
 
 
 @compiled
@@ -64,4 +67,15 @@ def evaluate(
     if law == _SURVIVING:
         gains, state = parameters["surviving"], states["surviving"]
         return surviving_law(now, aircraft, gains, state, signals)
+    if law == _TUBE:
+        demand, states["chosen"] = tube_law(
+            now,
+            aircraft,
+            parameters["tube"],
+            states["tube"],
+            states["reference"],
+            parameters["common"]["reference_bandwidth_rad_s"],
+            signals,
+        )
+        return demand
     return proposed_law(now, aircraft, parameters["proposed"], states["proposed"], signals)

@@ -23,10 +23,13 @@ class LawParameters(Model):
     Attributes:
         STATE: The law's memory between steps, all zero before the first step.
         DERIVED: Fields of its record that `derive` fills.
+        CHOOSES: Whether the law itself chooses which channels are sent, and when, as trigger mode
+            `consequence` needs it.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
     DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = ()
+    CHOOSES: ClassVar[bool] = False
 
     def derive(self, aircraft: Aircraft, record: np.void) -> None:
         """Compute what the law needs of the nominal aircraft beside its numbers: nothing.
@@ -73,10 +76,12 @@ class Instant(NamedTuple):
     dt: float  # control period [s]
     first: bool  # whether this is the law's first step
     motion: Motion  # own motion
+    command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad]
     reference: Reference  # filtered reference
     errors: FormationErrors  # errors against reference and neighbours, (31), (32)
     held: np.ndarray  # commands in force: aileron, elevator, rudder [rad], thrust [N]; read only
-    a1: float  # relative threshold of the thrust's trigger (25), which (33) compensates
+    a: tuple[float, float]  # thresholds a1 [-], a2 [N] of (25)
+    b: tuple[float, float]  # thresholds b1 [-], b2 [rad] of (29)
 
 
 class Demand(NamedTuple):

@@ -105,7 +105,7 @@ def proposed_law(
         state["Phi_v"],
         state["g_v"],
         state["beta_v"],
-        now.a1,
+        now.a[0],
         aircraft["m"],
         gains,
     )

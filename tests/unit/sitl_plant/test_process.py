@@ -36,7 +36,7 @@ class Rig:
 
     def __init__(self, config: PlantConfig, stack: ExitStack) -> None:
         self.sock = stack.enter_context(bind_udp(ANY_PORT, "test"))
-        self.plant = Plant(config, self.sock, False, new_link_signer(b"", PLANT_LINK))
+        self.plant = Plant(config, self.sock, None, new_link_signer(b"", PLANT_LINK))
         self.link = self.plant._link
         self.peers = {
             uav.id: stack.enter_context(bind_udp(ANY_PORT, "test")) for uav in config.uavs
@@ -80,7 +80,7 @@ def test_a_flight_starts_when_all_are_armed_and_ends_when_one_is_silent(
     assert why is not None
     assert why.startswith("the autopilot of UAV 1 has been silent for 0.05 s at 0.000 s")
     assert "all armed, simulated time starts" in capfd.readouterr().err
-    assert rig.plant.recording()["steps"] == 0
+    assert rig.plant._state["step"] == 0
     assert rig.plant.refused() == {}
     for system in rig.peers:
         states = [m for m in rig.received(system) if m.get_type() == "FTC_SIM_STATE"]
@@ -145,7 +145,7 @@ def test_every_plant_process_is_another_run(config: PlantConfig) -> None:
     runs = set()
     for _ in range(3):
         with bind_udp(ANY_PORT, "test") as sock:
-            plant = Plant(config, sock, False, new_link_signer(b"", PLANT_LINK))
+            plant = Plant(config, sock, None, new_link_signer(b"", PLANT_LINK))
             runs |= {*plant._fleet.messages["run"].tolist()}
     assert len(runs) == 3
 
@@ -156,7 +156,7 @@ def test_bad_input_is_refused_with_status_2(
     path = tmp_path / "plant.yaml"
     for arguments, problem in (
         ([], "no such file"),
-        (["--record", "out.npz"], "duration_s: missing; --record needs an end"),
+        (["--record", "out"], "duration_s: missing; --record needs an end"),
         ([], "port"),
     ):
         with bind_udp(ANY_PORT, "test") as taken:

@@ -22,7 +22,7 @@ from sitl_plant.wind import new_wind
 
 DATA = Path(__file__).parents[2] / "data" / "nesc_tumbling_brick.csv"
 SLUG_FT2 = 1.3558179483  # kg m²
-NO_DISTURBANCE = np.zeros((6, 3))
+UNDISTURBED = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 STILL, NO_EDDIES = new_wind(Wind(), ())[0], np.zeros(1, TURBULENCE)
 IDLE = new_servos(ActuatorServos(), step_us=1000)
 
@@ -54,7 +54,8 @@ def tumble(omega: Vec3, J: np.ndarray, steps: int, dt: float) -> np.ndarray:
             state,
             k * dt,
             dt,
-            Environment(IDLE, faults, NO_DISTURBANCE, STILL[0], NO_EDDIES[0], body),
+            (UNDISTURBED, UNDISTURBED, UNDISTURBED),
+            Environment(IDLE, faults, STILL[0], NO_EDDIES[0], body),
         )
         # only the rotation is looked at: keep the velocity and the attitude where they began
         state = (load_state(x)[0], load_state(x)[1], load_state(x)[2], state[3])

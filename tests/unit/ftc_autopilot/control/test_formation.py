@@ -8,18 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.controller import parameter_record
 from ftc_autopilot.control.formation import FormationErrors, formation_errors
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.triggers.per_channel import PerChannel
+from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.framing.codec import NEIGHBOUR
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.vec3 import Vec3
 
 LAW = Proposed()
-WEIGHTING = parameter_record(LAW, Trigger())["common"]
+WEIGHTING = parameter_record(LAW, PerChannel())["common"]
 ZERO = (0.0, 0.0, 0.0)
 ROLL, YAW = 0, 2
 
@@ -31,12 +32,27 @@ turns = st.tuples(st.integers(-3, 3), st.just(0), st.integers(-3, 3))
 def errors(nominal: np.void, own: Vec3, neighbours: list[Vec3]) -> FormationErrors:
     """Errors of a UAV with these attitudes [rad], the reference being level flight due north."""
     v = (45.0, 0.0, 0.0)
-    motion = Motion(v, own, ZERO, 45.0, 0.0, ZERO, aerodynamics(v, ZERO, nominal))
+    motion = Motion(v, own, ZERO, 45.0, 0.0, ZERO, ZERO, aerodynamics(v, ZERO, nominal))
     reports = np.zeros(len(neighbours), NEIGHBOUR)
     for row, attitude in zip(reports, neighbours, strict=True):
         row["airspeed"], row["attitude"] = 45.0, attitude
     reference = Reference(45.0, 0.0, ZERO, ZERO)
     return formation_errors(motion, reference, reports, np.ones(len(neighbours)), WEIGHTING)
+
+
+def test_a_neighbour_on_its_own_reference_is_no_disagreement(nominal: np.void) -> None:
+    """The one flies level to the North at 45 m/s, the other climbs to the East at 50 m/s."""
+    v = (45.0, 0.0, 0.0)
+    motion = Motion(v, ZERO, ZERO, 45.0, 0.0, ZERO, ZERO, aerodynamics(v, ZERO, nominal))
+    reports = np.zeros(1, NEIGHBOUR)
+    reports["airspeed"], reports["attitude"] = 50.0, (0.3, 0.1, math.pi / 2)
+    reference = Reference(45.0, 0.0, ZERO, ZERO)
+    blind = formation_errors(motion, reference, reports, np.ones(1), WEIGHTING)
+    assert abs(blind.e_prime[YAW]) > 0.1
+    reports["airspeed"], reports["attitude"] = 0.0, 0.0
+    reports["frame"] = FTC_NEIGHBOUR_FRAME_REFERENCE
+    found = formation_errors(motion, reference, reports, np.ones(1), WEIGHTING)
+    assert (found.V_tilde_prime, found.e_prime) == (0.0, ZERO)
 
 
 def turned(attitude: Vec3, by: tuple[int, int, int]) -> Vec3:

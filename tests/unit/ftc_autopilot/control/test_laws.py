@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.controller import (
     CONTROLLER,
     SIGNALS,
@@ -24,6 +23,8 @@ from ftc_autopilot.control.laws.pid import Pid
 from ftc_autopilot.control.motion import motion_of
 from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.schedule import Schedule, schedule
+from ftc_autopilot.control.triggers import MODES
+from ftc_autopilot.control.triggers.periodic import Periodic
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.models import Model
@@ -41,7 +42,7 @@ class Pilot:
 
     def __init__(self, law: Backstepping | Pid, nominal: np.void) -> None:
         self.nominal = nominal
-        self.parameters = parameter_record(law, Trigger(mode="periodic"))
+        self.parameters = parameter_record(law, Periodic())
         self.state = new_controller()
         self.signals = np.zeros(1, SIGNALS)[0]
 
@@ -140,11 +141,14 @@ def test_pid_holds_the_trim_of_every_surface(scenario1: Scenario) -> None:
     assert max(last) < 0.1
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("mode", ["per_channel", "joint", "periodic"])
+@pytest.mark.parametrize(
+    ("kind", "mode"),
+    [(k, mode) for k in KINDS for mode in MODES if (mode == "consequence") == LAWS[k].CHOOSES],
+)
 def test_every_law_flies_with_every_trigger(scenario1: Scenario, kind: str, mode: str) -> None:
     tree = scenario1.model_dump() | {"duration_s": 1.0, "faults": ()}
-    tree |= {"controller": {"kind": kind}, "trigger": {"mode": mode}}
+    trigger = {"mode": mode} | ({"longest_s": 0.006} if mode == "self" else {})
+    tree |= {"controller": {"kind": kind}, "trigger": trigger}
     flight = fly_in_process(Scenario.model_validate(tree))
     assert flight.loss is None
     errors = np.abs(flight.signals["error"][500:])

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.reference import (
     filter_reference,
@@ -15,6 +14,7 @@ from ftc_autopilot.control.reference import (
     wrap,
 )
 from ftc_autopilot.control.schedule import schedule_table, scheduled
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from mavlink_defs.profile import Segment
 
 PROFILE = profile_record(
@@ -76,5 +76,5 @@ def test_the_filter_settles_on_the_command_without_overshoot() -> None:
     ],
 )
 def test_schedules_hold_to_the_end_of_their_windows(t: float, a2: float, K1: float) -> None:
-    assert scheduled(schedule_table(Trigger().a2_n), t)[0] == a2
+    assert scheduled(schedule_table(PerChannel().a2_n), t)[0] == a2
     assert scheduled(schedule_table(Proposed().K1), t)[0] == K1

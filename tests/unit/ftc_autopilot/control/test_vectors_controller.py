@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ftc_autopilot.config import Trigger
 from ftc_autopilot.control.controller import (
     SIGNALS,
     control_step,
@@ -14,6 +13,7 @@ from ftc_autopilot.control.controller import (
 )
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.motion import fill_neighbour_state, motion_of
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
 from sitl_plant.rigid_body import gravity_body
@@ -119,7 +119,7 @@ def test_control_step_agrees_with_the_worked_values(
 
 def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, Any]) -> None:
     p = vectors["controller_parameters"]
-    record = parameter_record(Proposed(), Trigger())
+    record = parameter_record(Proposed(), PerChannel())
     renamed = {
         "c": "c_v",
         "gamma_w1": "gamma_omega1",

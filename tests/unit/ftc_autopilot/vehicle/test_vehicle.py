@@ -122,7 +122,7 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     bench.run()
     bench.hot.step = 20_000
     bench.hot.edge_changes = 2
-    bench.controllers.weights[0] = 1.0
+    bench.hot.edges[:] = 1
     bench.vehicle.handle_timer(bench.now)
     bench.vehicle.gcs_messages()
     bench.run(flags=0)
@@ -216,9 +216,9 @@ def test_telemetry_keeps_its_interval_in_simulated_time(scenario1: Scenario) -> 
 
 def test_a_dropped_neighbour_is_announced(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
-    bench.controllers.weights[0] = np.array([1.0, 1.0])
-    bench.vehicle._edges = bench.controllers.weights[0] > 0.0
-    bench.controllers.weights[0, 1] = 0.0
+    bench.hot.edges[:] = 1
+    bench.vehicle._edges = bench.hot.edges.copy()
+    bench.hot.edges[1] = 0
     bench.hot.edge_changes = 1
     bench.vehicle.handle_timer(0.0)
     texts = [m.text for m in of_type(bench.vehicle.gcs_messages(), "STATUSTEXT")]

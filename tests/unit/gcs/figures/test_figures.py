@@ -21,6 +21,8 @@ from gcs.figures.overview import draw_flight
 from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import STYLES, decimated, draw_curve, frame, new_figure, save
 from gcs.fleet.in_process import fly_in_process
+from gcs.results.events import events_of
+from gcs.results.preview import Preview
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
@@ -55,6 +57,15 @@ def flight(scenario1: Scenario) -> PlottedFlight:
 @pytest.fixture(scope="module")
 def drawn(flight: PlottedFlight) -> dict[str, Figure]:
     return {name: draw(flight) for name, draw in DRAW.items()}
+
+
+def draw_overview(flight: PlottedFlight, path: Path) -> None:
+    recording = flight.recording
+    preview = Preview(flight.scenario)
+    events = events_of(recording.signals, 0, recording.uav_ids, recording.step_us)
+    preview.add(recording.steps, events)
+    shown = preview.recording(recording.ending)
+    draw_flight(shown, flight.scenario, preview.gaps(), path)
 
 
 def lost_after(flight: PlottedFlight, steps: int) -> PlottedFlight:
@@ -282,7 +293,7 @@ def test_a_flight_without_any_signal_is_drawn(flight: PlottedFlight, tmp_path: P
     recording = replace(flight.recording, signals=signals)
     for draw in DRAW.values():
         draw(replace(flight, recording=recording))
-    draw_flight(recording, flight.scenario, tmp_path / "flight.png")
+    draw_overview(replace(flight, recording=recording), tmp_path / "flight.png")
 
 
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(np.nan), min_size=1, max_size=200))
@@ -350,5 +361,5 @@ def test_files_are_the_same_each_time_and_small(
 
 def test_the_overview_is_an_image(flight: PlottedFlight, tmp_path: Path) -> None:
     lost = lost_after(flight, 700)
-    draw_flight(lost.recording, lost.scenario, tmp_path / "flight.png")
+    draw_overview(lost, tmp_path / "flight.png")
     assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")

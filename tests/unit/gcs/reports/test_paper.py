@@ -17,11 +17,13 @@ def summary(
     channels = {name: ChannelSummary(events[name], 0, None) for name in PAPER_ORDER}
     saving = 1.0 - sum(events.values()) / 96000
     uavs = tuple(
-        UavSummary(i, 24000, 0, saving, channels, 0, iae, iae, iae, iae, None, None)
+        UavSummary(
+            i, 24000, 0, saving, channels, 0, 0, None, {}, iae, iae, iae, iae, iae, None, None
+        )
         for i in (1, 2, 3)
     )
     return FlightSummary(
-        "a flight", loss is None, loss, "in_process", 24.0, 24000, 1.0, 24.0, saving, uavs
+        "a flight", loss is None, loss, "in_process", 24.0, 24000, 1.0, 24.0, saving, None, uavs
     )
 
 

@@ -44,6 +44,7 @@ def straight(loss: str | None = None) -> Recording:
 def scenario_of(scenario1: Scenario, steps: int = STEPS) -> Scenario:
     changes = {
         "uavs": scenario1.uavs[:2],
+        "network": scenario1.network.model_copy(update={"edges": scenario1.network.edges[:1]}),
         "step_us": 100_000,
         "duration_s": steps / 10,
         "faults": (),
@@ -53,6 +54,39 @@ def scenario_of(scenario1: Scenario, steps: int = STEPS) -> Scenario:
 
 def summary_of(recording: Recording, scenario1: Scenario) -> FlightSummary:
     return summarise(recording, scenario_of(scenario1))
+
+
+def test_synchronisation_errors_are_between_the_true_states(scenario1: Scenario) -> None:
+    """Each UAV holds an error of its own, and believes in none; half a turn is no obstacle."""
+    flight = straight()
+    flight.signals["reference"][..., 0] = [39.0, 42.0]
+    flight.states[:, 0, 8], flight.states[:, 1, 8] = np.radians(175.0), np.radians(-175.0)
+    law, seconds = scenario1.controller, STEPS / 10
+    first, second = summary_of(flight, scenario1).uavs
+    assert first.iae_sync["airspeed"] == pytest.approx((law.lambda1 + 3.0 * law.lambda2) * seconds)
+    assert second.iae_sync["airspeed"] == pytest.approx(
+        (2.0 * law.lambda1 + 3.0 * law.lambda2) * seconds
+    )
+    wanted = law.lambda3 * 175.0 - law.lambda4 * 10.0
+    assert first.iae_sync["yaw"] == pytest.approx(wanted * seconds)
+    assert first.iae_sync["roll"] == 0.0
+
+
+def test_neighbour_messages_are_counted_to_each_neighbour_and_without_the_first_step(
+    scenario1: Scenario,
+) -> None:
+    flight = straight()
+    flight.signals["neighbour_message"][[3, 7, 8], 0] = 1
+    summary = summary_of(flight, scenario1)
+    assert [uav.neighbour_messages for uav in summary.uavs] == [3, 0]
+    assert summary.uavs[0].neighbour_saving == pytest.approx(1 - 3 / 39)
+    assert summary.neighbour_saving == pytest.approx(1 - 3 / 78)
+    frame = 12 + 64 + 1  # header and checksum, values, and a step below 256
+    assert summary.uavs[0].link_bytes["neighbour_messages"] == 3 * frame
+    alone = scenario_of(scenario1).model_copy(
+        update={"network": scenario1.network.model_copy(update={"edges": ()})}
+    )
+    assert summarise(flight, alone).uavs[0].neighbour_saving is None
 
 
 @given(st.sets(st.integers(0, STEPS - 1), max_size=STEPS - 1))

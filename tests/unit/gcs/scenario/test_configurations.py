@@ -6,8 +6,9 @@ import pytest
 import yaml
 from scenario_edits import DELETE, edit
 
-from ftc_autopilot.config import AutopilotConfig, Trigger
+from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.files import dump, load
 from mavlink_defs.config.models import ConfigError, Model
@@ -18,7 +19,7 @@ from sitl_plant.config import PlantConfig
 
 def test_scenario_1_is_the_papers(scenario1: Scenario) -> None:
     assert scenario1.controller == Proposed()
-    assert scenario1.trigger == Trigger()
+    assert scenario1.trigger == PerChannel()
     assert scenario1.trigger.a2_n.windows() == ((14.0, 0.5), (math.inf, 1.0))
     assert scenario1.segments()[1:] == (
         Segment(4.0, 45.0, 5.0, 5.0, 10.0, ramp=False),

@@ -331,7 +331,7 @@ def test_history_keeps_the_newest_rows() -> None:
     assert len(history.rows(1.0)) == 0
     four = (0.0,) * 4
     for i in range(6500):
-        history.add((i / 10, four, four, four, four, four, four[:3]))
+        history.add((i / 10, four, four, four, four, four, four, four[:3]))
     rows = history.rows()
     assert len(history) == len(rows) == 6000
     assert (rows["time_s"][0], rows["time_s"][-1]) == (50.0, 649.9)

@@ -1,0 +1,155 @@
+"""A check of all channels: predict, and plan anew what is about to leave its tube."""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.control.inversion import acceleration_without_thrust, surfaces_for
+from ftc_autopilot.control.laws.base import Instant
+from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
+from ftc_autopilot.control.laws.tube.plan import best_change, first_exit
+from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
+from ftc_autopilot.control.laws.tube.tube import deviate, lay_tube
+from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.rigid_body import angular_acceleration
+from sitl_plant.vec3 import mat3, mul, scale, vec3
+
+__all__ = ["check", "trim"]
+
+_AIRSPEED, _ROLL, _PITCH, _YAW = range(OUTPUTS)
+_ORDER = (_AIRSPEED, _YAW, _ROLL, _PITCH)  # in which outputs are planned
+_CHANNELS = (THROTTLE, AILERON, ELEVATOR, RUDDER)  # by output
+_SMALL_ANGLE, _SMALL_THRUST = 0.01, 10.0  # change of a command that shows its influence [rad, N]
+_NO_CHANGE = 1e-12
+_ROUNDING_S = 1e-9
+
+
+@compiled
+def check(
+    now: Instant,
+    positions: np.ndarray,
+    no_rudder: bool,
+    aircraft: np.void,
+    gains: np.void,
+    state: np.void,
+    reference: np.ndarray,
+    bandwidth: float,
+    commands: np.ndarray,
+) -> int:
+    """Predict under the commands in force; change those whose outputs are about to leave.
+
+    The outputs are planned one after the other, each with the commands that those before it got.
+    In the law's first step all are, from commands that balance moments and drag, at which the
+    servos are at rest.
+
+    Args:
+        now: The present step.
+        positions: Where the servos stand [rad, rad, rad, N], shape (4,).
+        no_rudder: Whether yaw is left alone.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        gains: Parameters, record made of `Tube`.
+        state: Record of dtype `Tube.STATE`, updated in place.
+        reference: Filtered reference and its two derivatives, shape (4, 3).
+        bandwidth: Of the reference filter [rad/s].
+        commands: In force [rad, rad, rad, N], shape (4,), updated.
+
+    Returns:
+        Bit mask of the channels that got a new command.
+    """
+    diagnosis = gains["diagnosis"]
+    servo = Servo(
+        diagnosis["servo_lag_s"], diagnosis["servo_rate_limit_rad_s"], diagnosis["throttle_lag_s"]
+    )
+    if now.first:
+        servo = Servo(0.0, math.inf, 0.0)
+        trim(now, aircraft, commands)
+    motion = now.motion
+    start = Start(
+        ((0.0, 0.0, 0.0), motion.v, motion.phi, vec3(state["omega"])),
+        positions,
+        servo,
+        state["disturbance"],
+        state["disturbance_slope"],
+        gains["persistence_s"],
+    )
+    h, rows = gains["prediction_step_s"], gains["prediction_steps"]
+    lead = gains["lead_s"]
+    seen = min(int((max(lead[0], lead[1], lead[2], lead[3]) + servo.lag) / h) + 2, rows)
+    tables = np.empty((4, OUTPUTS, rows))
+    path, width, error, influence = tables[0], tables[1], tables[2], tables[3]
+    lay_tube(now.errors, now.command, reference, bandwidth, seen, gains, path, width)
+    predict(start, commands, h, seen, aircraft, error)
+    deviate(error, path, seen)
+    mask = 0
+    for o in _ORDER:
+        j = _CHANNELS[o]
+        if no_rudder and o == _YAW:
+            state["exit"][j] = math.nan
+            continue
+        leaves = first_exit(error[o, :seen], width[o, :seen])
+        _note_exit(leaves * h, leaves == seen, j, gains, state)
+        rested = (state["step"] - state["sent"][j]) * now.dt >= gains["dwell_s"] - _ROUNDING_S
+        if not now.first and not (leaves * h < lead[o] + servo.lag and rested):
+            continue
+        if seen < rows:
+            seen = rows
+            lay_tube(now.errors, now.command, reference, bandwidth, rows, gains, path, width)
+            predict(start, commands, h, rows, aircraft, error)
+            deviate(error, path, rows)
+        before = commands[j]
+        small = _SMALL_THRUST if j == THROTTLE else _SMALL_ANGLE
+        commands[j] = before + small
+        predict(start, commands, h, rows, aircraft, influence)
+        deviate(influence, path, rows)
+        for k in range(rows):
+            influence[o, k] = (influence[o, k] - error[o, k]) / small
+        highest = aircraft["thrust_limit"] if j == THROTTLE else aircraft["surface_limit"]
+        lowest = 0.0 if j == THROTTLE else -highest
+        plan = best_change(
+            error[o],
+            influence[o],
+            width[o],
+            int(gains["settle_s"][o] / h),
+            gains["plan_share"][o],
+            lowest - before,
+            highest - before,
+        )
+        worth = abs(plan.change) > _NO_CHANGE and (plan.leaves - leaves) * h >= gains["gain_s"]
+        if not (now.first or worth):
+            commands[j] = before
+            continue
+        commands[j] = before + plan.change
+        state["exit"][j] = plan.leaves * h
+        state["recent"][j] += 1.0
+        mask |= 1 << j
+        predict(start, commands, h, rows, aircraft, error)
+        deviate(error, path, rows)
+    return mask
+
+
+@compiled
+def trim(now: Instant, aircraft: np.void, commands: np.ndarray) -> None:
+    """Write the commands that balance the nominal moments, and hold the speed's derivative.
+
+    Args:
+        now: The present step.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        commands: Aileron, elevator, rudder [rad], thrust [N], within the stops, shape (4,).
+    """
+    motion, J = now.motion, mat3(aircraft["J"])
+    turning = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))
+    delta = surfaces_for(scale(-1.0, mul(J, turning)), motion.air.C)
+    stop = aircraft["surface_limit"]
+    for i in range(3):
+        commands[i] = min(max(delta[i], -stop), stop)
+    missing = now.reference.V_dot - acceleration_without_thrust(motion, aircraft)
+    thrust = aircraft["m"] * missing * motion.V / motion.v[0]
+    commands[THROTTLE] = min(max(thrust, 0.0), aircraft["thrust_limit"])
+
+
+@compiled
+def _note_exit(exit_s: float, beyond: bool, j: int, gains: np.void, state: np.void) -> None:
+    """Note when channel j's output will leave its tube; beyond what was seen, as last planned."""
+    planned = state["exit"][j] - gains["check_s"]
+    state["exit"][j] = planned if beyond and planned > exit_s else exit_s

@@ -1,0 +1,143 @@
+"""Parameters and state of the tube law."""
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ftc_autopilot.control.laws.gains import Gains
+from ftc_autopilot.control.laws.surviving import Surviving
+from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.constants import N_CHANNELS
+
+__all__ = ["OUTPUTS", "Tube"]
+
+OUTPUTS = 4
+"""Outputs that have a tube: airspeed [m/s], roll, pitch, yaw [rad]."""
+
+_Width = Annotated[float, quantity("deg", gt=0.0, doc="Half the width of an angle's tube.")]
+_Share = Annotated[float, quantity("", ge=0.0, doc="Of one output.")]
+_Time = Annotated[float, quantity("s", ge=0.0, doc="Of one output.")]
+_Rate = Annotated[float, quantity("deg/s", gt=0.0, doc="Of one angle.")]
+_Shares = tuple[_Share, _Share, _Share, _Share]
+_Times = tuple[_Time, _Time, _Time, _Time]
+
+
+class Tube(Surviving):
+    """Parameters of the tube law, beside those of the surviving law that takes over.
+
+    Lists of three are roll, pitch, yaw; of four, airspeed, roll, pitch, yaw.
+    """
+
+    CHOOSES: ClassVar[bool] = True
+    STATE: ClassVar[np.dtype] = np.dtype(
+        [
+            *((name, Surviving.STATE[name]) for name in Surviving.STATE.names or ()),
+            # disturbance observer
+            ("v", "f8", (3,)),  # velocity through the air a step ago [m/s]
+            ("omega", "f8", (3,)),  # estimate of the angular velocity [rad/s]
+            ("disturbance", "f8", (6,)),  # of v̇ [m/s²] and ω̇ [rad/s²]
+            ("disturbance_slope", "f8", (6,)),  # per s
+            # events
+            ("step", "i8"),  # steps made
+            ("sent", "i8", (N_CHANNELS,)),  # step of a channel's last event
+            (
+                "exit",
+                "f8",
+                (N_CHANNELS,),
+            ),  # time until its output is predicted to leave the tube [s]
+            # the surviving law's turn
+            ("taken_over", "f8"),  # left of it [s]
+            ("recent", "f8", (N_CHANNELS,)),  # events that are forgotten within a second
+            ("storms", "i8"),  # times that there were too many
+        ]
+    )
+
+    kind: Literal["tube"] = Field(  # type: ignore[assignment]  # a name of its own
+        default="tube", description="Name of the law."
+    )
+
+    K1: Gains = Field(default=(8.0, 8.0, 4.0), description="Gains of the attitude errors [1/s].")
+    K2: Gains = Field(default=(20.0, 20.0, 15.0), description="Gains of the rate errors [1/s].")
+
+    tube_scale: float = quantity(
+        "", gt=0.0, default=1.0, doc="Width of all tubes, relative: messages against error."
+    )
+    survive: bool = Field(
+        default=True,
+        description="Whether the surviving law takes over when an actuator is lost; false: its "
+        "diagnosis only tells.",
+    )
+
+    width_m_s: float = quantity(
+        "m/s", gt=0.0, default=0.22, doc="Half the width of the airspeed's tube."
+    )
+    width_deg: tuple[_Width, _Width, _Width] = Field(
+        default=(0.40, 0.13, 1.2), description="Half the widths of the angles' tubes [deg]."
+    )
+    widening: _Shares = Field(
+        default=(0.18, 0.135, 0.06, 0.07),
+        description="Widening of a tube by the distance of reference from command.",
+    )
+    funnel_s: float = quantity(
+        "s", gt=0.0, default=0.34, doc="Time in which an error outside its tube must shrink to 1/e."
+    )
+    return_m_s2: float = quantity(
+        "m/s^2", gt=0.0, default=100.0, doc="Fastest return of the airspeed from outside."
+    )
+    return_deg_s: tuple[_Rate, _Rate, _Rate] = Field(
+        default=(60.0, 40.0, 12.0), description="Fastest return of the angles from outside [deg/s]."
+    )
+
+    check_s: float = quantity("s", gt=0.0, le=0.1, default=0.004, doc="Time between two checks.")
+    lead_s: _Times = Field(
+        default=(0.105, 0.06, 0.09, 0.135),
+        description="Times before the predicted exit at which a channel is sent [s]; the servos' "
+        "lag comes on top.",
+    )
+    dwell_s: float = quantity(
+        "s", ge=0.0, default=0.05, doc="Shortest time between two events of a channel."
+    )
+    gain_s: float = quantity(
+        "s", ge=0.0, default=0.02, doc="Least delay of the exit that is worth an event."
+    )
+
+    prediction_step_s: float = quantity(
+        "s", gt=0.0, le=0.1, default=0.015, doc="Step of the prediction."
+    )
+    prediction_steps: int = whole(
+        "steps", ge=2, le=400, default=40, doc="Steps of the prediction that plans a command."
+    )
+    settle_s: _Times = Field(
+        default=(0.195, 0.075, 0.075, 0.367),
+        description="Times after an event from which on the plan keeps an error in its tube [s].",
+    )
+    plan_share: _Shares = Field(
+        default=(0.51, 0.897, 0.757, 0.85), description="Share of its tube that a plan uses."
+    )
+
+    force_observer_s: float = quantity(
+        "s", gt=0.0, le=10.0, default=0.03, doc="Memory of the observer of the specific force."
+    )
+    rates_observer_s: float = quantity(
+        "s", gt=0.0, le=10.0, default=0.045, doc="Memory of the observer of the angular velocity."
+    )
+    persistence_s: float = quantity(
+        "s",
+        gt=0.0,
+        default=0.135,
+        doc="Time for which a disturbance is expected to go on changing.",
+    )
+
+    takeover_s: float = quantity(
+        "s", gt=0.0, default=0.5, doc="Time for which the surviving law flies after the last loss."
+    )
+    rescue_deg: float = quantity(
+        "deg", gt=0.0, default=15.0, doc="Roll or pitch error at which it takes over as well."
+    )
+    storm_events: float = quantity(
+        "", gt=0.0, default=17.0, doc="Events of a channel in about a second at which it does, too."
+    )
+    storm_s: float = quantity(
+        "s", ge=0.0, default=5.0, doc="For how long it does then; twice as long each further time."
+    )

@@ -1,0 +1,77 @@
+"""Triggers that a scenario can choose by name: when which command is transmitted.
+
+A trigger is one file: a model of its parameters, with its `mode` and the `STATE` that it keeps,
+and a compiled function. To register it, add the model to `Trigger` and the call to `decide`; the
+check of scenario files and the records that compiled code sees follow.
+"""
+
+from typing import Annotated, Any, TypeAlias, get_args
+
+import numpy as np
+from pydantic import Discriminator, Tag
+
+from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
+from ftc_autopilot.control.triggers.consequence import Consequence, consequence
+from ftc_autopilot.control.triggers.dynamic import Dynamic, dynamic
+from ftc_autopilot.control.triggers.joint import Joint, joint
+from ftc_autopilot.control.triggers.per_channel import PerChannel, per_channel
+from ftc_autopilot.control.triggers.periodic import Periodic, periodic
+from ftc_autopilot.control.triggers.periodic_event import PeriodicEvent, periodic_event
+from ftc_autopilot.control.triggers.self_triggered import SelfTriggered, self_triggered
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["MODES", "TRIGGERS", "Trigger", "decide"]
+
+
+def _mode(value: Any) -> Any:
+    return value.get("mode", "per_channel") if isinstance(value, dict) else value.mode
+
+
+Trigger: TypeAlias = Annotated[
+    Annotated[PerChannel, Tag("per_channel")]
+    | Annotated[Joint, Tag("joint")]
+    | Annotated[Periodic, Tag("periodic")]
+    | Annotated[Dynamic, Tag("dynamic")]
+    | Annotated[PeriodicEvent, Tag("periodic_event")]
+    | Annotated[SelfTriggered, Tag("self")]
+    | Annotated[Consequence, Tag("consequence")],
+    Discriminator(_mode),
+]
+"""The parameters of any trigger, discriminated by `mode`."""
+
+TRIGGERS: dict[str, type[TriggerParameters]] = {
+    get_args(trigger)[1].tag: get_args(trigger)[0] for trigger in get_args(get_args(Trigger)[0])
+}
+MODES = tuple(TRIGGERS)
+_JOINT = MODES.index("joint")
+_PERIODIC = MODES.index("periodic")
+_DYNAMIC = MODES.index("dynamic")
+_PERIODIC_EVENT = MODES.index("periodic_event")
+_SELF = MODES.index("self")
+_CONSEQUENCE = MODES.index("consequence")
+
+
+@compiled
+def decide(now: Candidates, mode: int, parameters: np.void, states: np.void) -> int:
+    """Return the mask of the channels that transmit, bit numbers as FTC_ACTUATOR.
+
+    Args:
+        now: The present step.
+        mode: Index in `MODES`.
+        parameters: Record `trigger` of `ftc_autopilot.control.controller.PARAMETERS`.
+        states: Record `trigger` of `ftc_autopilot.control.controller.CONTROLLER`; the trigger's
+            own part is updated in place.
+    """
+    if mode == _JOINT:
+        return joint(now)
+    if mode == _PERIODIC:
+        return periodic(now, parameters["periodic"], states["periodic"])
+    if mode == _DYNAMIC:
+        return dynamic(now, parameters["dynamic"], states["dynamic"])
+    if mode == _PERIODIC_EVENT:
+        return periodic_event(now, parameters["periodic_event"], states["periodic_event"])
+    if mode == _SELF:
+        return self_triggered(now, parameters["self"], states["self"])
+    if mode == _CONSEQUENCE:
+        return consequence(now)
+    return per_channel(now)

@@ -1,0 +1,84 @@
+"""Input and parameters of every trigger: the thresholds of (25) and (29)."""
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from ftc_autopilot.control.schedule import Schedule, schedule
+from mavlink_defs.config.models import Loc, Model
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.constants import N_CHANNELS
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["ALL", "Candidates", "TriggerParameters", "fires", "in_steps", "threshold"]
+
+ALL = 2**N_CHANNELS - 1
+"""Mask of all channels."""
+
+
+class TriggerParameters(Model):
+    """Parameters of any trigger; a trigger adds its own, and its `mode`.
+
+    Attributes:
+        STATE: The trigger's memory between steps, all zero before the first step.
+        BY_THRESHOLD: Whether an event means that (25), or (29), held.
+    """
+
+    STATE: ClassVar[np.dtype] = np.dtype([])
+    BY_THRESHOLD: ClassVar[bool] = True
+
+    mode: str = Field(description="Name of the trigger.")
+
+    a1: Schedule[
+        Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of the thrust.")]
+    ] = schedule(0.01, doc="Relative threshold of the thrust, a1 of (25).")
+    a2_n: Schedule[
+        Annotated[float, quantity("N", ge=0.0, doc="Absolute threshold of the thrust.")]
+    ] = schedule(
+        [{"until_s": 14.0, "value": 0.5}, {"value": 1.0}],
+        doc="Absolute threshold of the thrust, a2 of (25) [N].",
+    )
+    b1: Schedule[
+        Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of a surface.")]
+    ] = schedule(0.01, doc="Relative threshold of the surfaces, b1 of (29).")
+    b2_deg: Schedule[
+        Annotated[float, quantity("deg", ge=0.0, doc="Absolute threshold of a surface.")]
+    ] = schedule(1.0, doc="Absolute threshold of the surfaces, b2 of (29) [deg].")
+
+    def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
+        """Yield place and text of what does not fit a control period [µs]: nothing."""
+        yield from ()
+
+
+class Candidates(NamedTuple):
+    """Commands of one control step beside those sent last; channels as in FTC_ACTUATOR."""
+
+    dt: float  # control period [s]
+    first: bool  # whether everything is sent, whatever the trigger says
+    wanted: tuple[float, float, float, float]  # saturated commands [rad, rad, rad, N]
+    held: np.ndarray  # commands in force [rad, rad, rad, N], shape (4,); read only
+    chosen: int  # mask of the channels that the law has chosen
+    relative: tuple[float, float, float, float]  # thresholds b1, b1, b1, a1 [-]
+    absolute: tuple[float, float, float, float]  # thresholds b2, b2, b2 [rad], a2 [N]
+
+
+@compiled
+def threshold(now: Candidates, i: int, held: float) -> float:
+    """Return the difference to a held command at which channel i transmits, (25) or (29)."""
+    least: float = now.relative[i] * abs(held) + now.absolute[i]
+    return least
+
+
+@compiled
+def fires(now: Candidates, i: int) -> bool:
+    """Return whether (25), or (29) for one surface, asks channel i to transmit."""
+    moved: float = abs(now.wanted[i] - now.held[i])
+    return moved >= threshold(now, i, now.held[i])
+
+
+@compiled
+def in_steps(time_s: float, dt: float) -> int:
+    """Return a time in control periods, at least one."""
+    return max(round(time_s / dt), 1)

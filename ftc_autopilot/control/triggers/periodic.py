@@ -1,0 +1,73 @@
+"""Trigger `periodic`: by the clock, whatever the commands are."""
+
+from collections.abc import Iterator
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps
+from mavlink_defs.config.models import Loc
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.constants import ACTUATORS, AILERON, ELEVATOR, RUDDER, THROTTLE, Actuator
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.hardware import period_problems
+
+__all__ = ["Periodic", "periodic"]
+
+
+class Periodic(TriggerParameters):
+    """Periods of the trigger `periodic`."""
+
+    STATE: ClassVar[np.dtype] = np.dtype([("steps", "i8")])  # made so far
+    BY_THRESHOLD: ClassVar[bool] = False
+
+    mode: Literal["periodic"] = Field(default="periodic", description="Name of the trigger.")
+
+    period_s: float = quantity(
+        "s", ge=0.0, default=0.0, doc="Time between transmissions; 0: one in every control period."
+    )
+    aileron_period_s: float = quantity(
+        "s", ge=0.0, default=0.0, doc="The same of the aileron; 0: `period_s`."
+    )
+    elevator_period_s: float = quantity(
+        "s", ge=0.0, default=0.0, doc="The same of the elevator; 0: `period_s`."
+    )
+    rudder_period_s: float = quantity(
+        "s", ge=0.0, default=0.0, doc="The same of the rudder; 0: `period_s`."
+    )
+    throttle_period_s: float = quantity(
+        "s", ge=0.0, default=0.0, doc="The same of the throttle; 0: `period_s`."
+    )
+
+    def by_channel(self) -> dict[Actuator, float]:
+        """Return the period of each channel [s]; 0: every control period."""
+        return {name: getattr(self, f"{name}_period_s") or self.period_s for name in ACTUATORS}
+
+    def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
+        """Yield the periods that are no whole number of control periods [µs]."""
+        for key in ("period_s", *(f"{name}_period_s" for name in ACTUATORS)):
+            yield from period_problems((key,), getattr(self, key), step_us)
+
+
+@compiled
+def periodic(now: Candidates, periods: np.void, state: np.void) -> int:
+    """Return the mask of the channels whose time it is; the first step has all of them.
+
+    Args:
+        now: The present step.
+        periods: Record made of `Periodic`.
+        state: Record of dtype `Periodic.STATE`, updated in place.
+    """
+    mask = 0
+    for i, own_s in (
+        (AILERON, periods["aileron_period_s"]),
+        (ELEVATOR, periods["elevator_period_s"]),
+        (RUDDER, periods["rudder_period_s"]),
+        (THROTTLE, periods["throttle_period_s"]),
+    ):
+        period_s = own_s if own_s > 0.0 else periods["period_s"]
+        if state["steps"] % in_steps(period_s, now.dt) == 0:
+            mask |= 1 << i
+    state["steps"] += 1
+    return mask

@@ -1,0 +1,44 @@
+"""What an autopilot records: the signals of each step that it received a state of."""
+
+from pathlib import Path
+
+import numpy as np
+
+from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.link import AutopilotLink
+from mavlink_defs.runtime.spool import Spool
+
+__all__ = ["RECORD_ROWS", "Recorder"]
+
+RECORD_ROWS = 1000
+"""Steps written at a time."""
+
+ROWS = np.dtype([("step", "i8"), ("signals", SIGNALS)])
+
+
+class Recorder:
+    """Empties the record of a link into a folder."""
+
+    def __init__(self, link: AutopilotLink, folder: Path, resume: bool) -> None:
+        """Make the folder, or go on with it; OSError if it cannot be made, which it names."""
+        self._link = link
+        self._spool = Spool(folder, resume)
+
+    def keep(self, at_least: int = RECORD_ROWS) -> None:
+        """Write the record if it has so many rows; OSError with a file's name if it cannot."""
+        count = int(self._link.state[0]["recorded"])
+        if count >= at_least:
+            rows = np.empty(count, ROWS)
+            rows["step"] = self._link.record.steps[:count]
+            rows["signals"] = self._link.record.signals[:count]
+            self._spool.write(int(rows["step"][0]), rows)
+            self._link.state["recorded"] = 0
+
+    def restart(self) -> None:
+        """Forget the flight; a new one begins."""
+        self._spool.restart()
+
+    def finish(self, loss: str | None, repeats: list[int], heard_end: bool) -> None:
+        """Write the rest and how the flight ended; OSError with a file's name if it cannot."""
+        self.keep(at_least=1)
+        self._spool.finish(loss=loss, repeats=repeats, heard_end=heard_end)

@@ -1,0 +1,1 @@
+"""Baselines: periodic senders that are as good as a triggered one."""

@@ -1,0 +1,183 @@
+"""``gcs baseline``: what a trigger saves against periodic senders that are as good."""
+
+import json
+import math
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from gcs.commands.common import (
+    QuietOption,
+    ScenarioArgument,
+    SetOption,
+    WithOption,
+    changed_scenario,
+    console_of,
+    values_of,
+    warm_up,
+)
+from gcs.errors import BadInput, FlightLost, Interrupted
+
+if TYPE_CHECKING:
+    from gcs.results.summary import FlightSummary
+    from gcs.scenario.model import Scenario
+
+__all__ = ["EPILOG", "baseline"]
+
+EPILOG = """
+Examples:
+
+- gcs baseline paper/scenario1
+- gcs baseline paper/scenario1 --set controller.kind=pid --no-per-channel
+- gcs baseline paper/scenario1 --against controller.kind=pid
+- gcs baseline paper/scenario1 --aircraft 40 --json | jq .saved
+
+Exit status: 0 done (that no periodic sender is as good is a result, too), 1 the triggered flight
+was lost or a file cannot be written, 2 bad input, 130 Ctrl-C.
+"""
+
+
+def baseline(
+    scenario: ScenarioArgument,
+    additions: WithOption = None,
+    settings: SetOption = None,
+    against: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A key of the scenario that the periodic sender has otherwise, such as its law.",
+            metavar="KEY=VALUE",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(help="How much larger than the triggered flight's an IAE may be.", min=0.0),
+    ] = 1.0,
+    longest: Annotated[
+        float, typer.Option(help="Longest period that is flown.", metavar="MILLISECONDS")
+    ] = 500.0,
+    per_channel: Annotated[
+        bool, typer.Option(help="Search for a period for each channel, too.")
+    ] = True,
+    aircraft: Annotated[
+        int, typer.Option(min=0, help="Uncertain aircraft to keep; 0: none are flown.")
+    ] = 0,
+    campaign: Annotated[
+        Path, typer.Option(help="Campaign that draws them: a file, or a bundled one.")
+    ] = Path("campaigns/uncertainty"),
+    keep: Annotated[
+        float, typer.Option(help="Share of them that must be kept [%].", min=0.0, max=100.0)
+    ] = 95.0,
+    within: Annotated[
+        float,
+        typer.Option(
+            help="Largest IAE of an aircraft that is kept, by that of the triggered flight of the "
+            "nominal one.",
+            min=1.0,
+        ),
+    ] = 1.5,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, help="Flights at a time; by default as many as there are cores."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder, new or empty; runs/baseline-NAME-DATE-TIME by default."),
+    ] = None,
+    quiet: QuietOption = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print baseline.json on standard output instead.")
+    ] = False,
+) -> None:
+    """Find the slowest periodic senders that are as good as a triggered flight.
+
+    Flies the scenario with its trigger, then the same law sending by the clock: with one period
+    for all channels, with one for each, and, with --aircraft, on aircraft that differ from the
+    nominal one. All in process. The folder gets baseline.json and baseline.md.
+    """
+    from gcs.baselines.aircraft import drawn_aircraft
+    from gcs.baselines.baseline import find_baseline, find_robust
+    from gcs.baselines.search import Search, worst_ratio
+    from gcs.baselines.senders import periodic_base
+    from gcs.campaigns.model import load_campaign
+    from gcs.reports.baseline import COLUMNS, baseline_report, baseline_rows, baseline_words
+    from gcs.results.run_folder import make_run_folder
+    from gcs.scenario.bundled import find_scenario
+    from mavlink_defs.runtime.files import write_text
+
+    console = console_of(quiet=quiet)
+    triggered = changed_scenario(scenario, additions, settings)
+    base = periodic_base(triggered, scenario, values_of(against, "--against"))
+    steps = round(1e3 * longest / triggered.step_us) if math.isfinite(longest) else 0
+    if not 1 <= steps <= triggered.steps:
+        period, whole = triggered.step_us / 1e3, triggered.duration_s * 1e3
+        raise BadInput(
+            f"--longest is {longest:g} ms, expected from {period:g} ms, the control period, to "
+            f"{whole:g} ms, the flight"
+        )
+    file = find_scenario(campaign)
+    drawn = load_campaign(file, draws=aircraft) if aircraft else None
+    folder = make_run_folder(out, f"baseline-{triggered.name}")
+    warm_up(triggered, console)
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    pool = ThreadPoolExecutor(jobs or os.cpu_count() or 1)
+    try:
+        with Progress(*columns, console=console, transient=True) as progress:
+            task = progress.add_task("senders flown", total=None)
+
+            def show(_: Any) -> None:
+                progress.update(task, advance=1)
+
+            reference = _fly(triggered)
+            if worst_ratio(reference, reference) is None:
+                reason = reference.loss or "it lost its attitude or heading"
+                raise FlightLost(
+                    f"the triggered flight is no reference: {reason}",
+                    "choose a scenario that its law and trigger complete",
+                )
+            ratio = 1.0 + tolerance / 100.0
+            search = Search(base, reference, ratio, _fly, pool, show)
+            found = find_baseline(triggered, search, steps, each_channel=per_channel)
+            if drawn is not None:
+                fleet = drawn_aircraft(
+                    drawn, file, aircraft, triggered, reference, within, keep / 100.0
+                )
+                robust = find_robust(triggered, base, fleet, steps, _fly, pool, show)
+                found = replace(found, robustness=robust)
+    except KeyboardInterrupt:
+        raise Interrupted("interrupted; nothing is kept") from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+    text = json.dumps(found.to_json(), indent=2) + "\n"
+    write_text(folder / "baseline.json", text)
+    write_text(folder / "baseline.md", baseline_report(found))
+    if as_json:
+        typer.echo(text, nl=False)
+        return
+    shown = Table(title=f"Baselines of {found.scenario}")
+    for k, column in enumerate(COLUMNS):
+        shown.add_column(column, justify="right" if k else "left")
+    for row in baseline_rows(found):
+        shown.add_row(*row)
+    output = console_of(stderr=False, quiet=quiet)
+    output.print(shown)
+    for sentence in baseline_words(found):
+        output.print(sentence)
+    console.print(f"results in {folder}", soft_wrap=True)
+
+
+def _fly(scenario: "Scenario") -> "FlightSummary":
+    from gcs.fleet.in_process import fly_in_process
+    from gcs.results.summary import summarise
+
+    return summarise(fly_in_process(scenario), scenario)

@@ -1,0 +1,49 @@
+"""``gcs export``: the recording of a flight in other programs' formats."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.commands.common import console_of
+from gcs.errors import BadInput, FlightLost
+from gcs.results.format import Format
+
+__all__ = ["EPILOG", "export"]
+
+EPILOG = """
+Examples:
+
+- gcs export runs/first --to csv
+- gcs export runs/first --to kml --out /tmp
+
+csv and parquet: trajectory and events, as in the recording. kml: tracks for Google Earth. mcap:
+states, places and events for Foxglove and PlotJuggler.
+
+Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
+written, 2 bad input.
+"""
+
+
+def export(
+    run: Annotated[Path, typer.Argument(help="Run folder of gcs fly.", metavar="RUN")],
+    to: Annotated[Format, typer.Option(help="Format.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the files; RUN by default.", metavar="FOLDER")
+    ] = None,
+) -> None:
+    """Convert the recording of a flight, light or full, to a format of other programs."""
+    from gcs.results.convert import convert
+    from gcs.results.stored import EVENTS, TRAJECTORY, is_complete
+
+    folder = out or run
+    if not folder.is_dir():
+        raise BadInput(f"{folder} is no folder", "name one that exists")
+    for path in convert(run, to, folder):
+        console_of(stderr=False).print(path, soft_wrap=True)
+    torn = [name for name in (TRAJECTORY, EVENTS) if not is_complete(run / name)]
+    if torn:
+        raise FlightLost(
+            f"{' and '.join(torn)} of {run} {'are' if len(torn) > 1 else 'is'} torn: what was "
+            "recorded before is written"
+        )

@@ -1,0 +1,136 @@
+"""The recordings of a fleet's processes, put together while it flies."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ftc_autopilot.control.controller import no_signals
+from gcs.errors import FlightLost
+from gcs.fleet.processes import FleetProcesses
+from gcs.results.recording import Recording
+from gcs.results.steps import Ending, Mode, Steps
+from gcs.scenario.model import Scenario
+from mavlink_defs.runtime.spool import SpoolReader
+
+__all__ = ["Collector"]
+
+
+class Collector:
+    """Takes what the processes have written, so that little of it lies on disk at a time.
+
+    The plant's steps are those of the flight. A step is handed on when every autopilot has recorded
+    it or a later one; one that it has not recorded is missing.
+    """
+
+    def __init__(self, scenario: Scenario, fleet: FleetProcesses) -> None:
+        """Collect the recordings of the fleet of a scenario."""
+        self._scenario, self._fleet = scenario, fleet
+        self._plant = SpoolReader(fleet.recording_of("plant"))
+        self._autopilots = [
+            _Autopilot(SpoolReader(fleet.recording_of(f"uav{uav.id}"))) for uav in scenario.uavs
+        ]
+        self._waiting: np.ndarray | None = None  # steps of the plant
+        self._next = 0
+
+    def pass_on(self, on_steps: Callable[[Steps], None], over: bool = False) -> None:
+        """Hand on the steps that are complete; with `over`, no process writes any more."""
+        for steps in self._complete(over):
+            on_steps(steps)
+
+    def ending(self, mode: Mode) -> Ending:
+        """Return how the flight ended, and remove the recordings of the processes.
+
+        It is lost if a process says so, and if an autopilot did not hear that the plant had come
+        to the end.
+
+        Raises:
+            FlightLost: A process left no complete recording.
+        """
+        self._fleet.check()
+        plant = self._plant.facts
+        autopilots = [autopilot.reader.facts for autopilot in self._autopilots]
+        ids = [uav.id for uav in self._scenario.uavs]
+        complete = [facts for facts in autopilots if facts is not None]
+        if plant is None or len(complete) < len(ids) or plant["steps"] != self._next:
+            names = zip(("plant", *(f"uav{i}" for i in ids)), (plant, *autopilots), strict=True)
+            torn = [name for name, facts in names if facts is None]
+            which = f" ends early: {', '.join(torn)}" if torn else " lacks steps of the plant"
+            raise FlightLost(f"the recording{which}")
+        loss = plant["loss"]
+        for i, facts in zip(ids, complete, strict=True):
+            if self._next == self._scenario.steps and not facts["heard_end"]:
+                why = facts["loss"] or "its autopilot was stopped"
+                loss = loss or f"UAV {i} did not hear the end of the flight: {why}"
+        for reader in (self._plant, *(autopilot.reader for autopilot in self._autopilots)):
+            reader.remove()
+        return Ending(
+            mode=mode,
+            steps=self._next,
+            repeats=np.array([facts["repeats"] for facts in complete]),
+            wall_s=plant["wall_s"],
+            loss=loss,
+            restarts=tuple(self._fleet.restarts_of(i) for i in ids),
+        )
+
+    def recording(self, mode: Mode) -> Recording:
+        """Return the whole flight, of which nothing has been handed on; raises as `ending`."""
+        ids = tuple(uav.id for uav in self._scenario.uavs)
+        steps = Steps.joined(list(self._complete(over=True)), len(ids))
+        return Recording.of(steps, self.ending(mode), ids, self._scenario.step_us)
+
+    def _complete(self, over: bool) -> Iterator[Steps]:
+        while True:
+            if self._waiting is None:
+                self._waiting = self._plant.take()
+            if self._waiting is None:
+                return
+            begin, count = self._next, len(self._waiting)
+            if not all(a.read_to(begin + count) or over for a in self._autopilots):
+                return
+            signals = np.empty((count, len(self._autopilots)), no_signals(0).dtype)
+            for i, autopilot in enumerate(self._autopilots):
+                signals[:, i] = autopilot.signals(begin, begin + count)
+            plant, self._waiting = self._waiting, None
+            self._next += count
+            yield Steps(
+                begin,
+                np.ascontiguousarray(plant["states"]),
+                np.ascontiguousarray(plant["wind"]),
+                np.ascontiguousarray(plant["applied"]),
+                signals,
+            )
+
+
+class _Autopilot:
+    """The rows that an autopilot has recorded and that are not handed on yet."""
+
+    def __init__(self, reader: SpoolReader) -> None:
+        self.reader = reader
+        self._rows: np.ndarray | None = None
+        self._taken = 0  # steps before this one are handed on
+
+    def read_to(self, end: int) -> bool:
+        """Read rows until the steps before `end` are complete; return whether they are."""
+        while self._rows is None or not len(self._rows) or self._rows["step"][-1] + 1 < end:
+            rows = self.reader.take()
+            if rows is None:
+                return False
+            if self._rows is not None:
+                # after a restart an autopilot may write again what it had written
+                newest = self._rows["step"][-1] if len(self._rows) else self._taken - 1
+                rows = np.concatenate([self._rows, rows[rows["step"] > newest]])
+            self._rows = rows
+        return True
+
+    def signals(self, begin: int, end: int) -> np.ndarray:
+        """Take the signals of steps that have been read; no signals where there are none."""
+        if self._rows is None:
+            return no_signals(end - begin)
+        self._taken = end
+        until = int(np.searchsorted(self._rows["step"], end))
+        taken, self._rows = self._rows[:until], self._rows[until:]
+        if until == end - begin:
+            return np.asarray(taken["signals"])
+        signals = no_signals(end - begin)
+        signals[taken["step"] - begin] = taken["signals"]
+        return signals

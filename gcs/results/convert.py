@@ -1,0 +1,205 @@
+"""Recordings of run folders in the formats of other programs, converted batch by batch."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from ftc_autopilot.geography import Origin, place_of
+from gcs.errors import BadInput
+from gcs.results.format import Format
+from gcs.results.stored import EVENTS, TRAJECTORY, batches
+from mavlink_defs.runtime.files import complete_file, naming
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+__all__ = ["convert"]
+
+_TRACK_POINTS = 20_000  # of one UAV: what Google Earth draws without delay
+
+
+def convert(run: Path, to: Format, folder: Path) -> list[Path]:
+    """Convert the recording of a run folder.
+
+    Args:
+        run: Run folder with a light or full recording.
+        to: The format.
+        folder: For the files, exists.
+
+    Returns:
+        The files written.
+
+    Raises:
+        BadInput: There is no recording, or it has no steps.
+        OSError: A file cannot be written; it is named.
+    """
+    if to is Format.KML:
+        return [_to_kml(run, folder / "track.kml")]
+    if to is Format.MCAP:
+        return [_to_mcap(run, folder / "flight.mcap")]
+    write = _to_csv if to is Format.CSV else _to_parquet
+    return [
+        write(run / name, folder / f"{Path(name).stem}.{to.value}") for name in (TRAJECTORY, EVENTS)
+    ]
+
+
+def _to_csv(source: Path, path: Path) -> Path:
+    """Write a table as CSV; units are those of the recording."""
+    from pyarrow import csv
+
+    def plain(batch: "pa.RecordBatch") -> "pa.RecordBatch":
+        """Return a batch without dictionaries, which CSV does not have."""
+        import pyarrow as pa
+
+        fields = [
+            f.with_type(f.type.value_type) if pa.types.is_dictionary(f.type) else f
+            for f in batch.schema
+        ]
+        return batch.cast(pa.schema(fields))
+
+    return _written(source, path, plain, csv.CSVWriter)
+
+
+def _to_parquet(source: Path, path: Path) -> Path:
+    """Write a table as Parquet, with the metadata of the recording."""
+    from pyarrow import parquet
+
+    def writer(file: Any, schema: "pa.Schema") -> Any:
+        return parquet.ParquetWriter(file, schema, compression="zstd")
+
+    return _written(source, path, lambda batch: batch, writer)
+
+
+def _written(
+    source: Path,
+    path: Path,
+    change: Callable[["pa.RecordBatch"], "pa.RecordBatch"],
+    writer_of: Callable[[Any, "pa.Schema"], Any],
+) -> Path:
+    with naming(path), complete_file(path) as file:
+        writer = None
+        for batch in map(change, _batches(source)):
+            writer = writer or writer_of(file, batch.schema)
+            writer.write_batch(batch)
+        if writer is not None:
+            writer.close()
+    return path
+
+
+def _batches(source: Path) -> Iterator["pa.RecordBatch"]:
+    """Yield the batches of a recording; BadInput if it has none."""
+    empty = True
+    for batch in batches(source):
+        empty = False
+        yield batch
+    if empty:
+        raise BadInput(f"{source} has no rows")
+
+
+class _Places:
+    """Geographic places of the positions in a recording."""
+
+    def __init__(self, schema: "pa.Schema") -> None:
+        self._origin = Origin.model_validate_json(schema.metadata[b"origin"])
+        names: Mapping[str, str] = json.loads(schema.metadata[b"names"])
+        self.names = {int(system): name for system, name in names.items()}
+        self.scenario = schema.metadata[b"scenario"].decode()
+
+    def of(self, batch: "pa.RecordBatch") -> Iterator[tuple[float, float, float]]:
+        """Yield latitude [deg], longitude [deg] and altitude above the sea [m] of each row."""
+        columns = (batch.column(name).to_pylist() for name in ("north", "east", "down"))
+        for north, east, down in zip(*columns, strict=True):
+            place = place_of(self._origin, north, east, down)
+            yield place.latitude / 1e7, place.longitude / 1e7, place.altitude / 1e3
+
+
+def _to_kml(run: Path, path: Path) -> Path:
+    """Write the tracks of all UAVs; their time counts from 1970-01-01."""
+    total = sum(len(batch) for batch in _batches(run / TRAJECTORY))
+    tracks: dict[int, tuple[list[str], list[str]]] = {}
+    places: _Places | None = None
+    row = 0
+    for batch in _batches(run / TRAJECTORY):
+        if places is None:
+            places = _Places(batch.schema)
+            every = -(-total // (len(places.names) * _TRACK_POINTS))
+        n = len(places.names)
+        rows = np.arange(row, row + len(batch))
+        row += len(batch)
+        chosen = batch.take(np.flatnonzero(rows // n % every == 0))
+        times, systems = (chosen.column(name).to_pylist() for name in ("time_s", "uav"))
+        for t, system, place in zip(times, systems, places.of(chosen), strict=True):
+            latitude, longitude, altitude = place
+            when = (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=t)).isoformat()
+            times_of, places_of = tracks.setdefault(system, ([], []))
+            times_of.append(f"<when>{when}</when>")
+            places_of.append(f"<gx:coord>{longitude} {latitude} {altitude}</gx:coord>")
+    assert places is not None
+    marks = "\n".join(
+        f"<Placemark><name>{escape(places.names[system])}</name><gx:Track>"
+        "<altitudeMode>absolute</altitudeMode>\n"
+        + "\n".join([*times_of, *places_of])
+        + "</gx:Track></Placemark>"
+        for system, (times_of, places_of) in tracks.items()
+    )
+    text = (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
+        'xmlns:gx="http://www.google.com/kml/ext/2.2">\n'
+        f"<Document><name>{escape(places.scenario)}</name>\n{marks}\n</Document></kml>\n"
+    )
+    with complete_file(path) as file:
+        file.write(text.encode())
+    return path
+
+
+def _to_mcap(run: Path, path: Path) -> Path:
+    """Write MCAP with messages in JSON: state, place and events of each UAV, by simulated time.
+
+    Topics: ``/uav1/state``, ``/uav1/location`` (foxglove.LocationFix), ``/uav1/event``.
+    """
+    from mcap.writer import Writer
+
+    number, text = {"type": ["number", "null"]}, {"type": "string"}
+    position = dict.fromkeys(("latitude", "longitude", "altitude"), number)
+    with complete_file(path) as file:
+        writer = Writer(file)
+        writer.start(profile="", library="ftc-sitl")
+        channels: dict[tuple[int, str], int] = {}
+        schemas: dict[str, int] = {}
+
+        def write(
+            system: int, kind: str, t: float, values: Mapping[str, Any], fields: Mapping[str, Any]
+        ) -> None:
+            if kind not in schemas:
+                schema = json.dumps({"type": "object", "properties": fields}).encode()
+                name = "foxglove.LocationFix" if kind == "location" else f"ftc_sitl.{kind}"
+                schemas[kind] = writer.register_schema(name, "jsonschema", schema)
+            if (system, kind) not in channels:
+                topic = f"/uav{system}/{kind}"
+                channels[system, kind] = writer.register_channel(topic, "json", schemas[kind])
+            ns, data = round(t * 1e9), json.dumps(values).encode()
+            writer.add_message(channels[system, kind], ns, data, ns)
+
+        places: _Places | None = None
+        for batch in _batches(run / TRAJECTORY):
+            places = places or _Places(batch.schema)
+            fields = dict.fromkeys(batch.schema.names[2:], number)
+            for values, place in zip(batch.to_pylist(), places.of(batch), strict=True):
+                t, system = values.pop("time_s"), values.pop("uav")
+                known = {k: v if v == v else None for k, v in values.items()}  # noqa: PLR0124 - NaN
+                write(system, "state", t, known, fields)
+                where = dict(zip(position, place, strict=True))
+                write(system, "location", t, where, position)
+        for batch in batches(run / EVENTS):
+            for values in batch.to_pylist():
+                event = {"actuator": values["actuator"], "value": values["value"]}
+                kinds = {"actuator": text, "value": number}
+                write(values["uav"], "event", values["time_s"], event, kinds)
+        finish: Any = writer.finish  # without annotations
+        finish()
+    return path

@@ -1,0 +1,14 @@
+"""Formats of other programs."""
+
+from enum import StrEnum
+
+__all__ = ["Format"]
+
+
+class Format(StrEnum):
+    """A format that recordings are converted to."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    KML = "kml"
+    MCAP = "mcap"

@@ -1,0 +1,83 @@
+"""A flight as thin as a figure can show it, gathered while it is flown in bounded memory."""
+
+import numpy as np
+
+from ftc_autopilot.control.controller import SIGNALS
+from gcs.results.events import Events
+from gcs.results.recording import Recording
+from gcs.results.steps import Ending, Steps
+from gcs.scenario.model import Scenario
+from mavlink_defs.constants import N_CHANNELS
+
+__all__ = ["Preview"]
+
+_MOST_ROWS = 30_000  # of all UAVs
+_LEAST_STEPS = 1000
+_MOST_GAPS = 300_000  # of all UAVs
+_FIELDS = ("V", "command", "reference", "held")
+
+
+class Preview:
+    """Steps of a flight that are evenly apart, and the intervals between events."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Gather a flight of a scenario."""
+        self._ids = tuple(uav.id for uav in scenario.uavs)
+        self._step_us, n = scenario.step_us, len(self._ids)
+        most = max(_MOST_ROWS // n, _LEAST_STEPS)
+        self._every = -(-scenario.steps // most)
+        room = Steps.room(-(-scenario.steps // self._every), n)
+        fields = [(name, SIGNALS[name]) for name in _FIELDS]
+        self._kept = room._replace(signals=np.zeros(room.signals.shape, fields))
+        self._count = 0
+        self._last_event = np.full(n * N_CHANNELS, np.nan)
+        self._gaps: list[np.ndarray] = []  # each (3, k): channel of a UAV, time [s], length [s]
+        self._gap_count = 0
+
+    def add(self, steps: Steps, events: Events) -> None:
+        """Gather the next steps, given their events."""
+        self._add_gaps(events)
+        chosen = slice(-steps.first % self._every, None, self._every)
+        end = self._count + len(steps.states[chosen])
+        for to, values in zip(self._kept[1:4], steps[1:4], strict=True):
+            to[self._count : end] = values[chosen]
+        for name in _FIELDS:
+            self._kept.signals[name][self._count : end] = steps.signals[name][chosen]
+        self._count = end
+
+    def recording(self, ending: Ending) -> Recording:
+        """Return the flight with the period of the steps that were kept; it has no events."""
+        kept = self._kept.part(0, self._count)
+        return Recording.of(kept, ending, self._ids, self._step_us * self._every)
+
+    def gaps(self) -> dict[tuple[int, int], np.ndarray]:
+        """Return the intervals between events by system id and channel.
+
+        Each has shape (2, k): the times at which they end, and their lengths [s]. Of very many,
+        there is every second, fourth, eighth ... one.
+        """
+        key, *gaps = np.concatenate([np.zeros((3, 0)), *self._gaps], axis=1)
+        return {
+            (system, c): np.array(gaps)[:, key == i * N_CHANNELS + c]
+            for i, system in enumerate(self._ids)
+            for c in range(N_CHANNELS)
+        }
+
+    def _add_gaps(self, events: Events) -> None:
+        if not len(events["step"]):
+            return
+        index = np.searchsorted(self._ids, events["uav"], sorter=np.argsort(self._ids))
+        key = np.argsort(self._ids)[index] * N_CHANNELS + events["channel"]
+        order = np.argsort(key, kind="stable")
+        key, times = key[order], events["time_s"][order]
+        first = np.diff(key, prepend=-1) != 0
+        gaps = np.diff(times, prepend=0.0)
+        gaps[first] = times[first] - self._last_event[key[first]]
+        self._last_event[key] = times  # the last one of each channel stays
+        known = np.isfinite(gaps)  # not that of a channel's very first event
+        self._gaps.append(np.array([key, times, gaps])[:, known])
+        self._gap_count += len(key)
+        if self._gap_count > _MOST_GAPS:
+            every = np.concatenate(self._gaps, axis=1)
+            halved = every[:, np.argsort(every[0], kind="stable")][:, ::2]
+            self._gaps, self._gap_count = [halved], halved.shape[1]

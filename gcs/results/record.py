@@ -1,0 +1,14 @@
+"""The choice of what is recorded."""
+
+from enum import StrEnum
+
+__all__ = ["Record"]
+
+
+class Record(StrEnum):
+    """How much of a flight is kept; every one has the figures of `summary.json`."""
+
+    FULL = "full"
+    LIGHT = "light"
+    NPZ = "npz"
+    NONE = "none"

@@ -1,0 +1,134 @@
+"""What is kept of a flight, while it is flown: figures always, and what `--record` says."""
+
+import json
+import shutil
+from pathlib import Path
+
+from gcs.errors import BadInput
+from gcs.results.columns import COLUMNS, LIGHT
+from gcs.results.events import events_of
+from gcs.results.preview import Preview
+from gcs.results.record import Record
+from gcs.results.recording import Recording
+from gcs.results.run_folder import save_arrays_of, save_summary
+from gcs.results.steps import Ending, Steps
+from gcs.results.stored import EVENTS, TRAJECTORY
+from gcs.results.stream import EventStream, TrajectoryStream, row_size
+from gcs.results.summary import FlightSummary, summary_of
+from gcs.results.tally import Tally
+from gcs.scenario.model import Scenario
+
+__all__ = ["LIGHT_PERIOD_US", "FlightRecorder", "trajectory_bytes"]
+
+LIGHT_PERIOD_US = 20_000
+"""Steps of a light recording are so far apart, or one control period."""
+
+
+def trajectory_bytes(scenario: Scenario, record: Record) -> int:
+    """Return the most that the trajectory of a whole flight takes on disk [bytes]."""
+    if record is Record.NONE:
+        return 0
+    columns, every = COLUMNS, 1
+    if record is Record.LIGHT:
+        columns, every = LIGHT, _light_every(scenario)
+    return -(-scenario.steps // every) * len(scenario.uavs) * row_size(columns)
+
+
+def _light_every(scenario: Scenario) -> int:
+    return max(LIGHT_PERIOD_US // scenario.step_us, 1)
+
+
+class FlightRecorder:
+    """Takes the steps of a flight, and keeps what is wanted of them.
+
+    Attributes:
+        preview: The flight, thinned out for a figure.
+    """
+
+    def __init__(self, scenario: Scenario, folder: Path, record: Record) -> None:
+        """Make the files.
+
+        Args:
+            scenario: What is flown.
+            folder: Run folder, exists.
+            record: How much is kept.
+
+        Raises:
+            BadInput: There is not enough space on disk.
+            OSError: A file cannot be written; it is named.
+        """
+        self._scenario, self._folder = scenario, folder
+        self._ids = tuple(uav.id for uav in scenario.uavs)
+        wanted, free = trajectory_bytes(scenario, record), shutil.disk_usage(folder).free
+        if wanted > free:
+            raise BadInput(
+                f"--record {record} needs {_size(wanted)} on disk, {folder} has {_size(free)} left",
+                "choose --record light or none, or another folder with --out",
+            )
+        self._tally = Tally(scenario)
+        self.preview = Preview(scenario)
+        self._whole: list[Steps] | None = [] if record is Record.NPZ else None
+        self._trajectory: TrajectoryStream | None = None
+        self._events: EventStream | None = None
+        if record in {Record.FULL, Record.LIGHT}:
+            light = record is Record.LIGHT
+            columns, every = (LIGHT, _light_every(scenario)) if light else (COLUMNS, 1)
+            self._events = EventStream(folder / EVENTS, scenario.step_us)
+            self._trajectory = TrajectoryStream(
+                folder / TRAJECTORY,
+                columns,
+                every,
+                self._ids,
+                scenario.step_us,
+                compressed=light,
+                about={
+                    "scenario": scenario.name,
+                    "origin": scenario.origin.model_dump_json(),
+                    "names": json.dumps({str(uav.id): uav.name for uav in scenario.uavs}),
+                },
+            )
+
+    def add(self, steps: Steps) -> None:
+        """Take the next steps; OSError with a file's name if it cannot be written."""
+        events = events_of(steps.signals, steps.first, self._ids, self._scenario.step_us)
+        self._tally.add(steps)
+        self.preview.add(steps, events)
+        if self._events is not None:
+            self._events.add(events)
+        if self._trajectory is not None:
+            self._trajectory.add(steps)
+        if self._whole is not None:
+            self._whole.append(Steps(steps.first, *(array.copy() for array in steps[1:])))
+
+    def close(self) -> None:
+        """Complete the files of the recording, also of a flight that broke off.
+
+        Raises:
+            OSError: With a file's name.
+        """
+        events, trajectory = self._events, self._trajectory
+        self._events = self._trajectory = None
+        if events is not None:
+            events.close()
+        if trajectory is not None:
+            trajectory.close()
+
+    def finish(self, ending: Ending) -> FlightSummary:
+        """Write `summary.json` and complete the recording; return the figures.
+
+        Raises:
+            OSError: A file cannot be written; it is named.
+        """
+        summary = summary_of(self._tally, ending, self._scenario)
+        save_summary(summary, self._folder)
+        self.close()
+        if self._whole is not None:
+            whole = Steps.joined(self._whole, len(self._ids))
+            recording = Recording.of(whole, ending, self._ids, self._scenario.step_us)
+            save_arrays_of(recording, self._folder)
+        return summary
+
+
+def _size(count: int) -> str:
+    """Return a number of bytes in words."""
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.1f} MB"

@@ -1,0 +1,108 @@
+"""Bytes on the links of a flight, computed from its steps.
+
+MAVLink 2 does not send the zeros at the end of a payload. So each message is laid out here as far
+as its length needs, and measured. Counted is what a flight without losses sends between its first
+step and its last: states, actuator messages and neighbour messages, each once. What a link
+repeats, and what is said before the start and with FTC_STEP_DONE, a tap counts beside it.
+"""
+
+import numpy as np
+
+from gcs.results.steps import Steps
+from gcs.scenario.model import Scenario
+from mavlink_defs.constants import N_CHANNELS
+from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
+from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, SIM_STATE
+from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, SIGNATURE_SIZE
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.hardware import Sensor
+
+__all__ = ["KINDS", "Traffic"]
+
+KINDS = ("states", "actuator_messages", "neighbour_messages")
+"""Messages whose bytes are counted."""
+
+
+class Traffic:
+    """The bytes of each UAV's messages, counted while a flight is flown.
+
+    Attributes:
+        bytes: Shape (n, 3): of the states that its aircraft sent to its autopilot, and of what the
+            autopilot sent: actuator messages, and neighbour messages to all neighbours together.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._ids = tuple(uav.id for uav in scenario.uavs)
+        self._triggered = scenario.links.formation.trigger is not None
+        self._exact_air = scenario.sensors.airspeed_m_s == Sensor()
+        self._frame = HEADER_SIZE + CRC_SIZE
+        if scenario.links.signing_key is not None:
+            self._frame += SIGNATURE_SIZE
+        self._silent = np.zeros(SIM_STATE["silent"].shape, np.uint8)  # at the last step
+        self.bytes = np.zeros((len(self._ids), len(KINDS)), np.int64)
+
+    def add(self, steps: Steps) -> None:
+        """Count the next steps."""
+        silent = self._silent_before(steps)
+        for i, system in enumerate(self._ids):
+            degree = len(self._scenario.neighbours(system))
+            self.bytes[i] += (
+                self._bytes_of(self._states(steps, i, silent)),
+                self._bytes_of(self._actuator_messages(steps, i)),
+                self._bytes_of(self._neighbour_messages(steps, i)) * degree,
+            )
+
+    def _bytes_of(self, messages: np.ndarray) -> int:
+        """Return the size of all frames of payloads, shape (m,) [bytes]."""
+        payloads = messages.view(np.uint8).reshape(len(messages), messages.dtype.itemsize)
+        return payload_bytes(payloads) + self._frame * len(messages)
+
+    def _silent_before(self, steps: Steps) -> np.ndarray:
+        """Return FTC_SIM_STATE.silent of each step: who sent no message in the step before."""
+        silent = np.zeros((steps.length + 1, len(self._silent)), np.uint8)
+        if self._triggered:
+            silent[0] = self._silent
+            for j, system in enumerate(self._ids):
+                quiet = steps.signals["neighbour_message"][:, j] == 0
+                silent[1:, system // 8] |= quiet.astype(np.uint8) << system % 8
+            self._silent = silent[-1]
+        return silent[:-1]
+
+    def _states(self, steps: Steps, i: int, silent: np.ndarray) -> np.ndarray:
+        messages = np.zeros(steps.length, SIM_STATE)
+        messages["run"] = 2**31  # never 0 in its last byte
+        messages["wind"] = steps.wind[:, i] if self._exact_air else 1.0
+        messages["silent"] = silent
+        return messages
+
+    def _actuator_messages(self, steps: Steps, i: int) -> np.ndarray:
+        rows = np.flatnonzero(steps.signals["events"][:, i])
+        messages = np.zeros(len(rows), ACTUATORS)
+        messages["time_usec"] = (steps.first + rows) * self._scenario.step_us
+        messages["controls"][:, :N_CHANNELS] = steps.signals["held"][rows, i]
+        return messages
+
+    def _neighbour_messages(self, steps: Steps, i: int) -> np.ndarray:
+        rows = np.flatnonzero(steps.signals["neighbour_message"][:, i])
+        messages = np.zeros(len(rows), NEIGHBOUR)
+        messages["step"] = steps.first + rows
+        if self._triggered:
+            active = np.isfinite(steps.signals["command"][rows, i, 0])
+            messages["frame"] = np.where(active, FTC_NEIGHBOUR_FRAME_REFERENCE, 0)
+        return messages
+
+
+@compiled
+def payload_bytes(payloads: np.ndarray) -> int:
+    """Return the bytes of payloads, shape (m, size), without the zeros at their ends.
+
+    One byte is sent in any case, https://mavlink.io/en/guide/serialization.html.
+    """
+    total = 0
+    for k in range(payloads.shape[0]):
+        size = payloads.shape[1]
+        while size > 1 and payloads[k, size - 1] == 0:
+            size -= 1
+        total += size
+    return total

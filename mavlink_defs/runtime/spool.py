@@ -1,0 +1,88 @@
+"""The recording of a process on disk: .npy files that a reader may take away meanwhile.
+
+A file's name is the number of its first row; the reader takes the lowest first.
+
+Each is there as a whole or not at all, so that a process that is killed loses only what it had not
+written yet. When the process ends, `end.json` says how; without it the recording is torn.
+"""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mavlink_defs.runtime.files import complete_file, naming, write_text
+
+__all__ = ["Spool", "SpoolReader"]
+
+_END = "end.json"
+
+
+class Spool:
+    """The writer's side."""
+
+    def __init__(self, folder: Path, resume: bool = False) -> None:
+        """Make the folder, empty, or go on with the one that is there.
+
+        Raises:
+            OSError: It cannot be made; it is named.
+        """
+        self._folder = folder
+        if not resume:
+            self.restart()
+
+    def restart(self) -> None:
+        """Forget everything written."""
+        with naming(self._folder):
+            if self._folder.exists():
+                shutil.rmtree(self._folder)
+            self._folder.mkdir(parents=True)
+
+    def write(self, first: int, rows: np.ndarray) -> None:
+        """Write the next rows, the first of which has this number.
+
+        Raises:
+            OSError: With the file's name.
+        """
+        with complete_file(self._folder / f"{first:010d}.npy") as file:
+            np.save(file, rows)
+
+    def finish(self, **facts: Any) -> None:
+        """Write what is known at the end, as JSON.
+
+        Raises:
+            OSError: With the file's name.
+        """
+        write_text(self._folder / _END, json.dumps(facts))
+
+
+class SpoolReader:
+    """The reader's side."""
+
+    def __init__(self, folder: Path) -> None:
+        """Read from a folder, which need not exist yet."""
+        self._folder = folder
+
+    def take(self) -> np.ndarray | None:
+        """Return the next rows and remove their file; None if there is none yet."""
+        path = min(self._folder.glob("*.npy"), default=None)
+        if path is None:
+            return None
+        rows: np.ndarray = np.load(path)
+        path.unlink()
+        return rows
+
+    @property
+    def facts(self) -> dict[str, Any] | None:
+        """What the process wrote at its end; None if it did not come to that."""
+        try:
+            facts: dict[str, Any] = json.loads((self._folder / _END).read_text())
+        except (FileNotFoundError, ValueError):
+            return None
+        return facts
+
+    def remove(self) -> None:
+        """Remove the folder."""
+        shutil.rmtree(self._folder, ignore_errors=True)

@@ -1,0 +1,129 @@
+"""Event-triggered neighbour messages on the wire: counted, of the same bytes, bit for bit the same.
+
+The datagrams pass a relay of the flight. They are read here by the layout of MAVLink 2 alone, as
+any sniffer could; no counter or codec of this project takes part.
+"""
+
+import asyncio
+import struct
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from flying import scenario_tree
+
+from gcs.fleet import flight
+from gcs.fleet.in_process import fly_in_process
+from gcs.fleet.processes import on_free_ports
+from gcs.fleet.relays import relay_of
+from gcs.results.recording import Recording
+from gcs.results.summary import FlightSummary, summarise
+from gcs.scenario.model import Scenario, scenario_of
+from mavlink_defs.endpoint import UdpAddress
+from mavlink_defs.framing.signing import make_key
+
+pytestmark = pytest.mark.sitl
+
+STATE, NEIGHBOUR, ACTUATORS = 53100, 53102, 93
+RUNNING, ENDED = 1, 4
+
+
+class Sniffer:
+    """Messages and bytes of each UAV, by kind; what was sent again counts once."""
+
+    def __init__(self) -> None:
+        self.messages: Counter[tuple[str, int]] = Counter()
+        self.bytes: Counter[tuple[str, int]] = Counter()
+        self._seen: set[tuple[int, int, int]] = set()
+
+    def __call__(self, link: str, direction: str, datagram: bytes) -> bool:
+        """Count a datagram and let it pass."""
+        system, (low, high) = datagram[5], struct.unpack("<HB", datagram[7:10])
+        number = low | high << 16
+        payload = datagram[10 : 10 + datagram[1]].ljust(255, b"\0")
+        if number == NEIGHBOUR:
+            (step,) = struct.unpack_from("<I", payload, 64)
+            if step > 0:
+                self._count("neighbour_messages", system, datagram)
+        elif number == STATE:
+            step, flags = struct.unpack_from("<IB", payload, 136)
+            if flags & (RUNNING | ENDED) == RUNNING:
+                self._count_once("states", number, system, step, datagram)
+        elif number == ACTUATORS:
+            (time_us,) = struct.unpack_from("<Q", payload)
+            self._count_once("actuator_messages", number, system, time_us, datagram)
+        return True
+
+    def _count_once(self, kind: str, number: int, system: int, key: int, datagram: bytes) -> None:
+        if (number, system, key) not in self._seen:
+            self._seen.add((number, system, key))
+            self._count(kind, system, datagram)
+
+    def _count(self, kind: str, system: int, datagram: bytes) -> None:
+        self.messages[kind, system] += 1
+        self.bytes[kind, system] += len(datagram)
+
+
+def scenario_with(folder: Path, trigger: dict[str, float] | None, **changes: Any) -> Scenario:
+    links = {
+        "formation": {"trigger": trigger},
+        "impairments": {"plant": {}, "formation": {}},
+        **changes.pop("links", {}),
+    }
+    return scenario_of(folder / "s.yaml", scenario_tree(duration_s=0.8, links=links, **changes))
+
+
+def fly_sniffed(
+    scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Recording, Sniffer]:
+    """Fly over UDP, in lockstep, past a sniffer."""
+    sniffers: list[Sniffer] = []
+
+    def fly(on_ports: Scenario, _: UdpAddress) -> Recording:
+        sniffers.append(Sniffer())
+        monkeypatch.setattr(flight, "relay_of", partial(relay_of, gate=sniffers[-1]))
+        folder.mkdir(exist_ok=True)
+        return asyncio.run(flight.fly_and_record(on_ports, folder))
+
+    return on_free_ports(scenario, fly), sniffers[-1]
+
+
+def assert_told_is_what_was_sniffed(summary: FlightSummary, sniffer: Sniffer) -> None:
+    for uav in summary.uavs:
+        told = {
+            "states": summary.steps,
+            "actuator_messages": uav.actuator_messages,
+            "neighbour_messages": uav.neighbour_messages,
+        }
+        for kind, messages in told.items():
+            assert sniffer.messages[kind, uav.id] == messages, (kind, uav.id)
+            assert sniffer.bytes[kind, uav.id] == uav.link_bytes[kind], (kind, uav.id)
+
+
+@pytest.mark.parametrize("case", ["triggered", "every step", "signed in a gust"])
+def test_messages_and_bytes_are_those_on_the_wire(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if case == "signed in a gust":
+        make_key(tmp_path / "key")
+        gust = {"gust": {"start_s": 0.3, "duration_s": 0.3, "down_m_s": -2.0}}
+        links = {"signing_key": str(tmp_path / "key")}
+        scenario = scenario_with(tmp_path, {}, wind=gust, links=links)
+    else:
+        scenario = scenario_with(tmp_path, {} if case == "triggered" else None)
+    flown, sniffer = fly_sniffed(scenario, tmp_path / "run", monkeypatch)
+    computed = fly_in_process(scenario)
+    assert flown.signals.tobytes() == computed.signals.tobytes()
+    assert np.array_equal(flown.states, computed.states)
+    summary = summarise(computed, scenario)
+    assert_told_is_what_was_sniffed(summary, sniffer)
+    assert summarise(flown, scenario).uavs == summary.uavs
+    if case == "every step":
+        assert [uav.neighbour_messages for uav in summary.uavs] == [2 * 799, 799, 799]
+        assert summary.neighbour_saving == 0.0
+    else:
+        assert summary.neighbour_saving is not None
+        assert summary.neighbour_saving > 0.9

@@ -1,0 +1,190 @@
+"""Triggers against values worked out by hand, and what each promises."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ftc_autopilot.control.controller import new_controller, parameter_record, restart_law
+from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.triggers import MODES, TRIGGERS, decide
+from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
+from gcs.scenario.model import Scenario
+from mavlink_defs.config.models import Problems
+
+ALL = 0b1111
+DT = 1e-3
+commands = st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=80)
+
+
+def events(
+    trigger: TriggerParameters,
+    wanted: Sequence[float],
+    relative: float,
+    absolute: float,
+    state: np.void | None = None,
+) -> list[int]:
+    """Steps at which a channel transmits that wants these commands; others want nothing."""
+    parameters = parameter_record(Proposed(), trigger)
+    state = new_controller() if state is None else state
+    held, at = np.zeros(4), []
+    for k, command in enumerate(wanted):
+        now = Candidates(
+            DT, k == 0, (command, 0.0, 0.0, 0.0), held, ALL, (relative,) * 4, (absolute,) * 4
+        )
+        mask = decide(now, parameters["mode"], parameters["trigger"], state["trigger"])
+        if mask & 1:
+            held[0] = command
+            at.append(k)
+    return at
+
+
+def made(mode: str, **values: Any) -> TriggerParameters:
+    return TRIGGERS[mode](mode=mode, **values)
+
+
+def test_per_channel_by_hand() -> None:
+    # thresholds of 1 + 0.1 |held|: 1 from 0, 1.1 from 1, 1.21 from 2.1
+    ramp = [0.0, 0.9, 1.0, 2.0, 2.1, 3.3, 3.31]
+    assert events(made("per_channel"), ramp, 0.1, 1.0) == [0, 2, 4, 6]
+
+
+def test_periodic_by_hand() -> None:
+    still = [0.0] * 10
+    assert events(made("periodic"), still, 0.0, 1.0) == list(range(10))
+    assert events(made("periodic", period_s=0.004), still, 0.0, 1.0) == [0, 4, 8]
+    own = made("periodic", period_s=0.004, aileron_period_s=0.003)
+    assert events(own, still, 0.0, 1.0) == [0, 3, 6, 9]
+
+
+def test_each_channel_has_its_own_period() -> None:
+    names = ("aileron", "elevator", "rudder", "throttle")
+    trigger = made("periodic", **{f"{name}_period_s": (i + 1) * DT for i, name in enumerate(names)})
+    parameters, state = parameter_record(Proposed(), trigger), new_controller()
+    now = Candidates(DT, False, (0.0,) * 4, np.zeros(4), ALL, (0.0,) * 4, (1.0,) * 4)
+    masks = [
+        decide(now, parameters["mode"], parameters["trigger"], state["trigger"]) for _ in range(24)
+    ]
+    assert [sum(mask >> i & 1 for mask in masks) for i in range(4)] == [24, 12, 8, 6]
+
+
+def test_periodic_event_by_hand() -> None:
+    jump = [0.0, 0.0, 5.0, 5.0, 5.0, 5.0, 9.0, 9.0, 9.0, 9.0]
+    assert events(made("periodic_event", check_s=0.004), jump, 0.0, 1.0) == [0, 4, 8]
+    assert events(made("periodic_event", check_s=0.004), [0.0] * 10, 0.0, 1.0) == [0]
+
+
+def test_dynamic_by_hand() -> None:
+    # λ = 0, θ = 2 ms, threshold 1, command 2 from step 2 on: s = 1, 1, -1, -1 ..., so η is
+    # 0, 1e-3, 2e-3 at steps 0, 1, 2. At step 2 η + θ s = 2e-3 - 2e-3 <= 0: an event.
+    trigger = made("dynamic", decay_hz=0.0, theta_s=2e-3)
+    assert events(trigger, [0.0, 0.0, 2.0, 2.0], 0.0, 1.0) == [0, 2]
+    # One step later η is 3e-3, which lasts until 3e-3 - k 1e-3 <= 2e-3: one step
+    assert events(trigger, [0.0, 0.0, 0.0, 2.0, 2.0], 0.0, 1.0) == [0, 4]
+    # A decay of 500/s halves η before each step's addition: η = 1e-3, 1.5e-3, 1.75e-3 < 2e-3
+    trigger = made("dynamic", decay_hz=500.0, theta_s=2e-3)
+    assert events(trigger, [0.0, 0.0, 0.0, 2.0, 2.0], 0.0, 1.0) == [0, 3]
+
+
+def test_self_by_hand() -> None:
+    # 0.5 per step, threshold 4, share 0.5. First: the least time, 2 steps. At step 2 the command
+    # moved by 1 in 2 steps, so by 2 in 4 (next: 6); then by 2 in 4, so again 4 (next: 10).
+    ramp = [0.5 * k for k in range(12)]
+    trigger = made("self", share=0.5, shortest_s=0.002, longest_s=0.05)
+    assert events(trigger, ramp, 0.0, 4.0) == [0, 2, 6, 10]
+    # A command that stands still is sent again after the longest time
+    assert events(made("self", shortest_s=0.002, longest_s=0.005), [0.0] * 14, 0.0, 4.0) == [
+        *(0, 2, 7, 12)
+    ]
+
+
+@given(wanted=commands, absolute=st.floats(0.0, 3.0), relative=st.floats(0.0, 0.5))
+def test_per_channel_keeps_the_command_within_its_threshold(
+    wanted: list[float], absolute: float, relative: float
+) -> None:
+    at, held = set(events(made("per_channel"), wanted, relative, absolute)), 0.0
+    for k, command in enumerate(wanted):
+        if k in at:
+            held = command
+        else:
+            assert abs(command - held) < relative * abs(held) + absolute
+
+
+@given(wanted=commands, absolute=st.floats(0.01, 3.0), decay=st.floats(0.0, 900.0))
+def test_dynamic_never_fires_before_the_threshold(
+    wanted: list[float], absolute: float, decay: float
+) -> None:
+    """So intervals of its own are at least threshold/µ, as those of (25)."""
+    trigger = made("dynamic", decay_hz=decay, theta_s=DT / (1.0 - DT * decay))
+    at, held = events(trigger, wanted, 0.0, absolute), wanted[0]
+    for k in at[1:]:
+        assert abs(wanted[k] - held) >= absolute * (1.0 - 1e-9)
+        held = wanted[k]
+
+
+@given(wanted=commands, absolute=st.floats(0.01, 3.0), decay=st.floats(0.0, 900.0))
+def test_dynamic_spends_beyond_the_threshold_what_it_saved_within(
+    wanted: list[float], absolute: float, decay: float
+) -> None:
+    """The mean distance to the threshold is not negative: the sum of s is at least η/dt >= 0."""
+    trigger = made("dynamic", decay_hz=decay, theta_s=DT / (1.0 - DT * decay))
+    at, held, total = set(events(trigger, wanted, 0.0, absolute)), 0.0, 0.0
+    for k, command in enumerate(wanted):
+        held = command if k in at else held
+        total += absolute - abs(command - held)
+        assert total >= -1e-9
+
+
+@given(wanted=commands, check=st.integers(1, 7), absolute=st.floats(0.0, 3.0))
+def test_periodic_event_fires_at_checks_only(
+    wanted: list[float], check: int, absolute: float
+) -> None:
+    at = events(made("periodic_event", check_s=check * DT), wanted, 0.0, absolute)
+    assert all(k % check == 0 for k in at)
+    if check == 1:
+        assert at == events(made("per_channel"), wanted, 0.0, absolute)
+
+
+@given(wanted=commands, shortest=st.integers(1, 5), more=st.integers(0, 9))
+def test_self_stays_within_its_limits(wanted: list[float], shortest: int, more: int) -> None:
+    limits = {"shortest_s": shortest * DT, "longest_s": (shortest + more) * DT}
+    at = events(made("self", **limits), wanted, 0.1, 1.0)
+    gaps = np.diff([*at, len(wanted)])
+    assert all(shortest <= gap <= shortest + more for gap in gaps[:-1])
+    assert gaps[-1] <= shortest + more
+
+
+@given(earlier=commands, wanted=commands, mode=st.sampled_from(MODES))
+def test_a_trigger_starts_anew_with_the_law(
+    earlier: list[float], wanted: list[float], mode: str
+) -> None:
+    state = new_controller()
+    events(made(mode), earlier, 0.0, 1.0, state)
+    restart_law(state)
+    assert events(made(mode), wanted, 0.0, 1.0, state) == events(made(mode), wanted, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("trigger", "text"),
+    [
+        ({"mode": "periodic", "period_s": 0.0025}, "trigger.period_s: expected a whole number"),
+        ({"mode": "periodic", "rudder_period_s": 0.0105}, "trigger.rudder_period_s: expected a wh"),
+        ({"mode": "periodic_event", "check_s": 0.0015}, "trigger.check_s: expected a whole number"),
+        ({"mode": "self", "longest_s": 0.002}, "trigger.longest_s: expected >= 0.004 s, shortest"),
+        ({"mode": "dynamic", "decay_hz": 1000}, "trigger.decay_hz: expected < 1000 1/s, one by"),
+        ({"mode": "dynamic", "theta_s": 0.0005}, "trigger.theta_s: expected >= 0.0010101 s, so th"),
+        ({"mode": "consequence"}, "trigger.mode: 'consequence' needs a law that chooses what"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(
+    scenario1: Scenario, trigger: dict[str, Any], text: str
+) -> None:
+    with pytest.raises(ValueError, match="validation error") as refusal:
+        Scenario.model_validate(scenario1.model_dump() | {"trigger": trigger})
+    (error,) = refusal.value.errors()  # type: ignore[attr-defined]
+    problems = error["ctx"]["error"]
+    assert isinstance(problems, Problems)
+    assert str(problems).startswith(text)

@@ -1,0 +1,103 @@
+"""Exported flights, read back by the libraries of other programs, are the recording."""
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pytest
+from mcap.reader import make_reader
+from pyarrow import csv, parquet
+
+from gcs.commands.export import export
+from gcs.errors import BadInput, FlightLost
+from gcs.fleet.in_process import fly_in_steps
+from gcs.results.convert import convert
+from gcs.results.format import Format
+from gcs.results.record import Record
+from gcs.results.recorder import FlightRecorder
+from gcs.scenario.model import Scenario
+
+
+@pytest.fixture(scope="module")
+def run(scenario1: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    scenario = scenario1.model_copy(update={"duration_s": 1.0, "name": "<turn> & climb"})
+    recorder = FlightRecorder(scenario, folder, Record.LIGHT)
+    recorder.finish(fly_in_steps(scenario, recorder.add))
+    return folder
+
+
+def table_of(run: Path, name: str) -> pa.Table:
+    return pa.ipc.open_stream((run / f"{name}.arrows").read_bytes()).read_all()
+
+
+def test_parquet_and_csv_have_every_row(run: Path, tmp_path: Path) -> None:
+    convert(run, Format.PARQUET, tmp_path)
+    convert(run, Format.CSV, tmp_path)
+    for name in ("trajectory", "events"):
+        expected = table_of(run, name)
+        assert parquet.read_table(tmp_path / f"{name}.parquet").to_pylist() == expected.to_pylist()
+        plain = csv.read_csv(tmp_path / f"{name}.csv")
+        assert plain.column_names == expected.column_names
+        for column in expected.column_names:
+            assert plain[column].to_pylist() == expected[column].to_pylist(), column
+
+
+def test_kml_has_the_tracks(run: Path, tmp_path: Path) -> None:
+    (path,) = convert(run, Format.KML, tmp_path)
+    space = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
+    document = ET.parse(path).getroot().find("k:Document", space)
+    assert document is not None
+    assert document.findtext("k:name", None, space) == "<turn> & climb"
+    table = table_of(run, "trajectory")
+    tracks = document.findall("k:Placemark", space)
+    assert len(tracks) == 3
+    for system, mark in enumerate(tracks, start=1):
+        own = table.filter(pc.equal(table["uav"], system))
+        places = [e.text or "" for e in mark.findall("gx:Track/gx:coord", space)]
+        assert len(places) == len(mark.findall("gx:Track/k:when", space)) == len(own)
+        longitude, latitude, altitude = np.array([p.split() for p in places], float).T
+        assert altitude == pytest.approx(584.0 - own["down"].to_numpy(), abs=1e-3)
+        north = np.radians(latitude + 35.363262) * 6378137.0
+        assert north == pytest.approx(own["north"].to_numpy(), abs=0.02)
+        assert np.ptp(longitude) < 1e-3
+
+
+def test_mcap_has_states_places_and_events(run: Path, tmp_path: Path) -> None:
+    (path,) = convert(run, Format.MCAP, tmp_path)
+    found: dict[str, list[tuple[int, dict[str, object]]]] = {}
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            found.setdefault(channel.topic, []).append((message.log_time, json.loads(message.data)))
+    trajectory, events = table_of(run, "trajectory"), table_of(run, "events")
+    assert set(found) == {f"/uav{i}/{kind}" for i in (1, 2, 3) for kind in KINDS}
+    for system in (1, 2, 3):
+        own = trajectory.filter(pc.equal(trajectory["uav"], system)).drop(["uav"])
+        states = found[f"/uav{system}/state"]
+        assert [{"time_s": t / 1e9, **values} for t, values in states] == own.to_pylist()
+        assert len(found[f"/uav{system}/location"]) == len(states)
+        count = len(events.filter(pc.equal(events["uav"], system)))
+        assert len(found[f"/uav{system}/event"]) == count > 10
+
+
+KINDS = ("state", "location", "event")
+
+
+def test_a_torn_recording_is_exported_and_told(run: Path, tmp_path: Path) -> None:
+    for name in ("trajectory.arrows", "events.arrows"):
+        (tmp_path / name).write_bytes((run / name).read_bytes())
+    torn = tmp_path / "events.arrows"
+    torn.write_bytes(torn.read_bytes()[:-8])
+    with pytest.raises(FlightLost, match=r"^events.arrows of .* is torn"):
+        export(tmp_path, Format.PARQUET)
+    assert (tmp_path / "events.parquet").exists()
+
+
+def test_a_run_without_a_recording_is_refused(tmp_path: Path) -> None:
+    for to in Format:
+        with pytest.raises(BadInput, match=r"cannot read .*trajectory.arrows: No such file"):
+            convert(tmp_path, to, tmp_path)
+        assert not list(tmp_path.iterdir()), "nothing is left of a failed export"

@@ -1,0 +1,96 @@
+"""Figures taken while a flight is flown are those of its whole recording, to the last bit."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+
+from ftc_autopilot.control.controller import SIGNALS, no_signals
+from ftc_autopilot.control.diagnosis import LOST
+from gcs.results.quantities import integrated_error
+from gcs.results.recording import Recording
+from gcs.results.steps import Ending, Steps
+from gcs.results.tally import Tally
+from gcs.scenario.bundled import SCENARIOS
+from gcs.scenario.model import load_scenario
+
+STEP_US, STEPS, N = 10_000, 300, 3
+
+
+SCENARIO = load_scenario(SCENARIOS / "paper" / "scenario1.yaml")
+SCENARIO = SCENARIO.model_copy(update={"step_us": STEP_US})
+
+
+def random_flight(seed: int, missing: list[tuple[int, int]], disarmed: tuple[int, int]) -> Steps:
+    """A flight of 3 s with steps that the first UAV missed, and some that it flew disarmed."""
+    rng = np.random.default_rng(seed)
+    steps = Steps.room(STEPS, N)
+    steps.states[:] = rng.normal(0.0, 2.0, steps.states.shape)
+    steps.wind[:] = rng.normal(0.0, 1.0, steps.wind.shape)
+    for name in ("V", "command", "reference", "offset"):
+        steps.signals[name] = rng.normal(0.0, 2.0, steps.signals[name].shape)
+    steps.signals["events"] = rng.integers(0, 16, (STEPS, N)) * (rng.random((STEPS, N)) < 0.3)
+    steps.signals["phase"] = rng.integers(0, 4, (STEPS, N, 4))
+    begin, end = disarmed
+    for name in ("command", "reference"):
+        steps.signals[name][begin:end, 0] = np.nan
+    for begin, end in missing:
+        steps.signals[begin:end, 0] = no_signals(len(range(STEPS)[begin:end]))
+    return steps
+
+
+ranges = st.tuples(st.integers(0, STEPS), st.integers(0, STEPS))
+
+
+@given(
+    st.integers(0, 2**32),
+    st.lists(ranges, max_size=3),
+    ranges,
+    st.lists(st.integers(0, STEPS), max_size=5),
+)
+def test_it_does_not_matter_how_the_steps_arrive(
+    seed: int, missing: list[tuple[int, int]], disarmed: tuple[int, int], cuts: list[int]
+) -> None:
+    steps = random_flight(seed, missing, disarmed)
+    tally = Tally(SCENARIO)
+    for begin, end in zip([0, *sorted(cuts)], [*sorted(cuts), STEPS], strict=True):
+        tally.add(steps.part(begin, end))
+    tally.finish()
+    ending = Ending("real_time", STEPS, np.zeros((N, 4), np.int64), 1.0, None)
+    flight = Recording.of(steps, ending, (1, 2, 3), STEP_US)
+    time_s = flight.time_s
+    commands, reference = flight.error("command"), flight.error("reference")
+    for i, own in enumerate(tally.uavs):
+        assert own["missing"] == np.count_nonzero(flight.missing[:, i])
+        assert own["active"] == np.count_nonzero(flight.active[:, i])
+        for against, error in enumerate((commands[:, i], reference[:, i])):
+            expected = integrated_error(error, STEP_US)
+            found = own["sum"][against] * STEP_US / 1e6 if own["counted"][against] else np.nan
+            assert_array_equal(np.broadcast_to(found, 4), expected)
+        known = np.isfinite(reference[:, i]).all(axis=1)
+        settled = np.abs(reference[known & (time_s > 1.0), i])
+        assert_array_equal(own["largest"], settled.max(axis=0, initial=0.0))
+        final = np.abs(reference[known & (time_s >= 2.0), i])
+        found = tally.largest_final_error(i, 2.0)
+        assert_array_equal(found, final.max(axis=0) if len(final) else np.full(4, np.nan))
+        for name, angles in (("attitude_lost", slice(1, 3)), ("heading_lost", slice(3, 4))):
+            beyond = np.flatnonzero((np.abs(reference[:, i, angles]) > np.pi / 2.0).any(axis=1))
+            assert own[name] == (beyond[0] if len(beyond) else -1)
+        for c in range(4):
+            at = np.flatnonzero(flight.signals["events"][:, i] >> c & 1)
+            assert own["events"][c] == len(at)
+            assert own["min_gap"][c] == (np.diff(at).min() if len(at) > 1 else 0)
+        lost = flight.signals["phase"][:, i] == LOST
+        changes = np.argwhere(np.diff(lost, axis=0, prepend=False))
+        assert [decision[:3] for decision in tally.decisions(i)] == [
+            (k, c, lost[k, c]) for k, c in changes
+        ]
+
+
+def test_an_empty_flight_has_no_figures() -> None:
+    tally = Tally(SCENARIO)
+    tally.add(Steps.room(0, N))
+    tally.finish()
+    assert not tally.uavs["counted"].any()
+    assert np.isnan(tally.largest_final_error(0, -1.0)).all()
+    assert SIGNALS["V"].kind == "f"
