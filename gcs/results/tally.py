@@ -141,7 +141,7 @@ class Tally:
     def _count(self, i: int, steps: Steps, column: int, errors: np.ndarray) -> None:
         """Count the i-th UAV's steps, which stand in a column of the arrays."""
         before = self.uavs[i].copy()
-        _count(
+        count_steps(
             steps.first,
             self._step_us,
             np.ascontiguousarray(steps.states),
@@ -166,7 +166,7 @@ class Tally:
 
 
 @compiled
-def _count(
+def count_steps(
     first: int,
     step_us: int,
     states: np.ndarray,
