@@ -20,21 +20,24 @@ _Angles = tuple[_Angle, _Angle, _Angle]
 _Times = tuple[_Time, _Time, _Time]
 
 
+_NO_LIMIT_DEG_S = 1e6
+
+
 class Diagnosis(Model):
     """Parameters of the diagnosis; triples are aileron, elevator, rudder."""
 
-    servo_lag_s: float = quantity(
+    servo_lag_s: float | None = quantity(
         "s",
         ge=0.0,
         le=10.0,
-        default=0.0,
-        doc="Lag of the servos, as the diagnosis models them; that of `servos` unless given.",
+        default=None,
+        doc="Lag of the servos, as the diagnosis models them; none: that of `servos`.",
     )
-    servo_rate_limit_deg_s: float = quantity(
-        "deg/s", gt=0.0, default=1e6, doc="Their rate limit, likewise."
+    servo_rate_limit_deg_s: float | None = quantity(
+        "deg/s", gt=0.0, default=None, doc="Their rate limit, likewise."
     )
-    throttle_lag_s: float = quantity(
-        "s", ge=0.0, le=10.0, default=0.0, doc="Lag of the thrust, likewise."
+    throttle_lag_s: float | None = quantity(
+        "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust, likewise."
     )
     filter_s: float = quantity(
         "s", gt=0.0, le=1.0, default=0.01, doc="Filter of measurement and command."
@@ -80,16 +83,15 @@ class Diagnosis(Model):
     probe_s: float = quantity("s", gt=0.0, default=0.5, doc="Half period of the latter.")
 
     def with_servos(self, servos: ActuatorServos) -> Self:
-        """Return the parameters with the slowest of the servos, where they were not given."""
+        """Return the parameters with the slowest of the servos, where none are given."""
         surfaces = (servos.aileron, servos.elevator, servos.rudder)
         limits = [s.rate_limit_deg_s for s in surfaces if s.rate_limit_deg_s is not None]
         known = {
             "servo_lag_s": max(servo.lag_s for servo in surfaces),
+            "servo_rate_limit_deg_s": min(limits, default=_NO_LIMIT_DEG_S),
             "throttle_lag_s": servos.throttle.lag_s,
         }
-        if limits:
-            known["servo_rate_limit_deg_s"] = min(limits)
-        left_open = {key: value for key, value in known.items() if key not in self.model_fields_set}
+        left_open = {key: value for key, value in known.items() if getattr(self, key) is None}
         return self.model_copy(update=left_open)
 
 
