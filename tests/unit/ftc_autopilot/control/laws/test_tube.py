@@ -102,6 +102,7 @@ def test_a_channel_is_sent_only_when_it_would_leave_its_tube() -> None:
             assert (exits[quiet, i, channel] < lead_s - 0.015).mean() < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hardware", [(), ("realistic",)])
 @pytest.mark.parametrize("name", PROFILES)
 def test_profiles_that_it_was_not_tuned_on_stay_in_the_tube(
