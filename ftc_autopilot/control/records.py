@@ -29,8 +29,8 @@ def record_dtype(model: type[BaseModel], base: type[BaseModel] = BaseModel) -> n
     """Return the record that holds the numbers which a model has beyond those of a base class.
 
     A number is a number, a choice of texts its index, three numbers an array, a schedule its
-    table, a model a record. A text without a choice is left out. A number that may be left open
-    must be known when the record is filled.
+    table, a model a record; a number that may be none is NaN then. A text without a choice is left
+    out.
     """
     own = {n: f for n, f in model.model_fields.items() if n not in base.model_fields}
     fields = ((in_si(name)[0], _dtype(field.annotation)) for name, field in own.items())
@@ -38,6 +38,8 @@ def record_dtype(model: type[BaseModel], base: type[BaseModel] = BaseModel) -> n
 
 
 def _dtype(annotation: Any) -> tuple[Any, ...] | None:
+    if annotation == float | None:
+        return ("f8",)
     if get_origin(annotation) is Literal:
         return ("i8",) if len(get_args(annotation)) > 1 else None
     if get_origin(annotation) is tuple:
@@ -53,8 +55,6 @@ def _dtype(annotation: Any) -> tuple[Any, ...] | None:
             return ("i8",)
         if annotation is float:
             return ("f8",)
-    if annotation == float | None:
-        return ("f8",)
     raise TypeError(f"a compiled law cannot have a parameter of type {annotation}")
 
 
@@ -73,4 +73,4 @@ def fill(record: np.void, model: BaseModel) -> None:
         elif isinstance(value, str):
             record[name] = get_args(info.annotation).index(value)
         else:
-            record[name] = np.multiply(value, factor)
+            record[name] = np.multiply(math.nan if value is None else value, factor)

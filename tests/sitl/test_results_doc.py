@@ -20,9 +20,12 @@ ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 EXPLANATION = ROOT / "docs" / "explanation"
 RESULTS = (EXPLANATION / "results.md").read_text()
+TUBE = (EXPLANATION / "tube.md").read_text()
 CONTROLLERS = (EXPLANATION / "controllers.md").read_text()
 FIRST_FLIGHT = (ROOT / "docs" / "tutorial" / "first-flight.md").read_text()
-SWEEPS = re.findall(r"^    (gcs sweep .*)\n\n((?:\|.*\n)+)", RESULTS + CONTROLLERS, re.MULTILINE)
+SWEEPS = re.findall(
+    r"^    (gcs sweep .*)\n\n((?:\|.*\n)+)", RESULTS + CONTROLLERS + TUBE, re.MULTILINE
+)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 
 Rows: TypeAlias = list[list[str]]
@@ -72,7 +75,7 @@ def section(text: str, heading: str) -> str:
 
 
 def test_there_are_tables() -> None:
-    assert len(SWEEPS) == 18
+    assert len(SWEEPS) == 19
 
 
 @pytest.mark.parametrize(("command", "shown"), SWEEPS, ids=lambda text: text[-12:])

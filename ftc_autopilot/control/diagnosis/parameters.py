@@ -82,7 +82,7 @@ class Diagnosis(Model):
     probe_s: float = quantity("s", gt=0.0, default=0.5, doc="Half period of the latter.")
 
     def with_servos(self, servos: ActuatorServos) -> Self:
-        """Return the parameters with the slowest of the servos, where they were not given."""
+        """Return the parameters with the slowest of the servos, where none are given."""
         surfaces = (servos.aileron, servos.elevator, servos.rudder)
         limits = [s.rate_limit_deg_s for s in surfaces if s.rate_limit_deg_s is not None]
         known = {

@@ -175,6 +175,8 @@ def test_the_diagnosis_knows_the_servos_unless_told_otherwise() -> None:
     known = law.diagnosis
     assert (known.servo_lag_s, known.servo_rate_limit_deg_s) == (0.04, 400.0)  # the slowest
     assert known.throttle_lag_s == 0.3
+    saved = scenario_with("paper/scenario1", servos=servos).model_dump()  # as campaigns do
+    assert Scenario.model_validate(saved).autopilot_config(1).controller == law
     given = {"diagnosis": {"servo_lag_s": 0.0}}
     law = scenario_with("paper/scenario1", given, servos=servos).autopilot_config(1).controller
     assert isinstance(law, Surviving)

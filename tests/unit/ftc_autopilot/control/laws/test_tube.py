@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ftc_autopilot.control.diagnosis import LOST
+from ftc_autopilot.control.laws.tube import Tube
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
@@ -15,6 +16,7 @@ from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import ConfigError
 
 FILES = sorted(path.stem for path in (SCENARIOS / "faults").glob("*.yaml"))
+PROFILES = sorted(path.stem for path in (SCENARIOS / "profiles").glob("*.yaml"))
 PAPER = {"airspeed": 17.8, "roll": 16.4, "pitch": 13.4, "yaw": 25.6}  # IAE, its scenario 1
 
 
@@ -98,6 +100,28 @@ def test_a_channel_is_sent_only_when_it_would_leave_its_tube() -> None:
             assert np.all(after >= before)
             quiet = np.setdiff1d(np.arange(4, 6000, 4), events)
             assert (exits[quiet, i, channel] < lead_s - 0.015).mean() < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hardware", [(), ("realistic",)])
+@pytest.mark.parametrize("name", PROFILES)
+def test_profiles_that_it_was_not_tuned_on_stay_in_the_tube(
+    name: str, hardware: tuple[str, ...]
+) -> None:
+    """Recomputed from the recording: outside for 1 % of the time, by half the width at most."""
+    scenario = scenario_with(f"profiles/{name}", *hardware)
+    flight = fly_in_process(scenario)
+    signals, law = flight.signals, Tube()
+    neighbours = np.array([2, 1, 1])
+    weight_v, weight = 0.46 + 0.17 * neighbours, 5.0 + 0.2 * neighbours
+    error = signals["sync_error"] / np.stack([weight_v, weight, weight, weight], axis=-1)
+    away = np.abs(signals["reference"] - signals["command"])
+    away[..., 3] = np.minimum(away[..., 3], 2.0 * np.pi - away[..., 3])
+    width = np.array([law.width_m_s, *np.radians(law.width_deg)]) + law.widening * away
+    share = (np.abs(error) / width)[2000:]
+    assert (share > 1.0).mean(axis=(0, 1)).max() < 0.01
+    assert share.max() < 1.5
+    assert np.isfinite(signals["predicted_exit"]).all()  # no other law has flown
 
 
 @pytest.mark.parametrize("law", ["tube", "pid"])
