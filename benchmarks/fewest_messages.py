@@ -139,7 +139,7 @@ class Sky:
         stop = aircraft["surface_limit"]
         limits = np.array([stop, stop, stop, aircraft["thrust_limit"]])
         commands = schedule.commands(self.steps, self.step_us) * limits
-        if not _fly(fleet, commands, self.step_us, states):
+        if not fly_open_loop(fleet, commands, self.step_us, states):
             return None
         airspeed = np.linalg.norm(states[:, 3:6], axis=1)
         error = np.column_stack([airspeed, states[:, 6:9]]) - self.wanted
@@ -152,7 +152,17 @@ class Sky:
 
 
 @compiled
-def _fly(fleet: PlantState, commands: np.ndarray, step_us: int, states: np.ndarray) -> bool:
+def fly_open_loop(
+    fleet: PlantState, commands: np.ndarray, step_us: int, states: np.ndarray
+) -> bool:
+    """Fly the commands of every step; return whether the aircraft stayed in the model's range.
+
+    Args:
+        fleet: The aircraft, updated in place.
+        commands: Aileron, elevator, rudder [rad], thrust [N], shape (steps, 4).
+        step_us: Period [µs].
+        states: State at the beginning of each step, shape (steps, 12), written.
+    """
     fleet.messages[0]["actuator_time_usec"] = 0
     for k in range(len(commands)):
         states[k] = fleet.states[0]
