@@ -26,7 +26,9 @@ class Kept:
     """How many aircraft a sender keeps.
 
     Attributes:
-        transmissions: Of single channels in one flight, all UAVs; None if it differs by flight.
+        periods: Control periods between transmissions, by channel as in FTC_ACTUATOR; None of a
+            triggered sender.
+        transmissions: Of single channels in one flight, all UAVs; None of a triggered sender.
         kept: Aircraft that were kept.
         flown: Aircraft that were flown; fewer than drawn if too many were lost already.
         enough: Whether the share that was asked for was kept, of all.

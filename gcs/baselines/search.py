@@ -19,7 +19,7 @@ __all__ = ["COARSE", "FINE", "Checked", "Search", "worst_ratio"]
 FINE = 1.05
 """Largest ratio of neighbouring periods in the search for one period for all channels."""
 COARSE = 1.25
-"""The same where each channel has its own."""
+"""The same where each channel has its own, and on uncertain aircraft."""
 
 
 @dataclass(frozen=True)

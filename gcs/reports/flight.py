@@ -22,7 +22,7 @@ def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Te
     total = (
         f"{summary.duration_s:g} s in {summary.wall_s:.2f} s ({pace}"
         f"{summary.mode.replace('_', ' ')}); saved {percent(summary.saving)} of "
-        "periodic transmissions"
+        f"sending every channel every {milliseconds(scenario.step_us / 1e6)}"
     )
     remarks = [line for uav in summary.uavs for line in _remarks(uav, summary.steps)]
     tables = [_transmissions(summary, names), _links(summary, names), _tracking(summary, names)]

@@ -125,6 +125,8 @@ def test_words_say_what_was_not_checked(rough: tuple[Recording, Scenario]) -> No
         ({"servos": {"rudder": {"lag_s": 0.02}}}, "servos"),
         ({"sensors": {"gyro_deg_s": {"bias": 0.1}}}, "errors of sensors"),
         ({"wind": {"turbulence": "light"}}, "motions of the air"),
+        ({"trigger": {"mode": "dynamic"}}, "other triggers than (25), (29)"),
+        ({"trigger": {"mode": "periodic", "rudder_period_s": 0.002}}, "other triggers than"),
     ],
 )
 def test_proofs_are_left_out_of_flights_that_the_theorems_do_not_know(

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,6 +7,7 @@ from hypothesis import strategies as st
 from theory_flights import DT, scenario_with, synthetic
 
 from ftc_autopilot.control.trigger import on_wire
+from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from gcs.theory.dwell import dwell_times, in_force
@@ -71,6 +74,29 @@ def test_without_a_trigger_there_is_no_bound() -> None:
     throttle = dwell_times(with_thrust([0.0, 1.0], [0, 1]), 0, scenario)["throttle"]
     assert throttle["min_interval_s"] == pytest.approx(DT)
     assert throttle["bound_s"] is throttle["held"] is None
+
+
+@pytest.mark.parametrize(
+    ("trigger", "bounded"),
+    [
+        ({"mode": "per_channel"}, True),
+        ({"mode": "dynamic"}, True),
+        ({"mode": "periodic_event", "check_s": 0.003}, True),
+        ({"mode": "self"}, False),
+        ({"mode": "periodic", "period_s": 0.004}, False),
+    ],
+)
+def test_flown_intervals_keep_the_bound_of_their_trigger(
+    trigger: dict[str, Any], bounded: bool
+) -> None:
+    scenario = scenario_with(trigger=trigger, duration_s=0.3, faults=[])
+    flight = fly_in_process(scenario)
+    shortest = {"periodic_event": 0.003, "self": 0.004, "periodic": 0.004}
+    for i in range(len(flight.uav_ids)):
+        for channel in dwell_times(flight, i, scenario).values():
+            assert channel["held"] in ({True, None} if bounded else {None})
+            if channel["events"] > 1:
+                assert channel["min_interval_s"] >= shortest.get(trigger["mode"], DT) - 1e-9
 
 
 @given(st.lists(st.floats(-50.0, 3000.0), min_size=1, max_size=60))
