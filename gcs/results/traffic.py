@@ -11,7 +11,7 @@ import numpy as np
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
-from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
+from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_MODE_FLAG_SAFETY_ARMED
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, SIM_STATE
 from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, SIGNATURE_SIZE
 from sitl_plant.hardware import Sensor
@@ -70,6 +70,8 @@ def _actuator_messages(recording: Recording, i: int) -> np.ndarray:
     messages = np.zeros(len(steps), ACTUATORS)
     messages["time_usec"] = steps * recording.step_us
     messages["controls"][:, :N_CHANNELS] = recording.signals["held"][steps, i]
+    armed = recording.active[steps, i]
+    messages["mode"] = np.where(armed, MAV_MODE_FLAG_SAFETY_ARMED, 0)
     return messages
 
 
