@@ -59,12 +59,12 @@ def fly_in_process(
     wind = np.zeros((steps, len(ids), 3))
     applied = np.zeros((steps, len(ids), N_CHANNELS))
     signals = np.zeros((steps, len(ids)), SIGNALS)
-    _exchange_initial_states(fleet, controllers, sources, scenario.step_us)
+    exchange_initial_states(fleet, controllers, sources, scenario.step_us)
     begin = time.perf_counter()
     step, loss = 0, None
     while step < steps and loss is None:
         last = min(step + _CHUNK_STEPS, steps)
-        step, lost = _run(
+        step, lost = run_steps(
             fleet,
             controllers,
             sources,
@@ -112,7 +112,7 @@ def _brief(
 
 
 @compiled
-def _exchange_initial_states(
+def exchange_initial_states(
     fleet: PlantState, controllers: Controllers, sources: np.ndarray, step_us: int
 ) -> None:
     for i in range(len(sources)):
@@ -122,7 +122,7 @@ def _exchange_initial_states(
 
 
 @compiled
-def _run(
+def run_steps(
     fleet: PlantState,
     controllers: Controllers,
     sources: np.ndarray,
