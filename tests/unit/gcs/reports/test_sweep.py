@@ -56,7 +56,9 @@ def test_neighbour_messages_have_columns_where_a_trigger_is_swept(
     folder = tmp_path / "out"
     axes = parse_axes(["links.formation.trigger=null,{}", "duration_s=0.05"])
     open_folder(folder, [short], axes)
-    results = list(flown(plan([short], axes), folder))
+    runs = plan([short], axes)
+    by_digest = {result.run.digest: result for result in flown(runs, folder)}
+    results = [result_of(run, by_digest) for run in runs]
     write_csv(results, folder / "table.csv")
     with (folder / "table.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
