@@ -12,7 +12,7 @@ import numpy as np
 
 from ftc_autopilot.config import Neighbour
 from ftc_autopilot.control.controllers import Controllers
-from mavlink_defs.dialect import MAV_COMP_ID_AUTOPILOT1
+from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_COMP_ID_AUTOPILOT1
 from mavlink_defs.endpoint import parse_address, sockaddr
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import (
@@ -301,6 +301,8 @@ def _keep_neighbour_state(link: FormationLink, controllers: Controllers, newest:
     received = link.neighbour_state[0]
     step = int(received["step"])
     if not _is_finite(received) or step > newest + link.state[0]["timeout_steps"]:
+        return DropReason.OUT_OF_RANGE
+    if received["frame"] > FTC_NEIGHBOUR_FRAME_REFERENCE:  # of a newer dialect
         return DropReason.OUT_OF_RANGE
     link.misses[d] = 0
     if step > newest:

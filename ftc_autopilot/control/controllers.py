@@ -108,6 +108,7 @@ def reset_controllers(controllers: Controllers) -> None:
     for array in (
         controllers.guidance,
         controllers.neighbour_states,
+        controllers.extrapolated,
         controllers.actuators,
         controllers.own_states,
         controllers.told,

@@ -11,7 +11,7 @@ import numpy as np
 from gcs.results.steps import Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
-from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
+from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_MODE_FLAG_SAFETY_ARMED
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, SIM_STATE
 from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, SIGNATURE_SIZE
 from mavlink_defs.runtime.jit import compiled
@@ -81,6 +81,7 @@ class Traffic:
         messages = np.zeros(len(rows), ACTUATORS)
         messages["time_usec"] = (steps.first + rows) * self._scenario.step_us
         messages["controls"][:, :N_CHANNELS] = steps.signals["held"][rows, i]
+        messages["mode"] = np.where(_active(steps, i, rows), MAV_MODE_FLAG_SAFETY_ARMED, 0)
         return messages
 
     def _neighbour_messages(self, steps: Steps, i: int) -> np.ndarray:
@@ -88,9 +89,13 @@ class Traffic:
         messages = np.zeros(len(rows), NEIGHBOUR)
         messages["step"] = steps.first + rows
         if self._triggered:
-            active = np.isfinite(steps.signals["command"][rows, i, 0])
+            active = _active(steps, i, rows)
             messages["frame"] = np.where(active, FTC_NEIGHBOUR_FRAME_REFERENCE, 0)
         return messages
+
+
+def _active(steps: Steps, i: int, rows: np.ndarray) -> np.ndarray:
+    return np.isfinite(steps.signals["command"][rows, i, 0])
 
 
 @compiled

@@ -86,9 +86,10 @@ class Rig:
         airspeed: float = 41.0,
         system: int = NEIGHBOUR,
         sock: socket.socket | None = None,
+        frame: int = 0,
     ) -> None:
         payload = np.zeros(1, codec.NEIGHBOUR)
-        payload["step"], payload["airspeed"] = step, airspeed
+        payload["step"], payload["airspeed"], payload["frame"] = step, airspeed, frame
         datagram = codec.new_buffer()
         length = codec.pack(datagram, payload, codec.MessageId.NEIGHBOUR, system, 1, step)
         sock = sock or self.neighbour

@@ -123,7 +123,7 @@ def test_the_papers_tables_are_those_of_gcs_reproduce(tmp_path: Path) -> None:
     for table in flight_tables(summary, load_scenario(SCENARIO_1)):
         console.print(table)
     flown, copied = printed_rows(printed.getvalue()), printed_rows(FIRST_FLIGHT)
-    assert len(flown) == 15 + 9  # transmissions and tracking of three UAVs
+    assert len(flown) == 15 + 9 + 12  # transmissions, links and tracking of three UAVs
     assert headings(printed.getvalue()) == headings(FIRST_FLIGHT)
     for row, wanted in zip(flown, copied, strict=True):
         assert_cells_alike(row, wanted, rel=0.02 if "IAE" in row[1] else 0.1)

@@ -66,9 +66,10 @@ def test_a_state_of_a_far_later_step_is_not_kept_as_pending(rig: Rig) -> None:
     assert rig.link.formation.pending_step[0] == 1
 
 
-def test_states_of_strangers_and_states_that_are_not_finite_are_ignored(rig: Rig) -> None:
+def test_states_of_strangers_and_states_that_mean_nothing_are_ignored(rig: Rig) -> None:
     rig.send_neighbour_state(0, system=77)
     rig.send_neighbour_state(0, airspeed=math.nan)
+    rig.send_neighbour_state(0, frame=7)
     rig.state(0, FTC_SIM_FLAGS_RUNNING)
     assert rig.controllers.weights[0, 0] == 0.0
 

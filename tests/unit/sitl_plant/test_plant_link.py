@@ -4,11 +4,13 @@ import socket
 import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from gcs.scenario.model import Scenario
-from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
-from mavlink_defs.endpoint import UdpAddress, bind_udp
+from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
+from mavlink_defs.endpoint import UdpAddress, bind_udp, set_receive_timeout, sockaddr
+from mavlink_defs.framing import codec
 from mavlink_defs.framing.hot_link import Outcome
 from sitl_plant.fleet import PlantState, new_plant_state
 from sitl_plant.link import PlantLink, due_time_s, new_link, run
@@ -45,6 +47,34 @@ def test_a_plant_that_fell_behind_shifts_its_schedule_once(
     assert clock["lag_s"] >= 1e4 - STEPS / 1e3
     assert clock["lag_s"] == pytest.approx(clock["origin_s"] - origin_s, abs=1e-6)
     assert clock["lag_s"] < 2e4  # not once for every step
+
+
+def test_the_next_state_tells_who_sent_no_neighbour_message(
+    fleet: PlantState, sock: socket.socket
+) -> None:
+    link = new_link([1, 2, 30], 1000, STEPS, None, record=False)
+    link.state["flags"] = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
+    link.known[:] = 1
+    set_receive_timeout(sock, 0.05)
+    autopilots = [bind_udp(UdpAddress("127.0.0.1", 0), "test") for _ in range(3)]
+    heard = []
+    for i, autopilot in enumerate(autopilots):
+        link.addresses[i] = sockaddr(UdpAddress(*autopilot.getsockname()))
+    for step, silent in enumerate([(0, 1, 1), (0, 0, 0), (1, 0, 0)]):
+        for i in (0, 1, 2, 2):  # one answers twice, as to a state that was sent again
+            done = np.zeros(1, codec.STEP_DONE)
+            done["step"], done["silent"] = step, silent[i]
+            datagram = codec.new_buffer()
+            number = codec.MessageId.STEP_DONE
+            length = codec.pack(datagram, done, number, int(link.systems[i]), 1, step)
+            autopilots[i].sendto(datagram[:length].tobytes(), sock.getsockname())
+        while link.state[0]["step"] == step:
+            run(sock.fileno(), link, fleet, time.monotonic())
+        bits = int.from_bytes(fleet.messages[0]["silent"].tobytes(), "little")
+        heard.append([system for system in range(256) if bits >> system & 1])
+    for autopilot in autopilots:
+        autopilot.close()
+    assert heard == [[2, 30], [], [1]]
 
 
 @pytest.mark.parametrize("speed", [1.0, 10.0])

@@ -109,6 +109,11 @@ def test_a_message_is_due_when_something_is_off_or_after_the_longest_silence() -
     assert not due(message(10, 9.0, 9.0))  # nothing is sent twice for one step
 
 
+def test_half_a_turn_is_passed_without_a_message() -> None:
+    told, own = message(1, 0.0, math.pi - 1e-4), message(2, 0.0, 1e-4 - math.pi)
+    assert not is_message_due(own, told, later(told, 2), DT, RECORD)
+
+
 def test_own_errors_are_those_of_the_step() -> None:
     own = message(3, 41.0, 0.5, rate=2.0)
     signals = np.zeros(1, SIGNALS)[0]

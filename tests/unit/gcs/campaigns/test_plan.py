@@ -206,7 +206,9 @@ def test_impairments_of_links_are_refused(tmp_path: Path) -> None:
     assert "campaigns fly in process" in message(tmp_path, scenario="wire.yaml")
 
 
-@pytest.mark.parametrize("name", ["uncertainty", "faults", "false_alarms", "stuck_surface"])
+@pytest.mark.parametrize(
+    "name", ["uncertainty", "faults", "false_alarms", "stuck_surface", "neighbour_messages"]
+)
 def test_shipped_campaigns_can_be_flown(name: str) -> None:
     path = SCENARIOS / "campaigns" / f"{name}.yaml"
     campaign = load_campaign(path)

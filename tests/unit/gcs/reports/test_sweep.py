@@ -48,3 +48,26 @@ def test_report_has_every_run(short: Path, tmp_path: Path) -> None:
     draw_sweep(results, 3, folder)
     assert (folder / "sweep.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / "sweep.svg").read_text().startswith("<?xml")
+
+
+def test_neighbour_messages_have_columns_where_a_trigger_is_swept(
+    short: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    axes = parse_axes(["links.formation.trigger=null,{}", "duration_s=0.05"])
+    open_folder(folder, [short], axes)
+    runs = plan([short], axes)
+    by_digest = {result.run.digest: result for result in flown(runs, folder)}
+    results = [result_of(run, by_digest) for run in runs]
+    write_csv(results, folder / "table.csv")
+    with (folder / "table.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["neighbour_messages"] for row in rows[:3]] == ["98", "49", "49"]
+    assert [float(row["neighbour_saving"]) for row in rows[:3]] == [0.0] * 3
+    assert all(0 < int(row["neighbour_messages"]) < 40 for row in rows[3:])
+    write_markdown(results, 3, folder / "table.md")
+    head, _, periodic, triggered = (folder / "table.md").read_text().splitlines()[2:]
+    assert "| neighbour messages | neighbour messages saved |" in head
+    assert "| 49 | 0.00 % |" in periodic
+    assert "| 49 |" not in triggered
+    assert len(terminal_table(results, 3).columns) == 1 + 1 + 4 + 1
