@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ftc_autopilot.control.controller import no_signals
+from ftc_autopilot.control.controller import SIGNALS, no_signals
 from gcs.errors import FlightLost
 from gcs.fleet.processes import FleetProcesses
 from gcs.results.recording import Recording
@@ -86,7 +86,7 @@ class Collector:
             begin, count = self._next, len(self._waiting)
             if not all(a.read_to(begin + count) or over for a in self._autopilots):
                 return
-            signals = np.empty((count, len(self._autopilots)), no_signals(0).dtype)
+            signals = np.empty((count, len(self._autopilots)), SIGNALS)
             for i, autopilot in enumerate(self._autopilots):
                 signals[:, i] = autopilot.signals(begin, begin + count)
             plant, self._waiting = self._waiting, None
