@@ -279,7 +279,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
     if fresh:
         collect_neighbour_states(formation_fd, formation, controllers, step, lockstep)
         mask = controller_step(controllers, 0, sim_state, state["step_us"])
-        _send_actuators(plant_fd, link, controllers, mask, lockstep)
+        send_actuators(plant_fd, link, controllers, mask, lockstep)
         send_own_state(formation_fd, formation, controllers)
         state["step"] = step
         row = state["recorded"]
@@ -312,7 +312,7 @@ def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: i
 
 
 @compiled
-def _send_actuators(
+def send_actuators(
     plant_fd: int, link: AutopilotLink, controllers: Controllers, mask: int, lockstep: bool
 ) -> None:
     """Send the actuator message if there was an event, or again if one was not acknowledged.

@@ -226,7 +226,7 @@ def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcom
     real_time = running and state["speed"] > 0.0
     while True:
         if real_time:
-            due_s = _due_s(link)
+            due_s = due_time_s(link)
             sleep_until(min(due_s, until_s))
             length = receive_from_now(fd, link.received, link.sender)
             if length < 0 and monotonic_s() >= due_s:
@@ -251,7 +251,7 @@ def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcom
 
 
 @compiled
-def _due_s(link: PlantLink) -> float:
+def due_time_s(link: PlantLink) -> float:
     """Return when the present step ends [s, wall time]; a machine too slow shifts the origin."""
     state = link.state[0]
     periods = state["step"] + 1 - state["origin_step"]

@@ -87,12 +87,12 @@ def _fly(
             controllers.weights[i, d] = neighbour.weight
     _brief(scenario, fleet, controllers, ids)
 
-    _exchange_initial_states(fleet, controllers, sources, scenario.step_us)
+    exchange_initial_states(fleet, controllers, sources, scenario.step_us)
     begin = time.perf_counter()
     step, loss = 0, None
     while step < scenario.steps and loss is None:
         chunk = room(step, min(step + _CHUNK_STEPS, scenario.steps))
-        flown, lost = _run(
+        flown, lost = run_steps(
             fleet,
             controllers,
             sources,
@@ -137,7 +137,7 @@ def _brief(
 
 
 @compiled
-def _exchange_initial_states(
+def exchange_initial_states(
     fleet: PlantState, controllers: Controllers, sources: np.ndarray, step_us: int
 ) -> None:
     for i in range(len(sources)):
@@ -147,7 +147,7 @@ def _exchange_initial_states(
 
 
 @compiled
-def _run(
+def run_steps(
     fleet: PlantState,
     controllers: Controllers,
     sources: np.ndarray,

@@ -1,6 +1,12 @@
 """Compile the numeric core ahead of its first use, once for all processes."""
 
+import contextlib
+import os
 import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
 
 from ftc_autopilot import link as autopilot_link
 from ftc_autopilot.control.controllers import new_controllers
@@ -15,6 +21,7 @@ from gcs.theory import check_theory
 from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.runtime.jit import mark_cache_warm, not_cached
 from sitl_plant import link as plant_link
+from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
 
 __all__ = ["compile_everything"]
@@ -22,6 +29,8 @@ __all__ = ["compile_everything"]
 
 def compile_everything(scenario: Scenario) -> None:
     """Call every compiled entry point once, so that its machine code is in the cache.
+
+    Two processes share the work.
 
     Args:
         scenario: Any scenario; a few steps of it are flown in process.
@@ -38,21 +47,65 @@ def compile_everything(scenario: Scenario) -> None:
 
 def _call_everything(scenario: Scenario) -> None:
     short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
+    plant = short.plant_config(speed=None)
+    with _other_process(plant):
+        _call_autopilot(short)
+    _call_plant(plant)
     flight = fly_in_process(short)
     summarise(flight, short)
     check_theory(flight, short)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        set_receive_timeout(sock, 1e-3)
-        fd = sock.fileno()
-        plant = short.plant_config(speed=None)
-        fleet = new_plant_state(plant)
-        link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, 1)
+
+
+@contextlib.contextmanager
+def _other_process(plant: PlantConfig) -> Iterator[None]:
+    """Compile the plant in another process meanwhile; what fails there is left to the caller."""
+    command = [sys.executable, "-m", __spec__.name if __spec__ else __name__]
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as child:
+        assert child.stdin is not None
+        try:
+            child.stdin.write(plant.model_dump_json().encode() + b"\n")
+            child.stdin.flush()
+            yield
+            child.wait()
+        except BrokenPipeError:
+            return
+        finally:
+            child.kill()
+
+
+def _call_plant(plant: PlantConfig) -> None:
+    fleet = new_plant_state(plant)
+    link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, 1)
+    with _socket() as fd:
         plant_link.run(fd, link, fleet, 0.0)
         plant_link.send_states(fd, link, fleet, False)
-        autopilot = short.autopilot_config(short.uavs[0].id)
-        controllers = new_controllers([autopilot])
-        own = autopilot_link.new_link(autopilot.id, autopilot.neighbours, plant.step_us, 1.0, 1)
-        autopilot_link.run(fd, fd, own, controllers, 0.0, 0)
-        telemetry = Vehicle(autopilot, HotState(own), controllers).telemetry[0]
-        for message_id in (*DEFAULT_INTERVALS_US, *PRIVATE_INTERVALS_S):
-            telemetry.make(message_id)
+
+
+def _call_autopilot(scenario: Scenario) -> None:
+    config = scenario.autopilot_config(scenario.uavs[0].id)
+    controllers = new_controllers([config])
+    link = autopilot_link.new_link(config.id, config.neighbours, scenario.step_us, 1.0, 1)
+    with _socket() as fd:
+        autopilot_link.run(fd, fd, link, controllers, 0.0, 0)
+    telemetry = Vehicle(config, HotState(link), controllers).telemetry[0]
+    for message_id in (*DEFAULT_INTERVALS_US, *PRIVATE_INTERVALS_S):
+        telemetry.make(message_id)
+
+
+@contextlib.contextmanager
+def _socket() -> Iterator[int]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        set_receive_timeout(sock, 1e-3)
+        yield sock.fileno()
+
+
+def _end_with_parent() -> None:
+    sys.stdin.buffer.read()
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    given = PlantConfig.model_validate_json(sys.stdin.buffer.readline())
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _call_plant(given)

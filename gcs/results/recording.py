@@ -111,8 +111,8 @@ class Recording:
             wanted: The unfiltered commands, or the filtered reference.
         """
         error: np.ndarray = self.response - self._held_over(self.signals[wanted])
-        _wrap_all(error[..., 1])
-        _wrap_all(error[..., 3])
+        wrap_all(error[..., 1])
+        wrap_all(error[..., 3])
         return error
 
     def _held_over(self, values: np.ndarray) -> np.ndarray:
@@ -127,7 +127,7 @@ class Recording:
 
 
 @compiled
-def _wrap_all(angles: np.ndarray) -> None:
+def wrap_all(angles: np.ndarray) -> None:
     for k in range(angles.shape[0]):
         for i in range(angles.shape[1]):
             angles[k, i] = wrap(angles[k, i])

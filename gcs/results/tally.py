@@ -15,7 +15,7 @@ from gcs.results.steps import Steps
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["FINAL_S", "Decision", "Tally"]
+__all__ = ["FINAL_S", "Decision", "Tally", "count_steps"]
 
 FINAL_S = 1.0
 """The final error is the largest one of this long before the end [s]."""
@@ -128,7 +128,7 @@ class Tally:
     def _count(self, i: int, steps: Steps, column: int) -> None:
         """Count the i-th UAV's steps, which stand in a column of the arrays."""
         before = self.uavs[i].copy()
-        _count(
+        count_steps(
             steps.first,
             self._step_us,
             np.ascontiguousarray(steps.states),
@@ -152,7 +152,7 @@ class Tally:
 
 
 @compiled
-def _count(
+def count_steps(
     first: int,
     step_us: int,
     states: np.ndarray,

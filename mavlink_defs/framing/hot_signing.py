@@ -98,7 +98,7 @@ def sign_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> in
         return length
     datagram[FLAGS] |= SIGNED_FLAG
     add_checksum(datagram)
-    return _append(link_signer, datagram, length)
+    return append_signature(link_signer, datagram, length)
 
 
 def sign_bytes(link_signer: LinkSigner, frame: bytes) -> bytes:
@@ -107,7 +107,7 @@ def sign_bytes(link_signer: LinkSigner, frame: bytes) -> bytes:
         return frame
     datagram = new_buffer()
     datagram[: len(frame)] = np.frombuffer(flagged(frame), np.uint8)
-    return bytes(datagram[: _append(link_signer, datagram, len(frame))])
+    return bytes(datagram[: append_signature(link_signer, datagram, len(frame))])
 
 
 @compiled
@@ -159,7 +159,7 @@ def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
 
 
 @compiled
-def _append(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
+def append_signature(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     stamp = _now(link_signer, 1)
     link_signer.time[0] = stamp
     link_signer.shared[0] = max(link_signer.shared[0], stamp)

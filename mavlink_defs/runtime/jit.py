@@ -1,9 +1,10 @@
-"""Compiled functions: numba, with one cache that can never be stale.
+"""Compiled functions: numba, with a cache that can never be stale.
 
 Numba's own cache looks only at the file that a function stands in, so a caller goes on
-running the old code of a function that it calls from another file. Here the cache folder's
-name is a digest of every compiled source of the four packages and where they lie, of the dialect
-and of the versions of numba and numpy, so that a change anywhere starts a new folder.
+running the old code of a function that it calls from another file. Here every file has a cache
+folder of its own, whose name is a digest of that file, of every file that it imports, directly or
+not, of where they lie and of the versions of numba and numpy. After a change only what
+depends on it is compiled again.
 
 The cache lies in ``$NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/ftc-sitl``, or
 ``~/.cache/ftc-sitl``. Where it cannot be written, every process compiles for itself what it
@@ -11,14 +12,17 @@ calls, and the error of `cache_is_cold` names the remedy. With ``NUMBA_DISABLE_J
 functions run as plain Python.
 """
 
+import contextlib
+import functools
 import hashlib
 import os
+import re
 import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
@@ -30,8 +34,12 @@ __all__ = ["cache_is_cold", "compiled", "mark_cache_warm", "not_cached", "source
 _F = TypeVar("_F", bound=Callable[..., object])
 
 _PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs")
+_ROOT = Path(__file__).resolve().parents[2]
+_GENERATED = {_ROOT / "mavlink_defs" / "dialect.py": _ROOT / "mavlink_defs" / "ftc.xml"}
+_IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", re.MULTILINE)
 _KEPT_DAYS = 14
 
+_unliteral: Any = numba.types.unliteral  # which has no types of its own
 _settings = vars(numba.config)  # made at run time, so that type checkers see none of them
 
 
@@ -41,9 +49,37 @@ def compiled(function: _F) -> _F:
     Floating-point rules stay strict (no ``fastmath``), so that the same inputs give the
     same bits in every process and from every caller; division by zero gives inf or NaN as
     in numpy.
+
+    A function whose name begins with an underscore can be called by compiled code only: it gets no
+    wrapper for Python, which would take longer to compile than most of these functions.
     """
-    cache = _obstacle is None
-    return cast(_F, numba.njit(cache=cache, error_model="numpy", nogil=True)(function))
+    cached = _obstacle is None
+    if cached:
+        _settings["CACHE_DIR"] = str(_cache_folder / _digest_with_imports(_file_of(function)))
+    options: dict[str, Any] = {
+        "cache": cached,
+        "error_model": "numpy",
+        "nogil": True,
+        "no_cpython_wrapper": function.__name__.startswith("_"),
+    }
+    dispatcher = numba.njit(**options)(function)
+    if not _settings["DISABLE_JIT"]:
+        _ignore_literals(dispatcher)
+    return cast(_F, dispatcher)
+
+
+def _ignore_literals(dispatcher: Any) -> None:
+    """Let calls with constants share the machine code of calls with variables.
+
+    Numba would compile a function anew for each constant that it is called with.
+    """
+    get_call_template = dispatcher.get_call_template
+
+    def without_literals(arguments: Iterable[Any], keywords: dict[str, Any]) -> Any:
+        plain = {name: _unliteral(kind) for name, kind in keywords.items()}
+        return get_call_template(tuple(map(_unliteral, arguments)), plain)
+
+    dispatcher.get_call_template = without_literals
 
 
 def cache_is_cold() -> bool:
@@ -56,7 +92,7 @@ def cache_is_cold() -> bool:
         return False
     if _obstacle is not None:
         raise not_cached(_obstacle)
-    return not (_cache_folder / "warm").exists()
+    return not _warm_mark().exists()
 
 
 def not_cached(problem: OSError) -> ConfigError:
@@ -67,16 +103,20 @@ def not_cached(problem: OSError) -> ConfigError:
 
 
 def mark_cache_warm() -> None:
-    """Note that every compiled function now lies in the cache; forget caches of old sources."""
+    """Note that every compiled function now lies in the cache; forget code of old sources."""
     if _settings["DISABLE_JIT"]:
         return
-    _cache_folder.mkdir(parents=True, exist_ok=True)
-    (_cache_folder / "warm").touch()
+    in_use = [_cache_folder / _digest_with_imports(source) for source in _compiled_sources()]
+    for place in [*in_use, _warm_mark()]:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if place.exists():
+            os.utime(place)
+    _warm_mark().touch()
     oldest = time.time() - _KEPT_DAYS * 86400
-    for other in _cache_folder.parent.glob("core-*"):
-        warm = other / "warm"
-        if other != _cache_folder and warm.exists() and warm.stat().st_mtime < oldest:
-            shutil.rmtree(other, ignore_errors=True)
+    for place in _cache_folder.iterdir():
+        with contextlib.suppress(FileNotFoundError):  # another process forgets it, too
+            if place.stat().st_mtime < oldest:
+                shutil.rmtree(place) if place.is_dir() else place.unlink()
 
 
 def source_digest(sources: Iterable[Path], place: str = "") -> str:
@@ -87,14 +127,54 @@ def source_digest(sources: Iterable[Path], place: str = "") -> str:
     return digest.hexdigest()
 
 
+def _file_of(function: Callable[..., object]) -> Path:
+    return Path(function.__code__.co_filename).resolve()
+
+
+@functools.cache
+def _digest_with_imports(source: Path) -> str:
+    """Return a digest of a file and of all files of this project that its code depends on."""
+    found: set[Path] = set()
+    waiting = [source]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting += _imports(path)
+    return source_digest(sorted(_GENERATED.get(path, path) for path in found), str(source))[:16]
+
+
+@functools.cache
+def _imports(source: Path) -> list[Path]:
+    """Return the files of this project that a file imports."""
+    if source in _GENERATED:
+        return []
+    names: list[str] = []
+    for package, members, module in _IMPORT.findall(source.read_text(encoding="utf-8")):
+        names += [module or package]
+        names += [f"{package}.{name}" for name in re.findall(r"\w+", members)]
+    places = [_ROOT.joinpath(*name.split(".")) for name in names]
+    candidates = [
+        path for place in places for path in (place.with_suffix(".py"), place / "__init__.py")
+    ]
+    return [path for path in candidates if path.is_file()]
+
+
+@functools.cache
+def _compiled_sources() -> list[Path]:
+    sources = (path for package in _PACKAGES for path in (_ROOT / package).rglob("*.py"))
+    return sorted(path for path in sources if b"@compiled" in path.read_bytes())
+
+
+def _warm_mark() -> Path:
+    """Return the empty file that stands for a cache with every compiled function."""
+    digests = "".join(map(_digest_with_imports, _compiled_sources()))
+    return _cache_folder / f"warm-{hashlib.sha256(digests.encode()).hexdigest()[:16]}"
+
+
 def _find_cache_folder() -> Path:
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    base = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(home) / "ftc-sitl")
-    root = Path(__file__).resolve().parents[2]
-    sources = (path for package in _PACKAGES for path in sorted((root / package).rglob("*.py")))
-    compiled_sources = [path for path in sources if b"@compiled" in path.read_bytes()]
-    digest = source_digest([*compiled_sources, root / "mavlink_defs" / "ftc.xml"], str(root))
-    return base / f"core-{digest[:16]}"
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or Path(home) / "ftc-sitl") / "core"
 
 
 def _find_obstacle() -> OSError | None:
@@ -109,4 +189,3 @@ def _find_obstacle() -> OSError | None:
 
 _cache_folder = _find_cache_folder()
 _obstacle = None if _settings["DISABLE_JIT"] else _find_obstacle()
-_settings["CACHE_DIR"] = str(_cache_folder)

@@ -119,7 +119,7 @@ def test_a_cache_that_cannot_be_written(
     done = run("gcs", "fly", scenario, *options, env=environment(**changes))
     assert done.returncode == 2, done.stderr
     assert_one_message(done.stderr)
-    assert done.stderr.startswith(f"{place}/core-")
+    assert done.stderr.startswith(f"{place}/core:")
     assert "XDG_CACHE_HOME or NUMBA_CACHE_DIR" in done.stderr
 
 

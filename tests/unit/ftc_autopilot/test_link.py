@@ -153,7 +153,7 @@ def test_in_real_time_an_acknowledgement_is_waited_for_in_wall_time(rig: Rig) ->
     rig.link.state[0]["repeated"] = 0
     for waited_s, sent in ((0.0199, []), (0.0201, [codec.MessageId.ACTUATORS])):
         rig.link.state[0]["heard_s"] = rig.link.state[0]["pending_s"][0] + waited_s
-        link._send_actuators(rig.own.fileno(), rig.link, rig.controllers, 0, False)
+        link.send_actuators(rig.own.fileno(), rig.link, rig.controllers, 0, False)
         assert rig.heard(rig.plant) == sent
     assert list(rig.link.state[0]["repeated"]) == [1, 1, 1, 1]
     assert pending(rig) == [0, 0, 0, 0]  # the first message would acknowledge them still

@@ -234,7 +234,7 @@ def test_the_order_of_a_step_is_that_of_the_code() -> None:
         source.partition("collect_neighbour_states(")[2].partition("elif")[0]
         + source.rpartition("elif")[2]
     )
-    calls = ("_send_actuators(", "send_own_state(", "MessageId.STEP_DONE")
+    calls = ("send_actuators(", "send_own_state(", "MessageId.STEP_DONE")
     assert [step.index(call) for call in calls] == sorted(step.index(call) for call in calls)
     documented = (
         (DOCS / "explanation" / "method.md").read_text().partition("## Order of operations")[2]

@@ -11,7 +11,7 @@ from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import UdpAddress, bind_udp
 from mavlink_defs.framing.hot_link import Outcome
 from sitl_plant.fleet import PlantState, new_plant_state
-from sitl_plant.link import PlantLink, _due_s, new_link, run
+from sitl_plant.link import PlantLink, due_time_s, new_link, run
 
 STEPS = 5
 
@@ -52,5 +52,5 @@ def test_a_plant_on_time_keeps_its_schedule(speed: float) -> None:
     origin_s = time.monotonic() + 1e4
     link = running(speed, origin_s)
     link.state["origin_step"], link.state["step"] = 2, 3
-    assert _due_s(link) == pytest.approx(origin_s + 2e-3 / speed, abs=1e-9)
+    assert due_time_s(link) == pytest.approx(origin_s + 2e-3 / speed, abs=1e-9)
     assert (link.state["lag_s"][0], link.state["origin_s"][0]) == (0.0, origin_s)

@@ -7,7 +7,7 @@ import pytest
 
 from ftc_autopilot.control.reference import wrap
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.recording import _wrap_all as wrap_all
+from gcs.results.recording import wrap_all
 from gcs.results.summary import summarise
 from gcs.scenario.model import load_scenario
 
