@@ -71,7 +71,7 @@ async def fly_over_udp(
             connection, tlog=tlog, on_message=follow, private=True, signing_key=key
         ) as client:
             with FleetProcesses(scenario, speed, folder / "processes", via=relay.via) as fleet:
-                collector = Collector(scenario, fleet)
+                collector = Collector(scenario, fleet.recording_of)
                 try:
                     await prepare(client, fleet, scenario, start=True)
                     while fleet.plant_returncode is None:
@@ -88,6 +88,7 @@ async def fly_over_udp(
                     if relay.via:
                         report = json.dumps(relay.report().to_json(), indent=2)
                         write_text(folder / "wire.json", report + "\n")
+    fleet.check()
     return collector.ending("real_time" if speed else "lockstep")
 
 
