@@ -31,8 +31,8 @@ class Recorder:
             rows = np.empty(count, ROWS)
             rows["step"] = self._link.record.steps[:count]
             rows["signals"] = self._link.record.signals[:count]
-            self._link.state["recorded"] = 0
             self._spool.write(rows)
+            self._link.state["recorded"] = 0  # not if it failed: nothing may be left out
 
     def restart(self) -> None:
         """Forget the flight; a new one begins."""

@@ -31,8 +31,8 @@ class Recorder:
             rows = np.empty(count, self._dtype)
             for name, array in self._link.record._asdict().items():
                 rows[name] = array[:count]
-            self._link.state["recorded"] = 0
             self._spool.write(rows)
+            self._link.state["recorded"] = 0  # not if it failed: nothing may be left out
 
     def finish(self, loss: str | None, steps: int, wall_s: float) -> None:
         """Write the rest and how the flight ended; OSError with a file's name if it cannot."""
