@@ -32,7 +32,7 @@ class Recorder:
             rows["step"] = self._link.record.steps[:count]
             rows["signals"] = self._link.record.signals[:count]
             self._spool.write(int(rows["step"][0]), rows)
-            self._link.state["recorded"] = 0
+            self._link.state["recorded"] = 0  # not if it failed: nothing may be left out
 
     def restart(self) -> None:
         """Forget the flight; a new one begins."""

@@ -32,8 +32,8 @@ class Recorder:
             rows = np.empty(count, self._dtype)
             for name, array in self._link.record._asdict().items():
                 rows[name] = array[:count]
-            self._link.state["recorded"] = 0
             self._spool.write(self._rows, rows)
+            self._link.state["recorded"] = 0  # not if it failed: nothing may be left out
             self._rows += count
 
     def finish(self, loss: str | None, steps: int, wall_s: float) -> None:

@@ -1,12 +1,12 @@
 """The recordings of a fleet's processes, put together while it flies."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 
-from ftc_autopilot.control.controller import no_signals
+from ftc_autopilot.control.controller import SIGNALS, no_signals
 from gcs.errors import FlightLost
-from gcs.fleet.processes import FleetProcesses
 from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Mode, Steps
 from gcs.scenario.model import Scenario
@@ -22,12 +22,17 @@ class Collector:
     it or a later one; one that it has not recorded is missing.
     """
 
-    def __init__(self, scenario: Scenario, fleet: FleetProcesses) -> None:
-        """Collect the recordings of the fleet of a scenario."""
-        self._scenario, self._fleet = scenario, fleet
-        self._plant = SpoolReader(fleet.recording_of("plant"))
+    def __init__(self, scenario: Scenario, folder_of: Callable[[str], Path]) -> None:
+        """Collect the recordings of the fleet of a scenario.
+
+        Args:
+            scenario: What it flies.
+            folder_of: Gives the folder in which a process ("plant", "uav3") records.
+        """
+        self._scenario = scenario
+        self._plant = SpoolReader(folder_of("plant"))
         self._autopilots = [
-            _Autopilot(SpoolReader(fleet.recording_of(f"uav{uav.id}"))) for uav in scenario.uavs
+            _Autopilot(SpoolReader(folder_of(f"uav{uav.id}"))) for uav in scenario.uavs
         ]
         self._waiting: np.ndarray | None = None  # steps of the plant
         self._next = 0
@@ -37,7 +42,7 @@ class Collector:
         for steps in self._complete(over):
             on_steps(steps)
 
-    def ending(self, mode: Mode) -> Ending:
+    def ending(self, mode: Mode, restarts: tuple[int, ...] = ()) -> Ending:
         """Return how the flight ended, and remove the recordings of the processes.
 
         It is lost if a process says so, and if an autopilot did not hear that the plant had come
@@ -46,7 +51,6 @@ class Collector:
         Raises:
             FlightLost: A process left no complete recording.
         """
-        self._fleet.check()
         plant = self._plant.facts
         autopilots = [autopilot.reader.facts for autopilot in self._autopilots]
         ids = [uav.id for uav in self._scenario.uavs]
@@ -69,7 +73,7 @@ class Collector:
             repeats=np.array([facts["repeats"] for facts in complete]),
             wall_s=plant["wall_s"],
             loss=loss,
-            restarts=tuple(self._fleet.restarts_of(i) for i in ids),
+            restarts=restarts,
         )
 
     def recording(self, mode: Mode) -> Recording:
@@ -87,7 +91,7 @@ class Collector:
             begin, count = self._next, len(self._waiting)
             if not all(a.read_to(begin + count) or over for a in self._autopilots):
                 return
-            signals = np.empty((count, len(self._autopilots)), no_signals(0).dtype)
+            signals = np.empty((count, len(self._autopilots)), SIGNALS)
             for i, autopilot in enumerate(self._autopilots):
                 signals[:, i] = autopilot.signals(begin, begin + count)
             plant, self._waiting = self._waiting, None

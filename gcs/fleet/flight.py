@@ -87,7 +87,7 @@ async def fly_over_udp(
                 crashes=crashes,
                 via=relay.via,
             ) as fleet:
-                collector = Collector(scenario, fleet)
+                collector = Collector(scenario, fleet.recording_of)
                 try:
                     await prepare(client, fleet, scenario, start=True)
                     while fleet.plant_returncode is None:
@@ -104,7 +104,9 @@ async def fly_over_udp(
                     if relay.via:
                         report = json.dumps(relay.report().to_json(), indent=2)
                         write_text(folder / "wire.json", report + "\n")
-    return collector.ending("real_time" if speed else "lockstep")
+    fleet.check()
+    restarts = tuple(map(fleet.restarts_of, ids))
+    return collector.ending("real_time" if speed else "lockstep", restarts)
 
 
 async def fly_and_record(scenario: Scenario, folder: Path, **options: Any) -> Recording:

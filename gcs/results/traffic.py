@@ -95,7 +95,8 @@ class Traffic:
 
 
 def _active(steps: Steps, i: int, rows: np.ndarray) -> np.ndarray:
-    return np.isfinite(steps.signals["command"][rows, i, 0])
+    active: np.ndarray = np.isfinite(steps.signals["command"][rows, i, 0])
+    return active
 
 
 @compiled

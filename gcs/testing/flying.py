@@ -210,7 +210,8 @@ class TestFleet:
             self._fleet.wait(_END_TIMEOUT_S if over else 0.0)
             self.call(self.client.catch_up(_END_TIMEOUT_S))
             mode: Mode = "real_time" if self._speed else "lockstep"
-            recording = Collector(self.scenario, self._fleet).recording(mode)
+            self._fleet.check()
+            recording = Collector(self.scenario, self._fleet.recording_of).recording(mode)
             self._flight = FlightResult(self.scenario, recording, self._relay.report(), self.folder)
         return self._flight
 

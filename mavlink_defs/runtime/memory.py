@@ -1,7 +1,4 @@
-"""Memory in compiled loops: arrays that nobody counts references to, records copied as a block.
-
-This is code that numba builds into `@compiled` functions, and belongs to their sources.
-"""
+"""Memory in compiled loops: arrays that nobody counts references to, records copied as a block."""
 
 from typing import Any, TypeVar, cast
 

@@ -6,6 +6,7 @@ Each is there as a whole or not at all, so that a process that is killed loses o
 written yet. When the process ends, `end.json` says how; without it the recording is torn.
 """
 
+import io
 import json
 import shutil
 from pathlib import Path
@@ -46,8 +47,10 @@ class Spool:
         Raises:
             OSError: With the file's name.
         """
+        content = io.BytesIO()  # NumPy's errors of writing to a file do not say what is wrong
+        np.save(content, rows)
         with complete_file(self._folder / f"{first:010d}.npy") as file:
-            np.save(file, rows)
+            file.write(content.getbuffer())
 
     def finish(self, **facts: Any) -> None:
         """Write what is known at the end, as JSON.

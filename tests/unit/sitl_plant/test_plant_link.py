@@ -52,7 +52,7 @@ def test_a_plant_that_fell_behind_shifts_its_schedule_once(
 def test_the_next_state_tells_who_sent_no_neighbour_message(
     fleet: PlantState, sock: socket.socket
 ) -> None:
-    link = new_link([1, 2, 30], 1000, STEPS, None, record=False)
+    link = new_link([1, 2, 30], 1000, STEPS, None, record_rows=0)
     link.state["flags"] = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
     link.known[:] = 1
     set_receive_timeout(sock, 0.05)

@@ -17,7 +17,7 @@ class Rig:
     """The registration of a plant of three aircraft at 1 kHz, after 2 s of simulated time."""
 
     def __init__(self, running: bool, wait_for_restart: bool = False) -> None:
-        self.link = new_link([1, 2, 7], 1000, 10_000, None, False)
+        self.link = new_link([1, 2, 7], 1000, 10_000, None, 0)
         self.link.state["step"] = 2000
         if running:
             self.link.state["flags"] |= FTC_SIM_FLAGS_RUNNING
