@@ -60,6 +60,8 @@ def main() -> None:
                     numbers[pid] = requests
                     _report(requests, pid, None)
                     requests += 1
+    except BrokenPipeError:
+        pass  # nobody is left who would read the reports
     finally:
         for pid in numbers:
             os.kill(pid, signal.SIGTERM)
