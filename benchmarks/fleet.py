@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from benchmarks.bare_loop import bare_us_per_step
 from gcs.scenario.model import scenario_tree
 
@@ -49,7 +51,7 @@ def measure(uavs: int, rounds: int = ROUNDS) -> Fleet:
     flights_us, bare_us = [], []
     with tempfile.TemporaryDirectory() as folder:
         scenario = Path(folder) / "star.yaml"
-        scenario.write_text(json.dumps(star(uavs, STEPS[uavs] / 1000)))
+        scenario.write_text(yaml.safe_dump(star(uavs, STEPS[uavs] / 1000)))
         for _ in range(rounds):
             flights_us.append(flown_us_per_step(scenario))
             bare_us.append(bare_us_per_step(uavs, STEPS[uavs]))

@@ -60,6 +60,8 @@ def main() -> None:
                     numbers[pid] = requests
                     _report(requests, pid, None)
                     requests += 1
+    except BrokenPipeError:
+        pass  # nobody is left who would read the reports
     finally:
         for pid in numbers:
             os.kill(pid, signal.SIGTERM)
@@ -80,11 +82,15 @@ def _report(number: int, pid: int, status: int | None) -> None:
 def _fork(arguments: list[str], log: str, pipes: tuple[int, int]) -> int:
     """Start an autopilot; return its process id."""
     parent = os.getpid()
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})  # which here ends the server
     pid = os.fork()
     if pid:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
         return pid
     status = 1
     try:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         for pipe in pipes:

@@ -1,5 +1,6 @@
 """Autopilots forked from a warm process, `ftc_autopilot.fork_server`, started as by `Popen`."""
 
+import contextlib
 import json
 import os
 import select
@@ -33,11 +34,9 @@ class ForkServer:
             self._popen = _start_server(log)
         request = {"arguments": list(arguments), "log": str(log)}
         assert self._popen.stdin is not None
-        try:
+        with contextlib.suppress(BrokenPipeError):  # it has ended; so have its autopilots
             self._popen.stdin.write(json.dumps(request).encode() + b"\n")
             self._popen.stdin.flush()
-        except BrokenPipeError:
-            pass  # it has ended; so have its autopilots
         forked = Forked(self)
         self._forked.append(forked)
         return forked
@@ -119,7 +118,8 @@ class Forked:
         while self.poll() is None and self.pid is None:  # it is about to be started
             self._server.read(1.0)
         if self.returncode is None and self.pid is not None:
-            os.kill(self.pid, number)
+            with contextlib.suppress(ProcessLookupError):  # it has ended; the report is to come
+                os.kill(self.pid, number)
 
 
 def _start_server(log: Path) -> subprocess.Popen[bytes]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flying import arrays_of, fly_well, summary_of, write_scenario
+from flying import arrays_of, fly_well, scenario_tree, summary_of, write_scenario
 
 pytestmark = pytest.mark.sitl
 
@@ -107,3 +107,17 @@ def test_flights_are_equal_bit_for_bit(tmp_path: Path, kind: str, least_events: 
         assert summary.pop("wall_s") > 0.0
         assert summary.pop("real_time_factor") > 0.0
     assert summaries[0] == summaries[1]
+
+
+def test_flights_of_ten_are_equal_bit_for_bit(tmp_path: Path) -> None:
+    tree = scenario_tree(duration_s=0.3, faults=[])
+    uav = tree["uavs"][2]
+    tree["uavs"] += [{**uav, "id": i, "name": f"follower {i - 1}"} for i in range(4, 11)]
+    tree["network"]["edges"] += [{"between": [1, i], "weight": 1.0} for i in range(4, 11)]
+    scenario = write_scenario(tmp_path, tree)
+    udp, in_process = tmp_path / "udp", tmp_path / "in_process"
+    fly_well(scenario, "--quiet", "--free-ports", "--out", udp)
+    fly_well(scenario, "--quiet", "--in-process", "--out", in_process)
+    flown = arrays_of(udp / "trajectory.npz")
+    assert flown["state"].shape == (300, 10, 12)
+    assert_equal_bit_for_bit(flown, arrays_of(in_process / "trajectory.npz"))
