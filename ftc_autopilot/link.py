@@ -300,6 +300,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         note_silent_neighbours(formation, sim_state["silent"])
         collect_neighbour_states(formation_fd, formation, controllers, step, lockstep)
         mask = controller_step(controllers, 0, sim_state, state["step_us"])
+        told = tell_neighbours(controllers, 0, step, state["step_us"])
         state["step"] = step
         row = state["recorded"]
         if row < len(link.record.steps):
@@ -307,7 +308,6 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
             copy_record(link.record.signals[row], controllers.signals[0])
             state["recorded"] = row + 1
         due = note_events(link, controllers, mask, lockstep)
-        told = tell_neighbours(controllers, 0, step, state["step_us"])
         keep(link.kept)
         if due:
             _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)

@@ -74,8 +74,9 @@ def count_events_of_both_lives(flight: Recording, scenario: Scenario, folder: Pa
 
 
 def test_a_killed_autopilot_of_a_standing_fleet_comes_back_by_itself(tmp_path: Path) -> None:
-    with up(tmp_path / "fleet", "--start") as fleet:
-        wait_until(lambda: state_of(fleet, 2)["time_s"] > 0.5, "it flies")
+    # slowly: a busy machine takes seconds to start a process, in which the aircraft would be lost
+    with up(tmp_path / "fleet", "--start", "--speed", "0.1") as fleet:
+        wait_until(lambda: state_of(fleet, 2)["time_s"] > 0.05, "it flies")
         before = state_of(fleet, 2)
         pid = process_of(fleet.folder, "uav2")
         os.kill(pid, signal.SIGKILL)
