@@ -63,7 +63,11 @@ class Findings:
 
         Whatever ended first is no fair sample, because lost flights are short.
         """
-        return {name: own.take(leading(own.draw)) for name, own in self.ended.items()}
+        found = {}
+        for name, own in self.ended.items():
+            first = leading(own.draw)
+            found[name] = own if len(first) == len(own) else own.take(first)  # large ones: no copy
+        return found
 
     @property
     def is_sample(self) -> bool:
