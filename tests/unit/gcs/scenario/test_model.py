@@ -121,7 +121,7 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"controller.kind": "lqr"},
-        "controller.kind: expected one of 'proposed', 'backstepping', 'pid', 'surviving', "
+        "controller.kind: expected one of 'proposed', 'backstepping', 'pid', 'surviving', 'tube', "
         "got 'lqr'",
     ),
     (

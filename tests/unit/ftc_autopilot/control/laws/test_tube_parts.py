@@ -23,6 +23,7 @@ from ftc_autopilot.control.motion import motion_of
 from ftc_autopilot.control.reference import Reference, filter_reference
 from ftc_autopilot.control.triggers.consequence import Consequence
 from mavlink_defs.framing.codec import SIM_STATE
+from sitl_plant.hardware import ActuatorServos
 from sitl_plant.lag import lagged
 from sitl_plant.rigid_body import STILL_AIR, load_state, state_derivative
 
@@ -34,7 +35,8 @@ IDEAL = Servo(0.0, math.inf, 0.0)
 
 
 def gains_of(**parameters: Any) -> np.void:
-    record: np.void = parameter_record(Tube(**parameters), Consequence())["tube"]
+    law = Tube(**parameters).with_servos(ActuatorServos())
+    record: np.void = parameter_record(law, Consequence())["tube"]
     return record
 
 
