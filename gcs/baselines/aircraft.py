@@ -11,8 +11,10 @@ from gcs.campaigns.draws import draw_table
 from gcs.campaigns.flights import Flights, Row
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.plan import rows_of
+from gcs.errors import BadInput
 from gcs.results.summary import FlightSummary
 from gcs.scenario.model import Scenario
+from mavlink_defs.config.inherit import PlaceError
 from mavlink_defs.constants import N_CHANNELS
 
 __all__ = ["Aircraft", "Kept", "drawn_aircraft"]
@@ -140,8 +142,21 @@ def drawn_aircraft(
         reference: As of `Aircraft`, like the rest.
         largest_ratio: See there.
         share: See there.
+
+    Raises:
+        BadInput: The scenario does not have what the campaign draws.
+        ConfigError: A draw makes no valid scenario.
     """
     own = campaign.model_copy(update={"draws": draws, "variants": {"all": {}}})
     table = draw_table(own, [uav.id for uav in scenario.uavs])
     flights = Flights(own, str(path), {"all": scenario.model_dump()}, table.schema)
-    return Aircraft(flights, list(rows_of(table)), reference, largest_ratio, share)
+    rows = list(rows_of(table))
+    try:
+        for row in rows:
+            flights.scenario(row)
+    except PlaceError as problem:
+        raise BadInput(
+            f"the campaign {path} draws {problem} of this scenario",
+            "name another with --campaign, whose factors the scenario has",
+        ) from problem
+    return Aircraft(flights, rows, reference, largest_ratio, share)

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 __all__ = ["EPILOG", "baseline"]
 
+_LONGEST_US = 500_000
+
 EPILOG = """
 Examples:
 
@@ -59,8 +61,12 @@ def baseline(
         typer.Option(help="How much larger than the triggered flight's an IAE may be.", min=0.0),
     ] = 1.0,
     longest: Annotated[
-        float, typer.Option(help="Longest period that is flown.", metavar="MILLISECONDS")
-    ] = 500.0,
+        float | None,
+        typer.Option(
+            help="Longest period that is flown, 500 by default; at most the whole flight.",
+            metavar="MILLISECONDS",
+        ),
+    ] = None,
     per_channel: Annotated[
         bool, typer.Option(help="Search for a period for each channel, too.")
     ] = True,
@@ -113,13 +119,7 @@ def baseline(
     console = console_of(quiet=quiet)
     triggered = changed_scenario(scenario, additions, settings)
     base = periodic_base(triggered, scenario, values_of(against, "--against"))
-    steps = round(1e3 * longest / triggered.step_us) if math.isfinite(longest) else 0
-    if not 1 <= steps <= triggered.steps:
-        period, whole = triggered.step_us / 1e3, triggered.duration_s * 1e3
-        raise BadInput(
-            f"--longest is {longest:g} ms, expected from {period:g} ms, the control period, to "
-            f"{whole:g} ms, the flight"
-        )
+    steps = _longest(triggered, longest)
     file = find_scenario(campaign)
     drawn = load_campaign(file, draws=aircraft) if aircraft else None
     folder = make_run_folder(out, f"baseline-{triggered.name}")
@@ -174,6 +174,20 @@ def baseline(
     for sentence in baseline_words(found):
         output.print(sentence)
     console.print(f"results in {folder}", soft_wrap=True)
+
+
+def _longest(scenario: "Scenario", wanted_ms: float | None) -> int:
+    """Return the longest period in control periods."""
+    if wanted_ms is None:
+        return min(max(round(_LONGEST_US / scenario.step_us), 1), scenario.steps)
+    steps = round(1e3 * wanted_ms / scenario.step_us) if math.isfinite(wanted_ms) else 0
+    if not 1 <= steps <= scenario.steps:
+        period, whole = scenario.step_us / 1e3, scenario.duration_s * 1e3
+        raise BadInput(
+            f"--longest is {wanted_ms:g} ms, expected from {period:g} ms, the control period, to "
+            f"{whole:g} ms, the flight"
+        )
+    return steps
 
 
 def _fly(scenario: "Scenario") -> "FlightSummary":
