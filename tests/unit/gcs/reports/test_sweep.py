@@ -70,4 +70,4 @@ def test_neighbour_messages_have_columns_where_a_trigger_is_swept(
     assert "| neighbour messages | neighbour messages saved |" in head
     assert "| 49 | 0.00 % |" in periodic
     assert "| 49 |" not in triggered
-    assert len(terminal_table(results, 3).columns) == 1 + 1 + 4 + 1
+    assert len(terminal_table(results, 3).columns) == 2 + 1 + 4 + 1
