@@ -61,6 +61,7 @@ def real_time_factor(folder: Path, *options: str) -> float:
 def first_step_s(folder: Path, new_cache: bool = False) -> float:
     """Return the time from starting `gcs fly` to the first step, as dated in the plant's log."""
     environment = dict(os.environ)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # or every process compiles all sources
     if new_cache:
         environment["NUMBA_CACHE_DIR"] = str(folder.with_name("numba"))
     options = ["--quiet", "--free-ports", "--out", str(folder)]
