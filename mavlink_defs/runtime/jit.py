@@ -49,20 +49,11 @@ def compiled(function: _F) -> _F:
     Floating-point rules stay strict (no ``fastmath``), so that the same inputs give the
     same bits in every process and from every caller; division by zero gives inf or NaN as
     in numpy.
-
-    A function whose name begins with an underscore can be called by compiled code only: it gets no
-    wrapper for Python, which would take longer to compile than most of these functions.
     """
     cached = _obstacle is None
     if cached:
         _settings["CACHE_DIR"] = str(_cache_folder / _digest_with_imports(_file_of(function)))
-    options: dict[str, Any] = {
-        "cache": cached,
-        "error_model": "numpy",
-        "nogil": True,
-        "no_cpython_wrapper": function.__name__.startswith("_"),
-    }
-    dispatcher = numba.njit(**options)(function)
+    dispatcher = numba.njit(cache=cached, error_model="numpy", nogil=True)(function)
     if not _settings["DISABLE_JIT"]:
         _ignore_literals(dispatcher)
     return cast(_F, dispatcher)

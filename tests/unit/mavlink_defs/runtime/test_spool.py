@@ -62,5 +62,8 @@ def test_a_process_that_is_started_again_goes_on_with_its_recording(tmp_path: Pa
     reader = SpoolReader(tmp_path / "uav1")
     Spool(tmp_path / "uav1").write(0, np.arange(3))
     Spool(tmp_path / "uav1", resume=True).write(3, np.arange(3, 5))
-    read = [rows.tolist() for rows in iter(reader.take, None)]
-    assert read == [[0, 1, 2], [3, 4]]
+    first, second = reader.take(), reader.take()
+    assert first is not None
+    assert second is not None
+    assert (first.tolist(), second.tolist()) == ([0, 1, 2], [3, 4])
+    assert reader.take() is None
