@@ -63,4 +63,5 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _copy(target: np.void, source: np.void) -> None:
-    target[()] = source
+    for name in target.dtype.names or ():
+        target[name] = source[name]
