@@ -232,7 +232,7 @@ class Autopilot:
         if self._more_to_do:
             return self._hot.step + 1
         if self._vehicle.telemetry_clock.is_slower_of_both:
-            return 2**62  # turns come by the wall clock
+            return self.crash_at  # turns come by the wall clock
         due_us = self._vehicle.next_telemetry_us()
         if not self._in_real_time:  # no deadline in lockstep: fewer turns
             due_us = -(-due_us // _TURN_US) * _TURN_US

@@ -285,7 +285,7 @@ class FleetProcesses:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         record = [] if self._endless else ["--record", str(self.recording_of(name))]
         arguments = [str(config), *record, *options]
-        log.unlink(missing_ok=True)
+        log.write_bytes(b"")
         address = UdpAddress(self._scenario.links.host, port)
         popen = self._launched(name, arguments, log)
         self._processes.append(_Process(name, arguments, log, address, popen))

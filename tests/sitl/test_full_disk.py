@@ -46,7 +46,7 @@ def cannot_write(done: subprocess.CompletedProcess[str], path: Path, status: int
     assert f"cannot write {path}: {NO_SPACE}" in error
 
 
-@pytest.mark.parametrize(("size", "name"), [(0, "processes/plant.yaml"), (12_000, "flight.tlog")])
+@pytest.mark.parametrize(("size", "name"), [(0, "events.arrows"), (12_000, "flight.tlog")])
 def test_a_flight_that_cannot_be_recorded_ends(tmp_path: Path, size: int, name: str) -> None:
     folder = tmp_path / "run"
     scenario = write_scenario(tmp_path, duration_s=60.0)

@@ -230,8 +230,9 @@ def test_the_paper_is_reproduced(programs: Path, folder: Path) -> None:
         (folder / "short" / f"{file}.yaml").write_text(text)
     run_well(programs, folder, "gcs", "reproduce", "--scenarios", "short", "--out", "out")
     assert (folder / "out" / "report.html").is_file()
-    default = "from gcs.commands.reproduce import reproduce as r; print(r.__defaults__[2])"
-    paper = Path(run_well(programs, folder, "python", "-c", default).strip())
+    code = "import inspect; from gcs.commands.reproduce import reproduce as r; "
+    code += "print(inspect.signature(r).parameters['scenarios'].default)"
+    paper = Path(run_well(programs, folder, "python", "-c", code).strip())
     assert paper.is_relative_to(programs.parent)
     assert {f"{file}.yaml" for file in FILES} <= {path.name for path in paper.iterdir()}
 

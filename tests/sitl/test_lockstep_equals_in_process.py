@@ -116,8 +116,8 @@ def test_flights_of_ten_are_equal_bit_for_bit(tmp_path: Path) -> None:
     tree["network"]["edges"] += [{"between": [1, i], "weight": 1.0} for i in range(4, 11)]
     scenario = write_scenario(tmp_path, tree)
     udp, in_process = tmp_path / "udp", tmp_path / "in_process"
-    fly_well(scenario, "--quiet", "--free-ports", "--out", udp)
-    fly_well(scenario, "--quiet", "--in-process", "--out", in_process)
+    fly_well(scenario, "--quiet", "--free-ports", "--record=npz", "--out", udp)
+    fly_well(scenario, "--quiet", "--in-process", "--record=npz", "--out", in_process)
     flown = arrays_of(udp / "trajectory.npz")
     assert flown["state"].shape == (300, 10, 12)
     assert_equal_bit_for_bit(flown, arrays_of(in_process / "trajectory.npz"))
