@@ -60,7 +60,14 @@ def test_a_flight_that_cannot_be_recorded_ends(tmp_path: Path, size: int, name: 
 def test_a_process_that_cannot_keep_its_recording_says_so(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     scenario = write_scenario(tmp_path, duration_s=2.0)
-    options = ("--free-ports", "--quiet", "--out", folder)
+    options = (
+        "--free-ports",
+        "--quiet",
+        "--set",
+        "links.telemetry_clock=simulated",
+        "--out",
+        folder,
+    )
     done = limited(100_000, "fly", scenario, *options)
     assert done.returncode == 1, done.stderr
     assert_one_message(done.stderr)
