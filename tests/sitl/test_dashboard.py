@@ -272,7 +272,7 @@ def test_a_restarted_dashboard_finds_everything_again(fleet: Up) -> None:
         )
         async with operator(fleet, size=(80, 24)) as someone:
             assert all(someone.state(i).profile for i in (1, 2, 3))
-            assert someone.state(1).counts.total > 0 or not someone.state(1).time_s
+            await someone.sees(lambda: someone.state(1).counts.total > 0, "the events")
             await someone.press("3")
             faults = someone.app.query_one(FaultList)
             await someone.sees(lambda: "waiting rudder at 90 %" in faults.text, "the fault")
