@@ -52,12 +52,14 @@ def base_of(folder: Path, name: str) -> Path:
 
 
 def _find(path: Path, name: str) -> Path:
-    if path.exists():
+    if path.exists() and not path.is_dir():
         return path
     names = bundled_names() + addition_names()
     wanted = name.removesuffix(".yaml")
     if wanted in names:
         return SCENARIOS / f"{wanted}.yaml"
+    if path.is_dir():
+        return path
     stem = wanted.rpartition("/")[2]
     alike = [known for known in names if known.rpartition("/")[2] == stem]
     alike = alike or difflib.get_close_matches(wanted, names, n=3)

@@ -44,6 +44,13 @@ def test_a_file_can_extend_a_scenario_and_an_addition(tmp_path: Path) -> None:
     assert mine.servos.surfaces.lag_s == 0.02
 
 
+def test_a_folder_of_that_name_is_not_meant(tmp_path: Path) -> None:
+    (tmp_path / "tube").mkdir()
+    (tmp_path / "mine").mkdir()
+    assert find_scenario("tube") == SCENARIOS / "tube.yaml"
+    assert find_scenario("mine") == Path("mine")  # which cannot be read, as is told then
+
+
 def test_a_file_that_exists_is_meant_first(tmp_path: Path) -> None:
     own = tmp_path / "paper" / "scenario1.yaml"
     own.parent.mkdir()
