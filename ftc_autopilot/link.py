@@ -61,6 +61,7 @@ __all__ = [
     "AutopilotLink",
     "SimulatorLink",
     "new_link",
+    "records_to_keep",
     "reset_link",
     "run",
 ]
@@ -177,6 +178,22 @@ def new_link(
     )
     reset_link(link)
     return link
+
+
+def records_to_keep(
+    link: AutopilotLink, controllers: Controllers, vehicle: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Return what `ftc_autopilot.kept_state` keeps of an autopilot, its vehicle's record last."""
+    return (
+        link.state,
+        link.formation.state,
+        controllers.parameters,
+        controllers.states,
+        controllers.guidance,
+        controllers.profiles,
+        controllers.actuators,
+        vehicle,
+    )
 
 
 def reset_link(link: AutopilotLink) -> None:

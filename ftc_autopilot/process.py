@@ -21,7 +21,7 @@ from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
-from ftc_autopilot.link import GCS, PLANT, SIMULATOR, Record, new_link, run
+from ftc_autopilot.link import GCS, PLANT, SIMULATOR, Record, new_link, records_to_keep, run
 from ftc_autopilot.recorder import RECORD_ROWS, Recorder
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -127,17 +127,8 @@ class Autopilot:
         In lockstep, control begins again when a fixed simulated time has passed, so that the flight
         is the same however long the restart took; in real time, with the next state.
         """
-        link, controllers = self._link, self._controllers
-        records = (
-            link.state,
-            link.formation.state,
-            controllers.parameters,
-            controllers.states,
-            controllers.guidance,
-            controllers.profiles,
-            controllers.actuators,
-            self._kept,
-        )
+        link = self._link
+        records = records_to_keep(link, self._controllers, self._kept)
         kept = open_kept_state(path, records, self._config.model_dump_json())
         resumes = take_up(kept)
         rows = len(link.record.steps)

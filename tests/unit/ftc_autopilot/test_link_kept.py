@@ -8,7 +8,7 @@ import pytest
 from link_bench import LOCKSTEP, Rig
 
 from ftc_autopilot.kept_state import VEHICLE, open_kept_state, take_up
-from ftc_autopilot.link import LINK_STATE
+from ftc_autopilot.link import LINK_STATE, records_to_keep
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing import codec
 
@@ -19,16 +19,7 @@ def rig_with_file(scenario: Scenario, path: Path) -> Rig:
     """A link that takes up what is in the file."""
     rig = Rig(scenario)
     link, controllers = rig.link, rig.controllers
-    records = (
-        link.state,
-        link.formation.state,
-        controllers.parameters,
-        controllers.states,
-        controllers.guidance,
-        controllers.profiles,
-        controllers.actuators,
-        np.zeros(1, VEHICLE),
-    )
+    records = records_to_keep(link, controllers, np.zeros(1, VEHICLE))
     kept = open_kept_state(path, records, "uav 2")
     rig.link = link._replace(kept=kept)
     if take_up(kept):

@@ -12,6 +12,7 @@ from vehicle_bench import ACCEPTED, ARM, START, UAV, Bench, of_type
 
 from ftc_autopilot.control.reference import profile_record, profile_segments
 from ftc_autopilot.kept_state import VEHICLE, keep, open_kept_state, take_up
+from ftc_autopilot.link import records_to_keep
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO
@@ -65,17 +66,7 @@ class Life(Bench):
     def __init__(self, scenario: Scenario, path: Path) -> None:
         super().__init__(scenario)
         self.vehicle_record = np.zeros(1, VEHICLE)
-        link = self.hot._both
-        records = (
-            link.state,
-            link.formation.state,
-            self.controllers.parameters,
-            self.controllers.states,
-            self.controllers.guidance,
-            self.controllers.profiles,
-            self.controllers.actuators,
-            self.vehicle_record,
-        )
+        records = records_to_keep(self.hot._both, self.controllers, self.vehicle_record)
         self.kept = open_kept_state(path, records, "uav 1")
         if take_up(self.kept):
             self.vehicle.resume(self.vehicle_record[0])
