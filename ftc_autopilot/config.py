@@ -81,6 +81,12 @@ class FormationTrigger(Model):
     attitude_relative: float = quantity(
         "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the angle's tracking error."
     )
+    path_position_m: float = quantity(
+        "m", ge=0.0, default=0.05, doc="Threshold of the place on the path."
+    )
+    position_m: float = quantity(
+        "m", ge=0.0, default=0.5, doc="Threshold of north, east and down, on a path."
+    )
     longest_silence_s: float = quantity(
         "s", gt=0.0, default=0.2, doc="Time after which a message is sent in any case."
     )
