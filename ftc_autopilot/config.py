@@ -15,6 +15,8 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
 from ftc_autopilot.control.triggers.per_channel import PerChannel
 from ftc_autopilot.geography import Origin
+from ftc_autopilot.guidance.laws import Guidance
+from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
@@ -26,6 +28,7 @@ __all__ = [
     "AutopilotConfig",
     "Controller",
     "FormationTrigger",
+    "Guidance",
     "Identity",
     "Neighbour",
     "Origin",
@@ -123,6 +126,9 @@ class AutopilotConfig(Model):
     trigger: Trigger = Field(default=PerChannel(), description="Event triggers.")
     formation_trigger: FormationTrigger | None = Field(
         default=None, description="Trigger of the neighbour messages; none: every period."
+    )
+    guidance: Guidance = Field(
+        default=PathFollowing(), description="Guidance law for paths, and its parameters."
     )
     neighbours: tuple[Neighbour, ...] = Field(
         default=(), description="Neighbours in the communication graph."

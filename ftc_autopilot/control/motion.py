@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_ABSOLUTE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
 from sitl_plant.rigid_body import R2_inv, gravity_body
@@ -54,6 +55,7 @@ def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
     """
     rates = mul(R2_inv(motion.phi), motion.omega)
     message["step"] = step
+    message["frame"] = FTC_NEIGHBOUR_FRAME_ABSOLUTE
     message["airspeed"] = motion.V
     message["airspeed_rate"] = motion.V_dot
     for i in range(3):

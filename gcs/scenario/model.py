@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from ftc_autopilot.config import (
     AutopilotConfig,
     Controller,
+    Guidance,
     Identity,
     Neighbour,
     Origin,
@@ -22,6 +23,7 @@ from ftc_autopilot.config import (
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.sections import (
     Found,
@@ -77,6 +79,9 @@ class Scenario(Model):
         default=Proposed(), description="Control law of every UAV, and its parameters."
     )
     trigger: Trigger = Field(default=PerChannel(), description="Event triggers of every UAV.")
+    guidance: Guidance = Field(
+        default=PathFollowing(), description="Guidance law of every UAV on a path."
+    )
     uavs: tuple[ScenarioUav, ...] = Field(min_length=1, description="The fleet.")
     network: Network = Field(description="The communication graph.")
     profile: tuple[ProfileSegment, ...] = Field(
@@ -141,6 +146,7 @@ class Scenario(Model):
             controller=self.controller.with_servos(servos),
             trigger=self.trigger,
             formation_trigger=links.formation.trigger,
+            guidance=self.guidance,
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
                 for other, weight in self.neighbours(uav_id)
