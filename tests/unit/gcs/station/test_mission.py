@@ -25,9 +25,9 @@ RELATIVE = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 
 
 def item(command: int, *params: float, x: int = 0, y: int = 0, z: float = 0.0) -> MissionItem:
-    four = (*params, 0.0, 0.0, 0.0, 0.0)[:4]
+    p1, p2, p3, p4 = (*params, 0.0, 0.0, 0.0, 0.0)[:4]
     return dialect.MAVLink_mission_item_int_message(
-        1, 1, 0, RELATIVE, command, 0, 1, *four, x, y, z
+        1, 1, 0, RELATIVE, command, 0, 1, p1, p2, p3, p4, x, y, z
     )
 
 
