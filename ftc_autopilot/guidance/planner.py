@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ftc_autopilot.geography import Origin
+from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.limits import FlightLimits
 from ftc_autopilot.guidance.mission_items import Home, Loiter, Return, Task, decode_items
@@ -33,7 +34,11 @@ class Planner:
     """
 
     def __init__(
-        self, aircraft: Aircraft, guidance: Guidance, origin: Origin, offset_m: float = 0.0
+        self,
+        aircraft: Aircraft,
+        guidance: Guidance,
+        origin: Origin,
+        formation: Formation | None = None,
     ) -> None:
         """Note the limits.
 
@@ -41,9 +46,9 @@ class Planner:
             aircraft: The nominal aircraft.
             guidance: Parameters of the guidance law.
             origin: Of the simulation's world.
-            offset_m: Farthest slot of the formation to the side of the path [m].
+            formation: What it flies in, if any.
         """
-        self._origin = origin
+        self._origin, self._in_formation = origin, formation is not None
         self.airspeeds = AirspeedLimits(
             max(aircraft.airspeed_min_m_s, guidance.airspeed_min_m_s),
             min(aircraft.airspeed_max_m_s, guidance.airspeed_max_m_s),
@@ -56,7 +61,7 @@ class Planner:
             bank_rad=math.radians(guidance.bank_max_deg),
             climb=math.tan(math.radians(climb_deg)),
             wind_m_s=guidance.wind_max_m_s,
-            offset_m=offset_m,
+            offset_m=0.0 if formation is None else _farthest_right(formation),
             gravity_m_s2=aircraft.gravity_m_s2,
         )
 
@@ -69,6 +74,23 @@ class Planner:
         tasks = decode_items(items, self._origin, self.airspeeds)
         mission_path(tasks, self.limits, Home())
         return tasks
+
+    def first_path(self, tasks: Sequence[Task], measured: np.void, first: int = 1) -> np.void:
+        """Return the path of a mission that begins with simulated time.
+
+        The members of a formation fly the same one, from home; who flies alone begins where it is.
+
+        Args:
+            tasks: Of the mission.
+            measured: The state before the first step, dtype
+                `mavlink_defs.framing.codec.SIM_STATE`.
+            first: Item to begin with.
+
+        Raises:
+            ItemError: It cannot be flown.
+        """
+        start = None if self._in_formation else start_of(measured, self.limits.cruise_m_s)
+        return self.path(tasks, start, first=first)
 
     def path(
         self,
@@ -119,6 +141,15 @@ def start_of(measured: np.void, airspeed: float) -> Start:
     north, east, down = map(float, measured["position"])
     v_north, v_east, _ = mul(R1(vec3(measured["attitude"])), vec3(measured["velocity"]))
     return Start(Pose(north, east, math.atan2(v_east, v_north)), -down, airspeed)
+
+
+def _farthest_right(formation: Formation) -> float:
+    """Return how far to the side of the path a member may get by its slot [m]."""
+    policies = (formation.on_lost, formation.on_degraded, formation.on_silent)
+    wider = formation.widen_m if "widen" in policies else 0.0
+    leaves = abs(formation.leave_right_m) if "leave" in policies else 0.0
+    slots = (slot for plan in formation.plans() for slot in plan.values())
+    return max(abs(slot.right_m) for slot in slots) + max(wider, leaves)
 
 
 def _record(path: MissionPath) -> np.void:

@@ -19,7 +19,7 @@ from ftc_autopilot.control.controllers import (
     tell_neighbours,
 )
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.guidance.planner import start_of
+from gcs.results.mission_path import paths_of
 from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps
 from gcs.scenario.model import Scenario
@@ -130,20 +130,16 @@ def _brief(
 ) -> None:
     """Set profile and faults, rounded as by transmission."""
     aircraft = scenario.aircraft
-    items = scenario.mission_items()
     controllers.guidance["active"] = 1
     controllers.guidance["start_step"] = 0
     if scenario.mission is None:
-        controllers.profiles[:] = profile_record(items_to_segments(items, aircraft.airspeed_limits))
+        segments = items_to_segments(scenario.mission_items(), aircraft.airspeed_limits)
+        controllers.profiles[:] = profile_record(segments)
         controllers.guidance["follows"] = Source.PROFILE
     else:
-        planner = scenario.planner()
-        tasks = planner.tasks(items)
-        for i in range(len(ids)):
-            observe(fleet, i, 0, scenario.step_us)
-            start = start_of(fleet.messages[i], planner.limits.cruise_m_s)
-            controllers.paths[i] = planner.path(tasks, start)
-            begin_path(controllers.guidance[i])
+        controllers.paths[:] = paths_of(scenario)
+        for guidance in controllers.guidance:
+            begin_path(guidance)
     for uav_id, fault in scenario.fault_commands():
         received = fault_from_params(fault_to_params(fault), aircraft.fault_limits)
         add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)

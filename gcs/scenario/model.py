@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from ftc_autopilot.config import (
     AutopilotConfig,
     Controller,
+    Formation,
     Guidance,
     Identity,
     Neighbour,
@@ -87,6 +88,9 @@ class Scenario(Model):
     )
     uavs: tuple[ScenarioUav, ...] = Field(min_length=1, description="The fleet.")
     network: Network = Field(description="The communication graph.")
+    formation: Formation | None = Field(
+        default=None, description="Slots on the path of the mission; none: all fly on it."
+    )
     profile: tuple[ProfileSegment, ...] = Field(
         default=(), max_length=MAX_SEGMENTS, description="Reference of the flight, if no mission."
     )
@@ -153,6 +157,8 @@ class Scenario(Model):
             trigger=self.trigger,
             formation_trigger=links.formation.trigger,
             guidance=self.guidance,
+            formation=self.formation,
+            leader_access=self.network.leader_access.get(uav_id, 0.0),
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
                 for other, weight in self.neighbours(uav_id)
@@ -191,7 +197,7 @@ class Scenario(Model):
 
     def planner(self) -> Planner:
         """Return what makes the paths of missions."""
-        return Planner(self.aircraft, self.guidance, self.origin)
+        return Planner(self.aircraft, self.guidance, self.origin, self.formation)
 
     def fault_commands(self) -> list[tuple[int, Fault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
@@ -208,6 +214,7 @@ class Scenario(Model):
             lambda: trigger_problems(self.controller, self.trigger, self.step_us),
             self._hardware_problems,
             self._network_problems,
+            self._formation_problems,
             self._profile_problems,
             self._mission_problems,
             self._fault_problems,
@@ -252,6 +259,15 @@ class Scenario(Model):
             self.planner().tasks(self.mission_items())
         except ItemError as error:
             yield ("mission", "items", error.seq - 1), error.reason
+
+    def _formation_problems(self) -> Found:
+        if self.formation is None:
+            return
+        for uav_id in sorted(set(self._ids) - self.formation.slots.keys()):
+            yield ("formation", "slots"), f"expected a slot of each UAV, got none of UAV {uav_id}"
+        for uav_id in sorted(self.formation.slots.keys() - set(self._ids)):
+            ids = ", ".join(map(str, self._ids))
+            yield ("formation", "slots", uav_id), f"expected one of the UAVs {ids}, got {uav_id}"
 
     def _profile_problems(self) -> Found:
         if bool(self.profile) == (self.mission is not None):

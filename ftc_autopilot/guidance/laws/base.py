@@ -10,7 +10,7 @@ from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["GuidanceParameters", "Situation"]
+__all__ = ["GuidanceParameters", "Intention", "Pace", "Situation"]
 
 
 class GuidanceParameters(Model):
@@ -70,3 +70,22 @@ class Situation(NamedTuple):
     motion: Motion  # own motion
     reference: np.ndarray  # state of the reference filter, shape (4, 3); read only
     bandwidth: float  # of the reference filter, its triple pole [rad/s]
+
+
+class Pace(NamedTuple):
+    """How a UAV gets on along its path."""
+
+    s: float  # path parameter [m]
+    s_dot: float  # its time derivative [m/s]
+    speed: float  # over ground, that the path asks for where the formation is [m/s]
+
+
+class Intention(NamedTuple):
+    """Velocity over ground that a guidance law asks for, and where the UAV is beside its slot."""
+
+    course: float  # of the path [rad]
+    along: float  # [m/s]
+    right: float  # of the path [m/s]
+    up: float  # [m/s]
+    off_right: float  # of the slot [m]
+    off_up: float  # above the slot [m]
