@@ -28,7 +28,9 @@ from ftc_autopilot.control.neighbour_messages import (
     refer_to_reference,
 )
 from ftc_autopilot.control.reference import PROFILE, profile_value
-from ftc_autopilot.guidance.coordination import Coordination
+from ftc_autopilot.guidance.coordination import FORMATION, new_formation, no_coordination
+from ftc_autopilot.guidance.formation import LAYOUT, MAX_MEMBERS, layout_record
+from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guide
 from ftc_autopilot.guidance.laws.base import Situation
 from ftc_autopilot.guidance.path import PATH
@@ -79,7 +81,6 @@ GUIDANCE = np.dtype(
         ("command", "f8", (4,)),  # airspeed [m/s], roll, pitch, yaw [rad]
         ("guided_step", "i8"),  # of the last update of the guidance law, or NOT_STARTED
         ("path_position", "f8"),  # path parameter then [m]
-        ("slot", "f8", (3,)),  # ahead, to the right, up [m]
         ("law", GUIDANCE_STATE),
     ]
 )
@@ -94,6 +95,8 @@ class Controllers(NamedTuple):
     guidance: np.ndarray  # (n,), dtype GUIDANCE
     profiles: np.ndarray  # (n,), dtype PROFILE
     paths: np.ndarray  # (n,), dtype PATH
+    layouts: np.ndarray  # (n,), dtype LAYOUT: the formation, as each of its members sees it
+    formations: np.ndarray  # (n,), dtype FORMATION
     neighbour_states: np.ndarray  # (n, degree), dtype NEIGHBOUR: last messages, by neighbour
     extrapolated: np.ndarray  # (n, degree + 1), the same now; last, what neighbours make of `told`
     weights: np.ndarray  # (n, degree), a_ij; 0 while a neighbour is silent
@@ -114,6 +117,8 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
         np.zeros(n, GUIDANCE),
         np.zeros(n, PROFILE),
         np.zeros(n, PATH),
+        np.zeros(n, LAYOUT),
+        np.zeros(n, FORMATION),
         np.zeros((n, degree), NEIGHBOUR),
         np.zeros((n, degree + 1), NEIGHBOUR),
         np.zeros((n, degree)),
@@ -125,8 +130,17 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
     for i, config in enumerate(configs):
         controllers.aircraft[i] = aircraft_record(config.aircraft)
         controllers.parameters[i] = parameter_record(
-            config.controller, config.trigger, config.formation_trigger, config.guidance
+            config.controller,
+            config.trigger,
+            config.formation_trigger,
+            config.guidance,
+            config.formation,
         )
+        if config.formation is not None:
+            edges = {neighbour.id: neighbour.weight for neighbour in config.neighbours}
+            controllers.layouts[i] = layout_record(
+                config.formation, config.id, config.leader_access, edges
+            )
         law = controllers.parameters[i][config.controller.kind]
         config.controller.derive(config.aircraft, law)
     reset_controllers(controllers)
@@ -147,6 +161,7 @@ def reset_controllers(controllers: Controllers) -> None:
         array[:] = np.zeros((), array.dtype)
     controllers.weights[:] = 0.0
     controllers.states[:] = new_controller()
+    controllers.formations[:] = new_formation()
     controllers.guidance["start_step"] = controllers.guidance["guided_step"] = NOT_STARTED
 
 
@@ -251,16 +266,17 @@ def _control(
         clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
     dt = step_us / 1e6
     on_path = guidance["follows"] == Source.PATH
+    neighbours = _neighbours_now(controllers, i, int(np.int64(measured["step"])), dt)
     if guidance["follows"] == Source.PROFILE:
         profile_value(controllers.profiles[i], clock, guidance["command"])
     elif on_path:
-        _guide(controllers, i, measured, motion, dt)
+        _guide(controllers, i, measured, motion, neighbours, clock, dt)
     mask = control_step(
         clock,
         dt,
         motion,
         guidance["command"],
-        _neighbours_now(controllers, i, int(np.int64(measured["step"])), dt),
+        neighbours,
         controllers.weights[i],
         controllers.aircraft[i],
         controllers.parameters[i],
@@ -268,7 +284,9 @@ def _control(
         controllers.actuators[i]["controls"],
         controllers.signals[i],
     )
-    _record_guidance(controllers.signals[i], guidance, on_path)
+    _record_guidance(controllers, i, on_path)
+    if on_path and controllers.layouts[i]["count"] > 0:
+        _tell_place(controllers, i, measured, motion, dt)
     if on_path or controllers.parameters[i]["formation_triggered"] != 0:
         # on a path each UAV has a reference of its own
         refer_to_reference(controllers.own_states[i], controllers.signals[i])
@@ -276,7 +294,15 @@ def _control(
 
 
 @compiled
-def _guide(controllers: Controllers, i: int, measured: np.void, motion: Motion, dt: float) -> None:
+def _guide(
+    controllers: Controllers,
+    i: int,
+    measured: np.void,
+    motion: Motion,
+    neighbours: np.ndarray,
+    clock: float,
+    dt: float,
+) -> None:
     """Update the command by the guidance law, if its period is over."""
     guidance, parameters = controllers.guidance[i], controllers.parameters[i]
     step, since = int(np.int64(measured["step"])), 0.0
@@ -295,11 +321,28 @@ def _guide(controllers: Controllers, i: int, measured: np.void, motion: Motion, 
         controllers.states[i]["reference"],
         parameters["common"]["reference_bandwidth_rad_s"],
     )
+    coordination = no_coordination()
+    if controllers.layouts[i]["count"] > 0:
+        coordination = fly_in_formation(
+            situation,
+            step,
+            dt,
+            clock,
+            controllers.paths[i],
+            guidance["path_position"],
+            neighbours,
+            controllers.weights[i],
+            controllers.signals[i],
+            controllers.layouts[i],
+            parameters,
+            guidance["law"],
+            controllers.formations[i],
+        )
     guidance["path_position"] = guide(
         situation,
         controllers.paths[i],
         guidance["path_position"],
-        Coordination(vec3(guidance["slot"]), 0.0, 0.0, 0.0),
+        coordination,
         controllers.aircraft[i],
         parameters["guidance"],
         guidance["law"],
@@ -309,11 +352,31 @@ def _guide(controllers: Controllers, i: int, measured: np.void, motion: Motion, 
 
 
 @compiled
-def _record_guidance(signals: np.void, guidance: np.void, on_path: bool) -> None:
-    """Write where on the path the UAV is, and its slot; NaN off a path."""
-    signals["path_position"] = guidance["path_position"] if on_path else math.nan
+def _tell_place(
+    controllers: Controllers, i: int, measured: np.void, motion: Motion, dt: float
+) -> None:
+    """Write into the own state where in the formation UAV i is."""
+    tell_place(
+        controllers.own_states[i],
+        controllers.paths[i]["id"],
+        vec3(measured["position"]),
+        mul(R1(motion.phi), vec3(measured["velocity"])),
+        dt,
+        controllers.formations[i],
+    )
+
+
+@compiled
+def _record_guidance(controllers: Controllers, i: int, on_path: bool) -> None:
+    """Write where on the path UAV i is, and its slot; NaN off a path."""
+    signals, formation = controllers.signals[i], controllers.formations[i]
+    signals["path_position"] = controllers.guidance[i]["path_position"] if on_path else math.nan
     for k in range(3):
-        signals["slot"][k] = guidance["slot"][k] if on_path else math.nan
+        signals["slot"][k] = formation["slot"]["place"][k] if on_path else math.nan
+    size = MAX_MEMBERS if on_path else 0
+    while size > 0 and formation["table"][size - 1] == 0:
+        size -= 1
+    signals["report_size"] = size
 
 
 @compiled

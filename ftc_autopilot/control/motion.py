@@ -46,7 +46,7 @@ def motion_of(measured: np.void, aircraft: np.void) -> Motion:
 
 @compiled
 def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
-    """Fill an FTC_NEIGHBOUR payload with the own motion.
+    """Fill an FTC_NEIGHBOUR payload with the own motion; it tells no place.
 
     Args:
         motion: Own motion.
@@ -61,3 +61,9 @@ def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
     for i in range(3):
         message["attitude"][i] = motion.phi[i]
         message["attitude_rate"][i] = rates[i]
+    if np.int64(message["path_id"]) != 0:
+        message["path_id"], message["path_position"], message["path_rate"] = 0, 0.0, 0.0
+        for i in range(3):
+            message["position"][i], message["ground_velocity"][i] = 0.0, 0.0
+        for m in range(len(message["report"])):
+            message["report"][m] = 0

@@ -1,8 +1,9 @@
 """Guidance laws that a scenario can choose by name.
 
 A law is one file: a model of its parameters, with its `kind` and the `STATE` that it keeps,
-and a compiled function. To register it, add the model to `Guidance` and `GUIDANCE_LAWS`, and the
-call to `guide`; the check of scenario files and the records that compiled code sees follow.
+and compiled functions. To register it, add the model to `Guidance` and `GUIDANCE_LAWS`, and the
+calls to `guide`, `pace_of` and `intention_of`; the check of scenario files and the records that
+compiled code sees follow.
 """
 
 from typing import TypeAlias
@@ -11,8 +12,13 @@ import numpy as np
 
 from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.guidance.coordination import Coordination
-from ftc_autopilot.guidance.laws.base import GuidanceParameters, Situation
-from ftc_autopilot.guidance.laws.path_following import PathFollowing, path_law
+from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
+from ftc_autopilot.guidance.laws.path_following import (
+    PathFollowing,
+    path_intention,
+    path_law,
+    path_pace,
+)
 from mavlink_defs.runtime.jit import compiled
 
 __all__ = [
@@ -22,6 +28,8 @@ __all__ = [
     "Guidance",
     "guidance_record",
     "guide",
+    "intention_of",
+    "pace_of",
 ]
 
 Guidance: TypeAlias = PathFollowing
@@ -79,3 +87,30 @@ def guide(
     return path_law(
         now, path, near, coordination, aircraft, limits, parameters["path"], state["path"], command
     )
+
+
+@compiled
+def pace_of(now: Situation, path: np.void, near: float, ahead: float, state: np.void) -> Pace:
+    """Return how a UAV gets on along its path.
+
+    Args:
+        now: The situation.
+        path: Record of dtype `ftc_autopilot.guidance.path.PATH` with at least one leg.
+        near: Path parameter at the update before [m].
+        ahead: What its slot lies ahead of the formation [m].
+        state: Record of dtype `GUIDANCE_STATE`.
+    """
+    return path_pace(now, path, near, ahead, state["path"])
+
+
+@compiled
+def intention_of(
+    now: Situation,
+    path: np.void,
+    near: float,
+    coordination: Coordination,
+    parameters: np.void,
+    state: np.void,
+) -> Intention:
+    """Return the velocity that `guide` would ask for with the same arguments, nobody evaded."""
+    return path_intention(now, path, near, coordination, parameters["path"], state["path"])

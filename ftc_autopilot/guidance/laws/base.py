@@ -10,7 +10,7 @@ from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["GuidanceParameters", "Situation"]
+__all__ = ["GuidanceParameters", "Intention", "Pace", "Situation"]
 
 
 class GuidanceParameters(Model):
@@ -43,6 +43,12 @@ class GuidanceParameters(Model):
         default=0.9,
         doc="Share of the largest thrust that climb and acceleration may take.",
     )
+    cruise_m_s: float = quantity(
+        "m/s", gt=0.0, default=40.0, doc="Airspeed until a mission sets another."
+    )
+    wind_max_m_s: float = quantity(
+        "m/s", ge=0.0, default=5.0, doc="Wind that the turns of a path allow for."
+    )
     airspeed_min_m_s: float = quantity(
         "m/s", gt=0.0, default=25.0, doc="Lowest airspeed commanded."
     )
@@ -64,3 +70,22 @@ class Situation(NamedTuple):
     motion: Motion  # own motion
     reference: np.ndarray  # state of the reference filter, shape (4, 3); read only
     bandwidth: float  # of the reference filter, its triple pole [rad/s]
+
+
+class Pace(NamedTuple):
+    """How a UAV gets on along its path."""
+
+    s: float  # path parameter [m]
+    s_dot: float  # its time derivative [m/s]
+    speed: float  # over ground, that the path asks for where the formation is [m/s]
+
+
+class Intention(NamedTuple):
+    """Velocity over ground that a guidance law asks for, and where the UAV is beside its slot."""
+
+    course: float  # of the path [rad]
+    along: float  # [m/s]
+    right: float  # of the path [m/s]
+    up: float  # [m/s]
+    off_right: float  # of the slot [m]
+    off_up: float  # above the slot [m]

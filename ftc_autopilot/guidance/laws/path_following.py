@@ -39,13 +39,13 @@ import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.control.reference import wrap
-from ftc_autopilot.guidance.coordination import Coordination
-from ftc_autopilot.guidance.laws.base import GuidanceParameters, Situation
+from ftc_autopilot.guidance.coordination import Coordination, no_coordination
+from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
 from ftc_autopilot.guidance.path import PathPoint, locate, point_at
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["PathFollowing", "path_law"]
+__all__ = ["PathFollowing", "path_intention", "path_law", "path_pace"]
 
 _APPROACH_MAX = math.radians(40.0)
 """Largest angle between the commanded course and the path [rad]."""
@@ -179,6 +179,41 @@ def path_law(
 
 
 @compiled
+def path_pace(now: Situation, path: np.void, near: float, ahead: float, state: np.void) -> Pace:
+    """Return how a UAV whose slot lies ahead [m] gets on; other arguments as of `path_law`."""
+    wind = state["wind"][0], state["wind"][1]
+    if state["started"] == 0:
+        wind = now.velocity[0] - now.air_velocity[0], now.velocity[1] - now.air_velocity[1]
+    place = _place(now, path, near, no_coordination())
+    formation = point_at(path, place.s - ahead)
+    speed = _ground_speed(formation.course, formation.airspeed, wind)
+    return Pace(place.s, place.s_dot, speed)
+
+
+@compiled
+def path_intention(
+    now: Situation,
+    path: np.void,
+    near: float,
+    coordination: Coordination,
+    gains: np.void,
+    state: np.void,
+) -> Intention:
+    """Return the velocity that `path_law` asks for with the same arguments, nobody evaded."""
+    place = _place(now, path, near, coordination)
+    pace = path_pace(now, path, near, coordination.slot[0], state)
+    along = pace.speed + coordination.speed
+    along *= max(1.0 - coordination.slot[1] * place.here.curvature, 0.2)
+    speed = max(place.ground_speed, 1.0)
+    approach = math.atan(_sideways(now, place, coordination, gains, state) / speed)
+    right = -speed * math.sin(min(max(approach, -_APPROACH_MAX), _APPROACH_MAX))
+    high = place.here.height + coordination.slot[2] + now.position[2]
+    climb = place.here.climb * place.s_dot
+    up = _upwards(high, coordination, gains, state) + climb
+    return Intention(place.here.course, along, right, up, place.e, -high)
+
+
+@compiled
 def _estimate_wind(now: Situation, gains: np.void, state: np.void) -> None:
     """Filter the difference of the velocities over ground and through the air."""
     share = 1.0 if state["started"] == 0 else 1.0 - math.exp(-now.dt / gains["wind_time_s"])
@@ -241,6 +276,18 @@ def _airspeed(
 
 
 @compiled
+def _sideways(
+    now: Situation, place: _Place, coordination: Coordination, gains: np.void, state: np.void
+) -> float:
+    """Return the velocity to the left that brings the UAV to its slot [m/s]."""
+    moving = coordination.slot_rate[1]
+    e_dot = place.ground_speed * math.sin(place.course - place.here.course) - moving
+    lead = 3.0 / now.bandwidth + gains["cross_track_lead_s"]
+    sideways = gains["cross_track_1_s"] * (place.e + lead * e_dot) - moving
+    return float(sideways + gains["cross_track_integral_1_s2"] * state["cross_track"])
+
+
+@compiled
 def _turn(
     now: Situation,
     place: _Place,
@@ -254,11 +301,8 @@ def _turn(
 ) -> tuple[float, float]:
     """Advance χ_c; return φ_r and ψ_w."""
     speed = max(place.ground_speed, 1.0)
-    e_dot = place.ground_speed * math.sin(place.course - place.here.course) - coordination.right
     gain = gains["cross_track_integral_1_s2"]
-    lead = 3.0 / now.bandwidth + gains["cross_track_lead_s"]
-    sideways = gains["cross_track_1_s"] * (place.e + lead * e_dot)
-    sideways += gain * state["cross_track"] - coordination.right
+    sideways = _sideways(now, place, coordination, gains, state) - coordination.right
     approach = math.atan(sideways / speed)
     if abs(approach) < _INTEGRATION_MAX and gain > 0.0:
         limit = _INTEGRAL_SHARE * speed / gain
@@ -282,6 +326,20 @@ def _turn(
 
 
 @compiled
+def _upwards(error: float, coordination: Coordination, gains: np.void, state: np.void) -> float:
+    """Return the velocity upwards that brings the UAV to its slot, beside the path's climb [m/s].
+
+    Args:
+        error: Height of the slot above the UAV [m].
+        coordination: Slot and corrections.
+        gains: Those of the law.
+        state: That of the law.
+    """
+    integral = gains["height_integral_1_s2"] * state["height"]
+    return float(gains["height_1_s"] * error + integral + coordination.slot_rate[2])
+
+
+@compiled
 def _climb(
     now: Situation,
     path: np.void,
@@ -302,7 +360,7 @@ def _climb(
     _, slope_ahead = _rounded(path, place.s + (3.0 / now.bandwidth + lag) * place.s_dot, reach)
     error = height + coordination.slot[2] + now.position[2]
     gain = gains["height_integral_1_s2"]
-    sink = gains["height_1_s"] * error + gain * state["height"] + coordination.up
+    sink = _upwards(error, coordination, gains, state) + coordination.up
 
     accelerating = now.reference[0, 1] / aircraft["g"]
     drag = pressure * aircraft["cD0"]

@@ -1,0 +1,104 @@
+"""Keeping UAVs apart: a barrier on the velocity that guidance asks for.
+
+With r from neighbour to own aircraft and d = |r|, what is held is::
+
+    d' >= -γ (d - d_min)
+
+so that a distance above d_min is never left for one below it, and one below it grows again. What
+the present velocities lack, w = -γ (d - d_min) - d', both aircraft make up for by half. So the
+component of the own velocity along r/d is to be at least the present one plus w/2, and the
+velocity v that guidance asks for is changed by as little as possible::
+
+    v := v + max(0, (v_now - v)·r/d + w/2) r/d
+
+It is the present velocity that counts, not the one asked for, because aircraft follow late and
+neighbours do not tell what they intend. If both follow with a delay T, the distance goes by
+d'' = -(d' + γ (d - d_min))/T, which is damped well enough for γ T < 1/2.
+"""
+
+import math
+
+import numpy as np
+
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Vec3, add, dot, norm, scale, sub, vec3
+
+__all__ = ["kept_apart", "nearest"]
+
+_SWEEPS = 3
+"""Rounds over the neighbours, so that evading one does not approach another."""
+_ONE_PLACE_M = 1e-6
+"""Distance below which there is no way out [m]."""
+
+
+@compiled
+def kept_apart(
+    wanted: Vec3,
+    position: Vec3,
+    velocity: Vec3,
+    neighbours: np.ndarray,
+    weights: np.ndarray,
+    now_s: float,
+    dt: float,
+    least: float,
+    rate: float,
+) -> Vec3:
+    """Return the velocity to ask for instead of `wanted` so that neighbours keep their distance.
+
+    Args:
+        wanted: Velocity over ground that guidance asks for, NED [m/s].
+        position: The own one, NED [m].
+        velocity: The present one over ground, NED [m/s].
+        neighbours: Last message of each neighbour, dtype `mavlink_defs.framing.codec.NEIGHBOUR`,
+            shape (degree,).
+        weights: a_ij of each neighbour, 0 while it is silent, shape (degree,).
+        now_s: Present step times the control period [s].
+        dt: Control period [s].
+        least: Distance that is held, d_min [m].
+        rate: γ [1/s].
+    """
+    for _ in range(_SWEEPS):
+        for d in range(len(weights)):
+            if not _tells_place(neighbours[d], weights[d]):
+                continue
+            away = sub(position, _place(neighbours[d], now_s, dt))
+            distance = norm(away)
+            if distance < _ONE_PLACE_M:
+                continue
+            away = scale(1.0 / distance, away)
+            parting = dot(sub(velocity, vec3(neighbours[d]["ground_velocity"])), away)
+            lacking = -rate * (distance - least) - parting
+            short = dot(sub(velocity, wanted), away) + 0.5 * lacking
+            if lacking > 0.0 and short > 0.0:
+                wanted = add(wanted, scale(short, away))
+    return wanted
+
+
+@compiled
+def nearest(
+    position: Vec3, neighbours: np.ndarray, weights: np.ndarray, now_s: float, dt: float
+) -> tuple[int, float]:
+    """Return index and distance [m] of the nearest neighbour; -1 and NaN if none tells its place.
+
+    Arguments are those of `kept_apart`.
+    """
+    found, least = -1, math.nan
+    for d in range(len(weights)):
+        if _tells_place(neighbours[d], weights[d]):
+            distance = norm(sub(position, _place(neighbours[d], now_s, dt)))
+            if found < 0 or distance < least:
+                found, least = d, distance
+    return found, least
+
+
+@compiled
+def _tells_place(neighbour: np.void, weight: float) -> bool:
+    return bool(weight > 0.0 and np.int64(neighbour["path_id"]) != 0)
+
+
+@compiled
+def _place(neighbour: np.void, now_s: float, dt: float) -> Vec3:
+    """Return where a neighbour is now, if it has gone on as it told."""
+    age = now_s - np.int64(neighbour["step"]) * dt
+    velocity = vec3(neighbour["ground_velocity"])
+    return add(vec3(neighbour["position"]), scale(age, velocity))
