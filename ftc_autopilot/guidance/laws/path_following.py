@@ -304,7 +304,7 @@ def _turn(
     gain = gains["cross_track_integral_1_s2"]
     sideways = _sideways(now, place, coordination, gains, state) - coordination.right
     approach = math.atan(sideways / speed)
-    if abs(approach) < _INTEGRATION_MAX and gain > 0.0:
+    if abs(approach) < _INTEGRATION_MAX and gain > 0.0 and coordination.right == 0.0:
         limit = _INTEGRAL_SHARE * speed / gain
         state["cross_track"] = min(max(state["cross_track"] + place.e * now.dt, -limit), limit)
     wanted = place.ahead.course - min(max(approach, -_APPROACH_MAX), _APPROACH_MAX)
@@ -369,7 +369,7 @@ def _climb(
     high = min(max((thrust - drag) / weight - accelerating, -most), most)
     low = max(min(-drag / weight - accelerating, most), -most)
     wanted = (sink + slope_ahead * place.s_dot) / V
-    if low < wanted < high and gain > 0.0:
+    if low < wanted < high and gain > 0.0 and coordination.up == 0.0:
         limit = _INTEGRAL_SHARE * V / gain
         state["height"] = min(max(state["height"] + error * now.dt, -limit), limit)
     present = (sink + slope * place.s_dot) / V
