@@ -2,14 +2,24 @@
 
 import numpy as np
 
+from ftc_autopilot.guidance.path import PATH
 from gcs.scenario.model import Scenario
+from sitl_plant.fleet import new_plant_state, observe
 
 __all__ = ["leaders_of", "paths_of"]
 
 
 def paths_of(scenario: Scenario) -> np.ndarray | None:
     """Return the path of each UAV, shape (n,), dtype `PATH`; None without a mission."""
-    return None
+    if scenario.mission is None:
+        return None
+    fleet, planner = new_plant_state(scenario.plant_config()), scenario.planner()
+    tasks = planner.tasks(scenario.mission_items())
+    paths = np.zeros(len(scenario.uavs), PATH)
+    for i in range(len(paths)):
+        observe(fleet, i, 0, scenario.step_us)
+        paths[i] = planner.first_path(tasks, fleet.messages[i])
+    return paths
 
 
 def leaders_of(scenario: Scenario) -> tuple[int, ...]:

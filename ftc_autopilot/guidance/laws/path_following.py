@@ -265,7 +265,7 @@ def _airspeed(
     speed *= max(1.0 - right * place.ahead.curvature, 0.2)
     north = speed * math.cos(place.ahead.course) - wind[0]
     east = speed * math.sin(place.ahead.course) - wind[1]
-    wanted = math.hypot(north, east)
+    wanted: float = math.hypot(north, east)
     wanted = min(max(wanted, limits["airspeed_min_m_s"]), limits["airspeed_max_m_s"])
     change = limits["acceleration_max_m_s2"] * now.dt
     wanted = min(max(wanted, state["airspeed"] - change), state["airspeed"] + change)
