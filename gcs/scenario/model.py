@@ -25,7 +25,9 @@ from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers.per_channel import PerChannel
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
+from ftc_autopilot.guidance.planner import Planner
 from gcs.scenario.bundled import base_of, find_scenario
+from gcs.scenario.mission import MissionSection, with_mission_file
 from gcs.scenario.sections import (
     Found,
     Links,
@@ -40,7 +42,8 @@ from mavlink_defs.config.models import ConfigError, Loc, Model, Problem, Problem
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.endpoint import parse_address
 from mavlink_defs.faults import MAX_FAULTS, Fault
-from mavlink_defs.profile import MAX_SEGMENTS, Segment
+from mavlink_defs.profile import MAX_SEGMENTS, ItemError, Segment, segments_to_items
+from mavlink_defs.services.mission import MissionItem
 from sitl_plant.atmosphere import Wind
 from sitl_plant.config import (
     Aircraft,
@@ -89,7 +92,10 @@ class Scenario(Model):
         default=None, description="Slots on the path of the mission; none: all fly on it."
     )
     profile: tuple[ProfileSegment, ...] = Field(
-        min_length=1, max_length=MAX_SEGMENTS, description="Reference of the flight."
+        default=(), max_length=MAX_SEGMENTS, description="Reference of the flight, if no mission."
+    )
+    mission: MissionSection | None = Field(
+        default=None, description="Path of the flight, in place of a profile."
     )
     faults: tuple[ScenarioFault, ...] = Field(default=(), description="Actuator faults.")
     links: Links = Field(default=Links(), description="Addresses, ports, signing, impairments.")
@@ -180,8 +186,18 @@ class Scenario(Model):
         return self.model_copy(update={"links": links})
 
     def segments(self) -> tuple[Segment, ...]:
-        """Return the profile as it is uploaded to every UAV."""
+        """Return the profile; empty if a mission is flown."""
         return tuple(segment.segment() for segment in self.profile)
+
+    def mission_items(self) -> tuple[MissionItem, ...]:
+        """Return profile or mission as it is uploaded to every UAV; item 0 is home."""
+        if self.mission is not None:
+            return self.mission.mission_items(self.origin)
+        return tuple(segments_to_items(self.segments(), 0, 0))
+
+    def planner(self) -> Planner:
+        """Return what makes the paths of missions."""
+        return Planner(self.aircraft, self.guidance, self.origin, self.formation)
 
     def fault_commands(self) -> list[tuple[int, Fault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
@@ -200,6 +216,7 @@ class Scenario(Model):
             self._network_problems,
             self._formation_problems,
             self._profile_problems,
+            self._mission_problems,
             self._fault_problems,
             self._port_problems,
         )
@@ -235,6 +252,14 @@ class Scenario(Model):
         for loc, text in formation_problems(self._ids, edges, access):
             yield ("network", *loc), text
 
+    def _mission_problems(self) -> Found:
+        if self.mission is None:
+            return
+        try:
+            self.planner().tasks(self.mission_items())
+        except ItemError as error:
+            yield ("mission", "items", error.seq - 1), error.reason
+
     def _formation_problems(self) -> Found:
         if self.formation is None:
             return
@@ -245,6 +270,11 @@ class Scenario(Model):
             yield ("formation", "slots", uav_id), f"expected one of the UAVs {ids}, got {uav_id}"
 
     def _profile_problems(self) -> Found:
+        if bool(self.profile) == (self.mission is not None):
+            got = "both" if self.profile else "none"
+            yield (), f"expected either a profile with a segment or a mission, got {got}"
+        if not self.profile:
+            return
         if self.profile[0].start_s != 0.0:
             text = f"expected 0 s in the first segment, got {self.profile[0].start_s!r}"
             yield ("profile", 0, "start_s"), text
@@ -363,6 +393,6 @@ def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:
     """
     if "scenario" in tree and "aircraft" not in tree:
         raise ConfigError(path, [Problem((), "a campaign, not a scenario; see gcs campaign")])
-    scenario = validate(path, tree, Scenario)
+    scenario = validate(path, with_mission_file(path, tree), Scenario)
     key = scenario.links.signing_key
     return scenario if key is None else scenario.signed(Path(path).parent / key)

@@ -43,6 +43,12 @@ class GuidanceParameters(Model):
         default=0.9,
         doc="Share of the largest thrust that climb and acceleration may take.",
     )
+    cruise_m_s: float = quantity(
+        "m/s", gt=0.0, default=40.0, doc="Airspeed until a mission sets another."
+    )
+    wind_max_m_s: float = quantity(
+        "m/s", ge=0.0, default=5.0, doc="Wind that the turns of a path allow for."
+    )
     airspeed_min_m_s: float = quantity(
         "m/s", gt=0.0, default=25.0, doc="Lowest airspeed commanded."
     )
