@@ -4,20 +4,20 @@ With r from neighbour to own aircraft and d = |r|, what is held is::
 
     d' >= -γ (d - d_min)
 
-so that a distance above d_min is never left for one below it, and one below it grows again. What
-the present velocities lack, w = -γ (d - d_min) - d', both aircraft make up for by half. So the
-component of the own velocity along r/d is to be at least the present one plus w/2, and the
-velocity v that guidance asks for is changed by as little as possible::
+so that a distance above d_min is never left for one below it, and one below it grows again. Both
+aircraft have an equal share in it: along r/d, each asks for at least the mean of both present
+velocities less γ (d - d_min)/2. The velocity v that guidance asks for is changed by as little as
+possible::
 
-    v := v + max(0, (v_now - v)·r/d + w/2) r/d
+    v := v + max(0, ((v_now + v_j)/2 - v)·r/d - γ (d - d_min)/2) r/d
 
-Two that meet head on would only stop each other. So both also evade up and down, as fast as
-along r, at most at 3 m/s: who is higher goes up, and the one with the lower system id if they are
-equally high.
+Two that meet head on would only stop each other. So what changes the velocity horizontally also
+changes it as much vertically, by at most 3 m/s: who is higher evades upwards, or the one with the
+lower system id if they are equally high.
 
-It is the present velocity that counts, not the one asked for, because aircraft follow late and
-neighbours do not tell what they intend. If both follow with a delay T, the distance goes by
-d'' = -(d' + γ (d - d_min))/T, which is damped well enough for γ T < 1/2.
+It is the present velocities that count, as aircraft follow late and neighbours do not tell what
+they intend. If both follow with a delay T, the distance goes by d'' = -(d' + γ (d - d_min))/T,
+which is damped well enough for γ T < 1/2.
 """
 
 import math
@@ -79,13 +79,12 @@ def kept_apart(
                 continue
             height = -away[2]
             away = scale(1.0 / distance, away)
-            parting = dot(sub(velocity, vec3(neighbours[d]["ground_velocity"])), away)
-            lacking = -rate * (distance - least) - parting
-            short = dot(sub(velocity, wanted), away) + 0.5 * lacking
-            if lacking > 0.0 and short > 0.0:
+            mean = scale(0.5, add(velocity, vec3(neighbours[d]["ground_velocity"])))
+            short = dot(sub(mean, wanted), away) - 0.5 * rate * (distance - least)
+            if short > 0.0:
                 wanted = add(wanted, scale(short, away))
                 side = math.copysign(1.0, height) if abs(height) > _LEVEL_M else upwards[d]
-                climb += side * short
+                climb += side * short * math.hypot(away[0], away[1])
     climb = min(max(climb, -_VERTICAL_MAX_M_S), _VERTICAL_MAX_M_S)
     return add(wanted, (0.0, 0.0, -climb))
 
