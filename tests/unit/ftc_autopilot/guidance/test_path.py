@@ -22,9 +22,10 @@ LEGS = st.lists(st.tuples(LENGTHS, CURVATURES, st.floats(-0.2, 0.2)), min_size=1
 def chain(pieces: Sequence[tuple[float, float, float]], course: float = 0.3) -> list[Leg]:
     """Legs of length, curvature and climb, each tangent to the one before; no arc turns round."""
     legs, (north, east, height) = [], (7.0, -3.0, 100.0)
-    for k, (length, curvature, climb) in enumerate(pieces):
+    for k, (whole, curvature, climb) in enumerate(pieces):
+        length = whole
         if curvature:
-            length = min(length, 0.9 * math.pi / abs(curvature))
+            length = min(whole, 0.9 * math.pi / abs(curvature))
         legs.append(Leg(north, east, course, curvature, length, height, climb, 40.0, k))
         # by many short chords, independently of the closed form
         n = 20_000
