@@ -14,6 +14,7 @@ from typing import TypeAlias
 
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
+from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
 from mavlink_defs import dialect
@@ -81,6 +82,7 @@ def makers_of(
     state: StateMessages,
     controller: ControllerMessages,
     diagnosis: DiagnosisMessages,
+    formation: FormationMessages,
     status: StatusMessages,
 ) -> dict[int, Maker]:
     """Return every message that can be streamed or requested, by its id."""
@@ -105,6 +107,7 @@ def makers_of(
         dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,
         dialect.MAVLINK_MSG_ID_FTC_DROPS: controller.drops,
         dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS: diagnosis.diagnosis,
+        dialect.MAVLINK_MSG_ID_FTC_FORMATION: formation.formation,
         dialect.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
         dialect.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
         dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: status.ekf_status_report,
