@@ -19,6 +19,7 @@ import numpy as np
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.guidance.path import PATH
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
 from ftc_autopilot.link import GCS, PLANT, SIMULATOR, Record, new_link, records_to_keep, run
@@ -122,7 +123,7 @@ class Autopilot:
         self.crash_at = _NEVER
 
     def _keep_in(self, path: Path) -> bool:
-        """Keep the state in a file, the recorded signals beside it; return whether one was there.
+        """Keep the state in a file, path and signals beside it; return whether one was there.
 
         In lockstep, control begins again when a fixed simulated time has passed, so that the flight
         is the same however long the restart took; in real time, with the next state.
@@ -131,6 +132,10 @@ class Autopilot:
         records = records_to_keep(link, self._controllers, self._kept)
         kept = open_kept_state(path, records, self._config.model_dump_json())
         resumes = take_up(kept)
+        paths = map_array(path.with_suffix(".path"), PATH, 1)  # large, and seldom changed
+        if not resumes:
+            paths[:] = np.zeros((), PATH)
+        self._controllers = self._controllers._replace(paths=paths)
         rows = len(link.record.steps)
         record = Record(
             map_array(path.with_suffix(".steps"), np.dtype(np.int64), rows),

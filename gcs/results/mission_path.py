@@ -24,4 +24,7 @@ def paths_of(scenario: Scenario) -> np.ndarray | None:
 
 def leaders_of(scenario: Scenario) -> tuple[int, ...]:
     """Return the indices of the UAVs that slots count from; none without a formation."""
-    return ()
+    if scenario.formation is None:
+        return ()
+    access = scenario.network.leader_access
+    return tuple(i for i, uav in enumerate(scenario.uavs) if uav.id in access)
