@@ -11,7 +11,7 @@ import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, Source, begin_path
-from ftc_autopilot.guidance.limits import fastest
+from ftc_autopilot.guidance.limits import tightest_turn
 from ftc_autopilot.guidance.mission_items import Task
 from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, locate, point_at
@@ -22,6 +22,9 @@ from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
 __all__ = ["FlightPath"]
+
+_SAME_RADIUS = 1.0 + 1e-6
+"""Share by which a turn may be too tight, by rounding."""
 
 
 class FlightPath:
@@ -168,9 +171,9 @@ class FlightPath:
         same = [k for k in legs if path["airspeed"][k] == path["airspeed"][first]]
         for k in same:
             curvature = abs(float(path["curvature"][k]))
-            most = fastest(1.0 / curvature, self.planner.limits) if curvature else math.inf
-            if airspeed > most:
-                text = f"a turn of {1.0 / curvature:.0f} m allows {math.floor(most)} m/s"
+            least = tightest_turn(airspeed, self.planner.limits)
+            if curvature * least > _SAME_RADIUS:
+                text = f"a turn of {1.0 / curvature:.0f} m is too tight, must be >= {least:.0f} m"
                 raise ItemError(int(path["item"][k]), 0, text)
         path["airspeed"][same] = airspeed
         self.airspeed = airspeed

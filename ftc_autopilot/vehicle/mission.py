@@ -84,14 +84,17 @@ class Mission:
         self.server.set_current(0)
         self._work()
 
-    def resume(self, profile: Sequence[MissionItem], item: int) -> None:
+    def resume(self, items: Sequence[MissionItem], item: int) -> None:
         """Take up the mission of a life before.
 
         Args:
-            profile: Its items, home included; none if there was no profile.
+            items: Its items, home included; none if there was no mission.
             item: The current one.
         """
-        self.server.restore(tuple(profile), item)
+        self.server.restore(tuple(items), item)
+        if is_path(items):
+            self._modes.path.take_mission(items)
+        self._modes.note_item(item)
         self._follows = self._modes.flies_mission
         self._note_state()
 

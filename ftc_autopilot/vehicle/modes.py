@@ -237,6 +237,8 @@ class Modes:
     def resume(self, mode: int) -> None:
         """Take up the mode and the arming of a life before, as the records have them."""
         self.mode, self.armed = mode, bool(self._guidance["active"])
+        if self.path.flown and self.path.record["count"] == 0:
+            self._fly_straight()  # its file is gone
 
     # inside
 
@@ -270,7 +272,7 @@ class Modes:
     def _follow(self, mode: int) -> None:
         """Let the references come from where a mode has them.
 
-        Without a path or profile to fly, the aircraft flies straight and level.
+        Without path or profile it flies straight and level.
         """
         if mode == AUTO and self.started and self.has_profile:
             self._guidance["follows"] = Source.PROFILE
@@ -281,11 +283,15 @@ class Modes:
         elif mode == LOITER and self.running and self.armed:
             self.path.circle_here()
         else:
-            self._guidance["follows"] = Source.COMMAND
-            state = self._hot.measured
-            speed = math.hypot(*map(float, state["velocity"] - state["wind"]))
-            airspeed = min(max(speed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)
-            self._guidance["command"] = (airspeed, 0.0, 0.0, float(state["attitude"][2]))
+            self._fly_straight()
+
+    def _fly_straight(self) -> None:
+        """Command straight and level flight, as fast as the aircraft is."""
+        self._guidance["follows"] = Source.COMMAND
+        state = self._hot.measured
+        speed = math.hypot(*map(float, state["velocity"] - state["wind"]))
+        airspeed = min(max(speed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)
+        self._guidance["command"] = (airspeed, 0.0, 0.0, float(state["attitude"][2]))
 
     def _refuse(self, text: str) -> int:
         self._say(dialect.MAV_SEVERITY_WARNING, text)

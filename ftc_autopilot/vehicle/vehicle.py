@@ -14,6 +14,7 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.control.reference import profile_segments
 from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.kept_mission import KeptMission
 from ftc_autopilot.link import GCS, PLANT
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
@@ -209,21 +210,31 @@ class Vehicle:
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
-    def resume(self, kept: np.void) -> None:
-        """Take up what was kept of the life before; the records hold it already.
+    def resume(self, kept: np.void, mission: KeptMission | None = None) -> None:
+        """Take up what was kept of the life before; the records hold the rest already.
 
         Args:
             kept: Record of dtype `ftc_autopilot.kept_state.VEHICLE`.
+            mission: Its mission; None: a profile that the records hold, if there is any.
         """
-        self.modes.resume(int(kept["mode"]))
         segments = profile_segments(self._controllers.profiles[0])
-        profile = segments_to_items(segments, *self._own) if segments else []
-        self._mission.resume(profile, int(kept["item"]))
+        items = segments_to_items(segments, *self._own) if segments else []
+        if mission is not None:
+            self._home.at, self.modes.path.airspeed = mission.home, mission.airspeed
+            items = [*mission.items]
+        self._mission.resume(items, int(kept["item"]))
+        self.modes.resume(int(kept["mode"]))
         self._resumed_us = self._hot.step * self._hot.step_us
 
     def note(self, kept: np.void) -> None:
         """Write what is to be kept into a record of dtype `ftc_autopilot.kept_state.VEHICLE`."""
         kept["mode"], kept["item"] = self.modes.mode, self._mission.server.current
+
+    def mission_to_keep(self) -> tuple[int, KeptMission]:
+        """Return the mission, and a number that changes with it."""
+        server, airspeed = self._mission.server, self.modes.path.airspeed
+        kept = KeptMission(server.items, self._home.at, airspeed)
+        return hash((server.revision, airspeed, self._home.at)), kept
 
     def farewell(self, text: str) -> None:
         """Send a last text and the final counters before the process ends."""
@@ -292,13 +303,9 @@ class Vehicle:
             dialect.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             dialect.MAV_CMD_REQUEST_MESSAGE: self._request,
         }
-        for command, mode in _MODES.items():
-            handlers[command] = partial(self._set_mode, mode)
-        for command, message_id in _REQUESTS.items():
-            handlers[command] = partial(self._request_one, message_id)
-        for command in _IMPOSSIBLE:
-            handlers[command] = partial(self._refuse_to, command)
-        return handlers
+        handlers |= {command: partial(self._set_mode, mode) for command, mode in _MODES.items()}
+        handlers |= {command: partial(self._request_one, i) for command, i in _REQUESTS.items()}
+        return handlers | {command: partial(self._refuse_to, command) for command in _IMPOSSIBLE}
 
     def _place_handlers(self) -> dict[int, PlaceHandler]:
         return {
@@ -372,7 +379,7 @@ class Vehicle:
         if self._resumed_us is None or self._hot.heard_s == 0.0:
             return
         resumed_us, self._resumed_us = self._resumed_us, None
-        text = "autopilot restarted: profile, parameters, mode and arming taken up"
+        text = "autopilot restarted: mission, parameters, mode and arming taken up"
         if resumed_us >= 0:
             age_s = (self._hot.time_us - resumed_us) * 1e-6
             text += f", and the flight of {resumed_us * 1e-6:.3f} s, {age_s:.3f} s old"

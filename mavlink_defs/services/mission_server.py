@@ -133,6 +133,11 @@ class MissionServer(Machine[MissionEvent]):
         return self._items
 
     @property
+    def revision(self) -> int:
+        """Counts the missions that were in force."""
+        return self._revision
+
+    @property
     def current(self) -> int:
         """Number of the current item."""
         return self._current
