@@ -21,6 +21,7 @@ from gcs.commands import (
     fly,
     key,
     log,
+    mission,
     new,
     param,
     profile,
@@ -121,6 +122,7 @@ app.command(epilog=control.DISARM_EPILOG)(control.disarm)
 app.command(epilog=control.MODE_EPILOG)(control.mode)
 app.add_typer(fault.app, name="fault")
 app.add_typer(profile.app, name="profile")
+app.add_typer(mission.app, name="mission")
 app.add_typer(param.app, name="param")
 app.command(epilog=record.EPILOG)(record.record)
 app.command(epilog=log.EPILOG)(log.log)
