@@ -60,7 +60,16 @@ def fly_in_formation(
     asked = _in_ned(intention)
     least, rate = gains["separation_m"], gains["separation_rate"]
     apart = kept_apart(
-        asked, now.position, now.velocity, neighbours, weights, step * dt, dt, least, rate
+        asked,
+        now.position,
+        now.velocity,
+        neighbours,
+        weights,
+        layout["upwards"],
+        step * dt,
+        dt,
+        least,
+        rate,
     )
     change = sub(apart, asked)
     d, distance = nearest(now.position, neighbours, weights, step * dt, dt)

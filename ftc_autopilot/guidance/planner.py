@@ -8,7 +8,7 @@ import numpy as np
 from ftc_autopilot.geography import Origin
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
-from ftc_autopilot.guidance.limits import FlightLimits
+from ftc_autopilot.guidance.limits import FlightLimits, level_airspeed
 from ftc_autopilot.guidance.mission_items import Home, Loiter, Return, Task, decode_items
 from ftc_autopilot.guidance.mission_path import MissionPath, Start, mission_path, path_id_of
 from ftc_autopilot.guidance.path import path_record
@@ -59,20 +59,25 @@ class Planner:
                 max(guidance.cruise_m_s, self.airspeeds.min_m_s), self.airspeeds.max_m_s
             ),
             bank_rad=math.radians(guidance.bank_max_deg),
+            level_m_s=level_airspeed(aircraft, math.radians(guidance.incidence_max_deg)),
             climb=math.tan(math.radians(climb_deg)),
             wind_m_s=guidance.wind_max_m_s,
             offset_m=0.0 if formation is None else _farthest_right(formation),
             gravity_m_s2=aircraft.gravity_m_s2,
         )
 
-    def tasks(self, items: Sequence[MissionItem]) -> tuple[Task, ...]:
-        """Decode and check a mission, home included.
+    def tasks(
+        self,
+        items: Sequence[MissionItem],
+        home: Home = Home(),  # noqa: B008 - frozen
+    ) -> tuple[Task, ...]:
+        """Decode and check a mission, home included; its item 0 is not read.
 
         Raises:
             ItemError: It cannot be flown.
         """
-        tasks = decode_items(items, self._origin, self.airspeeds)
-        mission_path(tasks, self.limits, Home())
+        tasks = decode_items(items, self._origin, home, self.airspeeds)
+        mission_path(tasks, self.limits, home)
         return tasks
 
     def first_path(self, tasks: Sequence[Task], measured: np.void, first: int = 1) -> np.void:

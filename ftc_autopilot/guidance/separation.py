@@ -4,16 +4,21 @@ With r from neighbour to own aircraft and d = |r|, what is held is::
 
     d' >= -γ (d - d_min)
 
-so that a distance above d_min is never left for one below it, and one below it grows again. What
-the present velocities lack, w = -γ (d - d_min) - d', both aircraft make up for by half. So the
-component of the own velocity along r/d is to be at least the present one plus w/2, and the
-velocity v that guidance asks for is changed by as little as possible::
+so that a distance above d_min is never left for one below it, and one below it grows again. Both
+aircraft have an equal share in it: along r/d, each asks for at least the mean of both present
+velocities less γ (d - d_min)/2. The velocity v that guidance asks for is changed by as little as
+possible::
 
-    v := v + max(0, (v_now - v)·r/d + w/2) r/d
+    v := v + max(0, ((v_now + v_j)/2 - v)·r/d - γ (d - d_min)/2) r/d
 
-It is the present velocity that counts, not the one asked for, because aircraft follow late and
-neighbours do not tell what they intend. If both follow with a delay T, the distance goes by
-d'' = -(d' + γ (d - d_min))/T, which is damped well enough for γ T < 1/2.
+Two that meet head on would only stop each other. So what changes the velocity horizontally also
+changes it vertically, by as much at first, less the more of d_min they differ in height, and by at
+most 3 m/s: who is higher evades upwards, or the one with the lower system id if they are equally
+high.
+
+It is the present velocities that count, as aircraft follow late and neighbours do not tell what
+they intend. If both follow with a delay T, the distance goes by d'' = -(d' + γ (d - d_min))/T,
+which is damped well enough for γ T < 1/2.
 """
 
 import math
@@ -29,6 +34,10 @@ _SWEEPS = 3
 """Rounds over the neighbours, so that evading one does not approach another."""
 _ONE_PLACE_M = 1e-6
 """Distance below which there is no way out [m]."""
+_LEVEL_M = 2.0
+"""Difference in height below which two UAVs are equally high [m]."""
+_VERTICAL_MAX_M_S = 3.0
+"""Fastest evasion up or down [m/s]."""
 
 
 @compiled
@@ -38,6 +47,7 @@ def kept_apart(
     velocity: Vec3,
     neighbours: np.ndarray,
     weights: np.ndarray,
+    upwards: np.ndarray,
     now_s: float,
     dt: float,
     least: float,
@@ -52,11 +62,16 @@ def kept_apart(
         neighbours: Last message of each neighbour, dtype `mavlink_defs.framing.codec.NEIGHBOUR`,
             shape (degree,).
         weights: a_ij of each neighbour, 0 while it is silent, shape (degree,).
+        upwards: 1 if this UAV evades a neighbour that is equally high upwards, -1 if downwards,
+            shape (degree or more,).
         now_s: Present step times the control period [s].
         dt: Control period [s].
         least: Distance that is held, d_min [m].
         rate: γ [1/s].
     """
+    climb = 0.0
+    if least <= 0.0:
+        return wanted
     for _ in range(_SWEEPS):
         for d in range(len(weights)):
             if not _tells_place(neighbours[d], weights[d]):
@@ -65,13 +80,17 @@ def kept_apart(
             distance = norm(away)
             if distance < _ONE_PLACE_M:
                 continue
+            height = -away[2]
             away = scale(1.0 / distance, away)
-            parting = dot(sub(velocity, vec3(neighbours[d]["ground_velocity"])), away)
-            lacking = -rate * (distance - least) - parting
-            short = dot(sub(velocity, wanted), away) + 0.5 * lacking
-            if lacking > 0.0 and short > 0.0:
+            mean = scale(0.5, add(velocity, vec3(neighbours[d]["ground_velocity"])))
+            short = dot(sub(mean, wanted), away) - 0.5 * rate * (distance - least)
+            if short > 0.0:
                 wanted = add(wanted, scale(short, away))
-    return wanted
+                side = math.copysign(1.0, height) if abs(height) > _LEVEL_M else upwards[d]
+                level = max(1.0 - abs(height) / least, 0.0) * math.hypot(away[0], away[1])
+                climb += side * level * short
+    climb = min(max(climb, -_VERTICAL_MAX_M_S), _VERTICAL_MAX_M_S)
+    return add(wanted, (0.0, 0.0, -climb))
 
 
 @compiled

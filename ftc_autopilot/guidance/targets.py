@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from ftc_autopilot.guidance.jumps import Order, Visit
-from ftc_autopilot.guidance.limits import FlightLimits, fastest, tightest_turn, turn_radius
+from ftc_autopilot.guidance.limits import FlightLimits, airspeeds_for, tightest_turn, turn_radius
 from ftc_autopilot.guidance.mission_items import Delay, Home, Loiter, SetHome, SetSpeed, Waypoint
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
@@ -151,9 +151,9 @@ class Targets:
         """Return the radius of a circle, or that of a turn if it is 0."""
         least = tightest_turn(airspeed, self._limits)
         if radius != 0.0 and abs(radius) < least:
-            slowest = fastest(abs(radius), self._limits)
+            airspeeds = airspeeds_for(abs(radius), self._limits)
             text = f"radius {abs(radius):g} m, must be >= {math.ceil(least)} m at {airspeed:g} m/s"
-            if slowest > 0.0:
-                text += f" (or the airspeed <= {math.floor(slowest)} m/s)"
+            if airspeeds is not None:
+                text += " (or the airspeed {} to {} m/s)".format(*airspeeds)
             raise ItemError(item, dialect.MAV_MISSION_INVALID_PARAM3, text)
         return radius or turn_radius(airspeed, self._limits)

@@ -14,6 +14,7 @@ from typing import TypeAlias
 
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
+from ftc_autopilot.vehicle.path_messages import PathMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
 from mavlink_defs import dialect
@@ -60,6 +61,8 @@ _GROUPS: dict[int, tuple[int, ...]] = {
         dialect.MAVLINK_MSG_ID_SYS_STATUS,
         dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
         dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
+        dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
+        dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
     ),
     dialect.MAV_DATA_STREAM_RC_CHANNELS: (dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,),
     dialect.MAV_DATA_STREAM_RAW_CONTROLLER: (),
@@ -82,6 +85,7 @@ def makers_of(
     controller: ControllerMessages,
     diagnosis: DiagnosisMessages,
     status: StatusMessages,
+    path: PathMessages,
 ) -> dict[int, Maker]:
     """Return every message that can be streamed or requested, by its id."""
     return {
@@ -100,6 +104,8 @@ def makers_of(
         dialect.MAVLINK_MSG_ID_ODOMETRY: state.odometry,
         dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: state.actuator_output_status,
         dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: state.servo_output_raw,
+        dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: path.nav_controller_output,
+        dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: path.position_target_global_int,
         dialect.MAVLINK_MSG_ID_FTC_TRACKING: controller.tracking,
         dialect.MAVLINK_MSG_ID_FTC_EVENTS: controller.events,
         dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,

@@ -31,7 +31,7 @@ class GuidanceParameters(Model):
         "deg", gt=0.0, le=70.0, default=40.0, doc="Largest bank angle commanded."
     )
     incidence_max_deg: float = quantity(
-        "deg", gt=0.0, le=30.0, default=12.0, doc="Largest angle of attack that a turn may need."
+        "deg", gt=0.0, le=30.0, default=15.0, doc="Largest angle of attack that a turn may need."
     )
     climb_max_deg: float = quantity(
         "deg", gt=0.0, le=45.0, default=20.0, doc="Steepest climb or descent commanded."
@@ -50,7 +50,7 @@ class GuidanceParameters(Model):
         "m/s", ge=0.0, default=5.0, doc="Wind that the turns of a path allow for."
     )
     airspeed_min_m_s: float = quantity(
-        "m/s", gt=0.0, default=25.0, doc="Lowest airspeed commanded."
+        "m/s", gt=0.0, default=30.0, doc="Lowest airspeed commanded."
     )
     airspeed_max_m_s: float = quantity(
         "m/s", gt=0.0, default=60.0, doc="Highest airspeed commanded."

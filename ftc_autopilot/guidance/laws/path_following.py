@@ -49,6 +49,8 @@ __all__ = ["PathFollowing", "path_intention", "path_law", "path_pace"]
 
 _APPROACH_MAX = math.radians(40.0)
 """Largest angle between the commanded course and the path [rad]."""
+_INTEGRATION_MAX = math.radians(10.0)
+"""Largest such angle at which the distance is integrated: the way to a path is no error [rad]."""
 _CLIMB_CORRECTION_MAX = math.radians(8.5)
 """Largest difference of angles of climb that the pitch corrects at a time [rad]."""
 _INTEGRAL_SHARE = 0.15
@@ -82,11 +84,11 @@ class PathFollowing(GuidanceParameters):
         doc="Lead T_p of the distance from the path, beyond the filter's delay.",
     )
     cross_track_integral_1_s2: float = quantity(
-        "1/s^2", ge=0.0, default=0.0, doc="Gain k_i of the distance's integral."
+        "1/s^2", ge=0.0, default=0.08, doc="Gain k_i of the distance's integral."
     )
     course_1_s: float = quantity("1/s", gt=0.0, default=3.0, doc="Gain k_chi of the course.")
     bank_feedback: float = quantity(
-        "", ge=0.0, default=0.0, doc="Gain k_phi from the error of the course to the bank."
+        "", ge=0.0, default=3.0, doc="Gain k_phi from the error of the course to the bank."
     )
     height_1_s: float = quantity("1/s", gt=0.0, default=0.4, doc="Gain k_h of the height.")
     height_integral_1_s2: float = quantity(
@@ -265,7 +267,7 @@ def _airspeed(
     speed *= max(1.0 - right * place.ahead.curvature, 0.2)
     north = speed * math.cos(place.ahead.course) - wind[0]
     east = speed * math.sin(place.ahead.course) - wind[1]
-    wanted: float = math.hypot(north, east)
+    wanted = math.hypot(north, east)
     wanted = min(max(wanted, limits["airspeed_min_m_s"]), limits["airspeed_max_m_s"])
     change = limits["acceleration_max_m_s2"] * now.dt
     wanted = min(max(wanted, state["airspeed"] - change), state["airspeed"] + change)
@@ -302,7 +304,7 @@ def _turn(
     gain = gains["cross_track_integral_1_s2"]
     sideways = _sideways(now, place, coordination, gains, state) - coordination.right
     approach = math.atan(sideways / speed)
-    if abs(approach) < _APPROACH_MAX and gain > 0.0:
+    if abs(approach) < _INTEGRATION_MAX and gain > 0.0 and coordination.right == 0.0:
         limit = _INTEGRAL_SHARE * speed / gain
         state["cross_track"] = min(max(state["cross_track"] + place.e * now.dt, -limit), limit)
     wanted = place.ahead.course - min(max(approach, -_APPROACH_MAX), _APPROACH_MAX)
@@ -367,7 +369,7 @@ def _climb(
     high = min(max((thrust - drag) / weight - accelerating, -most), most)
     low = max(min(-drag / weight - accelerating, most), -most)
     wanted = (sink + slope_ahead * place.s_dot) / V
-    if low < wanted < high and gain > 0.0:
+    if low < wanted < high and gain > 0.0 and coordination.up == 0.0:
         limit = _INTEGRAL_SHARE * V / gain
         state["height"] = min(max(state["height"] + error * now.dt, -limit), limit)
     present = (sink + slope * place.s_dot) / V
