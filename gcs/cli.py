@@ -22,6 +22,7 @@ from gcs.commands import (
     formation,
     key,
     log,
+    mission,
     new,
     param,
     profile,
@@ -123,6 +124,7 @@ app.command(epilog=control.MODE_EPILOG)(control.mode)
 app.add_typer(fault.app, name="fault")
 app.add_typer(formation.app, name="formation")
 app.add_typer(profile.app, name="profile")
+app.add_typer(mission.app, name="mission")
 app.add_typer(param.app, name="param")
 app.command(epilog=record.EPILOG)(record.record)
 app.command(epilog=log.EPILOG)(log.log)
