@@ -15,6 +15,9 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
 from ftc_autopilot.control.triggers.per_channel import PerChannel
 from ftc_autopilot.geography import Origin
+from ftc_autopilot.guidance.formation import Formation
+from ftc_autopilot.guidance.laws import Guidance
+from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
@@ -25,7 +28,9 @@ __all__ = [
     "NEIGHBOUR_TIMEOUT_S",
     "AutopilotConfig",
     "Controller",
+    "Formation",
     "FormationTrigger",
+    "Guidance",
     "Identity",
     "Neighbour",
     "Origin",
@@ -81,6 +86,12 @@ class FormationTrigger(Model):
     attitude_relative: float = quantity(
         "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the angle's tracking error."
     )
+    path_position_m: float = quantity(
+        "m", ge=0.0, default=0.05, doc="Threshold of the place on the path."
+    )
+    position_m: float = quantity(
+        "m", ge=0.0, default=0.5, doc="Threshold of north, east and down, on a path."
+    )
     longest_silence_s: float = quantity(
         "s", gt=0.0, default=0.2, doc="Time after which a message is sent in any case."
     )
@@ -124,6 +135,13 @@ class AutopilotConfig(Model):
     formation_trigger: FormationTrigger | None = Field(
         default=None, description="Trigger of the neighbour messages; none: every period."
     )
+    guidance: Guidance = Field(
+        default=PathFollowing(), description="Guidance law for paths, and its parameters."
+    )
+    formation: Formation | None = Field(
+        default=None, description="Formation on paths; none: it flies on the path itself."
+    )
+    leader_access: float = quantity("", ge=0.0, default=0.0, doc="Leader access h_i.")
     neighbours: tuple[Neighbour, ...] = Field(
         default=(), description="Neighbours in the communication graph."
     )
@@ -166,6 +184,13 @@ class AutopilotConfig(Model):
         problems = repeated(ids)
         problems += [(i, f"UAV {n} is this UAV itself") for i, n in enumerate(ids) if n == self.id]
         Problems.check((("neighbours", i, "id"), text) for i, text in problems)
+        return self
+
+    @model_validator(mode="after")
+    def _is_member(self) -> "AutopilotConfig":
+        if self.formation is not None and self.id not in self.formation.slots:
+            text = f"expected a slot of UAV {self.id}, which this autopilot flies"
+            raise Problems([(("formation", "slots"), text)])
         return self
 
     @model_validator(mode="after")

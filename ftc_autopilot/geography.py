@@ -10,7 +10,7 @@ from typing import NamedTuple
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 
-__all__ = ["Origin", "Place", "place_of"]
+__all__ = ["Origin", "Place", "place_of", "position_of"]
 
 _EARTH_RADIUS_M = 6378137.0
 
@@ -54,6 +54,14 @@ def place_of(origin: Origin, north: float, east: float, down: float) -> Place:
         round((origin.altitude_m + height) * 1e3),
         round(height * 1e3),
     )
+
+
+def position_of(origin: Origin, latitude: int, longitude: int) -> tuple[float, float]:
+    """Return north and east [m] of a place [degE7]; the inverse of `place_of`, short way round."""
+    north = math.radians(latitude / 1e7 - origin.latitude_deg) * _EARTH_RADIUS_M
+    parallel_m = _EARTH_RADIUS_M * math.cos(math.radians(origin.latitude_deg))
+    degrees = (longitude / 1e7 - origin.longitude_deg + 180.0) % 360.0 - 180.0
+    return north, math.radians(degrees) * parallel_m
 
 
 def _sane(metres: float) -> float:

@@ -23,9 +23,11 @@ __all__ = [
     "INT32_MAX",
     "LAST_SYSTEM",
     "LOITER",
+    "MAX_MISSION_ITEMS",
     "MODE_NAMES",
     "N_CHANNELS",
     "PLANT_PORT",
+    "RTL",
     "RUDDER",
     "SIMULATOR_COMPONENT",
     "STATUSTEXT_SIZE",
@@ -60,9 +62,12 @@ PLANT_PORT = 14560
 FORMATION_BASE_PORT = 14600
 """UAV i binds this UDP port plus i."""
 
-AUTO, LOITER, GUIDED = 10, 12, 15
+AUTO, RTL, LOITER, GUIDED = 10, 11, 12, 15
 """custom_mode numbers of ArduPlane."""
-MODE_NAMES = {AUTO: "AUTO", LOITER: "LOITER", GUIDED: "GUIDED"}
+MODE_NAMES = {AUTO: "AUTO", RTL: "RTL", LOITER: "LOITER", GUIDED: "GUIDED"}
+
+MAX_MISSION_ITEMS = 200
+"""Most items of a mission, without home."""
 
 FORCE_DISARM = 21196.0
 """Parameter 2 of MAV_CMD_COMPONENT_ARM_DISARM that disarms in flight."""

@@ -20,6 +20,8 @@ from ftc_autopilot.control.schedule import scheduled
 from ftc_autopilot.control.trigger import trigger
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from ftc_autopilot.control.triggers.base import ALL, TriggerParameters
+from ftc_autopilot.guidance.formation import FormationParameters
+from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_record
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
@@ -67,6 +69,8 @@ PARAMETERS = np.dtype(
         ("trigger", _record_of_triggers()),
         ("formation_triggered", "i8"),  # 0: a neighbour message in every step
         ("formation_trigger", record_dtype(FormationTrigger)),
+        ("guidance", GUIDANCE_PARAMETERS),
+        ("formation", record_dtype(FormationParameters)),
         *((kind, _record_of(law)) for kind, law in LAWS.items()),
     ]
 )
@@ -100,6 +104,9 @@ SIGNALS = np.dtype(
         ("sync_error", "f8", (4,)),  # Ṽ' and e', eqs. (31), (32)
         ("demand", "f8", (N_CHANNELS,)),  # δ̂ and T̂ before saturation
         ("held", "f8", (N_CHANNELS,)),  # δ_0 and T_x0
+        ("path_position", "f8"),  # path parameter [m], NaN unless a path is flown
+        ("report_size", "u1"),  # bytes of FTC_NEIGHBOUR.report without the zeros at its end
+        ("slot", "f8", (3,)),  # in force: ahead, to the right, up [m], NaN likewise
         ("events", "u1"),  # bit per channel
         ("neighbour_message", "u1"),  # 1: sent in this step, which is not the first
         ("Phi_v", "f8"),
@@ -133,9 +140,13 @@ pitch, yaw [rad]; of commands: aileron, elevator, rudder [rad], thrust [N]."""
 
 
 def parameter_record(
-    controller: Controller, trigger: TriggerParameters, formation: FormationTrigger | None = None
+    controller: Controller,
+    trigger: TriggerParameters,
+    formation: FormationTrigger | None = None,
+    guidance: Guidance | None = None,
+    in_space: FormationParameters | None = None,
 ) -> np.void:
-    """Turn a controller's and its triggers' configuration into a record of `PARAMETERS`.
+    """Turn a UAV's configuration into a record of `PARAMETERS`.
 
     Triggers of the commands that are not chosen, to which a vehicle may change in flight, have
     their defaults.
@@ -151,6 +162,10 @@ def parameter_record(
     if formation is not None:
         record["formation_triggered"] = 1
         fill(record["formation_trigger"], formation)
+    if guidance is not None:
+        record["guidance"] = guidance_record(guidance)
+    if in_space is not None:
+        fill(record["formation"], in_space)
     fill(record[controller.kind], controller)
     return record
 

@@ -3,6 +3,7 @@
 The autopilot process holds the controller of one UAV, the flight in one process those of all.
 """
 
+import math
 from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
@@ -27,12 +28,19 @@ from ftc_autopilot.control.neighbour_messages import (
     refer_to_reference,
 )
 from ftc_autopilot.control.reference import PROFILE, profile_value
+from ftc_autopilot.guidance.coordination import FORMATION, new_formation, no_coordination
+from ftc_autopilot.guidance.formation import LAYOUT, MAX_MEMBERS, layout_record
+from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
+from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guide
+from ftc_autopilot.guidance.laws.base import Situation
 from ftc_autopilot.guidance.path import PATH
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
+from sitl_plant.rigid_body import R1
+from sitl_plant.vec3 import mul, vec3
 
 __all__ = [
     "GUIDANCE",
@@ -40,6 +48,7 @@ __all__ = [
     "Controllers",
     "Source",
     "announce",
+    "begin_path",
     "controller_step",
     "new_controllers",
     "reset_controllers",
@@ -49,6 +58,8 @@ __all__ = [
 NOT_STARTED = -(2**62)
 
 _NO_SIGNALS = no_signals(1)
+_LONGEST_UPDATE_S = 0.1
+"""Longest time that counts as passed between two updates of guidance [s]."""
 
 
 class Source(IntEnum):
@@ -68,6 +79,9 @@ GUIDANCE = np.dtype(
         ("follows", "i8"),  # a `Source`
         ("start_step", "i8"),  # step at which the mission's clock is 0, or NOT_STARTED
         ("command", "f8", (4,)),  # airspeed [m/s], roll, pitch, yaw [rad]
+        ("guided_step", "i8"),  # of the last update of the guidance law, or NOT_STARTED
+        ("path_position", "f8"),  # path parameter then [m]
+        ("law", GUIDANCE_STATE),
     ]
 )
 
@@ -81,6 +95,8 @@ class Controllers(NamedTuple):
     guidance: np.ndarray  # (n,), dtype GUIDANCE
     profiles: np.ndarray  # (n,), dtype PROFILE
     paths: np.ndarray  # (n,), dtype PATH
+    layouts: np.ndarray  # (n,), dtype LAYOUT: the formation, as each of its members sees it
+    formations: np.ndarray  # (n,), dtype FORMATION
     neighbour_states: np.ndarray  # (n, degree), dtype NEIGHBOUR: last messages, by neighbour
     extrapolated: np.ndarray  # (n, degree + 1), the same now; last, what neighbours make of `told`
     weights: np.ndarray  # (n, degree), a_ij; 0 while a neighbour is silent
@@ -101,6 +117,8 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
         np.zeros(n, GUIDANCE),
         np.zeros(n, PROFILE),
         np.zeros(n, PATH),
+        np.zeros(n, LAYOUT),
+        np.zeros(n, FORMATION),
         np.zeros((n, degree), NEIGHBOUR),
         np.zeros((n, degree + 1), NEIGHBOUR),
         np.zeros((n, degree)),
@@ -112,8 +130,17 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
     for i, config in enumerate(configs):
         controllers.aircraft[i] = aircraft_record(config.aircraft)
         controllers.parameters[i] = parameter_record(
-            config.controller, config.trigger, config.formation_trigger
+            config.controller,
+            config.trigger,
+            config.formation_trigger,
+            config.guidance,
+            config.formation,
         )
+        if config.formation is not None:
+            edges = {neighbour.id: neighbour.weight for neighbour in config.neighbours}
+            controllers.layouts[i] = layout_record(
+                config.formation, config.id, config.leader_access, edges
+            )
         law = controllers.parameters[i][config.controller.kind]
         config.controller.derive(config.aircraft, law)
     reset_controllers(controllers)
@@ -134,7 +161,21 @@ def reset_controllers(controllers: Controllers) -> None:
         array[:] = np.zeros((), array.dtype)
     controllers.weights[:] = 0.0
     controllers.states[:] = new_controller()
-    controllers.guidance["start_step"] = NOT_STARTED
+    controllers.formations[:] = new_formation()
+    controllers.guidance["start_step"] = controllers.guidance["guided_step"] = NOT_STARTED
+
+
+def begin_path(guidance: np.void, near: float = 0.0) -> None:
+    """Let the references come from the path from the next step on.
+
+    Args:
+        guidance: Record of dtype `GUIDANCE`, updated in place.
+        near: Path parameter of a point near the UAV [m].
+    """
+    guidance["follows"] = Source.PATH
+    guidance["guided_step"] = NOT_STARTED
+    guidance["path_position"] = near
+    guidance["law"] = np.zeros((), GUIDANCE_STATE)
 
 
 @compiled
@@ -218,20 +259,24 @@ def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> n
 def _control(
     controllers: Controllers, i: int, measured: np.void, motion: Motion, step_us: int
 ) -> int:
-    """Follow the profile or the command; the UAV is armed."""
+    """Follow profile, path or command; the UAV is armed."""
     guidance = controllers.guidance[i]
     clock = 0.0  # schedules belong to the profile, so they run on the mission's clock
     if guidance["start_step"] != NOT_STARTED:
         clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
+    dt = step_us / 1e6
+    on_path = guidance["follows"] == Source.PATH
+    neighbours = _neighbours_now(controllers, i, int(np.int64(measured["step"])), dt)
     if guidance["follows"] == Source.PROFILE:
         profile_value(controllers.profiles[i], clock, guidance["command"])
-    dt = step_us / 1e6
+    elif on_path:
+        _guide(controllers, i, measured, motion, neighbours, clock, dt)
     mask = control_step(
         clock,
         dt,
         motion,
         guidance["command"],
-        _neighbours_now(controllers, i, int(np.int64(measured["step"])), dt),
+        neighbours,
         controllers.weights[i],
         controllers.aircraft[i],
         controllers.parameters[i],
@@ -239,9 +284,99 @@ def _control(
         controllers.actuators[i]["controls"],
         controllers.signals[i],
     )
-    if controllers.parameters[i]["formation_triggered"] != 0:
+    _record_guidance(controllers, i, on_path)
+    if on_path and controllers.layouts[i]["count"] > 0:
+        _tell_place(controllers, i, measured, motion, dt)
+    if on_path or controllers.parameters[i]["formation_triggered"] != 0:
+        # on a path each UAV has a reference of its own
         refer_to_reference(controllers.own_states[i], controllers.signals[i])
     return mask
+
+
+@compiled
+def _guide(
+    controllers: Controllers,
+    i: int,
+    measured: np.void,
+    motion: Motion,
+    neighbours: np.ndarray,
+    clock: float,
+    dt: float,
+) -> None:
+    """Update the command by the guidance law, if its period is over."""
+    guidance, parameters = controllers.guidance[i], controllers.parameters[i]
+    step, since = int(np.int64(measured["step"])), 0.0
+    if guidance["guided_step"] != NOT_STARTED:
+        period = parameters["guidance"]["common"]["period_s"]
+        since = (step - guidance["guided_step"]) * dt
+        if since < period - 0.5 * dt:
+            return
+    to_ned = R1(motion.phi)
+    situation = Situation(
+        min(since, _LONGEST_UPDATE_S),
+        vec3(measured["position"]),
+        mul(to_ned, vec3(measured["velocity"])),
+        mul(to_ned, motion.v),
+        motion,
+        controllers.states[i]["reference"],
+        parameters["common"]["reference_bandwidth_rad_s"],
+    )
+    coordination = no_coordination()
+    if controllers.layouts[i]["count"] > 0:
+        coordination = fly_in_formation(
+            situation,
+            step,
+            dt,
+            clock,
+            controllers.paths[i],
+            guidance["path_position"],
+            neighbours,
+            controllers.weights[i],
+            controllers.signals[i],
+            controllers.layouts[i],
+            parameters,
+            guidance["law"],
+            controllers.formations[i],
+        )
+    guidance["path_position"] = guide(
+        situation,
+        controllers.paths[i],
+        guidance["path_position"],
+        coordination,
+        controllers.aircraft[i],
+        parameters["guidance"],
+        guidance["law"],
+        guidance["command"],
+    )
+    guidance["guided_step"] = step
+
+
+@compiled
+def _tell_place(
+    controllers: Controllers, i: int, measured: np.void, motion: Motion, dt: float
+) -> None:
+    """Write into the own state where in the formation UAV i is."""
+    tell_place(
+        controllers.own_states[i],
+        controllers.paths[i]["id"],
+        vec3(measured["position"]),
+        mul(R1(motion.phi), vec3(measured["velocity"])),
+        dt,
+        controllers.formations[i],
+    )
+
+
+@compiled
+def _record_guidance(controllers: Controllers, i: int, on_path: bool) -> None:
+    """Write where on the path UAV i is, and its slot; NaN off a path."""
+    signals, formation = controllers.signals[i], controllers.formations[i]
+    signals["path_position"] = controllers.guidance[i]["path_position"] if on_path else math.nan
+    for k in range(3):
+        signals["slot"][k] = formation["slot"]["place"][k] if on_path else math.nan
+    size = MAX_MEMBERS if on_path else 0
+    while size > 0 and formation["table"][size - 1] == 0:
+        size -= 1
+    signals["report_size"] = size
 
 
 @compiled

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_ABSOLUTE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
 from sitl_plant.rigid_body import R2_inv, gravity_body
@@ -45,7 +46,7 @@ def motion_of(measured: np.void, aircraft: np.void) -> Motion:
 
 @compiled
 def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
-    """Fill an FTC_NEIGHBOUR payload with the own motion.
+    """Fill an FTC_NEIGHBOUR payload with the own motion; it tells no place.
 
     Args:
         motion: Own motion.
@@ -54,8 +55,15 @@ def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
     """
     rates = mul(R2_inv(motion.phi), motion.omega)
     message["step"] = step
+    message["frame"] = FTC_NEIGHBOUR_FRAME_ABSOLUTE
     message["airspeed"] = motion.V
     message["airspeed_rate"] = motion.V_dot
     for i in range(3):
         message["attitude"][i] = motion.phi[i]
         message["attitude_rate"][i] = rates[i]
+    if np.int64(message["path_id"]) != 0:
+        message["path_id"], message["path_position"], message["path_rate"] = 0, 0.0, 0.0
+        for i in range(3):
+            message["position"][i], message["ground_velocity"][i] = 0.0, 0.0
+        for m in range(len(message["report"])):
+            message["report"][m] = 0

@@ -9,6 +9,10 @@ which is x(t_k) at the time t_k of the message, follows its rate at first, and i
 value. The next message is sent when one of the sender's errors differs from it by more than
 relative · |error| + absolute, or after the longest silence; so without losses that is a bound of
 what the receivers are wrong by. A lost message is made up for by the next one, which is complete.
+
+On a path, it also holds the sender's place on it and in space, which go on with the rates told,
+and a report on all members of the formation. A message is then also due when a place differs by
+more than its threshold, or the report by anything.
 """
 
 import math
@@ -63,6 +67,22 @@ def extrapolate(message: np.void, step: int, dt: float, result: np.void) -> None
         result["attitude_rate"][k] = left * rate
     result["step"] = step
     result["frame"] = message["frame"]
+    result["path_id"] = message["path_id"]
+    if np.int64(message["path_id"]) != 0:
+        _move_on(message, age * dt, result)
+
+
+@compiled
+def _move_on(message: np.void, time: float, result: np.void) -> None:
+    """Write what a message says of places a time later [s]; the report is that of the message."""
+    result["path_rate"] = message["path_rate"]
+    result["path_position"] = message["path_position"] + time * message["path_rate"]
+    for k in range(3):
+        velocity = message["ground_velocity"][k]
+        result["ground_velocity"][k] = velocity
+        result["position"][k] = message["position"][k] + time * velocity
+    for m in range(len(message["report"])):
+        result["report"][m] = message["report"][m]
 
 
 @compiled
@@ -89,4 +109,20 @@ def is_message_due(
         angle = own["attitude"][k]
         limit = trigger["attitude_relative"] * abs(angle) + trigger["attitude_rad"]
         due = due or abs(wrap(angle - extrapolated["attitude"][k])) > limit
+    return bool(due or _are_places_due(own, last, extrapolated, trigger))
+
+
+@compiled
+def _are_places_due(own: np.void, last: np.void, extrapolated: np.void, trigger: np.void) -> bool:
+    """Return whether the neighbours need to hear of a place, or of the formation's members."""
+    if own["path_id"] != last["path_id"]:
+        return True
+    if np.int64(own["path_id"]) == 0:
+        return False
+    off = abs(own["path_position"] - extrapolated["path_position"])
+    due = off > trigger["path_position_m"]
+    for k in range(3):
+        due = due or abs(own["position"][k] - extrapolated["position"][k]) > trigger["position_m"]
+    for m in range(len(own["report"])):
+        due = due or own["report"][m] != last["report"][m]
     return bool(due)

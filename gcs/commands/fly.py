@@ -203,14 +203,18 @@ def _report(
     as_json: bool,
     again: tuple[Path, int] | None,
 ) -> None:
+    from gcs.figures.mission import draw_mission
     from gcs.figures.overview import draw_flight
     from gcs.reports.flight import flight_tables
+    from gcs.results.mission_path import leaders_of, paths_of
 
     summary = recorder.finish(ending)
     with console.status("drawing flight.png"):
         preview = recorder.preview
         shown = preview.recording(ending)
         draw_flight(shown, scenario, preview.gaps(), folder / "flight.png")
+        if (paths := paths_of(scenario)) is not None:
+            draw_mission(shown, scenario, paths, leaders_of(scenario), folder)
     console.print(*flight_tables(summary, scenario), sep="\n")
     console.print(f"results in {folder}", soft_wrap=True)
     if as_json:

@@ -26,7 +26,7 @@ from mavlink_defs.runtime.files import naming
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_flight"]
+__all__ = ["draw_command", "draw_flight"]
 
 Gaps: TypeAlias = Mapping[tuple[int, int], np.ndarray]
 
@@ -48,7 +48,7 @@ def draw_flight(recording: Recording, scenario: Scenario, gaps: Gaps, path: Path
     axes = figure.subplots(3, 4, sharex=True)
     draw_tracking(axes[0], flight)
     for column, channel in enumerate(PAPER_ORDER):
-        _draw_command(axes[1, column], flight, channel)
+        draw_command(axes[1, column], flight, channel)
         _draw_intervals(axes[2, column], flight, gaps, channel)
     for axis in axes.flat:
         shade_faults(axis, [flight])
@@ -61,7 +61,8 @@ def draw_flight(recording: Recording, scenario: Scenario, gaps: Gaps, path: Path
         figure.savefig(path, dpi=150)
 
 
-def _draw_command(axis: "Axes", flight: PlottedFlight, channel: str) -> None:
+def draw_command(axis: "Axes", flight: PlottedFlight, channel: str) -> None:
+    """Draw the held commands of a channel of all UAVs over time."""
     c = ACTUATORS.index(channel)
     for i in range(len(flight.names)):
         held = flight.recording.signals["held"][:, i, c]

@@ -1,6 +1,6 @@
 """Flying a scenario with real processes, as an operator would: all by MAVLink.
 
-Upload the profile to every vehicle, set the faults, start the missions, arm. When the last
+Upload the mission to every vehicle, set the faults, start the missions, arm. When the last
 vehicle is armed simulated time begins; when the plant ends, the flight is over.
 """
 
@@ -123,7 +123,7 @@ async def fly_and_record(scenario: Scenario, folder: Path, **options: Any) -> Re
 
 
 async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, start: bool) -> None:
-    """Bring profiles and faults to a fleet that starts up.
+    """Bring missions and faults to a fleet that starts up.
 
     Args:
         client: Connected to the fleet.
@@ -141,8 +141,8 @@ async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, sta
         fleet.check()
         await asyncio.wait([waiting], timeout=_LOOK_S)
     await waiting
-    segments = scenario.segments()
-    await _for_each(ids, lambda i: client.vehicle(i).upload(segments))
+    items = scenario.mission_items()
+    await _for_each(ids, lambda i: client.vehicle(i).upload_mission(items))
     for uav_id, fault in scenario.fault_commands():
         await client.vehicle(uav_id).set_fault(fault)
     if start:

@@ -13,17 +13,19 @@ from ftc_autopilot.control.controllers import (
     Controllers,
     Source,
     announce,
+    begin_path,
     controller_step,
     new_controllers,
     tell_neighbours,
 )
 from ftc_autopilot.control.reference import profile_record
+from gcs.results.mission_path import paths_of
 from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params, fault_to_params
-from mavlink_defs.profile import items_to_segments, segments_to_items
+from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import borrowed, copy_record
 from sitl_plant.actuators import add_fault
@@ -128,11 +130,16 @@ def _brief(
 ) -> None:
     """Set profile and faults, rounded as by transmission."""
     aircraft = scenario.aircraft
-    items = segments_to_items(scenario.segments(), 0, 0)
-    controllers.profiles[:] = profile_record(items_to_segments(items, aircraft.airspeed_limits))
     controllers.guidance["active"] = 1
-    controllers.guidance["follows"] = Source.PROFILE
     controllers.guidance["start_step"] = 0
+    if scenario.mission is None:
+        segments = items_to_segments(scenario.mission_items(), aircraft.airspeed_limits)
+        controllers.profiles[:] = profile_record(segments)
+        controllers.guidance["follows"] = Source.PROFILE
+    else:
+        controllers.paths[:] = paths_of(scenario)
+        for guidance in controllers.guidance:
+            begin_path(guidance)
     for uav_id, fault in scenario.fault_commands():
         received = fault_from_params(fault_to_params(fault), aircraft.fault_limits)
         add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)

@@ -1,6 +1,7 @@
 """Compile the numeric core ahead of its first use, once for all processes."""
 
 import contextlib
+import math
 import os
 import socket
 import subprocess
@@ -8,8 +9,12 @@ import sys
 import threading
 from collections.abc import Iterator
 
+import numpy as np
+
+from ftc_autopilot.guidance.path import Leg, path_record
 from ftc_autopilot.warm_up import call_everything
 from gcs.fleet.in_process import fly_in_process
+from gcs.results.path_following import PathFollowing
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
 from gcs.theory import check_theory
@@ -49,6 +54,9 @@ def _call_everything(scenario: Scenario) -> None:
     flight = fly_in_process(short)
     summarise(flight, short)
     check_theory(flight, short)
+    level = Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)
+    paths = np.stack([path_record([level], path_id=1)] * len(short.uavs))
+    PathFollowing(paths, (0,), short.step_us).add(flight.steps)  # without a mission, too
 
 
 @contextlib.contextmanager

@@ -26,7 +26,9 @@ def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Te
     )
     remarks = [line for uav in summary.uavs for line in _remarks(uav, summary.steps)]
     tables = [_transmissions(summary, names), _links(summary, names), _tracking(summary, names)]
-    return [*tables, *remarks, total]
+    if any(uav.path is not None for uav in summary.uavs):
+        tables.append(_path(summary, names))
+    return [*tables, *remarks, *_separation(summary), total]
 
 
 def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
@@ -128,3 +130,34 @@ def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
             table.add_row(name, label, *shown)
         table.add_section()
     return table
+
+
+def _path(summary: FlightSummary, names: dict[int, str]) -> Table:
+    table = Table(title="Path: largest errors of the true place [m], from 10 s on the path on")
+    table.add_column("UAV")
+    for heading in ("straights", "turns", "height", "RMS", "slot", "RMS", "counted"):
+        table.add_column(heading, justify="right")
+    for uav in summary.uavs:
+        if (path := uav.path) is None:
+            continue
+        errors = (
+            path.straight_cross_track_m,
+            path.turn_cross_track_m,
+            path.height_max_m,
+            path.height_rms_m,
+            path.slot_max_m,
+            path.slot_rms_m,
+        )
+        shown = ("-" if value is None else f"{value:.2f}" for value in errors)
+        share = path.counted_steps / path.flown_steps if path.flown_steps else None
+        table.add_row(names[uav.id], *shown, percent(share))
+    return table
+
+
+def _separation(summary: FlightSummary) -> Iterator[str]:
+    if (least := summary.separation) is not None:
+        a, b = least.uavs
+        yield (
+            f"least separation {least.least_m:.2f} m, of UAV {a} and UAV {b} "
+            f"at {least.time_s:.3f} s"
+        )

@@ -32,6 +32,7 @@ _ELEMENTS: dict[str, Mapping[str, str]] = {
     "sync_error": _TRACKED,
     "demand": _COMMANDS,
     "held": _COMMANDS,
+    "slot": dict.fromkeys(("ahead", "right", "up"), "m"),
     "omega_d": dict.fromkeys("pqr", "rad/s"),
     "omega_d_dot": dict.fromkeys("pqr", "rad/s²"),
     "e_omega": dict.fromkeys("pqr", "rad/s"),
@@ -42,7 +43,7 @@ _ELEMENTS: dict[str, Mapping[str, str]] = {
     "phase": dict.fromkeys(_COMMANDS, ""),
     "predicted_exit": dict.fromkeys(_COMMANDS, "s"),
 }
-_UNITS = {"V": "m/s", "V_dot": "m/s²"}
+_UNITS = {"V": "m/s", "V_dot": "m/s²", "path_position": "m"}
 
 
 @dataclass(frozen=True)
@@ -94,9 +95,9 @@ def _columns() -> Iterator[Column]:
 COLUMNS = tuple(_columns())
 """Everything that is recorded."""
 
+_LIGHT_SIGNALS = {"V", "command", "reference", "error", "held", "path_position", "slot"}
+
 LIGHT = tuple(
-    column
-    for column in COLUMNS
-    if column.array != "signals" or column.field in {"V", "command", "reference", "error", "held"}
+    column for column in COLUMNS if column.array != "signals" or column.field in _LIGHT_SIGNALS
 )
 """What a light recording has: the motion, the wind, and what is wanted, commanded and applied."""

@@ -14,7 +14,7 @@ __all__ = ["Preview"]
 _MOST_ROWS = 30_000  # of all UAVs
 _LEAST_STEPS = 1000
 _MOST_GAPS = 300_000  # of all UAVs
-_FIELDS = ("V", "command", "reference", "held")
+_FIELDS = ("V", "command", "reference", "held", "path_position", "slot")
 
 
 class Preview:

@@ -7,8 +7,10 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from gcs.results.events import events_of
+from gcs.results.path_following import PathSummary
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees
 from gcs.results.recording import Recording
+from gcs.results.separation import SeparationSummary
 from gcs.results.steps import Ending, Mode
 from gcs.results.tally import FINAL_S, Decision, Tally
 from gcs.results.traffic import KINDS
@@ -87,6 +89,7 @@ class UavSummary:
         heading_lost_at_s: The same for yaw.
         diagnosis: Decisions of its diagnosis, in order; none of a law without one.
         restarts: How often its autopilot was started again.
+        path: How it followed the path of the mission; None in a flight without one.
     """
 
     id: int
@@ -107,6 +110,7 @@ class UavSummary:
     heading_lost_at_s: float | None
     diagnosis: tuple[DiagnosisSummary, ...] = ()
     restarts: int = 0
+    path: PathSummary | None = None
 
     @property
     def false_alarms(self) -> int:
@@ -147,6 +151,7 @@ class FlightSummary:
         saving: Share of the periodic senders' transmissions that were not sent.
         neighbour_saving: The same of the neighbour messages; None without neighbours.
         uavs: In the order of the scenario.
+        separation: Least distance between two UAVs; None for a single one.
     """
 
     scenario: str
@@ -160,6 +165,7 @@ class FlightSummary:
     saving: float | None
     neighbour_saving: float | None
     uavs: tuple[UavSummary, ...]
+    separation: SeparationSummary | None = None
 
     def uav(self, system: int) -> UavSummary | None:
         """Return the part of one UAV, by its system id; None if it did not fly."""
@@ -226,6 +232,7 @@ def summary_of(tally: Tally, ending: Ending, scenario: Scenario) -> FlightSummar
             channels=1,
         ),
         uavs=uavs,
+        separation=tally.separation.summary(),
     )
 
 
@@ -267,6 +274,7 @@ def _summarise_uav(
         heading_lost_at_s=_time_s(own["heading_lost"], step_us),
         diagnosis=tuple(_diagnosis(tally.decisions(i), system, scenario)),
         restarts=ending.restarts[i] if ending.restarts else 0,
+        path=None if tally.following is None else tally.following.summary(i),
     )
 
 

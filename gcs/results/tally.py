@@ -11,6 +11,9 @@ import numpy as np
 
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.reference import wrap
+from gcs.results.mission_path import leaders_of, paths_of
+from gcs.results.path_following import PathFollowing
+from gcs.results.separation import Separation
 from gcs.results.steps import Steps
 from gcs.results.synchronisation import Synchronisation
 from gcs.results.traffic import Traffic
@@ -69,6 +72,8 @@ class Tally:
         steps: Steps counted.
         traffic: Bytes on the links.
         synchronisation: Sums of the synchronisation errors.
+        separation: Least distance between two UAVs.
+        following: How the UAVs follow their path; None for a scenario without a mission.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -77,6 +82,11 @@ class Tally:
         self.steps = 0
         self.traffic = Traffic(scenario)
         self.synchronisation = Synchronisation(scenario)
+        self.separation = Separation(tuple(uav.id for uav in scenario.uavs), step_us)
+        paths = paths_of(scenario)
+        self.following = (
+            None if paths is None else PathFollowing(paths, leaders_of(scenario), step_us)
+        )
         self.uavs = np.zeros(n, TALLY)
         for name in ("last_event", "attitude_lost", "heading_lost"):
             self.uavs[name] = _NEVER
@@ -106,6 +116,9 @@ class Tally:
             self._count(i, steps, i, errors)
         self.synchronisation.add(errors)
         self.traffic.add(steps)
+        self.separation.add(steps.first, steps.states)
+        if self.following is not None:
+            self.following.add(steps)
         self.steps += steps.length
 
     def finish(self) -> None:

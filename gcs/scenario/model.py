@@ -13,6 +13,8 @@ from pydantic import Field, model_validator
 from ftc_autopilot.config import (
     AutopilotConfig,
     Controller,
+    Formation,
+    Guidance,
     Identity,
     Neighbour,
     Origin,
@@ -22,7 +24,10 @@ from ftc_autopilot.config import (
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.guidance.laws.path_following import PathFollowing
+from ftc_autopilot.guidance.planner import Planner
 from gcs.scenario.bundled import base_of, find_scenario
+from gcs.scenario.mission import MissionSection, with_mission_file
 from gcs.scenario.sections import (
     Found,
     Links,
@@ -37,7 +42,8 @@ from mavlink_defs.config.models import ConfigError, Loc, Model, Problem, Problem
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.endpoint import parse_address
 from mavlink_defs.faults import MAX_FAULTS, Fault
-from mavlink_defs.profile import MAX_SEGMENTS, Segment
+from mavlink_defs.profile import MAX_SEGMENTS, ItemError, Segment, segments_to_items
+from mavlink_defs.services.mission import MissionItem
 from sitl_plant.atmosphere import Wind
 from sitl_plant.config import (
     Aircraft,
@@ -77,10 +83,19 @@ class Scenario(Model):
         default=Proposed(), description="Control law of every UAV, and its parameters."
     )
     trigger: Trigger = Field(default=PerChannel(), description="Event triggers of every UAV.")
+    guidance: Guidance = Field(
+        default=PathFollowing(), description="Guidance law of every UAV on a path."
+    )
     uavs: tuple[ScenarioUav, ...] = Field(min_length=1, description="The fleet.")
     network: Network = Field(description="The communication graph.")
+    formation: Formation | None = Field(
+        default=None, description="Slots on the path of the mission; none: all fly on it."
+    )
     profile: tuple[ProfileSegment, ...] = Field(
-        min_length=1, max_length=MAX_SEGMENTS, description="Reference of the flight."
+        default=(), max_length=MAX_SEGMENTS, description="Reference of the flight, if no mission."
+    )
+    mission: MissionSection | None = Field(
+        default=None, description="Path of the flight, in place of a profile."
     )
     faults: tuple[ScenarioFault, ...] = Field(default=(), description="Actuator faults.")
     links: Links = Field(default=Links(), description="Addresses, ports, signing, impairments.")
@@ -141,6 +156,9 @@ class Scenario(Model):
             controller=self.controller.with_servos(servos),
             trigger=self.trigger,
             formation_trigger=links.formation.trigger,
+            guidance=self.guidance,
+            formation=self.formation,
+            leader_access=self.network.leader_access.get(uav_id, 0.0),
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
                 for other, weight in self.neighbours(uav_id)
@@ -168,8 +186,18 @@ class Scenario(Model):
         return self.model_copy(update={"links": links})
 
     def segments(self) -> tuple[Segment, ...]:
-        """Return the profile as it is uploaded to every UAV."""
+        """Return the profile; empty if a mission is flown."""
         return tuple(segment.segment() for segment in self.profile)
+
+    def mission_items(self) -> tuple[MissionItem, ...]:
+        """Return profile or mission as it is uploaded to every UAV; item 0 is home."""
+        if self.mission is not None:
+            return self.mission.mission_items(self.origin)
+        return tuple(segments_to_items(self.segments(), 0, 0))
+
+    def planner(self) -> Planner:
+        """Return what makes the paths of missions."""
+        return Planner(self.aircraft, self.guidance, self.origin, self.formation)
 
     def fault_commands(self) -> list[tuple[int, Fault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
@@ -186,7 +214,9 @@ class Scenario(Model):
             lambda: trigger_problems(self.controller, self.trigger, self.step_us),
             self._hardware_problems,
             self._network_problems,
+            self._formation_problems,
             self._profile_problems,
+            self._mission_problems,
             self._fault_problems,
             self._port_problems,
         )
@@ -222,7 +252,30 @@ class Scenario(Model):
         for loc, text in formation_problems(self._ids, edges, access):
             yield ("network", *loc), text
 
+    def _mission_problems(self) -> Found:
+        if self.mission is None:
+            return
+        try:
+            self.planner().tasks(self.mission_items())
+        except ItemError as error:
+            yield ("mission", "items", error.seq - 1), error.reason
+
+    def _formation_problems(self) -> Found:
+        if self.formation is None:
+            return
+        for uav_id in sorted(set(self._ids) - self.formation.slots.keys()):
+            yield ("formation", "slots"), f"expected a slot of each UAV, got none of UAV {uav_id}"
+        for uav_id in sorted(self.formation.slots.keys() - set(self._ids)):
+            ids = ", ".join(map(str, self._ids))
+            yield ("formation", "slots", uav_id), f"expected one of the UAVs {ids}, got {uav_id}"
+
     def _profile_problems(self) -> Found:
+        if not self.profile and self.mission is None:
+            yield ("profile",), "expected a segment, or a mission instead, got nothing"
+        if self.profile and self.mission is not None:
+            yield ("mission",), "expected a profile or a mission, got both; null removes a profile"
+        if not self.profile:
+            return
         if self.profile[0].start_s != 0.0:
             text = f"expected 0 s in the first segment, got {self.profile[0].start_s!r}"
             yield ("profile", 0, "start_s"), text
@@ -341,6 +394,6 @@ def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:
     """
     if "scenario" in tree and "aircraft" not in tree:
         raise ConfigError(path, [Problem((), "a campaign, not a scenario; see gcs campaign")])
-    scenario = validate(path, tree, Scenario)
+    scenario = validate(path, with_mission_file(path, tree), Scenario)
     key = scenario.links.signing_key
     return scenario if key is None else scenario.signed(Path(path).parent / key)

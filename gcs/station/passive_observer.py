@@ -1,4 +1,4 @@
-"""Faults and profiles reconstructed from the commands, missions and answers in a log.
+"""Faults and missions reconstructed from the commands, missions and answers in a log.
 
 A live station requests them from the vehicles. A log has them only if some station requested or
 set them. No socket and no clock.
@@ -13,7 +13,6 @@ from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
-from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, items_to_segments
 from mavlink_defs.services.fault_list import FaultList
 
 __all__ = ["PassiveObserver"]
@@ -55,10 +54,10 @@ class PassiveObserver:
             case dialect.MAVLink_mission_item_int_message():
                 self._items[system][message.seq] = message
                 if source == system and len(self._items[system]) == self._counts.get(system):
-                    return self._profile(state, now)  # the last one of a download
+                    return self._mission(state, now)  # the last one of a download
             case dialect.MAVLink_mission_ack_message():
                 if source == system and message.type == dialect.MAV_MISSION_ACCEPTED:
-                    return self._profile(state, now)
+                    return self._mission(state, now)
         return []
 
     def _acknowledged(
@@ -93,13 +92,8 @@ class PassiveObserver:
         del self._lists[state.system]
         return state.learn_faults(listed.complete, now)
 
-    def _profile(self, state: VehicleState, now: float) -> list[Notification]:
+    def _mission(self, state: VehicleState, now: float) -> list[Notification]:
         found = self._items.pop(state.system, {})
-        items = [item for _, item in sorted(found.items())]
-        if len(items) != self._counts.get(state.system):
+        if len(found) != self._counts.get(state.system):
             return []
-        try:
-            segments = items_to_segments(items, ANY_AIRSPEED) if len(items) > 1 else ()
-        except ProfileError:
-            return []
-        return state.learn_profile(segments, now)
+        return state.learn_mission(tuple(item for _, item in sorted(found.items())), now)

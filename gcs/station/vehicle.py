@@ -10,6 +10,7 @@ from typing import TypeVar
 
 from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.machine_runner import MachineRunner
+from gcs.station.mission import Mission
 from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
@@ -28,6 +29,7 @@ from mavlink_defs.services.machine import Machine, SystemId
 from mavlink_defs.services.mission import (
     MissionDownloader,
     MissionFinished,
+    MissionItem,
     MissionProgress,
     MissionUploader,
 )
@@ -114,7 +116,7 @@ class Vehicle:
         await self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, params)
 
     async def start_mission(self) -> None:
-        """Start flying the profile."""
+        """Start flying the mission."""
         await self.command(dialect.MAV_CMD_MISSION_START)
 
     async def set_mode(self, mode: str) -> None:
@@ -154,6 +156,20 @@ class Vehicle:
         which = -1.0 if actuator is None else float(actuator)
         await self.command(dialect.MAV_CMD_FTC_CLEAR_FAULTS, (which,))
 
+    async def set_slot(self, ahead_m: float, right_m: float, up_m: float) -> None:
+        """Change its slot in the formation, relative to the path [m]; all NaN: the planned one."""
+        await self.command(dialect.MAV_CMD_FTC_SET_SLOT, (ahead_m, right_m, up_m))
+
+    async def formation(self) -> dialect.MAVLink_ftc_formation_message:
+        """Request how it sees its formation."""
+        number = dialect.MAVLINK_MSG_ID_FTC_FORMATION
+        self.state.latest.pop(number, None)
+        await self.request(number)
+        message = self.state.latest.get(number)
+        if not isinstance(message, dialect.MAVLink_ftc_formation_message):
+            raise self._no_answer(f"UAV {self.system} did not tell its place in the formation")
+        return message
+
     async def list_faults(self) -> tuple[Fault, ...]:
         """Request its faults; `state.faults` holds them from then on."""
         machine = FaultLister(self._own, self._address)
@@ -165,7 +181,7 @@ class Vehicle:
         return done.faults
 
     async def ask_what_is_due(self) -> None:
-        """Request faults and profile if they are due.
+        """Request faults and mission if they are due.
 
         A request that the vehicle refuses is not repeated.
         """
@@ -179,21 +195,17 @@ class Vehicle:
                 return  # later
         if state.offers_profile and self._now() >= state.profile_due:
             try:
-                await self.download()
+                await self.download_mission()
             except CommandRefused:
                 state.offers_profile = False
             except NoAnswer:
                 return
 
-    # profile
+    # profile and mission
 
     async def upload(self, segments: Sequence[Segment], progress: Progress | None = None) -> None:
         """Upload a reference profile; if it is refused, the old one stays active."""
-        items = segments_to_items(segments, *self._address)
-        machine = MissionUploader(self._own, self._address, items)
-        done, reasons = await self._transfer(machine, progress)
-        ok = dialect.MAV_MISSION_ACCEPTED
-        self._judge("the upload of a profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
+        await self._upload(segments_to_items(segments, *self._address), "a profile", progress)
 
     async def download(self, progress: Progress | None = None) -> tuple[Segment, ...]:
         """Download its profile, empty if it has none.
@@ -203,23 +215,37 @@ class Vehicle:
         Raises:
             CommandRefused: The vehicle refused, or holds a mission that is not a profile.
         """
+        mission = await self._download("its profile", progress)
+        try:
+            return items_to_segments(mission, ANY_AIRSPEED) if len(mission) > 1 else ()
+        except ProfileError as problem:
+            text = f"UAV {self.system} holds a mission that is no profile: {problem}"
+            raise CommandRefused(text, dialect.MAV_MISSION_INVALID) from problem
+
+    async def upload_mission(self, mission: Mission, progress: Progress | None = None) -> None:
+        """Upload a mission, home included; if it is refused, the old one stays active."""
+        await self._upload(mission, "a mission", progress)
+
+    async def download_mission(self, progress: Progress | None = None) -> Mission:
+        """Download its mission, home included; `state.mission` holds it from then on."""
+        return await self._download("its mission", progress)
+
+    async def _upload(
+        self, items: Sequence[MissionItem], what: str, progress: Progress | None
+    ) -> None:
+        machine = MissionUploader(self._own, self._address, items)
+        done, reasons = await self._transfer(machine, progress)
+        ok = dialect.MAV_MISSION_ACCEPTED
+        self._judge(f"the upload of {what}", done.result, ok, "MAV_MISSION_RESULT", reasons)
+
+    async def _download(self, what: str, progress: Progress | None) -> Mission:
         machine = MissionDownloader(self._own, self._address)
         done, reasons = await self._transfer(machine, progress)
         ok = dialect.MAV_MISSION_ACCEPTED
-        segments: tuple[Segment, ...] | None = None
-        problem: ProfileError | None = None
-        if done.result == ok:
-            try:
-                many = len(done.items) > 1
-                segments = items_to_segments(done.items, ANY_AIRSPEED) if many else ()
-            except ProfileError as error:
-                problem = error
-        self._emit(self.state.learn_profile(segments, self._now()))
-        self._judge("the download of its profile", done.result, ok, "MAV_MISSION_RESULT", reasons)
-        if segments is None:
-            text = f"UAV {self.system} holds a mission that is no profile: {problem}"
-            raise CommandRefused(text, dialect.MAV_MISSION_INVALID)
-        return segments
+        known = done.items if done.result == ok else None
+        self._emit(self.state.learn_mission(known, self._now()))
+        self._judge(f"the download of {what}", done.result, ok, "MAV_MISSION_RESULT", reasons)
+        return done.items
 
     # parameters
 

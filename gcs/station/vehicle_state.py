@@ -11,6 +11,7 @@ from typing import Any
 from gcs.station.event_counts import EventCounts
 from gcs.station.fault_text import describe_fault
 from gcs.station.history import History
+from gcs.station.mission import Mission, is_same, profile_of
 from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
 from gcs.station.told_clock import SIMULATED_TIME, ToldClock
 from mavlink_defs import dialect
@@ -56,7 +57,8 @@ class VehicleState:
         history: Its telemetry, for plots.
         texts: Its last STATUSTEXTs, oldest first.
         faults: Its faults, including past and future ones; None until it has listed them.
-        profile: The segments of its profile; None until it was downloaded.
+        mission: The items of its mission, home included; None until it was downloaded.
+        profile: The segments of its profile, empty if its mission is none; None likewise.
         offers_faults: Whether it answers requests for its faults; True until it refuses.
         offers_profile: The same for its profile.
         offers_private: The same for the streams of its private messages.
@@ -81,6 +83,7 @@ class VehicleState:
         self.counts = EventCounts()
         self.history = History()
         self.faults: tuple[Fault, ...] | None = None
+        self.mission: Mission | None = None
         self.profile: tuple[Segment, ...] | None = None
         self.faults_due = self.profile_due = self.private_due = now
         self._boot, self._simulated = ToldClock(), ToldClock()
@@ -146,14 +149,17 @@ class VehicleState:
             return []
         return [self._notifications(now, "faults", NOTICE, f"faults: {words}", faults)]
 
-    def learn_profile(self, profile: tuple[Segment, ...] | None, now: float) -> list[Notification]:
-        """Record its answer to a request for its profile; None if there was none."""
-        self.profile_due = now + (_TRY_AGAIN_S if profile is None else _PROFILE_REFRESH_S)
-        if profile is None or profile == self.profile:
+    def learn_mission(self, mission: Mission | None, now: float) -> list[Notification]:
+        """Record its answer to a request for its mission; None if there was none."""
+        self.profile_due = now + (_TRY_AGAIN_S if mission is None else _PROFILE_REFRESH_S)
+        if mission is None or (self.mission is not None and is_same(mission, self.mission)):
             return []
-        self.profile = profile
-        words = f"profile of {len(profile)} segments" if profile else "no profile"
-        return [self._notifications(now, "profile", INFO, f"holds {words}", profile)]
+        self.mission, profile = mission, profile_of(mission)
+        self.profile = profile or ()
+        words = f"profile of {len(self.profile)} segments" if profile else "no profile"
+        if profile is None:
+            words = f"mission of {len(mission) - 1} items"
+        return [self._notifications(now, "profile", INFO, f"holds {words}", self.profile)]
 
     def learn_private(self, now: float) -> None:
         """Record that its private messages were requested."""

@@ -16,6 +16,8 @@ _WINDOW_S = 3.0
 def residual_sets(recording: Recording, i: int, scenario: Scenario) -> list[dict[str, Any]]:
     """Return the largest |error| of UAV index i over the last 3 s of each segment flown.
 
+    A mission has no segments: the whole flight counts as one.
+
     A segment cut off by the end of the flight counts up to there; one shorter than 3 s counts
     whole. Steps missing in the record (NaN) do not count.
 
@@ -25,7 +27,7 @@ def residual_sets(recording: Recording, i: int, scenario: Scenario) -> list[dict
         `airspeed_m_s`, `roll_deg`, `pitch_deg`, `yaw_deg`.
     """
     time_s = recording.time_s
-    starts = [segment.start_s for segment in scenario.profile]
+    starts = [segment.start_s for segment in scenario.profile] or [0.0]
     sets = []
     for start_s, next_s in zip(starts, [*starts[1:], recording.duration_s], strict=True):
         end_s = min(next_s, recording.duration_s)

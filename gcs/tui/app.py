@@ -20,6 +20,7 @@ from gcs.tui.faults import FaultsPanel, clear_all, repeat
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
 from gcs.tui.keys import ACTING, KEYS, REPLAYING
+from gcs.tui.missions import MissionsPanel
 from gcs.tui.operations import Operations
 from gcs.tui.overview import Overview
 from gcs.tui.parameters import ParametersPanel
@@ -81,6 +82,8 @@ class Dashboard(App[None]):
                 yield ParametersPanel(classes="with-keys")
             with TabPane("6 Events", id="events"):
                 yield EventsPanel(classes="with-keys")
+            with TabPane("7 Map", id="map"):
+                yield MissionsPanel(classes="with-keys")
         if self.playback is not None:
             yield ReplayBar()
         yield Footer(compact=True)

@@ -12,13 +12,17 @@ from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.faults import Fault
 
 __all__ = [
+    "Colour",
     "Palette",
+    "arrow",
+    "arrow_to",
     "draw_exits",
     "draw_formation",
     "draw_held",
     "draw_quantity",
     "latest",
     "palette_of",
+    "ticks",
 ]
 
 Colour: TypeAlias = tuple[int, int, int]
@@ -38,6 +42,7 @@ class Palette:
         fault: Begin and end of faults.
         channels: One per actuator.
         text: Labels.
+        route: The mission on the map.
     """
 
     actual: Colour
@@ -45,6 +50,7 @@ class Palette:
     fault: Colour
     channels: tuple[Colour, Colour, Colour, Colour]
     text: Colour
+    route: Colour
 
 
 def palette_of(variables: Mapping[str, str]) -> Palette:
@@ -54,7 +60,9 @@ def palette_of(variables: Mapping[str, str]) -> Palette:
         return Color.parse(variables[name]).rgb
 
     channels = (rgb("primary"), rgb("accent"), rgb("success"), rgb("error"))
-    return Palette(rgb("primary"), rgb("accent"), rgb("error"), channels, rgb("foreground"))
+    return Palette(
+        rgb("primary"), rgb("accent"), rgb("error"), channels, rgb("foreground"), rgb("success")
+    )
 
 
 def latest(state: VehicleState, span_s: float, until_s: float | None, points: int) -> np.ndarray:
@@ -86,7 +94,7 @@ def draw_quantity(
     _line(plt, time_s, actual.tolist(), palette.actual)
     low, high = _range(np.concatenate([wanted, actual]), 0.5)
     plt.ylim(low, high)
-    plt.yticks(_ticks(low, high))
+    plt.yticks(ticks(low, high))
     _finish(plt, limits)
 
 
@@ -122,7 +130,7 @@ def draw_held(
         if marks:
             plt.scatter(marks, [low - (k + 1) * lane] * len(marks), marker="╵", color=colour)
     plt.ylim(low - (len(palette.channels) + 0.2) * lane, high)
-    plt.yticks(_ticks(low, high))
+    plt.yticks(ticks(low, high))
     _finish(plt, limits)
 
 
@@ -133,7 +141,7 @@ def draw_exits(plt: Any, rows: np.ndarray, limits: tuple[float, float], palette:
         _line(plt, rows["time_s"].tolist(), exits[:, k].tolist(), colour)
     high = float(np.nanmax(exits)) if np.isfinite(exits).any() else 0.0
     plt.ylim(0.0, max(high, 0.1))
-    plt.yticks(_ticks(0.0, max(high, 0.1)))
+    plt.yticks(ticks(0.0, max(high, 0.1)))
     _finish(plt, limits)
 
 
@@ -172,17 +180,22 @@ def draw_formation(
     for state, trail in there:
         north, east = trail[-1, :2] - middle
         colour = palette.actual if state.system == selected else palette.text
-        plt.text(f"{_arrow(state)}{state.system}", float(east), float(north), colour, "default")
+        plt.text(f"{arrow(state)}{state.system}", float(east), float(north), colour, "default")
     plt.xlim(-across, across)
     plt.ylim(-up, up)
-    plt.xticks(_ticks(-across, across))
-    plt.yticks(_ticks(-up, up))
+    plt.xticks(ticks(-across, across))
+    plt.yticks(ticks(-up, up))
     plt.grid(False, False)
 
 
-def _arrow(state: VehicleState) -> str:
-    yaw_deg = (state.attitude_deg or (0.0, 0.0, 0.0))[2]
-    return _ARROWS[round(yaw_deg / 45.0) % 8]
+def arrow(state: VehicleState) -> str:
+    """Return an arrow to where a vehicle's nose points."""
+    return arrow_to((state.attitude_deg or (0.0, 0.0, 0.0))[2])
+
+
+def arrow_to(direction_deg: float) -> str:
+    """Return an arrow to a direction, from north by east [deg]."""
+    return _ARROWS[round(direction_deg / 45.0) % 8]
 
 
 def _line(plt: Any, x: list[float], y: list[float], colour: Colour) -> None:
@@ -202,11 +215,11 @@ def _range(values: np.ndarray, least: float) -> tuple[float, float]:
 
 def _finish(plt: Any, limits: tuple[float, float]) -> None:
     plt.xlim(*limits)
-    plt.xticks(_ticks(*limits))
+    plt.xticks(ticks(*limits))
     plt.grid(False, False)
 
 
-def _ticks(low: float, high: float) -> list[float]:
+def ticks(low: float, high: float) -> list[float]:
     """About five round numbers in a range."""
     rough = max(high - low, 1e-9) / 5.0
     power = 10.0 ** math.floor(math.log10(rough))

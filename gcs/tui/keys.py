@@ -4,7 +4,7 @@ from textual.binding import Binding
 
 __all__ = ["ACTING", "KEYS", "REPLAYING"]
 
-_TABS = ("fleet", "plots", "faults", "profiles", "parameters", "events")
+_TABS = ("fleet", "plots", "faults", "profiles", "parameters", "events", "map")
 
 ACTING = {"arm", "start", "mode", "disarm", "repeat", "clear_all"}
 """Actions that do something with vehicles: off in a log."""
@@ -20,7 +20,7 @@ KEYS: list[Binding] = [
     Binding("right_square_bracket", "select(1)", "next UAV", show=False),
     Binding("asterisk", "mark_all", "mark all UAVs, or none", show=False),
     Binding("a", "arm", "arm", tooltip="Arm the marked UAVs, or the selected one"),
-    Binding("s", "start", "start", tooltip="Start the mission: fly the profile"),
+    Binding("s", "start", "start", tooltip="Start the mission"),
     Binding("m", "mode", "mode", tooltip="Change the mode"),
     Binding("x", "disarm", "disarm", tooltip="Disarm; by force in flight"),
     Binding(

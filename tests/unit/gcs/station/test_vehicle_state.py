@@ -16,7 +16,7 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import Fault
 from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
-from mavlink_defs.profile import Segment
+from mavlink_defs.profile import Segment, segments_to_items
 from mavlink_defs.services.machine import SystemId
 
 STANDBY, ACTIVE, BOOT = (
@@ -162,7 +162,7 @@ def test_a_restart_is_noticed(late: bool) -> None:
     bench = Bench(1)
     bench.say(events(30.0, 30_000, 100), 0.1)
     bench.state().learn_faults((FAULT,), 0.1)
-    bench.state().learn_profile((), 0.1)
+    bench.state().learn_mission((), 0.1)
     if late:  # its first words were lost: time went back and stays there
         assert bench.say(events(0.0, 0), 1.0) == []
         notifications = bench.say(events(0.0, 0), 2.1)
@@ -231,7 +231,7 @@ def test_faults_are_asked_for_at_first_and_whenever_they_may_have_changed() -> N
     bench = Bench(1)
     state = bench.state()
     assert state.is_asking_due(0.0)
-    state.learn_profile((), 0.0)
+    state.learn_mission((), 0.0)
     assert state.learn_faults((), 0.0) == []
     assert not state.is_asking_due(1.0)
     bench.say(ack(dialect.MAV_CMD_FTC_SET_FAULT), 1.0)
@@ -253,7 +253,7 @@ def test_the_profile_is_asked_for_again_when_someone_uploaded_one() -> None:
     state = bench.state()
     state.learn_faults((), 0.0)
     segment = Segment(0.0, 40.0, 0.0, 0.0, 0.0, ramp=False)
-    assert words(state.learn_profile((segment,), 0.0)) == [
+    assert words(state.learn_mission(tuple(segments_to_items([segment], 1, 1)), 0.0)) == [
         ("profile", "holds profile of 1 segments")
     ]
     assert not state.is_asking_due(1.0)
@@ -265,7 +265,7 @@ def test_the_profile_is_asked_for_again_when_its_length_is_another_one() -> None
     bench = Bench(1)
     state = bench.state()
     state.learn_faults((), 0.0)
-    state.learn_profile((), 0.0)
+    state.learn_mission((), 0.0)
     for seq, total, is_due in ((1, 3, False), (2, 3, False), (2, 5, True)):
         bench.say(dialect.MAVLink_mission_current_message(seq, total), 1.0)
         assert state.is_asking_due(1.0) == is_due

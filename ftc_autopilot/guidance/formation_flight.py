@@ -1,0 +1,124 @@
+"""One update of a member of a formation: its slot, its pace, its distance from the others."""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.guidance.coordination import Coordination, Progress, coordinate
+from ftc_autopilot.guidance.laws import intention_of, pace_of
+from ftc_autopilot.guidance.laws.base import Intention, Situation
+from ftc_autopilot.guidance.separation import kept_apart, nearest
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Vec3, sub
+
+__all__ = ["fly_in_formation", "tell_place"]
+
+_EVADING_M_S = 0.1
+"""Change of the velocity asked for that counts as evading [m/s]."""
+
+
+@compiled
+def fly_in_formation(
+    now: Situation,
+    step: int,
+    dt: float,
+    clock: float,
+    path: np.void,
+    near: float,
+    neighbours: np.ndarray,
+    weights: np.ndarray,
+    signals: np.void,
+    layout: np.void,
+    parameters: np.void,
+    law: np.void,
+    state: np.void,
+) -> Coordination:
+    """Return where guidance is to fly, and with which corrections.
+
+    Args:
+        now: The situation.
+        step: Present step.
+        dt: Control period [s].
+        clock: Time on the mission's clock [s].
+        path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
+        near: Path parameter at the update before [m].
+        neighbours: Last message of each neighbour, dtype `mavlink_defs.framing.codec.NEIGHBOUR`,
+            shape (degree,).
+        weights: a_ij of each neighbour, 0 while it is silent, shape (degree,).
+        signals: Of the step before, dtype `ftc_autopilot.control.controller.SIGNALS`.
+        layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
+        parameters: Record of dtype `ftc_autopilot.control.controller.PARAMETERS`.
+        law: State of the guidance law, dtype `ftc_autopilot.guidance.laws.GUIDANCE_STATE`.
+        state: Record of dtype `ftc_autopilot.guidance.coordination.FORMATION`, updated in place.
+    """
+    gains = parameters["formation"]
+    pace = pace_of(now, path, near, state["slot"]["place"][0], law)
+    progress = Progress(step, dt, now.dt, clock, path["id"], pace.s, pace.s_dot, pace.speed)
+    plain = coordinate(progress, neighbours, weights, signals, layout, gains, state)
+    intention = intention_of(now, path, near, plain, parameters["guidance"], law)
+    state["error"][1], state["error"][2] = intention.off_right, intention.off_up
+    asked = _in_ned(intention)
+    least, rate = gains["separation_m"], gains["separation_rate"]
+    apart = kept_apart(
+        asked,
+        now.position,
+        now.velocity,
+        neighbours,
+        weights,
+        layout["upwards"],
+        step * dt,
+        dt,
+        least,
+        rate,
+    )
+    change = sub(apart, asked)
+    d, distance = nearest(now.position, neighbours, weights, step * dt, dt)
+    m = layout["neighbours"][d] if d >= 0 else -1
+    state["nearest"] = layout["ids"][m] if m >= 0 else 0
+    state["distance"] = distance
+    state["evading"] = (
+        1 if math.hypot(math.hypot(change[0], change[1]), change[2]) > _EVADING_M_S else 0
+    )
+    sin_c, cos_c = math.sin(intention.course), math.cos(intention.course)
+    return Coordination(
+        plain.slot,
+        plain.slot_rate,
+        plain.speed + cos_c * change[0] + sin_c * change[1],
+        cos_c * change[1] - sin_c * change[0],
+        -change[2],
+    )
+
+
+@compiled
+def tell_place(
+    message: np.void, path_id: int, position: Vec3, velocity: Vec3, dt: float, state: np.void
+) -> None:
+    """Write the own place, and what is known of all members, into a message to the neighbours.
+
+    Args:
+        message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR` with the present step.
+        path_id: Of the path that is flown.
+        position: NED [m].
+        velocity: Over ground, NED [m/s].
+        dt: Control period [s].
+        state: Record of dtype `ftc_autopilot.guidance.coordination.FORMATION`.
+    """
+    age = np.int64(message["step"]) - state["updated"]
+    message["path_id"] = path_id
+    message["path_position"] = state["xi"] + age * dt * state["xi_rate"]
+    message["path_rate"] = state["xi_rate"]
+    for k in range(3):
+        message["position"][k] = position[k]
+        message["ground_velocity"][k] = velocity[k]
+    for m in range(len(message["report"])):
+        message["report"][m] = state["table"][m]
+
+
+@compiled
+def _in_ned(intention: Intention) -> Vec3:
+    sin_c, cos_c = math.sin(intention.course), math.cos(intention.course)
+    return (
+        cos_c * intention.along - sin_c * intention.right,
+        sin_c * intention.along + cos_c * intention.right,
+        -intention.up,
+    )

@@ -1,0 +1,91 @@
+"""Input and output of every guidance law."""
+
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from ftc_autopilot.control.motion import Motion
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity
+from sitl_plant.vec3 import Vec3
+
+__all__ = ["GuidanceParameters", "Intention", "Pace", "Situation"]
+
+
+class GuidanceParameters(Model):
+    """Parameters of any guidance law: its period and the limits of what it may command.
+
+    Attributes:
+        STATE: The law's memory between updates, all zero before the first one.
+    """
+
+    STATE: ClassVar[np.dtype] = np.dtype([])
+
+    kind: str = Field(description="Name of the law.")
+
+    period_s: float = quantity(
+        "s", gt=0.0, le=1.0, default=0.02, doc="Simulated time between two updates."
+    )
+    bank_max_deg: float = quantity(
+        "deg", gt=0.0, le=70.0, default=40.0, doc="Largest bank angle commanded."
+    )
+    incidence_max_deg: float = quantity(
+        "deg", gt=0.0, le=30.0, default=15.0, doc="Largest angle of attack that a turn may need."
+    )
+    climb_max_deg: float = quantity(
+        "deg", gt=0.0, le=45.0, default=20.0, doc="Steepest climb or descent commanded."
+    )
+    thrust_share_max: float = quantity(
+        "",
+        gt=0.0,
+        le=1.0,
+        default=0.9,
+        doc="Share of the largest thrust that climb and acceleration may take.",
+    )
+    cruise_m_s: float = quantity(
+        "m/s", gt=0.0, default=40.0, doc="Airspeed until a mission sets another."
+    )
+    wind_max_m_s: float = quantity(
+        "m/s", ge=0.0, default=5.0, doc="Wind that the turns of a path allow for."
+    )
+    airspeed_min_m_s: float = quantity(
+        "m/s", gt=0.0, default=30.0, doc="Lowest airspeed commanded."
+    )
+    airspeed_max_m_s: float = quantity(
+        "m/s", gt=0.0, default=60.0, doc="Highest airspeed commanded."
+    )
+    acceleration_max_m_s2: float = quantity(
+        "m/s^2", gt=0.0, default=20.0, doc="Fastest change of the commanded airspeed."
+    )
+
+
+class Situation(NamedTuple):
+    """What a guidance law knows of the flight at an update."""
+
+    dt: float  # time since the update before [s]
+    position: Vec3  # NED [m]
+    velocity: Vec3  # over ground, NED [m/s]
+    air_velocity: Vec3  # through the air, NED [m/s]
+    motion: Motion  # own motion
+    reference: np.ndarray  # state of the reference filter, shape (4, 3); read only
+    bandwidth: float  # of the reference filter, its triple pole [rad/s]
+
+
+class Pace(NamedTuple):
+    """How a UAV gets on along its path."""
+
+    s: float  # path parameter [m]
+    s_dot: float  # its time derivative [m/s]
+    speed: float  # over ground, that the path asks for where the formation is [m/s]
+
+
+class Intention(NamedTuple):
+    """Velocity over ground that a guidance law asks for, and where the UAV is beside its slot."""
+
+    course: float  # of the path [rad]
+    along: float  # [m/s]
+    right: float  # of the path [m/s]
+    up: float  # [m/s]
+    off_right: float  # of the slot [m]
+    off_up: float  # above the slot [m]

@@ -1,0 +1,387 @@
+"""Path following by preview of the reference filter's delay.
+
+What guidance commands passes the reference filter (ω/(s+ω))³, which delays it by Tf = 3/ω, and
+then flies as commanded. So the law commands what the path asks for where the aircraft will be a
+time Tf later; feedback only has to take care of the rest. Symbols: χ course over ground, V
+airspeed, V_g ground speed, w wind, s path parameter, κ curvature, χ_p course and h_p height of
+the path, d offset of the slot to the right, e distance from that to the right, γ angle of climb
+through the air, φ bank, ψ heading, θ pitch, α angle of attack.
+
+    lateral     s' = V_g cos(χ - χ_p)/(1 - (d + e) κ)          s⁺ = s + Tf s'
+                χ_d = χ_p(s⁺) - atan(k_e (e + T_p e') + k_i ∫e dt)/V_g, limited to 40°
+                χ_c' = V_g κ(s⁺)/(1 - d κ(s⁺)) + k_χ (χ_d - χ_c), limited to g tan(φ_max)/V_g
+                φ_r = atan(V_g χ_c'/(g cos ψ_w)) + k_φ (ψ_f - ψ_w - α sin φ - χ)
+                ψ_r = χ_c + ψ_w + α_r sin φ_r
+    vertical    γ_d = (k_h e_h + k_hi ∫e_h dt + h_p'(t + Tf + τ_γ))/V
+                θ_r = γ_d + α_r cos φ_r + k_γ (γ_d' - γ), the last difference limited to 8.5°
+                α_r = (m g cos γ_d/(q̄ S cos φ_r) - C_L0)/(C_Lα + C_D0)
+    speed       V_r = |(V_g0 + Δ)(1 - d κ(s⁺)) t(χ_p(s⁺)) - w|
+
+χ_c is the course that the law commands; it starts at the one flown. ψ_w is the angle between
+heading and course that balances the wind, sin ψ_w = -w_right/V; ψ_f the filtered ψ_r. τ_γ =
+m V/(q̄ S (C_Lα + C_D0)) is the time with which γ follows θ, and γ_d' is γ_d with h_p'(t). V_g0 is
+the ground speed that the path's airspeed gives where the formation will be, t(χ) the unit vector,
+Δ the correction of the formation: so its members keep their distances along the path, and a UAV
+that is alone flies the path's airspeed.
+
+Energy: the control law turns V_r into thrust, pitch sets the climb; both at once are limited so
+that their sum is what the thrust can pay for: sin γ_d <= (T_max - D)/(m g) - V_r'/g, and not
+steeper downwards than drag takes away. So the airspeed comes first.
+
+Corners of the height are rounded: what is flown is the mean of the path's height over a distance
+before and after.
+"""
+
+import math
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.guidance.coordination import Coordination, no_coordination
+from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
+from ftc_autopilot.guidance.path import PathPoint, locate, point_at
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["PathFollowing", "path_intention", "path_law", "path_pace"]
+
+_APPROACH_MAX = math.radians(40.0)
+"""Largest angle between the commanded course and the path [rad]."""
+_INTEGRATION_MAX = math.radians(10.0)
+"""Largest such angle at which the distance is integrated: the way to a path is no error [rad]."""
+_CLIMB_CORRECTION_MAX = math.radians(8.5)
+"""Largest difference of angles of climb that the pitch corrects at a time [rad]."""
+_INTEGRAL_SHARE = 0.15
+"""Most that an integral commands, as a share of the ground speed."""
+_ROUNDING_SAMPLES = 8
+
+
+class PathFollowing(GuidanceParameters):
+    """Parameters of path following by preview."""
+
+    STATE: ClassVar[np.dtype] = np.dtype(
+        [
+            ("started", "i8"),
+            ("course", "f8"),  # χ_c [rad]
+            ("airspeed", "f8"),  # V_r [m/s]
+            ("cross_track", "f8"),  # ∫e dt [m s]
+            ("height", "f8"),  # ∫e_h dt [m s]
+            ("wind", "f8", (3,)),  # estimate, NED [m/s]
+        ]
+    )
+
+    kind: Literal["path"] = Field(default="path", description="Name of the law.")
+
+    cross_track_1_s: float = quantity(
+        "1/s", gt=0.0, default=0.8, doc="Gain k_e of the distance from the path."
+    )
+    cross_track_lead_s: float = quantity(
+        "s",
+        ge=0.0,
+        default=0.3,
+        doc="Lead T_p of the distance from the path, beyond the filter's delay.",
+    )
+    cross_track_integral_1_s2: float = quantity(
+        "1/s^2", ge=0.0, default=0.08, doc="Gain k_i of the distance's integral."
+    )
+    course_1_s: float = quantity("1/s", gt=0.0, default=3.0, doc="Gain k_chi of the course.")
+    bank_feedback: float = quantity(
+        "", ge=0.0, default=3.0, doc="Gain k_phi from the error of the course to the bank."
+    )
+    height_1_s: float = quantity("1/s", gt=0.0, default=0.4, doc="Gain k_h of the height.")
+    height_integral_1_s2: float = quantity(
+        "1/s^2", ge=0.0, default=0.03, doc="Gain k_hi of the height's integral."
+    )
+    climb_feedback: float = quantity(
+        "", ge=0.0, default=2.0, doc="Gain k_gamma from the error of the climb to the pitch."
+    )
+    rounding_s: float = quantity(
+        "s", gt=0.0, default=0.6, doc="Time of flight before and after a corner of the height."
+    )
+    wind_time_s: float = quantity(
+        "s", gt=0.0, default=2.0, doc="Time constant of the estimate of the wind."
+    )
+
+
+class _Place(NamedTuple):
+    """Where the UAV is relative to the path, and where it will be after the filter's delay."""
+
+    s: float  # [m]
+    s_dot: float  # [m/s]
+    e: float  # to the right of the slot [m]
+    ground_speed: float  # [m/s]
+    course: float  # over ground [rad]
+    here: PathPoint
+    ahead: PathPoint
+
+
+@compiled
+def path_law(
+    now: Situation,
+    path: np.void,
+    near: float,
+    coordination: Coordination,
+    aircraft: np.void,
+    limits: np.void,
+    gains: np.void,
+    state: np.void,
+    command: np.ndarray,
+) -> float:
+    """Make one update.
+
+    The first one commands the present motion, so that the reference filter starts from there.
+
+    Args:
+        now: The situation.
+        path: Record of dtype `ftc_autopilot.guidance.path.PATH` with at least one leg.
+        near: Path parameter at the update before [m].
+        coordination: Slot and corrections.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        limits: Record made of `ftc_autopilot.guidance.laws.base.GuidanceParameters`.
+        gains: Record made of what `PathFollowing` has beyond that.
+        state: Record of dtype `PathFollowing.STATE`, updated in place.
+        command: Airspeed [m/s], roll, pitch, yaw [rad], shape (4,), written.
+
+    Returns:
+        The path parameter [m].
+    """
+    _estimate_wind(now, gains, state)
+    V = max(now.motion.V, 1.0)
+    wind = state["wind"][0], state["wind"][1]
+    place = _place(now, path, near, coordination)
+    if state["started"] == 0:
+        state["started"] = 1
+        state["course"] = wrap(now.motion.phi[2] - _drift(place.course, V, wind))
+        state["airspeed"] = now.motion.V
+        command[0] = now.motion.V
+        for k in range(3):
+            command[1 + k] = now.motion.phi[k]
+        return place.s
+    command[0] = _airspeed(now, path, place, coordination, wind, limits, state)
+    climb, climb_now = _climb(now, path, place, coordination, aircraft, limits, gains, state)
+    weight = aircraft["m"] * aircraft["g"] * math.cos(climb)
+    lift = 0.5 * aircraft["rho"] * command[0] ** 2 * aircraft["S"]
+    slope = aircraft["cL_alpha"] + aircraft["cD0"]
+
+    most = aircraft["cL0"] + slope * limits["incidence_max_rad"]
+    load = max(lift * most / weight, 1.0)  # 1/cos of the bank at the largest angle of attack
+    bank_max = min(limits["bank_max_rad"], math.acos(1.0 / load))
+    roll, drift = _turn(now, place, coordination, V, wind, bank_max, aircraft["g"], gains, state)
+    alpha = (weight / (lift * math.cos(roll)) - aircraft["cL0"]) / slope
+    gamma = math.asin(min(max(-now.air_velocity[2] / V, -1.0), 1.0))
+    correction = min(max(climb_now - gamma, -_CLIMB_CORRECTION_MAX), _CLIMB_CORRECTION_MAX)
+    command[1] = roll
+    command[2] = climb + alpha * math.cos(roll) + gains["climb_feedback"] * correction
+    command[3] = wrap(state["course"] + drift + alpha * math.sin(roll))
+    return place.s
+
+
+@compiled
+def path_pace(now: Situation, path: np.void, near: float, ahead: float, state: np.void) -> Pace:
+    """Return how a UAV whose slot lies ahead [m] gets on; other arguments as of `path_law`."""
+    wind = state["wind"][0], state["wind"][1]
+    if state["started"] == 0:
+        wind = now.velocity[0] - now.air_velocity[0], now.velocity[1] - now.air_velocity[1]
+    place = _place(now, path, near, no_coordination())
+    formation = point_at(path, place.s - ahead)
+    speed = _ground_speed(formation.course, formation.airspeed, wind)
+    return Pace(place.s, place.s_dot, speed)
+
+
+@compiled
+def path_intention(
+    now: Situation,
+    path: np.void,
+    near: float,
+    coordination: Coordination,
+    gains: np.void,
+    state: np.void,
+) -> Intention:
+    """Return the velocity that `path_law` asks for with the same arguments, nobody evaded."""
+    place = _place(now, path, near, coordination)
+    pace = path_pace(now, path, near, coordination.slot[0], state)
+    along = pace.speed + coordination.speed
+    along *= max(1.0 - coordination.slot[1] * place.here.curvature, 0.2)
+    speed = max(place.ground_speed, 1.0)
+    approach = math.atan(_sideways(now, place, coordination, gains, state) / speed)
+    right = -speed * math.sin(min(max(approach, -_APPROACH_MAX), _APPROACH_MAX))
+    high = place.here.height + coordination.slot[2] + now.position[2]
+    climb = place.here.climb * place.s_dot
+    up = _upwards(high, coordination, gains, state) + climb
+    return Intention(place.here.course, along, right, up, place.e, -high)
+
+
+@compiled
+def _estimate_wind(now: Situation, gains: np.void, state: np.void) -> None:
+    """Filter the difference of the velocities over ground and through the air."""
+    share = 1.0 if state["started"] == 0 else 1.0 - math.exp(-now.dt / gains["wind_time_s"])
+    for k in range(3):
+        measured = now.velocity[k] - now.air_velocity[k]
+        state["wind"][k] += share * (measured - state["wind"][k])
+
+
+@compiled
+def _place(now: Situation, path: np.void, near: float, coordination: Coordination) -> _Place:
+    """Project the position on the path."""
+    s, off = locate(path, now.position[0], now.position[1], near)
+    here = point_at(path, s)
+    ground_speed = math.hypot(now.velocity[0], now.velocity[1])
+    course = math.atan2(now.velocity[1], now.velocity[0])
+    room = max(1.0 - off * here.curvature, 0.2)  # beyond it, the centre of the arc is too near
+    s_dot = ground_speed * math.cos(course - here.course) / room
+    ahead = point_at(path, s + 3.0 / now.bandwidth * s_dot)
+    return _Place(s, s_dot, off - coordination.slot[1], ground_speed, course, here, ahead)
+
+
+@compiled
+def _drift(course: float, V: float, wind: tuple[float, float]) -> float:
+    """Return ψ_w, by which the heading differs from the course in a wind, north and east [rad]."""
+    right = wind[1] * math.cos(course) - wind[0] * math.sin(course)
+    return math.asin(min(max(-right / V, -0.7), 0.7))
+
+
+@compiled
+def _ground_speed(course: float, V: float, wind: tuple[float, float]) -> float:
+    """Return the ground speed along a course at an airspeed."""
+    along = wind[0] * math.cos(course) + wind[1] * math.sin(course)
+    return V * math.cos(_drift(course, V, wind)) + along
+
+
+@compiled
+def _airspeed(
+    now: Situation,
+    path: np.void,
+    place: _Place,
+    coordination: Coordination,
+    wind: tuple[float, float],
+    limits: np.void,
+    state: np.void,
+) -> float:
+    """Return V_r."""
+    ahead, right, _ = coordination.slot
+    s = place.s + 3.0 / now.bandwidth * place.s_dot
+    formation = point_at(path, s - ahead)
+    speed = _ground_speed(formation.course, formation.airspeed, wind) + coordination.speed
+    speed *= max(1.0 - right * place.ahead.curvature, 0.2)
+    north = speed * math.cos(place.ahead.course) - wind[0]
+    east = speed * math.sin(place.ahead.course) - wind[1]
+    wanted = math.hypot(north, east)
+    wanted = min(max(wanted, limits["airspeed_min_m_s"]), limits["airspeed_max_m_s"])
+    change = limits["acceleration_max_m_s2"] * now.dt
+    wanted = min(max(wanted, state["airspeed"] - change), state["airspeed"] + change)
+    state["airspeed"] = wanted
+    return float(wanted)
+
+
+@compiled
+def _sideways(
+    now: Situation, place: _Place, coordination: Coordination, gains: np.void, state: np.void
+) -> float:
+    """Return the velocity to the left that brings the UAV to its slot [m/s]."""
+    moving = coordination.slot_rate[1]
+    e_dot = place.ground_speed * math.sin(place.course - place.here.course) - moving
+    lead = 3.0 / now.bandwidth + gains["cross_track_lead_s"]
+    sideways = gains["cross_track_1_s"] * (place.e + lead * e_dot) - moving
+    return float(sideways + gains["cross_track_integral_1_s2"] * state["cross_track"])
+
+
+@compiled
+def _turn(
+    now: Situation,
+    place: _Place,
+    coordination: Coordination,
+    V: float,
+    wind: tuple[float, float],
+    bank_max: float,
+    g: float,
+    gains: np.void,
+    state: np.void,
+) -> tuple[float, float]:
+    """Advance χ_c; return φ_r and ψ_w."""
+    speed = max(place.ground_speed, 1.0)
+    gain = gains["cross_track_integral_1_s2"]
+    sideways = _sideways(now, place, coordination, gains, state) - coordination.right
+    approach = math.atan(sideways / speed)
+    if abs(approach) < _INTEGRATION_MAX and gain > 0.0 and coordination.right == 0.0:
+        limit = _INTEGRAL_SHARE * speed / gain
+        state["cross_track"] = min(max(state["cross_track"] + place.e * now.dt, -limit), limit)
+    wanted = place.ahead.course - min(max(approach, -_APPROACH_MAX), _APPROACH_MAX)
+    speed_ahead = max(_ground_speed(place.ahead.course, V, wind), 1.0)
+    curvature = place.ahead.curvature
+    rate = speed_ahead * curvature / max(1.0 - coordination.slot[1] * curvature, 0.2)
+    rate += gains["course_1_s"] * wrap(wanted - state["course"])
+    fastest = g * math.tan(bank_max) / speed_ahead
+    rate = min(max(rate, -fastest), fastest)
+    state["course"] = wrap(state["course"] + now.dt * rate)
+
+    drift = _drift(state["course"], V, wind)
+    roll = math.atan(speed_ahead * rate / (g * math.cos(drift)))
+    v, phi = now.motion.v, now.motion.phi
+    flown = place.course + _drift(place.course, V, wind)
+    flown += math.atan2(v[2], v[0]) * math.sin(phi[0])  # the heading that belongs to the course
+    roll += gains["bank_feedback"] * wrap(now.reference[3, 0] - flown)
+    return min(max(roll, -bank_max), bank_max), drift
+
+
+@compiled
+def _upwards(error: float, coordination: Coordination, gains: np.void, state: np.void) -> float:
+    """Return the velocity upwards that brings the UAV to its slot, beside the path's climb [m/s].
+
+    Args:
+        error: Height of the slot above the UAV [m].
+        coordination: Slot and corrections.
+        gains: Those of the law.
+        state: That of the law.
+    """
+    integral = gains["height_integral_1_s2"] * state["height"]
+    return float(gains["height_1_s"] * error + integral + coordination.slot_rate[2])
+
+
+@compiled
+def _climb(
+    now: Situation,
+    path: np.void,
+    place: _Place,
+    coordination: Coordination,
+    aircraft: np.void,
+    limits: np.void,
+    gains: np.void,
+    state: np.void,
+) -> tuple[float, float]:
+    """Return γ_d and γ_d'."""
+    V = max(now.motion.V, 1.0)
+    pressure = 0.5 * aircraft["rho"] * V**2 * aircraft["S"]
+    weight = aircraft["m"] * aircraft["g"]
+    lag = aircraft["m"] * V / (pressure * (aircraft["cL_alpha"] + aircraft["cD0"]))
+    reach = gains["rounding_s"] * V
+    height, slope = _rounded(path, place.s, reach)
+    _, slope_ahead = _rounded(path, place.s + (3.0 / now.bandwidth + lag) * place.s_dot, reach)
+    error = height + coordination.slot[2] + now.position[2]
+    gain = gains["height_integral_1_s2"]
+    sink = _upwards(error, coordination, gains, state) + coordination.up
+
+    accelerating = now.reference[0, 1] / aircraft["g"]
+    drag = pressure * aircraft["cD0"]
+    thrust = limits["thrust_share_max"] * aircraft["thrust_limit"]
+    most = math.sin(limits["climb_max_rad"])
+    high = min(max((thrust - drag) / weight - accelerating, -most), most)
+    low = max(min(-drag / weight - accelerating, most), -most)
+    wanted = (sink + slope_ahead * place.s_dot) / V
+    if low < wanted < high and gain > 0.0 and coordination.up == 0.0:
+        limit = _INTEGRAL_SHARE * V / gain
+        state["height"] = min(max(state["height"] + error * now.dt, -limit), limit)
+    present = (sink + slope * place.s_dot) / V
+    return math.asin(min(max(wanted, low), high)), math.asin(min(max(present, low), high))
+
+
+@compiled
+def _rounded(path: np.void, s: float, reach: float) -> tuple[float, float]:
+    """Return the path's height at s, mean over ± reach [m], and its slope there."""
+    total = 0.0
+    for k in range(_ROUNDING_SAMPLES):
+        share = (2 * k + 1) / _ROUNDING_SAMPLES - 1.0
+        total += point_at(path, s + share * reach).height
+    rise = point_at(path, s + reach).height - point_at(path, s - reach).height
+    return total / _ROUNDING_SAMPLES, rise / (2.0 * reach)

@@ -1,0 +1,86 @@
+"""What can be flown: how tight a turn, how steep a climb."""
+
+import math
+from typing import NamedTuple
+
+from sitl_plant.config import Aircraft
+
+__all__ = ["FlightLimits", "airspeeds_for", "level_airspeed", "tightest_turn", "turn_radius"]
+
+_PLANNED_BANK = math.radians(20.0)
+"""Bank of a turn whose radius is free [rad]."""
+_RESERVE = math.radians(5.0)
+"""Bank kept for corrections [rad]."""
+_FASTEST = 200
+"""Airspeeds looked at are below this [m/s]."""
+_LEAST_BANK = math.radians(1.0)
+"""Bank that is left for turns when the airspeed is too low for any [rad]."""
+
+
+class FlightLimits(NamedTuple):
+    """What guidance may ask of the aircraft.
+
+    Attributes:
+        cruise_m_s: Airspeed until a mission says another.
+        bank_rad: Greatest bank.
+        level_m_s: Airspeed at which level flight takes the greatest angle of attack.
+        climb: Steepest climb and descent, height per length.
+        wind_m_s: Wind that turns must allow for.
+        offset_m: Farthest slot of the formation to the side of the path.
+        gravity_m_s2: Acceleration of gravity.
+    """
+
+    cruise_m_s: float
+    bank_rad: float
+    level_m_s: float
+    climb: float
+    wind_m_s: float
+    offset_m: float
+    gravity_m_s2: float
+
+
+def level_airspeed(aircraft: Aircraft, incidence_rad: float) -> float:
+    """Return the airspeed at which level flight takes an angle of attack [m/s].
+
+    The thrust, which equals the drag, carries its part of the weight.
+    """
+    slope = aircraft.coefficients.cL_alpha + aircraft.coefficients.cD0
+    lift = max(aircraft.coefficients.cL0 + slope * incidence_rad, 1e-6)
+    area = 0.5 * aircraft.air_density_kg_m3 * aircraft.wing_area_m2
+    return math.sqrt(aircraft.mass_kg * aircraft.gravity_m_s2 / (area * lift))
+
+
+def turn_radius(airspeed: float, limits: FlightLimits) -> float:
+    """Return the radius of a turn that may have any [m]: that of 20° of bank in still air."""
+    easy = airspeed**2 / (limits.gravity_m_s2 * math.tan(_PLANNED_BANK))
+    return max(easy, tightest_turn(airspeed, limits))
+
+
+def tightest_turn(airspeed: float, limits: FlightLimits) -> float:
+    """Return the least radius R [m] at an airspeed [m/s].
+
+    With the wind from behind, and for who flies on the outside, (V + w)² (1 + d/R) / R must be
+    within g tan(bank), with 5° of bank kept for corrections. The bank is also limited by the angle
+    of attack that it takes: at V it may be acos((V_level/V)²).
+    """
+    ground, acceleration = airspeed + limits.wind_m_s, _acceleration(airspeed, limits)
+    return (ground**2 + math.sqrt(ground**4 + 4.0 * acceleration * ground**2 * limits.offset_m)) / (
+        2.0 * acceleration
+    )
+
+
+def airspeeds_for(radius: float, limits: FlightLimits) -> tuple[int, int] | None:
+    """Return the least and the greatest whole airspeed [m/s] in a turn of a radius [m], if any.
+
+    A slow aircraft needs its angle of attack to fly level, and has none left to turn.
+    """
+    from_level = range(math.ceil(limits.level_m_s), _FASTEST)
+    speeds = [v for v in from_level if tightest_turn(float(v), limits) <= radius]
+    return (speeds[0], speeds[-1]) if speeds else None
+
+
+def _acceleration(airspeed: float, limits: FlightLimits) -> float:
+    """Return the centripetal acceleration that turns may take [m/s²]."""
+    load = max((airspeed / limits.level_m_s) ** 2, 1.0)
+    bank = min(limits.bank_rad, math.acos(1.0 / load)) - _RESERVE
+    return limits.gravity_m_s2 * math.tan(max(bank, _LEAST_BANK))

@@ -1,0 +1,341 @@
+"""The path of a mission: lines, turns and circles from the tasks of its items.
+
+Between two waypoints the path is straight. A turn from one line to the next passes inside the
+corner with a radius of 20° of bank, or a smaller one, down to the least that can be flown, if the
+lines are short or the waypoint's acceptance radius demands it. Where that is not enough the path
+goes over the waypoint, turns after it and flies straight to the next one. A circle is entered
+and left on a tangent. After the last waypoint the path is a circle through it, to the right.
+
+An item lasts up to the middle of its turn, where the path is nearest to it; a circle belongs to its
+item until it is left. Heights change evenly on the way from one item to the next.
+"""
+
+import math
+import zlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ftc_autopilot.guidance.jumps import order_of
+from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn, turn_radius
+from ftc_autopilot.guidance.mission_items import Home, Task
+from ftc_autopilot.guidance.path import MAX_LEGS, NO_LOOP, Leg
+from ftc_autopilot.guidance.pieces import (
+    Circle,
+    Piece,
+    Pose,
+    approach,
+    distance,
+    tangent_course,
+)
+from ftc_autopilot.guidance.targets import Target, Targets
+from mavlink_defs import dialect
+from mavlink_defs.profile import ItemError
+
+__all__ = ["MissionPath", "Start", "mission_path", "path_id_of"]
+
+_LARGEST_TURN = math.radians(150.0)
+"""Largest turn inside a corner; at a sharper one the path goes over the waypoint [rad]."""
+_NO_TURN = 1e-6
+"""Smallest turn [rad]."""
+_SHORTEST_M = 1e-6
+"""Shortest leg [m]."""
+_SAME_M = 1e-3
+"""Largest difference of two legs that are the same; of their courses, at a radius of 1 km [m]."""
+
+
+class Start(NamedTuple):
+    """Where a path begins, and how."""
+
+    pose: Pose
+    height: float  # [m]
+    airspeed: float  # until the mission says another [m/s]
+
+
+class MissionPath(NamedTuple):
+    """Legs, and which of them follows the last one."""
+
+    legs: tuple[Leg, ...]
+    loop: int = NO_LOOP
+
+
+def path_id_of(path: MissionPath) -> int:
+    """Return a number, not 0, that tells a path from others."""
+    return zlib.crc32(repr(path).encode()) or 1
+
+
+def mission_path(
+    tasks: Sequence[Task],
+    limits: FlightLimits,
+    home: Home,
+    start: Start | None = None,
+    first: int = 1,
+) -> MissionPath:
+    """Return the path of a mission.
+
+    Args:
+        tasks: Of the mission's items.
+        limits: What the aircraft can fly.
+        home: Where it returns to.
+        start: Where the path begins, and from where the first place is approached by an arc and a
+            line; None: at home, straight to the first place and at its height.
+        first: Item to begin with.
+
+    Raises:
+        ItemError: An item cannot be flown, or there is no place to fly to.
+    """
+    order = order_of(tasks, first)
+    if not order.visits:
+        text = "no waypoint or circle follows"
+        raise ItemError(first, dialect.MAV_MISSION_INVALID, text)
+    if start is not None:
+        begin = (*start.pose[:2], start.height)
+        targets = Targets(order, limits, home, begin, start.airspeed)
+        return _Builder(targets, limits, start, levels=True).path()
+    begin = (home.north_m, home.east_m, home.height_m)
+    targets = Targets(order, limits, home, begin, limits.cruise_m_s)
+    return _Builder(targets, limits, _from_home(targets, begin, limits), levels=False).path()
+
+
+def _from_home(targets: Targets, begin: tuple[float, ...], limits: FlightLimits) -> Start:
+    """Return the start at home, straight to the first place."""
+    first = targets(0)
+    assert first is not None
+    course = None
+    if first.place is not None:
+        course = tangent_course(begin, Circle(*first.place, first.radius))
+    return Start(Pose(begin[0], begin[1], course or 0.0), first.height, limits.cruise_m_s)
+
+
+class _Corner(NamedTuple):
+    """A turn at a waypoint from one line to the next."""
+
+    turn: float  # positive to the right [rad]
+    out: float  # length of the next line [m]
+    course: float  # of the next line [rad]
+
+    @property
+    def tangent(self) -> float:
+        """Distance of the ends of the turn from the waypoint, by its radius."""
+        return math.tan(0.5 * abs(self.turn))
+
+    @property
+    def miss(self) -> float:
+        """Distance of the turn from the waypoint, by its radius."""
+        return 1.0 / math.cos(0.5 * self.turn) - 1.0
+
+
+class _Builder:
+    """Makes the legs of one path, from its start on."""
+
+    def __init__(
+        self, targets: Targets, limits: FlightLimits, start: Start, *, levels: bool
+    ) -> None:
+        """Begin.
+
+        Args:
+            targets: Where the path leads.
+            limits: What the aircraft can fly.
+            start: Where it begins.
+            levels: Whether it may begin at another height than the start's, so that the first climb
+                is not too steep.
+        """
+        self._target, self._limits = targets, limits
+        self._pose, self._height, self._levels = start.pose, start.height, levels
+        self._begun: list[Piece] = []  # what follows a corner's middle
+        self._circle: Target | None = None  # what is left
+        self._legs: list[Leg] = []
+
+    def path(self) -> MissionPath:
+        """Return the path."""
+        begins: list[int] = []  # first leg on the way to each target
+        k = 0
+        while (target := self._target(k)) is not None:
+            begins.append(len(self._legs))
+            self._add_way(k, target)
+            same = self._target.index_of_same(k)
+            if same is not None and self._alike(begins[same], begins[k]):
+                return MissionPath(tuple(self._legs[: begins[k]]), begins[same])
+            self._add_circle(target)
+            if len(self._legs) > MAX_LEGS:
+                text = f"the path has more than {MAX_LEGS} legs up to here; shorten the mission"
+                raise ItemError(target.item, dialect.MAV_MISSION_NO_SPACE, text)
+            k += 1
+        return MissionPath(tuple(self._legs))
+
+    def _alike(self, i: int, k: int) -> bool:
+        """Return whether the path goes on from leg k as from leg i."""
+        a, b = self._legs[i], self._legs[k]
+        turned = math.remainder(a.course_rad - b.course_rad, 2.0 * math.pi)
+        return (a.item, a.airspeed_m_s) == (b.item, b.airspeed_m_s) and all(
+            abs(difference) < _SAME_M
+            for difference in (
+                a.north_m - b.north_m,
+                a.east_m - b.east_m,
+                a.height_m - b.height_m,
+                a.length_m - b.length_m,
+                1e3 * turned,
+                1e6 * (a.curvature_1_m - b.curvature_1_m),
+            )
+        )
+
+    # the way to a target
+
+    def _add_way(self, k: int, target: Target) -> None:
+        """Add the way to target k, with the first half of the turn there."""
+        pieces, self._begun = self._begun, []
+        following = self._target(k + 1)
+        if target.place is not None:
+            pieces += self._way(target)
+        if pieces:
+            self._pose = pieces[-1].end
+        corner = None
+        if target.radius == 0.0 and following is not None and pieces:
+            corner = _corner(target, pieces[-1].end.course, following)
+        if corner is not None and abs(corner.turn) > _NO_TURN and pieces[-1].curvature == 0.0:
+            radius = self._corner_radius(k, target, corner, pieces[-1].length)
+            if radius is not None:
+                pieces[-1], arc = _rounded(pieces[-1], corner, radius)
+                first, second = arc.cut(0.5 * arc.length)
+                pieces.append(first)
+                self._begun, self._pose = [second], second.end
+        self._add_climb(target, pieces)
+
+    def _way(self, target: Target) -> list[Piece]:
+        """Return arc and line to a target from where the path is."""
+        assert target.place is not None
+        circle = Circle(*target.place, target.radius)
+        left, self._circle = self._circle, None
+        if left is not None:  # on the tangent, if it is not inside the circle
+            side = (math.copysign(1.0, left.radius),)
+            way = approach(self._pose, circle, abs(left.radius), side)
+            if way is not None:
+                return way
+        wide, tight = (
+            radius_of(target.fastest, self._limits) for radius_of in (turn_radius, tightest_turn)
+        )
+        ways = [approach(self._pose, circle, radius) for radius in (wide, tight)]
+        if target.radius != 0.0:
+            side = (math.copysign(1.0, target.radius),)
+            ways.append(approach(self._pose, circle, abs(target.radius), side))
+        # the first one, unless it flies a loop that a tighter turn saves
+        return min(
+            (way for way in ways if way is not None),
+            key=lambda way: sum(piece.length for piece in way) // (math.pi * wide),
+        )
+
+    def _corner_radius(
+        self, k: int, target: Target, corner: _Corner, length: float
+    ) -> float | None:
+        """Return the radius of a turn; None if the path is to go over the waypoint.
+
+        Args:
+            k: Number of the target.
+            target: Where the corner is.
+            corner: The corner.
+            length: Of the line before it [m].
+        """
+        following = self._target(k + 1)
+        assert following is not None
+        wanted = self._wanted_radius(target, corner, following)
+        if wanted is None:
+            return None
+        ends, out = wanted * corner.tangent, corner.out
+        after = self._target(k + 2)
+        next_corner = after and _corner(following, corner.course, after)
+        if next_corner and (radius := self._wanted_radius(following, next_corner, after)):
+            others = radius * next_corner.tangent
+            out *= 1.0 if out >= ends + others else ends / (ends + others)
+            out -= others if corner.out >= ends + others else 0.0
+        radius = min(wanted, length / corner.tangent, out / corner.tangent)
+        least = tightest_turn(max(target.fastest, following.fastest), self._limits)
+        return radius if radius >= least else None
+
+    def _wanted_radius(
+        self, target: Target, corner: _Corner, following: Target | None
+    ) -> float | None:
+        """Return the radius of a turn if lines are long; None if it must go over the waypoint."""
+        assert following is not None
+        if abs(corner.turn) > _LARGEST_TURN:
+            return None
+        airspeed = max(target.fastest, following.fastest)
+        radius = turn_radius(airspeed, self._limits)
+        if target.within > 0.0:
+            radius = min(radius, target.within / max(corner.miss, 1e-12))
+        return radius if radius >= tightest_turn(airspeed, self._limits) else None
+
+    def _add_climb(self, target: Target, pieces: list[Piece]) -> None:
+        """Add the way to a target, so that its height is reached there."""
+        length = sum(piece.length for piece in pieces)
+        rise, steepest = target.height - self._height, self._limits.climb
+        if abs(rise) > steepest * length + _SHORTEST_M:
+            needed = abs(rise) / steepest
+            if target.radius != 0.0:  # the rest in the circle
+                rest = self._into_circle(target, needed - length)
+                pieces, length, self._pose = [*pieces, rest], needed, rest.end
+            elif self._levels and not self._legs:
+                rise = math.copysign(steepest * length, rise)
+                self._height = target.height - rise
+            else:
+                text = (
+                    f"height changes by {rise:+.4g} m on a way of {length:.4g} m, which must be "
+                    f">= {math.ceil(needed)} m; a circle on the way would do"
+                )
+                raise ItemError(target.item, dialect.MAV_MISSION_INVALID_PARAM7, text)
+        climb = rise / length if length > 0.0 else 0.0
+        self._add(target, pieces, climb)
+        self._height = target.height
+
+    def _add_circle(self, target: Target) -> None:
+        if target.radius == 0.0:
+            return
+        piece = self._into_circle(target, target.length)
+        self._add(target, [piece], 0.0, there=True)
+        self._circle = target
+        if not math.isinf(target.length):
+            self._pose = piece.end
+
+    def _into_circle(self, target: Target, length: float) -> Piece:
+        return Piece(self._pose, 1.0 / target.radius, length)
+
+    def _add(
+        self, target: Target, pieces: Sequence[Piece], climb: float, *, there: bool = False
+    ) -> None:
+        """Add legs, cut where the airspeed changes; `there`: after the way to the target."""
+        changes = [] if there else list(target.changes)
+        airspeed = target.airspeed_there if there else target.airspeed
+        height, flown = self._height, 0.0
+        for piece in pieces:
+            rest = piece
+            while rest.length > _SHORTEST_M:
+                while changes and changes[0][0] <= flown + _SHORTEST_M:
+                    airspeed = changes.pop(0)[1]
+                part = rest
+                if changes and changes[0][0] < flown + rest.length - _SHORTEST_M:
+                    part, rest = rest.cut(changes[0][0] - flown)
+                else:
+                    rest = rest._replace(length=0.0)
+                north, east, course = part.start
+                course = math.remainder(course, 2.0 * math.pi)
+                way = (north, east, course, part.curvature, part.length, height, climb)
+                self._legs.append(Leg(*way, airspeed, target.item))
+                flown += part.length
+                height += climb * part.length if climb else 0.0
+
+
+def _corner(target: Target, course: float, following: Target) -> _Corner | None:
+    """Return the corner at a waypoint that is reached with a course; None if there is none."""
+    if target.radius != 0.0 or target.place is None or following.place is None:
+        return None
+    circle = Circle(*following.place, following.radius)
+    out = tangent_course(target.place, circle)
+    if out is None:
+        return None
+    length = math.sqrt(distance(target.place, circle) ** 2 - following.radius**2)
+    return _Corner(math.remainder(out - course, 2.0 * math.pi), length, out)
+
+
+def _rounded(line: Piece, corner: _Corner, radius: float) -> tuple[Piece, Piece]:
+    """Return a line without its end, and the turn that begins there."""
+    line = line._replace(length=max(line.length - radius * corner.tangent, 0.0))
+    curvature = math.copysign(1.0 / radius, corner.turn)
+    return line, Piece(line.end, curvature, radius * abs(corner.turn))

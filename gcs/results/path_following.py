@@ -1,0 +1,273 @@
+"""How well UAVs follow a path and keep their slots, judged by their true positions.
+
+An autopilot's word counts for two things only: that it flies the path at all, and the slot that is
+in force. Where it takes itself to be is compared with the truth, so that a UAV on another path,
+such as one that an operator has uploaded in flight, is not judged by this one.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ftc_autopilot.guidance.path import locate, point_at
+from gcs.results.steps import Steps
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["SETTLING_S", "PathErrors", "PathFollowing", "PathSummary"]
+
+SETTLING_S = 10.0
+"""A UAV's figures begin so long after it begins to follow the path; so long after its end a turn
+still counts as one [s]."""
+
+_ELSEWHERE_M = 100.0  # between true and supposed place along the path: it is another path
+_NEVER = -1
+_UNSETTLED, _STRAIGHT, _TURN = 0, 1, 2
+
+ERRORS = np.dtype(
+    [
+        ("cross_track", "f8"),  # from the UAV's own path, positive to its right [m]
+        ("height", "f8"),  # above the UAV's own path [m]
+        ("slot", "f8"),  # horizontal distance from the slot [m]
+        ("part", "i1"),  # of the path: a straight, a turn, or not settled yet
+    ]
+)
+"""Errors of one UAV at one step; NaN where they are unknown."""
+
+_FOLLOWER = np.dtype(
+    [
+        ("s", "f8"),  # true place along the path [m], NaN: none yet
+        ("began", "i8"),  # step at which it began to follow the path
+        ("turned", "i8"),  # last step in a turn
+        ("flown", "i8"),  # steps at which its autopilot followed a path
+        ("counted", "i8"),
+        ("straight", "f8"),  # largest cross-track errors [m], NaN: none
+        ("turn", "f8"),
+        ("height", "f8"),
+        ("height_square", "f8"),  # sum [m²]
+        ("slots", "i8"),  # steps with a slot error
+        ("slot", "f8"),
+        ("slot_square", "f8"),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class PathSummary:
+    """How a UAV followed the path of its mission; errors are None where no step has one.
+
+    Attributes:
+        flown_steps: Steps at which its autopilot followed a path.
+        counted_steps: Those that the errors are of: not the first 10 s, nor steps on other paths.
+        straight_cross_track_m: Largest one on straight lines, later than 10 s after a turn [m].
+        turn_cross_track_m: Largest one in turns and within 10 s after them [m].
+        height_max_m: Largest error of the height [m].
+        height_rms_m: Root mean square of it [m].
+        slot_steps: Steps that the errors of the slot are of.
+        slot_max_m: Largest horizontal distance from its slot, where the leader truly is [m].
+        slot_rms_m: Root mean square of it [m].
+    """
+
+    flown_steps: int
+    counted_steps: int
+    straight_cross_track_m: float | None
+    turn_cross_track_m: float | None
+    height_max_m: float | None
+    height_rms_m: float | None
+    slot_steps: int
+    slot_max_m: float | None
+    slot_rms_m: float | None
+
+
+class PathErrors:
+    """Errors against the path, step by step."""
+
+    def __init__(self, paths: np.ndarray, leaders: tuple[int, ...], step_us: int) -> None:
+        """Prepare for the first step.
+
+        Args:
+            paths: Of each UAV without its slot, shape (n,), dtype `PATH`; members of a formation
+                have the same.
+            leaders: Indices of the UAVs whose place the slots count from, the first that follows
+                the path at a step; empty: there are no slots.
+            step_us: Time from each step to the next [µs].
+        """
+        self._paths, self._leaders = paths, np.array(leaders, np.int64)
+        self._settling = round(SETTLING_S * 1e6 / step_us)
+        self.followers = np.zeros(len(paths), _FOLLOWER)
+        for name in ("s", "straight", "turn", "height", "slot"):
+            self.followers[name] = np.nan
+        self.followers["began"] = self.followers["turned"] = _NEVER
+
+    def of(self, steps: Steps) -> np.ndarray:
+        """Return the errors of the next steps, shape (steps, n), dtype `ERRORS`."""
+        errors = np.zeros(steps.signals.shape, ERRORS)
+        path_errors(
+            steps.first,
+            self._settling,
+            steps.states,
+            steps.signals["V"],
+            steps.signals["path_position"],
+            steps.signals["slot"],
+            self._paths,
+            self._leaders,
+            self.followers,
+            errors,
+        )
+        return errors
+
+
+class PathFollowing:
+    """The figures of all UAVs that follow a path, taken while a flight is flown."""
+
+    def __init__(self, paths: np.ndarray, leaders: tuple[int, ...], step_us: int) -> None:
+        """Prepare as for `PathErrors`."""
+        self._errors = PathErrors(paths, leaders, step_us)
+
+    def add(self, steps: Steps) -> None:
+        """Take the next steps."""
+        gather(self._errors.of(steps), self._errors.followers)
+
+    def summary(self, i: int) -> PathSummary:
+        """Return the figures of the i-th UAV."""
+        own = self._errors.followers[i]
+        return PathSummary(
+            flown_steps=int(own["flown"]),
+            counted_steps=int(own["counted"]),
+            straight_cross_track_m=_known(own["straight"]),
+            turn_cross_track_m=_known(own["turn"]),
+            height_max_m=_known(own["height"]),
+            height_rms_m=_rms(own["height_square"], own["counted"]),
+            slot_steps=int(own["slots"]),
+            slot_max_m=_known(own["slot"]),
+            slot_rms_m=_rms(own["slot_square"], own["slots"]),
+        )
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _rms(square: float, count: int) -> float | None:
+    return math.sqrt(square / count) if count else None
+
+
+@compiled
+def path_errors(
+    first: int,
+    settling: int,
+    states: np.ndarray,
+    V: np.ndarray,  # noqa: N803 - the signal's name
+    supposed: np.ndarray,
+    slots: np.ndarray,
+    paths: np.ndarray,
+    leaders: np.ndarray,
+    followers: np.ndarray,
+    errors: np.ndarray,
+) -> None:
+    """Compute the errors of consecutive steps.
+
+    Args:
+        first: Number of the first step.
+        settling: `SETTLING_S` in steps.
+        states: True ones, shape (steps, n, 12).
+        V: Signal, shape (steps, n); NaN where an autopilot received no state.
+        supposed: Signal `path_position`, shape (steps, n) [m]; NaN where no path is followed.
+        slots: Signal `slot`, shape (steps, n, 3) [m].
+        paths: Shape (n,), dtype `PATH`.
+        leaders: Indices of the UAVs that slots count from.
+        followers: Shape (n,), updated.
+        errors: Shape (steps, n), dtype `ERRORS`, written.
+    """
+    n = len(paths)
+    known = np.zeros(n, np.bool_)
+    for k in range(len(states)):
+        for i in range(n):
+            own, error = followers[i], errors[k, i]
+            missing, follows = math.isnan(V[k, i]), not math.isnan(supposed[k, i])
+            error["cross_track"] = error["height"] = error["slot"] = np.nan
+            error["part"] = _UNSETTLED
+            known[i] = False
+            own["flown"] += follows
+            if not follows and not missing:
+                own["s"], own["began"], own["turned"] = np.nan, _NEVER, _NEVER
+            if math.isnan(own["s"]):
+                own["s"] = supposed[k, i]
+            north, east, down = states[k, i, 0], states[k, i, 1], states[k, i, 2]
+            if paths[i]["count"] == 0 or not math.isfinite(own["s"] + north + east):
+                continue
+            s, right = locate(paths[i], north, east, own["s"])
+            if follows and not abs(s - supposed[k, i]) < _ELSEWHERE_M:
+                own["s"], own["began"], own["turned"] = np.nan, _NEVER, _NEVER
+                continue
+            own["s"] = s
+            point = point_at(paths[i], s)
+            if own["began"] == _NEVER:
+                own["began"] = first + k
+            if point.curvature != 0.0:
+                own["turned"] = first + k
+            known[i] = follows
+            if follows:
+                error["cross_track"] = right - slots[k, i, 1]
+                error["height"] = -down - point.height - slots[k, i, 2]
+                error["part"] = _part(first + k, settling, own)
+        leader = _leader(leaders, known)
+        for i in range(n):
+            if leader >= 0 and known[i]:
+                xi = followers[leader]["s"] - slots[k, leader, 0]
+                errors[k, i]["slot"] = _from_slot(paths[i], xi, slots[k, i], states[k, i])
+
+
+@compiled
+def _part(step: int, settling: int, own: np.void) -> int:
+    """Return the part of the path that a UAV is on."""
+    if step - own["began"] <= settling:
+        return _UNSETTLED
+    if own["turned"] != _NEVER and step - own["turned"] <= settling:
+        return _TURN
+    return _STRAIGHT
+
+
+@compiled
+def _leader(leaders: np.ndarray, known: np.ndarray) -> int:
+    """Return the first of the leaders whose place is known, or -1."""
+    for leader in leaders:
+        if known[leader]:
+            return int(leader)
+    return -1
+
+
+@compiled
+def _from_slot(path: np.void, xi: float, slot: np.ndarray, state: np.ndarray) -> float:
+    """Return the horizontal distance from a slot of the formation at xi on the path [m]."""
+    point = point_at(path, xi + slot[0])
+    north = point.north - math.sin(point.course) * slot[1]
+    east = point.east + math.cos(point.course) * slot[1]
+    return math.hypot(state[0] - north, state[1] - east)
+
+
+@compiled
+def gather(errors: np.ndarray, followers: np.ndarray) -> None:
+    """Take errors, shape (steps, n), dtype `ERRORS`, into the figures of the UAVs."""
+    for k in range(len(errors)):
+        for i in range(len(followers)):
+            error, own = errors[k, i], followers[i]
+            if error["part"] == _UNSETTLED:
+                continue
+            own["counted"] += 1
+            if error["part"] == _STRAIGHT:
+                own["straight"] = _larger(own["straight"], error["cross_track"])
+            else:
+                own["turn"] = _larger(own["turn"], error["cross_track"])
+            own["height"] = _larger(own["height"], error["height"])
+            own["height_square"] += error["height"] ** 2
+            if not math.isnan(error["slot"]):
+                own["slots"] += 1
+                own["slot"] = _larger(own["slot"], error["slot"])
+                own["slot_square"] += error["slot"] ** 2
+
+
+@compiled
+def _larger(largest: float, error: float) -> float:
+    """Return the larger absolute value; that of the error if there is no largest yet."""
+    return abs(error) if math.isnan(largest) else max(largest, abs(error))

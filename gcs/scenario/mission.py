@@ -1,0 +1,223 @@
+"""The section `mission` of a scenario: a path in space, item by item.
+
+Each entry becomes one item of the mission protocol, so that both count items from 1.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, model_validator
+
+from ftc_autopilot.geography import Origin, place_of
+from ftc_autopilot.vehicle.home import home_item
+from mavlink_defs import dialect
+from mavlink_defs.config.models import ConfigError, Model, Problem, Problems, shown
+from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.constants import INT32_MAX, MAX_MISSION_ITEMS
+from mavlink_defs.float32 import decimal_of_float32
+from mavlink_defs.mission_files import mission_item, read_mission_file
+from mavlink_defs.services.mission import MissionItem
+
+__all__ = ["MissionEntry", "MissionSection", "entries_of_items", "with_mission_file"]
+
+
+class WaypointEntry(Model):
+    """A place to fly by."""
+
+    north_m: float = quantity("m", doc="North of the origin.")
+    east_m: float = quantity("m", doc="East of the origin.")
+    height_m: float = quantity("m", doc="Height above home.")
+    within_m: float = quantity(
+        "m", ge=0.0, default=0.0, doc="Greatest distance at which it is passed; 0: any."
+    )
+
+
+class LoiterEntry(Model):
+    """A circle."""
+
+    north_m: float | None = quantity(
+        "m", default=None, doc="North of the centre; none: a circle through the place before."
+    )
+    east_m: float | None = quantity("m", default=None, doc="East of the centre.")
+    height_m: float = quantity("m", doc="Height above home.")
+    radius_m: float = quantity(
+        "m", default=0.0, doc="Radius, positive clockwise; 0: that of a turn of 20 deg of bank."
+    )
+    turns: float | None = quantity("", gt=0.0, default=None, doc="Turns before it is left.")
+    time_s: float | None = quantity("s", ge=0.0, default=None, doc="Time before it is left.")
+
+    @model_validator(mode="after")
+    def _keys_fit(self) -> "LoiterEntry":
+        if (self.north_m is None) != (self.east_m is None):
+            raise Problems([Problem((), "expected {0} and {1} or none of them", keys=_CENTRE)])
+        if self.turns is not None and self.time_s is not None:
+            raise Problems([Problem((), "expected {0} or {1}, got both", keys=_ENDS)])
+        return self
+
+
+_CENTRE, _ENDS = ("north_m", "east_m"), ("turns", "time_s")
+
+
+class SpeedEntry(Model):
+    """The airspeed from here on."""
+
+    airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed.")
+
+
+class DelayEntry(Model):
+    """Time before the entries up to the next place take effect."""
+
+    time_s: float = quantity("s", ge=0.0, doc="Time.")
+
+
+class JumpEntry(Model):
+    """The mission goes on with another item."""
+
+    to_item: int = whole("", ge=1, doc="Item to go on with; the first one is 1.")
+    times: int = whole("", ge=-1, default=-1, doc="How often; -1: always.")
+
+
+class HomeEntry(Model):
+    """A new home."""
+
+    north_m: float = quantity("m", doc="North of the origin.")
+    east_m: float = quantity("m", doc="East of the origin.")
+    height_m: float = quantity("m", default=0.0, doc="Height above the origin.")
+
+
+class ReturnEntry(Model):
+    """The circle around home."""
+
+
+class ProtocolEntry(Model):
+    """An item as the mission protocol has it."""
+
+    command: int = whole("", ge=0, le=0xFFFF, doc="MAV_CMD.")
+    frame: int = whole("", ge=0, le=0xFF, default=3, doc="MAV_FRAME.")
+    params: tuple[float | None, ...] = Field(
+        default=(), max_length=4, description="Parameters 1 to 4; null is NaN."
+    )
+    x: int = whole("", ge=-INT32_MAX, le=INT32_MAX, default=0, doc="Latitude in degE7, mostly.")
+    y: int = whole("", ge=-INT32_MAX, le=INT32_MAX, default=0, doc="Longitude in degE7, mostly.")
+    z: float = quantity("", default=0.0, doc="Altitude in m, mostly.")
+
+
+class MissionEntry(Model):
+    """One item; exactly one of the keys."""
+
+    waypoint: WaypointEntry | None = Field(default=None, description="A place to fly by.")
+    loiter: LoiterEntry | None = Field(default=None, description="A circle.")
+    speed: SpeedEntry | None = Field(default=None, description="The airspeed from here on.")
+    delay: DelayEntry | None = Field(
+        default=None, description="Time before entries up to the next place take effect."
+    )
+    jump: JumpEntry | None = Field(default=None, description="Go on with another item.")
+    home: HomeEntry | None = Field(default=None, description="A new home.")
+    return_to_launch: ReturnEntry | None = Field(
+        default=None, description="The circle around home: `{}`."
+    )
+    item: ProtocolEntry | None = Field(
+        default=None, description="Any item as the mission protocol has it."
+    )
+
+    @model_validator(mode="after")
+    def _one_key(self) -> "MissionEntry":
+        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
+        if len(given) != 1:
+            keys = ", ".join(type(self).model_fields)
+            got = " and ".join(given) or "none"
+            raise Problems([((), f"expected one of the keys {keys}, got {got}")])
+        return self
+
+    def mission_item(self, seq: int, origin: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        (entry,) = (v for key in type(self).model_fields if (v := getattr(self, key)) is not None)
+        return _item_of(entry, seq, origin)
+
+
+class MissionSection(Model):
+    """A path in space; in a file, `file` may name a mission file instead."""
+
+    items: tuple[MissionEntry, ...] = Field(
+        min_length=1, max_length=MAX_MISSION_ITEMS, description="The items, in order."
+    )
+
+    def mission_items(self, origin: Origin) -> tuple[MissionItem, ...]:
+        """Return the mission as it is uploaded; item 0 is home."""
+        items = (entry.mission_item(seq, origin) for seq, entry in enumerate(self.items, start=1))
+        return home_item(origin), *items
+
+
+def entries_of_items(items: Sequence[MissionItem]) -> list[dict[str, Any]]:
+    """Return the items of a mission, without home, as plain data of a file."""
+    return [{"item": dict(_protocol_keys(item))} for item in items[1:]]
+
+
+def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
+    """Return the tree of a scenario with the items of the mission file that it names.
+
+    Args:
+        path: The scenario; the mission file lies beside it.
+        tree: Plain data read from it.
+
+    Raises:
+        ConfigError: The mission file cannot be used.
+    """
+    mission = tree.get("mission")
+    if not isinstance(mission, dict) or "file" not in mission:
+        return tree
+    name, *others = (mission["file"], *(key for key in mission if key != "file"))
+    if not isinstance(name, str) or others:
+        text = f"expected the name of a mission file, and no key beside it, got {shown(name)}"
+        raise ConfigError(path, [Problem(("mission", "file"), text)])
+    try:
+        items = read_mission_file(Path(path).parent / name)
+    except ConfigError as error:
+        problems = [Problem(("mission", "file"), f"{error.path}: {p}") for p in error.problems]
+        raise ConfigError(path, problems) from error
+    return {**tree, "mission": {"items": entries_of_items(items)}}
+
+
+def _protocol_keys(item: MissionItem) -> Iterator[tuple[str, Any]]:
+    params = [
+        None if math.isnan(value) else decimal_of_float32(value)
+        for value in (item.param1, item.param2, item.param3, item.param4)
+    ]
+    yield "command", item.command
+    yield "frame", item.frame
+    yield "params", params
+    yield from (("x", item.x), ("y", item.y), ("z", decimal_of_float32(item.z)))
+
+
+def _item_of(entry: Model, seq: int, origin: Origin) -> MissionItem:
+    d = dialect
+    match entry:
+        case WaypointEntry(north_m=north, east_m=east, height_m=height, within_m=within):
+            place = place_of(origin, north, east, 0.0)
+            return mission_item(seq, d.MAV_CMD_NAV_WAYPOINT, (0.0, within), *place[:2], height)
+        case LoiterEntry(height_m=height, radius_m=radius):
+            command, first = d.MAV_CMD_NAV_LOITER_UNLIM, 0.0
+            if entry.turns is not None:
+                command, first = d.MAV_CMD_NAV_LOITER_TURNS, entry.turns
+            elif entry.time_s is not None:
+                command, first = d.MAV_CMD_NAV_LOITER_TIME, entry.time_s
+            x = y = INT32_MAX
+            if entry.north_m is not None and entry.east_m is not None:
+                x, y = place_of(origin, entry.north_m, entry.east_m, 0.0)[:2]
+            return mission_item(seq, command, (first, 0.0, radius), x, y, height)
+        case SpeedEntry(airspeed_m_s=airspeed):
+            return mission_item(seq, d.MAV_CMD_DO_CHANGE_SPEED, (0.0, airspeed, -1.0))
+        case DelayEntry(time_s=seconds):
+            return mission_item(seq, d.MAV_CMD_CONDITION_DELAY, (seconds,))
+        case JumpEntry(to_item=to, times=times):
+            return mission_item(seq, d.MAV_CMD_DO_JUMP, (float(to), float(times)))
+        case HomeEntry(north_m=north, east_m=east, height_m=height):
+            place, altitude = place_of(origin, north, east, 0.0), origin.altitude_m + height
+            frame = d.MAV_FRAME_GLOBAL
+            return mission_item(seq, d.MAV_CMD_DO_SET_HOME, (), *place[:2], altitude, frame)
+        case ProtocolEntry():
+            params = [math.nan if value is None else value for value in entry.params]
+            return mission_item(seq, entry.command, params, entry.x, entry.y, entry.z, entry.frame)
+    return mission_item(seq, d.MAV_CMD_NAV_RETURN_TO_LAUNCH)

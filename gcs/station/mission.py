@@ -1,0 +1,150 @@
+"""Missions as a ground station handles them: compared, shown, edited.
+
+A mission is what the mission protocol transfers: items numbered from 0, of which item 0 is home.
+Editing gives another mission with numbers in order; the targets of DO_JUMP follow their items.
+"""
+
+import copy
+import math
+from collections.abc import Sequence
+from typing import TypeAlias
+
+from mavlink_defs import dialect
+from mavlink_defs.float32 import decimal_of_float32
+from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, Segment, items_to_segments
+from mavlink_defs.services.mission import MissionItem
+
+__all__ = [
+    "HAS_PLACE",
+    "Mission",
+    "inserted",
+    "is_same",
+    "item_text",
+    "moved",
+    "profile_of",
+    "removed",
+    "waypoint",
+    "with_place",
+]
+
+Mission: TypeAlias = tuple[MissionItem, ...]
+"""The items of a mission, home included; empty: none."""
+
+HAS_PLACE = {
+    dialect.MAV_CMD_NAV_WAYPOINT,
+    dialect.MAV_CMD_NAV_LOITER_UNLIM,
+    dialect.MAV_CMD_NAV_LOITER_TURNS,
+    dialect.MAV_CMD_NAV_LOITER_TIME,
+}
+"""Commands of items that lead to a place."""
+
+_FLOATS = ("param1", "param2", "param3", "param4", "z")
+_WHOLES = ("frame", "command", "autocontinue", "x", "y")
+
+
+def profile_of(mission: Mission) -> tuple[Segment, ...] | None:
+    """Return the segments of a mission that is a profile; empty without a mission, else None."""
+    try:
+        return items_to_segments(mission, ANY_AIRSPEED) if len(mission) > 1 else ()
+    except ProfileError:
+        return None
+
+
+def is_same(a: Mission, b: Mission) -> bool:
+    """Return whether two missions are the same for a vehicle; its own home does not count."""
+    return [_content(item) for item in a[1:]] == [_content(item) for item in b[1:]]
+
+
+def item_text(item: MissionItem) -> str:
+    """Describe an item in a few words: "waypoint", "loiter 3 turns", "jump to 2, 5 times"."""
+    p1, p2, p3 = item.param1, item.param2, item.param3
+    match item.command:
+        case dialect.MAV_CMD_NAV_WAYPOINT:
+            return f"waypoint, pass by {p3:g} m" if _given(p3) else "waypoint"
+        case dialect.MAV_CMD_NAV_LOITER_UNLIM:
+            return f"loiter{_radius(p3)}"
+        case dialect.MAV_CMD_NAV_LOITER_TURNS:
+            return f"loiter {p1:g} turns{_radius(p3)}"
+        case dialect.MAV_CMD_NAV_LOITER_TIME:
+            return f"loiter {p1:g} s{_radius(p3)}"
+        case dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            return "return to launch"
+        case dialect.MAV_CMD_DO_CHANGE_SPEED:
+            return f"speed {p2:g} m/s"
+        case dialect.MAV_CMD_DO_JUMP:
+            return f"jump to {p1:g}, " + ("always" if p2 < 0.0 else f"{p2:g} times")
+        case dialect.MAV_CMD_CONDITION_DELAY:
+            return f"wait {p1:g} s"
+        case dialect.MAV_CMD_DO_SET_HOME:
+            return "set home here" if p1 == 1.0 else "set home"
+        case dialect.MAV_CMD_FTC_REFERENCE_SEGMENT:
+            return f"segment from {p1:g} s"
+    return f"command {item.command}"
+
+
+def waypoint(like: MissionItem, x: int, y: int, z: float) -> MissionItem:
+    """Return a waypoint at a place [degE7, m], its altitude in the frame of another item."""
+    fields = (0.0, 0.0, 0.0, math.nan, x, y, z)
+    relative = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+    frame = like.frame if like.command in HAS_PLACE else relative
+    return dialect.MAVLink_mission_item_int_message(
+        0, 0, 0, frame, dialect.MAV_CMD_NAV_WAYPOINT, 0, 1, *fields
+    )
+
+
+def inserted(mission: Mission, at: int, item: MissionItem) -> Mission:
+    """Return the mission with an item more, which gets the number `at`."""
+    return _numbered(mission, (*mission[:at], item, *mission[at:]))
+
+
+def removed(mission: Mission, at: int) -> Mission:
+    """Return the mission without item `at`; jumps to it lead to the one that followed."""
+    return _numbered(mission, mission[:at] + mission[at + 1 :])
+
+
+def moved(mission: Mission, at: int, to: int) -> Mission:
+    """Return the mission with item `at` at number `to`."""
+    rest = mission[:at] + mission[at + 1 :]
+    return _numbered(mission, (*rest[:to], mission[at], *rest[to:]))
+
+
+def with_place(mission: Mission, at: int, x: int, y: int, z: float) -> Mission:
+    """Return the mission with another place of item `at` [degE7, m in its own frame]."""
+    changed = copy.copy(mission[at])
+    changed.x, changed.y, changed.z = x, y, z
+    return (*mission[:at], changed, *mission[at + 1 :])
+
+
+def _numbered(before: Mission, order: Sequence[MissionItem]) -> Mission:
+    """Number items anew, and let jumps lead to where they led before."""
+    places = {id(item): seq for seq, item in enumerate(order)}
+    kept = [places.get(id(item)) for item in before]
+    items = []
+    for seq, item in enumerate(order):
+        own = copy.copy(item)
+        own.seq = seq
+        if own.command == dialect.MAV_CMD_DO_JUMP:
+            own.param1 = float(_target(kept, int(own.param1), len(order) - 1))
+        items.append(own)
+    return tuple(items)
+
+
+def _target(kept: Sequence[int | None], target: int, last: int) -> int:
+    """Return the new number of an item, or of the next one that was kept."""
+    if not 0 <= target < len(kept):
+        return target  # it was wrong already
+    return next((seq for seq in kept[target:] if seq is not None), last)
+
+
+def _content(item: MissionItem) -> tuple[str, ...]:
+    """Return what an item says, as float32 fields hold it; NaN equals NaN here."""
+    floats = (repr(decimal_of_float32(getattr(item, name))) for name in _FLOATS)
+    return (*floats, *(str(getattr(item, name)) for name in _WHOLES))
+
+
+def _given(value: float) -> bool:
+    return value != 0.0 and not math.isnan(value)
+
+
+def _radius(value: float) -> str:
+    return f", radius {value:g} m" if _given(value) else ""

@@ -1,0 +1,159 @@
+"""Where vehicles are and where they are to be, from their telemetry.
+
+Places are north and east in the vehicles' common local frame [m]. A function returns None while
+the vehicle has not told it.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ftc_autopilot.geography import Origin, place_of, position_of
+from gcs.station.mission import HAS_PLACE
+from gcs.station.vehicle_state import VehicleState
+from mavlink_defs import dialect
+from mavlink_defs.constants import INT32_MAX
+from mavlink_defs.services.mission import MissionItem
+
+__all__ = [
+    "Home",
+    "current_item",
+    "distance_to_item",
+    "home_of",
+    "nearest_of",
+    "slot_error_of",
+    "slot_place_of",
+    "wind_of",
+]
+
+_DEG_E7 = 1e7
+_RELATIVE = {
+    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+}
+
+
+@dataclass(frozen=True)
+class Home:
+    """A vehicle's home.
+
+    Attributes:
+        origin: Its geographic coordinates.
+        north_m: Its place.
+        east_m: Likewise.
+    """
+
+    origin: Origin
+    north_m: float
+    east_m: float
+
+    def place_of(self, item: MissionItem) -> tuple[float, float] | None:
+        """Return north and east of an item [m]; None if it leads to no place of its own."""
+        beyond = INT32_MAX in {abs(item.x), abs(item.y)} or (item.x, item.y) == (0, 0)
+        if item.command not in HAS_PLACE or beyond:
+            return None
+        north, east = position_of(self.origin, item.x, item.y)
+        return self.north_m + north, self.east_m + east
+
+    def degrees_of(self, north_m: float, east_m: float) -> tuple[int, int]:
+        """Return latitude and longitude of a place [degE7]."""
+        place = place_of(self.origin, north_m - self.north_m, east_m - self.east_m, 0.0)
+        return place.latitude, place.longitude
+
+    def item(self) -> MissionItem:
+        """Return item 0 of a mission that begins here."""
+        place = place_of(self.origin, 0.0, 0.0, 0.0)
+        return dialect.MAVLink_mission_item_int_message(
+            0,
+            0,
+            0,
+            dialect.MAV_FRAME_GLOBAL_INT,
+            dialect.MAV_CMD_NAV_WAYPOINT,
+            0,
+            1,
+            0.0,
+            0.0,
+            0.0,
+            math.nan,
+            place.latitude,
+            place.longitude,
+            self.origin.altitude_m,
+        )
+
+    def height_of(self, item: MissionItem) -> float:
+        """Return the height of an item above home [m]."""
+        return float(item.z) - (0.0 if item.frame in _RELATIVE else self.origin.altitude_m)
+
+    def altitude_of(self, item: MissionItem, height_m: float) -> float:
+        """Return the altitude that an item has at a height above home [m], in its own frame."""
+        return height_m + (0.0 if item.frame in _RELATIVE else self.origin.altitude_m)
+
+
+def home_of(state: VehicleState) -> Home | None:
+    """Return a vehicle's home, from HOME_POSITION."""
+    message = state.latest.get(dialect.MAVLINK_MSG_ID_HOME_POSITION)
+    if message is None:
+        return None
+    origin = Origin(
+        latitude_deg=message.latitude / _DEG_E7,
+        longitude_deg=message.longitude / _DEG_E7,
+        altitude_m=message.altitude / 1e3,
+    )
+    return Home(origin, message.x, message.y)
+
+
+def wind_of(state: VehicleState) -> tuple[float, float] | None:
+    """Return the velocity of the air, north and east [m/s], from WIND_COV."""
+    message = state.latest.get(dialect.MAVLINK_MSG_ID_WIND_COV)
+    return None if message is None else (message.wind_x, message.wind_y)
+
+
+def current_item(state: VehicleState) -> int | None:
+    """Return the number of the item that a vehicle flies to, from MISSION_CURRENT."""
+    message = state.latest.get(dialect.MAVLINK_MSG_ID_MISSION_CURRENT)
+    return None if message is None else int(message.seq)
+
+
+def distance_to_item(state: VehicleState) -> float | None:
+    """Return the distance to that item [m], from NAV_CONTROLLER_OUTPUT."""
+    message = state.latest.get(dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
+    return None if message is None else float(message.wp_dist)
+
+
+def slot_error_of(state: VehicleState) -> tuple[float, float, float] | None:
+    """Return how far ahead, to the right and above its slot a vehicle takes itself to be [m]."""
+    message = _formation(state)
+    if message is None or not all(map(math.isfinite, message.slot_error)):
+        return None
+    ahead, right, up = message.slot_error
+    return ahead, right, up
+
+
+def slot_place_of(state: VehicleState) -> tuple[float, float] | None:
+    """Return north and east of a vehicle's slot, as it sees it [m]."""
+    error, motion = slot_error_of(state), state.latest.get(_LOCAL_POSITION)
+    if error is None or motion is None:
+        return None
+    speed = math.hypot(motion.vx, motion.vy)
+    if speed == 0.0:
+        return None
+    cos_c, sin_c = motion.vx / speed, motion.vy / speed  # its course is nearly the path's
+    ahead, right, _ = error
+    return motion.x - cos_c * ahead + sin_c * right, motion.y - sin_c * ahead - cos_c * right
+
+
+def nearest_of(state: VehicleState) -> float | None:
+    """Return the distance to the nearest neighbour, as a vehicle sees it [m]."""
+    message = _formation(state)
+    if message is None or not math.isfinite(message.distance):
+        return None
+    return float(message.distance)
+
+
+_LOCAL_POSITION = dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+
+
+def _formation(state: VehicleState) -> Any:
+    """Return FTC_FORMATION while a path is flown."""
+    message = state.latest.get(dialect.MAVLINK_MSG_ID_FTC_FORMATION)
+    return None if message is None or message.path_id == 0 else message
