@@ -19,6 +19,7 @@ from gcs.commands import (
     export,
     fault,
     fly,
+    formation,
     key,
     log,
     mission,
@@ -121,6 +122,7 @@ app.command(epilog=control.ARM_EPILOG)(control.arm)
 app.command(epilog=control.DISARM_EPILOG)(control.disarm)
 app.command(epilog=control.MODE_EPILOG)(control.mode)
 app.add_typer(fault.app, name="fault")
+app.add_typer(formation.app, name="formation")
 app.add_typer(profile.app, name="profile")
 app.add_typer(mission.app, name="mission")
 app.add_typer(param.app, name="param")
