@@ -21,6 +21,7 @@ from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.guidance.path import PATH
 from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.kept_mission import read_kept_mission, write_kept_mission
 from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
 from ftc_autopilot.link import GCS, PLANT, SIMULATOR, Record, new_link, records_to_keep, run
 from ftc_autopilot.recorder import RECORD_ROWS, Recorder
@@ -53,6 +54,7 @@ from mavlink_defs.runtime.shutdown import on_stop
 __all__ = ["main"]
 
 _NEVER = 2**62
+_MISSION_SUFFIX = ".mission"
 _TICK_S = 0.02
 _MAX_GCS_DATAGRAMS = 8
 """Most datagrams of ground stations handled at a time while no control step can be late."""
@@ -110,8 +112,11 @@ class Autopilot:
         self._recorder = None if record is None else Recorder(self._link, record, resumes)
         self._hot = HotState(self._link)
         self._vehicle = Vehicle(config, self._hot, self._controllers, time.time())
-        if resumes:
-            self._vehicle.resume(self._kept[0])
+        if resumes and keep_in is not None:
+            mission = read_kept_mission(keep_in.with_suffix(_MISSION_SUFFIX))
+            self._vehicle.resume(self._kept[0], mission)
+        self._keep_mission_in = keep_in and keep_in.with_suffix(_MISSION_SUFFIX)
+        self._kept_mission: int | None = None
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
         self._to_gcs = [FramePacker(config.id, component) for _ in config.gcs]
@@ -216,10 +221,25 @@ class Autopilot:
         if not self._vehicle.has_gcs_messages:  # answer earlier requests first
             more = self._receive_from_ground_stations(most or _MAX_GCS_DATAGRAMS)
         self._vehicle.handle_timer(time.monotonic(), most)
+        self._keep_mission()
         self._vehicle.note(self._kept[0])
         keep(self._link.kept)
         self._send_messages(most)
         self._more_to_do = more or self._vehicle.has_gcs_messages
+
+    def _keep_mission(self) -> None:
+        """Write the mission if it has changed; the flight goes on if it cannot be written."""
+        if self._keep_mission_in is None:
+            return
+        number, mission = self._vehicle.mission_to_keep()
+        if number == self._kept_mission:
+            return
+        self._kept_mission = number
+        try:
+            write_kept_mission(self._keep_mission_in, mission)
+        except OSError as problem:
+            text = f"cannot keep the mission for a restart: {problem.strerror}"
+            self._vehicle.say(dialect.MAV_SEVERITY_WARNING, text)
 
     def _until_step(self) -> int:
         """Return the step after which messages are to be handled."""

@@ -170,20 +170,20 @@ def refusal(command: int) -> str:
 
 
 def decode_items(
-    items: Sequence[MissionItem], origin: Origin, airspeeds: AirspeedLimits
+    items: Sequence[MissionItem], origin: Origin, home: Home, airspeeds: AirspeedLimits
 ) -> tuple[Task, ...]:
     """Return the tasks of a mission: task k is that of item k + 1, as item 0 is home.
 
     Args:
         items: The whole mission, home included.
         origin: Of the simulation's world.
+        home: What relative altitudes count from, before the mission sets another.
         airspeeds: Limits of the aircraft that is to fly it.
 
     Raises:
         ItemError: An item cannot be flown.
     """
     tasks: list[Task] = []
-    home = Home()
     for seq, item in enumerate(items[1:], start=1):
         if item.seq != seq:
             text = f"it stands at place {seq}, but has number {item.seq}"
@@ -248,6 +248,11 @@ class _Fields:
             raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
         return north, east
 
+    def radius(self) -> float:
+        """Return the radius of a circle, positive clockwise [m]: param 3 of whatever has one."""
+        good = abs(self.param(3)) <= _ANYWHERE_M
+        return self.check(3, "radius", good, f"at most {_ANYWHERE_M:g} m")
+
     def height(self) -> float:
         """Return its height above the origin [m]."""
         frame, z = self._item.frame, decimal_of_float32(self._item.z)
@@ -264,7 +269,7 @@ class _Fields:
 def _waypoint(fields: _Fields) -> Task:
     """NAV_WAYPOINT: 1 hold time of rotorcraft, 2 acceptance radius, 3 radius to pass by."""
     within = fields.check(2, "acceptance radius", not fields.param(2) < 0.0, ">= 0 m")
-    radius, height = fields.param(3), fields.height()
+    radius, height = fields.radius(), fields.height()
     north, east = fields.position()
     if radius != 0.0:
         return Loiter(fields.seq, (north, east), height, radius, turns=0.0)
@@ -272,10 +277,8 @@ def _waypoint(fields: _Fields) -> Task:
 
 
 def _circle(fields: _Fields, turns: float = math.inf, seconds: float = 0.0) -> Loiter:
-    """Param 3 of every loiter item is the radius, positive clockwise."""
     centre = fields.position() if fields.has_place else None
-    radius = fields.check(3, "radius", not math.isinf(fields.param(3)), "finite")
-    return Loiter(fields.seq, centre, fields.height(), radius, turns, seconds)
+    return Loiter(fields.seq, centre, fields.height(), fields.radius(), turns, seconds)
 
 
 def _loiter_turns(fields: _Fields) -> Task:

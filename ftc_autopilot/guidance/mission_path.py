@@ -269,12 +269,12 @@ class _Builder:
         rise, steepest = target.height - self._height, self._limits.climb
         if abs(rise) > steepest * length + _SHORTEST_M:
             needed = abs(rise) / steepest
-            if self._levels and not self._legs:
-                rise = math.copysign(steepest * length, rise)
-                self._height = target.height - rise
-            elif target.radius != 0.0:  # the rest in the circle
+            if target.radius != 0.0:  # the rest in the circle
                 rest = self._into_circle(target, needed - length)
                 pieces, length, self._pose = [*pieces, rest], needed, rest.end
+            elif self._levels and not self._legs:
+                rise = math.copysign(steepest * length, rise)
+                self._height = target.height - rise
             else:
                 text = (
                     f"height changes by {rise:+.4g} m on a way of {length:.4g} m, which must be "

@@ -66,14 +66,18 @@ class Planner:
             gravity_m_s2=aircraft.gravity_m_s2,
         )
 
-    def tasks(self, items: Sequence[MissionItem]) -> tuple[Task, ...]:
-        """Decode and check a mission, home included.
+    def tasks(
+        self,
+        items: Sequence[MissionItem],
+        home: Home = Home(),  # noqa: B008 - frozen
+    ) -> tuple[Task, ...]:
+        """Decode and check a mission, home included; its item 0 is not read.
 
         Raises:
             ItemError: It cannot be flown.
         """
-        tasks = decode_items(items, self._origin, self.airspeeds)
-        mission_path(tasks, self.limits, Home())
+        tasks = decode_items(items, self._origin, home, self.airspeeds)
+        mission_path(tasks, self.limits, home)
         return tasks
 
     def first_path(self, tasks: Sequence[Task], measured: np.void, first: int = 1) -> np.void:

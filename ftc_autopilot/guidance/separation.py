@@ -12,8 +12,9 @@ possible::
     v := v + max(0, ((v_now + v_j)/2 - v)·r/d - γ (d - d_min)/2) r/d
 
 Two that meet head on would only stop each other. So what changes the velocity horizontally also
-changes it as much vertically, by at most 3 m/s: who is higher evades upwards, or the one with the
-lower system id if they are equally high.
+changes it vertically, by as much at first, less the more of d_min they differ in height, and by at
+most 3 m/s: who is higher evades upwards, or the one with the lower system id if they are equally
+high.
 
 It is the present velocities that count, as aircraft follow late and neighbours do not tell what
 they intend. If both follow with a delay T, the distance goes by d'' = -(d' + γ (d - d_min))/T,
@@ -69,6 +70,8 @@ def kept_apart(
         rate: γ [1/s].
     """
     climb = 0.0
+    if least <= 0.0:
+        return wanted
     for _ in range(_SWEEPS):
         for d in range(len(weights)):
             if not _tells_place(neighbours[d], weights[d]):
@@ -84,7 +87,8 @@ def kept_apart(
             if short > 0.0:
                 wanted = add(wanted, scale(short, away))
                 side = math.copysign(1.0, height) if abs(height) > _LEVEL_M else upwards[d]
-                climb += side * short * math.hypot(away[0], away[1])
+                level = max(1.0 - abs(height) / least, 0.0) * math.hypot(away[0], away[1])
+                climb += side * level * short
     climb = min(max(climb, -_VERTICAL_MAX_M_S), _VERTICAL_MAX_M_S)
     return add(wanted, (0.0, 0.0, -climb))
 

@@ -21,10 +21,13 @@ from mavlink_defs.services.command import (
 from mavlink_defs.services.command_server import CommandReceived, CommandServer
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["Commands", "Handler"]
+__all__ = ["Commands", "Handler", "PlaceHandler"]
 
 Handler: TypeAlias = Callable[[tuple[float, ...]], int]
 """Executes a command at once: its seven parameters in, MAV_RESULT out."""
+
+PlaceHandler: TypeAlias = Callable[[CommandMessage], int]
+"""The same for a command with a place, which its two forms give in different units."""
 
 _FOR_THE_SIMULATOR = {
     dialect.MAV_CMD_FTC_SET_FAULT,
@@ -36,14 +39,20 @@ _FOR_THE_SIMULATOR = {
 class Commands:
     """Receives commands from ground stations, has them executed and answers them."""
 
-    def __init__(self, own: SystemId, handlers: Mapping[int, Handler]) -> None:
+    def __init__(
+        self,
+        own: SystemId,
+        handlers: Mapping[int, Handler],
+        place_handlers: Mapping[int, PlaceHandler],
+    ) -> None:
         """Start without pending commands.
 
         Args:
             own: SystemId of the vehicle.
             handlers: What carries out each MAV_CMD.
+            place_handlers: What carries out those that have a place.
         """
-        self._own, self._handlers = own, handlers
+        self._own, self._handlers, self._place_handlers = own, handlers, place_handlers
         self._server = CommandServer(own)
         self._simulator = CommandClient(own)
         # for the simulator, each with the station that gave it; the first one is there
@@ -104,8 +113,11 @@ class Commands:
         if number in _FOR_THE_SIMULATOR or is_fault_list:
             self._waiting.append((command, station))
             return
-        handler = self._handlers.get(number)
-        result = handler(params) if handler else dialect.MAV_RESULT_UNSUPPORTED
+        result = dialect.MAV_RESULT_UNSUPPORTED
+        if (handler := self._handlers.get(number)) is not None:
+            result = handler(params)
+        elif (place_handler := self._place_handlers.get(number)) is not None:
+            result = place_handler(command.message)
         self._server.finish(command.token, result, now=now)
 
 

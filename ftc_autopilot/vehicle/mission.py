@@ -1,11 +1,13 @@
-"""The mission of one vehicle: the mission protocol's items are the profile that it flies."""
+"""The mission of one vehicle: items of the mission protocol are the profile or path it flies."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
+from ftc_autopilot.guidance.mission_items import is_path
+from ftc_autopilot.vehicle.home import VehicleHome
 from ftc_autopilot.vehicle.modes import Modes, Say
 from mavlink_defs import dialect
-from mavlink_defs.constants import AUTO
+from mavlink_defs.constants import AUTO, MAX_MISSION_ITEMS
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.profile import check_mission
 from mavlink_defs.services.machine import SystemId
@@ -27,13 +29,28 @@ _ACCEPTED, _FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED
 class Mission:
     """Connects the mission protocol with the flight modes."""
 
-    def __init__(self, own: SystemId, modes: Modes, home: MissionItem, say: Say) -> None:
-        self._modes, self._say = modes, say
-        self.server = MissionServer(
-            own, lambda items: check_mission(items, modes.airspeeds), home=home
-        )
+    def __init__(
+        self,
+        own: SystemId,
+        modes: Modes,
+        home: VehicleHome,
+        guide: Callable[[MissionItem], int],
+        say: Say,
+    ) -> None:
+        """Hold no mission.
+
+        Args:
+            own: SystemId of the vehicle.
+            modes: Its modes.
+            home: Its home.
+            guide: Flies to an item that is sent on its own, and returns MAV_MISSION_RESULT.
+            say: Announces a text.
+        """
+        self._modes, self._home, self._say = modes, home, say
+        self.server = MissionServer(own, self._check, MAX_MISSION_ITEMS + 1, home.item, guide)
         self._reached: list[MAVLink_message] = []
         self._follows = False  # whether the current item is one that was flown
+        self._passed_leg = (0, 0)  # number of a path, and the leg of it that was flown last
         self._note_state()
 
     def receive(self, message: MAVLink_message, now: float, station: int) -> None:
@@ -67,15 +84,18 @@ class Mission:
         self.server.set_current(0)
         self._work()
 
-    def resume(self, profile: Sequence[MissionItem], item: int) -> None:
+    def resume(self, items: Sequence[MissionItem], item: int) -> None:
         """Take up the mission of a life before.
 
         Args:
-            profile: Its items, home included; none if there was no profile.
+            items: Its items, home included; none if there was no mission.
             item: The current one.
         """
-        self.server.restore(tuple(profile), item)
-        self._follows = self._modes.flies_profile
+        self.server.restore(tuple(items), item)
+        if is_path(items):
+            self._modes.path.take_mission(items)
+        self._modes.note_item(item)
+        self._follows = self._modes.flies_mission
         self._note_state()
 
     # commands
@@ -103,12 +123,19 @@ class Mission:
 
     # inside
 
+    def _check(self, items: Sequence[MissionItem]) -> None:
+        """Check an uploaded mission; ProfileError if it cannot be flown."""
+        if is_path(items):
+            self._modes.path.planner.tasks(items, self._home.at)
+        else:
+            check_mission(items, self._modes.airspeeds)
+
     def _work(self) -> None:
         for event in self.server.events():
             match event:
                 case MissionAccepted(items):
                     self._follows = False
-                    self._modes.take_profile(items)
+                    self._modes.take_mission(items)
                 case CurrentChanged(seq):
                     self._modes.jump_to(seq)
                 case MissionRefused(_, text) if text:
@@ -122,21 +149,36 @@ class Mission:
         not reached.
         """
         self._note_state()
-        if not self._modes.flies_profile:
+        if not self._modes.flies_mission:
             self._follows = False
             return
         current, before = self._modes.current_item(), self.server.current
-        if current != before:
-            reached = range(max(before, 1), current) if self._follows else ()
+        reached: Iterable[int] = ()
+        if not self._modes.has_profile:
+            self._modes.note_item(current)
+            reached = self._passed()
+        elif current != before:
+            reached = range(max(before, 1), current)
+        if self._follows:
             self._reached += map(dialect.MAVLink_mission_item_reached_message, reached)
+        if current != before:
             self.server.set_current(current)
         self._follows = True
+
+    def _passed(self) -> list[int]:
+        """Return the items of the path that were reached since the last call."""
+        path = self._modes.path
+        (number, before), now = self._passed_leg, (path.number, path.point().leg)
+        self._passed_leg = now
+        if number != now[0] or before == now[1]:
+            return []
+        return path.items_between(before, now[1])
 
     def _note_state(self) -> None:
         """Keep the fields of MISSION_CURRENT besides the item."""
         modes, server = self._modes, self.server
         server.mission_mode = _IN_MISSION_MODE if modes.mode == AUTO else _SUSPENDED
-        if not modes.has_profile:
+        if not modes.has_mission:
             server.mission_state = dialect.MISSION_STATE_NO_MISSION
         elif not modes.started:
             server.mission_state = dialect.MISSION_STATE_NOT_STARTED

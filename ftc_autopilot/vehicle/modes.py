@@ -1,7 +1,7 @@
-"""Flight modes of a vehicle: arming, the mode, the profile's clock, set-points.
+"""Flight modes of a vehicle: arming, the mode, the mission's clock.
 
-Decisions reach the controller through its guidance and profile, between two steps. What can be
-refused returns a MAV_RESULT, and sends the reason as a STATUSTEXT.
+Decisions reach the controller through its guidance, profile and path, between two steps. What can
+be refused returns a MAV_RESULT, and sends the reason as a STATUSTEXT.
 """
 
 import math
@@ -11,10 +11,12 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controller import restart_law
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
 from ftc_autopilot.control.reference import profile_record
+from ftc_autopilot.guidance.mission_items import is_path, refusal
 from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.vehicle.flight_path import FlightPath
 from mavlink_defs import dialect
-from mavlink_defs.constants import AUTO, FORCE_DISARM, GUIDED, LOITER, MODE_NAMES
-from mavlink_defs.profile import items_to_segments
+from mavlink_defs.constants import AUTO, FORCE_DISARM, LOITER, MODE_NAMES, RTL
+from mavlink_defs.profile import ItemError, items_to_segments
 from mavlink_defs.services.mission import MissionItem
 
 __all__ = ["Modes", "Say"]
@@ -32,12 +34,19 @@ class Modes:
         mode: custom_mode in force.
         armed: Whether the controller runs, or will from the first step on.
         airspeeds: Range of airspeed commands accepted.
+        path: What is flown along in space.
     """
 
     def __init__(
-        self, config: AutopilotConfig, hot: HotState, controllers: Controllers, say: Say
+        self,
+        config: AutopilotConfig,
+        hot: HotState,
+        controllers: Controllers,
+        path: FlightPath,
+        say: Say,
     ) -> None:
-        self.mode = LOITER
+        self.mode, self.path = LOITER, path
+        self._item = 1  # of the mission's path, to go on with
         self.armed = False
         self.airspeeds = config.aircraft.airspeed_limits
         self._hot, self._controllers, self._say = hot, controllers, say
@@ -60,8 +69,13 @@ class Modes:
 
     @property
     def has_profile(self) -> bool:
-        """Whether there is a profile to fly."""
+        """Whether the mission is a profile."""
         return bool(self._controllers.profiles[0]["count"] > 0)
+
+    @property
+    def has_mission(self) -> bool:
+        """Whether there is a mission to fly."""
+        return self.has_profile or bool(self.path.tasks)
 
     @property
     def started(self) -> bool:
@@ -69,54 +83,78 @@ class Modes:
         return bool(self._guidance["start_step"] != NOT_STARTED)
 
     @property
-    def flies_profile(self) -> bool:
-        """Whether the profile gives the references now."""
-        return bool(self._guidance["follows"] == Source.PROFILE) and self.running
+    def flies_mission(self) -> bool:
+        """Whether profile or path of the mission gives the references now."""
+        follows = self._guidance["follows"]
+        on_path = self.mode == AUTO and follows == Source.PATH
+        return bool(follows == Source.PROFILE or on_path) and self.running
 
     def heartbeat(self) -> dialect.MAVLink_heartbeat_message:
         """Return a HEARTBEAT with mode, arming and state."""
         flags = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
         flags |= dialect.MAV_MODE_FLAG_GUIDED_ENABLED if self.mode != LOITER else 0
-        flags |= dialect.MAV_MODE_FLAG_AUTO_ENABLED if self.mode == AUTO else 0
+        flags |= dialect.MAV_MODE_FLAG_AUTO_ENABLED if self.mode in {AUTO, RTL} else 0
         flags |= dialect.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         return dialect.MAVLink_heartbeat_message(
             dialect.MAV_TYPE_FIXED_WING, self._autopilot, flags, self.mode, self.status, 3
         )
 
-    # the profile
+    # the mission
 
-    def take_profile(self, items: Sequence[MissionItem]) -> None:
-        """Put a mission, checked before, in force; home alone or nothing clears the profile."""
+    def take_mission(self, items: Sequence[MissionItem]) -> None:
+        """Put a mission, checked before, in force; home alone or nothing clears it."""
+        flown, self._item = self.flies_mission, 1
+        self._controllers.profiles[0]["count"], self.path.tasks = 0, ()
         if len(items) < 2:
-            self._controllers.profiles[0]["count"] = 0
             self._guidance["start_step"] = NOT_STARTED
             if self.mode == AUTO:
                 self._enter(LOITER)
             return
-        segments = items_to_segments(items, self.airspeeds)
-        self._controllers.profiles[0] = profile_record(segments)
-        text = f"profile of {len(segments)} segments in force"
-        if self.flies_profile:
-            text += f", segment {self.current_item()} at {self._elapsed_s():.3f} s of the mission"
-            if self.is_over():
-                text += "; to fly it from its start, start the mission again"
+        if is_path(items):
+            self.path.take_mission(items)
+            text = f"mission of {len(items) - 1} items in force"
+        else:
+            segments = items_to_segments(items, self.airspeeds)
+            self._controllers.profiles[0] = profile_record(segments)
+            text = f"profile of {len(segments)} segments in force"
+            if flown:
+                text += f", segment {self.current_item()} at {self._elapsed_s():.3f} s"
+                text += " of the mission"
+                if self.is_over():
+                    text += "; to fly it from its start, start the mission again"
         self._say(dialect.MAV_SEVERITY_INFO, text)
+        if self.mode == AUTO and self.started:
+            self._enter(AUTO)
 
     def current_item(self) -> int:
-        """Return the number of the mission item whose segment the next mission step flies."""
+        """Return the number of the mission item that the next mission step flies."""
+        if not self.has_profile:
+            return self.path.item() if self.flies_mission else self._item
         profile, elapsed_s = self._controllers.profiles[0], self._elapsed_s()
         return 1 + sum(
             elapsed_s >= float(start) for start in profile["start"][1 : int(profile["count"])]
         )
 
     def is_over(self) -> bool:
-        """Return whether the last segment, which has no end, is being flown."""
+        """Return whether the end of the mission, which is flown on, has been reached."""
+        if not self.has_profile:
+            return self.flies_mission and self.path.is_at_end()
         return self.started and self.current_item() == int(self._controllers.profiles[0]["count"])
 
     def jump_to(self, seq: int) -> None:
-        """Let a started mission go on with item seq, as if its segment began now."""
-        if self.started and 1 <= seq != self.current_item():
+        """Let a mission go on with item seq; a segment goes on as if it began now."""
+        if not 1 <= seq != self.current_item():
+            return
+        if not self.has_profile:
+            self._item = seq
+            if self.flies_mission:
+                self._enter(AUTO)
+        elif self.started:
             self._guidance["start_step"] = self._hot.step - self._steps_to(seq)
+
+    def note_item(self, seq: int) -> None:
+        """Take note of the item that a mission goes on with when it is flown again."""
+        self._item = max(seq, 1)
 
     # commands: params are those of the MAV_CMD
 
@@ -146,24 +184,26 @@ class Modes:
         Args:
             seq: Item to begin with.
         """
-        if not self.has_profile:
-            return self._refuse("Mission start: no profile uploaded")
+        if not self.has_mission:
+            return self._refuse("Mission start: no mission uploaded")
         if self.running and not self.armed:
             return self._refuse("Mission start: not armed")
         first = self._hot.step + 1 if self.running else 0
-        self._guidance["start_step"] = first - (self._steps_to(seq) if seq > 1 else 0)
-        self._enter(AUTO)
-        return _ACCEPTED
+        self._item = max(seq, 1)
+        steps = self._steps_to(seq) if self.has_profile and seq > 1 else 0
+        self._guidance["start_step"] = first - steps
+        return _ACCEPTED if self._enter(AUTO) else _DENIED
 
     def set_mode(self, mode: float) -> int:
         """Execute MAV_CMD_DO_SET_MODE; `mode` is the custom_mode."""
         if mode not in MODE_NAMES:
             names = ", ".join(f"{name} ({number})" for number, name in MODE_NAMES.items())
             return self._refuse(f"Mode {mode:g}: must be {names}")
-        if mode == AUTO and not self.has_profile:
-            return self._refuse("Mode AUTO: no profile uploaded")
-        self._enter(int(mode))
-        return _ACCEPTED
+        if mode == AUTO and not self.has_mission:
+            return self._refuse("Mode AUTO: no mission uploaded")
+        if mode == self.mode and self.path.flown and mode != AUTO:
+            return _ACCEPTED  # a circle goes on
+        return _ACCEPTED if self._enter(int(mode)) else _DENIED
 
     def change_speed(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_DO_CHANGE_SPEED: param 2 is the airspeed [m/s]."""
@@ -172,25 +212,22 @@ class Modes:
         low, high = self.airspeeds.min_m_s, self.airspeeds.max_m_s
         if not low <= params[1] <= high:
             return self._refuse(f"Speed is {params[1]:g} m/s, must be {low:g} to {high:g} m/s")
+        if self.path.flown:
+            low, high = self.path.planner.airspeeds.min_m_s, self.path.planner.airspeeds.max_m_s
+            if not low <= params[1] <= high:
+                return self._refuse(
+                    f"Speed is {params[1]:g} m/s, must be {low:g} to {high:g} m/s on a path"
+                )
+            try:
+                self.path.change_speed(params[1])
+            except ItemError as error:
+                return self._refuse(f"Speed is {params[1]:g} m/s: {error.reason}")
         self._guidance["command"][0] = params[1]
         return _ACCEPTED
 
-    def set_attitude_target(self, message: dialect.MAVLink_set_attitude_target_message) -> None:
-        """Follow an attitude set-point in GUIDED; its quaternion is body to NED, scalar first."""
-        if self.mode != GUIDED:
-            return
-        w, x, y, z = map(float, message.q)
-        length = math.sqrt(w * w + x * x + y * y + z * z)
-        if not 0.9 < length < 1.1 or message.type_mask & (
-            dialect.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
-        ):
-            return
-        w, x, y, z = w / length, x / length, y / length, z / length
-        self._guidance["command"][1:] = (
-            math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-            math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0)),
-            math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
-        )
+    def refuse_to(self, command: int) -> int:
+        """Refuse a command that no vehicle in the air can execute, with the reason."""
+        return self._refuse(refusal(command))
 
     def restart(self) -> None:
         """Return to the initial state, for another flight: disarmed, in LOITER."""
@@ -200,6 +237,8 @@ class Modes:
     def resume(self, mode: int) -> None:
         """Take up the mode and the arming of a life before, as the records have them."""
         self.mode, self.armed = mode, bool(self._guidance["active"])
+        if self.path.flown and self.path.record["count"] == 0:
+            self._fly_straight()  # its file is gone
 
     # inside
 
@@ -218,18 +257,41 @@ class Modes:
         start_s = float(self._controllers.profiles[0]["start"][seq - 1])
         return math.ceil(start_s * 1e6 / self._hot.step_us)
 
-    def _enter(self, mode: int) -> None:
-        """Change the mode; a mode that does not fly the profile continues straight and level."""
-        flies_profile = mode == AUTO and self.started
-        self._guidance["follows"] = Source.PROFILE if flies_profile else Source.COMMAND
-        if not flies_profile:
-            state = self._hot.measured
-            speed = math.hypot(*map(float, state["velocity"] - state["wind"]))
-            airspeed = min(max(speed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)
-            self._guidance["command"] = (airspeed, 0.0, 0.0, float(state["attitude"][2]))
+    def _enter(self, mode: int) -> bool:
+        """Change the mode; return False, and leave all as it was, if it cannot be flown."""
+        try:
+            self._follow(mode)
+        except ItemError as error:
+            self._refuse(f"Mode {MODE_NAMES[mode]}: {error.text}")
+            return False
         if mode != self.mode:
             self.mode = mode
             self._say(dialect.MAV_SEVERITY_INFO, f"mode {MODE_NAMES[mode]}")
+        return True
+
+    def _follow(self, mode: int) -> None:
+        """Let the references come from where a mode has them.
+
+        Without path or profile it flies straight and level.
+        """
+        if mode == AUTO and self.started and self.has_profile:
+            self._guidance["follows"] = Source.PROFILE
+        elif mode == AUTO and self.started:
+            self.path.fly_mission(self._item)
+        elif mode == RTL:
+            self.path.fly_home()
+        elif mode == LOITER and self.running and self.armed:
+            self.path.circle_here()
+        else:
+            self._fly_straight()
+
+    def _fly_straight(self) -> None:
+        """Command straight and level flight, as fast as the aircraft is."""
+        self._guidance["follows"] = Source.COMMAND
+        state = self._hot.measured
+        speed = math.hypot(*map(float, state["velocity"] - state["wind"]))
+        airspeed = min(max(speed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)
+        self._guidance["command"] = (airspeed, 0.0, 0.0, float(state["attitude"][2]))
 
     def _refuse(self, text: str) -> int:
         self._say(dialect.MAV_SEVERITY_WARNING, text)

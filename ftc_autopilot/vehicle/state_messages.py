@@ -13,13 +13,14 @@ from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.geography import Origin, Place, place_of
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
+from ftc_autopilot.vehicle.home import VehicleHome
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul, vec3
 
-__all__ = ["StateMessages", "home_item"]
+__all__ = ["StateMessages"]
 
 _INT16, _UINT16 = 2**15 - 1, 2**16 - 1
 _UNKNOWN_U16 = _UINT16
@@ -34,9 +35,14 @@ class StateMessages:
     """Makes messages of position, attitude, motion and actuators; times are those of the clock."""
 
     def __init__(
-        self, hot: HotState, controllers: Controllers, origin: Origin, clock: VehicleClock
+        self,
+        hot: HotState,
+        controllers: Controllers,
+        origin: Origin,
+        home: VehicleHome,
+        clock: VehicleClock,
     ) -> None:
-        self._hot, self._controllers, self._origin = hot, controllers, origin
+        self._hot, self._controllers, self._origin, self._home = hot, controllers, origin, home
         self._clock = clock
 
     # time and place
@@ -81,17 +87,24 @@ class StateMessages:
         )
 
     def home_position(self) -> MAVLink_message:
-        """Return HOME_POSITION: the origin."""
-        home = place_of(self._origin, 0.0, 0.0, 0.0)
+        """Return HOME_POSITION."""
         return dialect.MAVLink_home_position_message(
-            *home[:3], 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, self._clock.boot_us
+            *self._home.place[:3],
+            0.0,
+            0.0,
+            0.0,
+            [1.0, 0.0, 0.0, 0.0],
+            0.0,
+            0.0,
+            0.0,
+            self._clock.boot_us,
         )
 
     def altitude(self) -> MAVLink_message:
         """Return ALTITUDE; the terrain is flat, as high as the origin."""
         height = -float(self._state["position"][2])
-        amsl = self._origin.altitude_m + height
-        altitudes = float32s((amsl, amsl, height, height, self._origin.altitude_m, height))
+        amsl, above_home = self._origin.altitude_m + height, height - self._home.at.height_m
+        altitudes = float32s((amsl, amsl, height, above_home, self._origin.altitude_m, height))
         return dialect.MAVLink_altitude_message(self._clock.boot_us, *altitudes)
 
     # attitude and motion
@@ -225,7 +238,9 @@ class StateMessages:
         return float(self._state["attitude"][2])
 
     def _place(self) -> Place:
-        return place_of(self._origin, *map(float, self._state["position"]))
+        """Return where it is; the height is that above home."""
+        place = place_of(self._origin, *map(float, self._state["position"]))
+        return place._replace(height=place.height - round(1e3 * self._home.at.height_m))
 
     def _quaternion(self) -> list[float]:
         return float32s(_quaternion(*map(float, self._state["attitude"])))
@@ -235,27 +250,6 @@ class StateMessages:
 
     def _held(self) -> list[float]:
         return float32s(self._controllers.actuators[0]["controls"][:4])
-
-
-def home_item(origin: Origin) -> dialect.MAVLink_mission_item_int_message:
-    """Return item 0 of every mission, the home position."""
-    home = place_of(origin, 0.0, 0.0, 0.0)
-    return dialect.MAVLink_mission_item_int_message(
-        0,
-        0,
-        0,
-        dialect.MAV_FRAME_GLOBAL,
-        dialect.MAV_CMD_NAV_WAYPOINT,
-        0,
-        1,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        home.latitude,
-        home.longitude,
-        home.altitude / 1e3,
-    )
 
 
 def _wrap(angle: float) -> float:

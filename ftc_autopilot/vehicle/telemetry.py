@@ -14,6 +14,8 @@ from typing import TypeAlias
 
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
+from ftc_autopilot.vehicle.formation_messages import FormationMessages
+from ftc_autopilot.vehicle.path_messages import PathMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
 from mavlink_defs import dialect
@@ -60,6 +62,8 @@ _GROUPS: dict[int, tuple[int, ...]] = {
         dialect.MAVLINK_MSG_ID_SYS_STATUS,
         dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
         dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
+        dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
+        dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
     ),
     dialect.MAV_DATA_STREAM_RC_CHANNELS: (dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,),
     dialect.MAV_DATA_STREAM_RAW_CONTROLLER: (),
@@ -81,7 +85,9 @@ def makers_of(
     state: StateMessages,
     controller: ControllerMessages,
     diagnosis: DiagnosisMessages,
+    formation: FormationMessages,
     status: StatusMessages,
+    path: PathMessages,
 ) -> dict[int, Maker]:
     """Return every message that can be streamed or requested, by its id."""
     return {
@@ -100,11 +106,14 @@ def makers_of(
         dialect.MAVLINK_MSG_ID_ODOMETRY: state.odometry,
         dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: state.actuator_output_status,
         dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: state.servo_output_raw,
+        dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: path.nav_controller_output,
+        dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: path.position_target_global_int,
         dialect.MAVLINK_MSG_ID_FTC_TRACKING: controller.tracking,
         dialect.MAVLINK_MSG_ID_FTC_EVENTS: controller.events,
         dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,
         dialect.MAVLINK_MSG_ID_FTC_DROPS: controller.drops,
         dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS: diagnosis.diagnosis,
+        dialect.MAVLINK_MSG_ID_FTC_FORMATION: formation.formation,
         dialect.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
         dialect.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
         dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: status.ekf_status_report,

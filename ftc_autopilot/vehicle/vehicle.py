@@ -14,23 +14,31 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.control.reference import profile_segments
 from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.kept_mission import KeptMission
 from ftc_autopilot.link import GCS, PLANT
 from ftc_autopilot.vehicle.clock import VehicleClock
-from ftc_autopilot.vehicle.commands import Commands, Handler
+from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
+from ftc_autopilot.vehicle.flight_path import FlightPath
+from ftc_autopilot.vehicle.formation_messages import FormationMessages
+from ftc_autopilot.vehicle.guided import Guided
+from ftc_autopilot.vehicle.home import VehicleHome
 from ftc_autopilot.vehicle.mission import Mission
 from ftc_autopilot.vehicle.modes import Modes
 from ftc_autopilot.vehicle.param_table import parameters_of
-from ftc_autopilot.vehicle.state_messages import StateMessages, home_item
+from ftc_autopilot.vehicle.path_messages import PathMessages
+from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
 from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry, makers_of
 from ftc_autopilot.vehicle.telemetry_clock import TelemetryClock
 from mavlink_defs import dialect
+from mavlink_defs.constants import LOITER, RTL
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.profile import segments_to_items
+from mavlink_defs.services.command import CommandMessage
 from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
 from mavlink_defs.services.responder import Responder
@@ -43,6 +51,17 @@ _REQUESTS = {  # commands that ask for one message
     dialect.MAV_CMD_GET_HOME_POSITION: dialect.MAVLINK_MSG_ID_HOME_POSITION,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
 }
+_MODES = {  # commands that are modes
+    dialect.MAV_CMD_NAV_LOITER_UNLIM: LOITER,
+    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: RTL,
+}
+_IMPOSSIBLE = (  # commands refused with the reason
+    dialect.MAV_CMD_NAV_TAKEOFF,
+    dialect.MAV_CMD_NAV_LAND,
+    dialect.MAV_CMD_DO_LAND_START,
+    dialect.MAV_CMD_NAV_VTOL_TAKEOFF,
+    dialect.MAV_CMD_NAV_VTOL_LAND,
+)
 
 
 class Vehicle:
@@ -76,17 +95,23 @@ class Vehicle:
         self._edge_changes = 0
         self._resumed_us: int | None = None  # simulated time of what was taken up, until told
 
-        self.modes = Modes(config, hot, controllers, self.say)
-        self._mission = Mission(own, self.modes, home_item(config.origin), self.say)
+        self._home = VehicleHome(config.origin)
+        path = FlightPath(config, hot, controllers, self._home)
+        self.modes = Modes(config, hot, controllers, path, self.say)
+        self._guided = Guided(config.origin, self._home, self.modes, controllers, self.say)
+        self._mission = Mission(own, self.modes, self._home, self._guided.fly_to_item, self.say)
         self._diagnosis = DiagnosisMessages(hot, controllers)
+        self._formation = FormationMessages(config, hot, controllers, self.say)
         self._clock = VehicleClock(round(unix_s * 1e6))
         makers = makers_of(
-            StateMessages(hot, controllers, config.origin, self._clock),
+            StateMessages(hot, controllers, config.origin, self._home, self._clock),
             ControllerMessages(hot, controllers),
             self._diagnosis,
+            self._formation,
             StatusMessages(
                 config, self._diagnosis.healthy, lambda: int(hot.drops[GCS].sum()), self._clock
             ),
+            PathMessages(hot, controllers, config.origin, path, self._clock),
         )
         makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
         self.telemetry = [Telemetry(makers) for _ in self._stations]
@@ -94,7 +119,7 @@ class Vehicle:
         self._params = ParamServer(
             own, parameters_of(config, hot, controllers), bytewise=config.identity == "generic"
         )
-        self._commands = Commands(own, self._handlers())
+        self._commands = Commands(own, self._handlers(), self._place_handlers())
         self._responder = Responder(own)
 
     # messages in
@@ -113,7 +138,9 @@ class Vehicle:
         self._advance_clock(now)
         match message:
             case dialect.MAVLink_set_attitude_target_message():
-                self.modes.set_attitude_target(message)
+                self._guided.set_attitude_target(message)
+            case dialect.MAVLink_set_position_target_global_int_message():
+                self._guided.set_position_target(message)
             case dialect.MAVLink_set_mode_message():  # superseded message, which has no answer
                 self.modes.set_mode(float(message.custom_mode))
         self._asking = station
@@ -162,7 +189,7 @@ class Vehicle:
             self._simulator_outbox.append(self.modes.heartbeat())
         self._report_resumption()
         self._report_edges()
-        for severity, text in self._diagnosis.changes():
+        for severity, text in (*self._diagnosis.changes(), *self._formation.changes()):
             self.say(severity, text)
         if self._hot.heard_s > 0.0:
             clock_us = self.telemetry_clock.read_us(now)
@@ -186,21 +213,31 @@ class Vehicle:
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
-    def resume(self, kept: np.void) -> None:
-        """Take up what was kept of the life before; the records hold it already.
+    def resume(self, kept: np.void, mission: KeptMission | None = None) -> None:
+        """Take up what was kept of the life before; the records hold the rest already.
 
         Args:
             kept: Record of dtype `ftc_autopilot.kept_state.VEHICLE`.
+            mission: Its mission; None: a profile that the records hold, if there is any.
         """
-        self.modes.resume(int(kept["mode"]))
         segments = profile_segments(self._controllers.profiles[0])
-        profile = segments_to_items(segments, *self._own) if segments else []
-        self._mission.resume(profile, int(kept["item"]))
+        items = segments_to_items(segments, *self._own) if segments else []
+        if mission is not None:
+            self._home.at, self.modes.path.airspeed = mission.home, mission.airspeed
+            items = [*mission.items]
+        self._mission.resume(items, int(kept["item"]))
+        self.modes.resume(int(kept["mode"]))
         self._resumed_us = self._hot.step * self._hot.step_us
 
     def note(self, kept: np.void) -> None:
         """Write what is to be kept into a record of dtype `ftc_autopilot.kept_state.VEHICLE`."""
         kept["mode"], kept["item"] = self.modes.mode, self._mission.server.current
+
+    def mission_to_keep(self) -> tuple[int, KeptMission]:
+        """Return the mission, and a number that changes with it."""
+        server, airspeed = self._mission.server, self.modes.path.airspeed
+        kept = KeptMission(server.items, self._home.at, airspeed)
+        return hash((server.revision, airspeed, self._home.at)), kept
 
     def farewell(self, text: str) -> None:
         """Send a last text and the final counters before the process ends."""
@@ -265,13 +302,35 @@ class Vehicle:
             dialect.MAV_CMD_DO_CHANGE_SPEED: modes.change_speed,
             dialect.MAV_CMD_MISSION_START: mission.start,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
+            dialect.MAV_CMD_FTC_SET_SLOT: self._formation.set_slot,
             dialect.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             dialect.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             dialect.MAV_CMD_REQUEST_MESSAGE: self._request,
         }
-        for command, message_id in _REQUESTS.items():
-            handlers[command] = partial(self._request_one, message_id)
-        return handlers
+        handlers |= {command: partial(self._set_mode, mode) for command, mode in _MODES.items()}
+        handlers |= {command: partial(self._request_one, i) for command, i in _REQUESTS.items()}
+        return handlers | {command: partial(self._refuse_to, command) for command in _IMPOSSIBLE}
+
+    def _place_handlers(self) -> dict[int, PlaceHandler]:
+        return {
+            dialect.MAV_CMD_DO_REPOSITION: self._guided.reposition,
+            dialect.MAV_CMD_DO_SET_HOME: self._set_home,
+        }
+
+    def _set_home(self, message: CommandMessage) -> int:
+        result = self._guided.set_home(message)
+        if result == dialect.MAV_RESULT_ACCEPTED:
+            self._mission.server.refresh_home()
+            for station in self._stations:
+                home = self.telemetry[station].make(dialect.MAVLINK_MSG_ID_HOME_POSITION)
+                self._queue([home], station)
+        return result
+
+    def _set_mode(self, mode: int, _: tuple[float, ...]) -> int:
+        return self.modes.set_mode(mode)
+
+    def _refuse_to(self, command: int, _: tuple[float, ...]) -> int:
+        return self.modes.refuse_to(command)
 
     def _request(self, params: tuple[float, ...]) -> int:
         """Execute MAV_CMD_REQUEST_MESSAGE, and the older commands that ask for one message."""
@@ -324,7 +383,7 @@ class Vehicle:
         if self._resumed_us is None or self._hot.heard_s == 0.0:
             return
         resumed_us, self._resumed_us = self._resumed_us, None
-        text = "autopilot restarted: profile, parameters, mode and arming taken up"
+        text = "autopilot restarted: mission, parameters, mode and arming taken up"
         if resumed_us >= 0:
             age_s = (self._hot.time_us - resumed_us) * 1e-6
             text += f", and the flight of {resumed_us * 1e-6:.3f} s, {age_s:.3f} s old"

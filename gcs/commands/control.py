@@ -35,7 +35,7 @@ Examples:
 START_EPILOG = f"""
 Examples:
 
-- gcs start && gcs arm          (the profile begins with simulated time)
+- gcs start && gcs arm          (the mission begins with simulated time)
 - gcs start --uav 1
 {EXIT_STATUS}"""
 
@@ -44,6 +44,7 @@ Examples:
 
 - gcs mode loiter
 - gcs mode auto --uav 2
+- gcs mode rtl
 {EXIT_STATUS}"""
 
 
@@ -76,7 +77,7 @@ def disarm(
 
 @station_command
 def start(station: Station) -> None:
-    """Start flying the profile: at once in flight, else when simulated time begins."""
+    """Start flying the mission: at once in flight, else when simulated time begins."""
 
     async def action(vehicle: Vehicle) -> str:
         await vehicle.start_mission()
@@ -89,11 +90,11 @@ def start(station: Station) -> None:
 def mode(
     station: Station,
     name: Annotated[
-        Literal["auto", "loiter", "guided"],
-        typer.Argument(metavar="MODE", help="auto, loiter or guided"),
+        Literal["auto", "loiter", "rtl", "guided"],
+        typer.Argument(metavar="MODE", help="auto, loiter, rtl or guided"),
     ],
 ) -> None:
-    """Change the mode: fly the profile, hold level and straight, or follow set-points."""
+    """Change the mode: fly the mission, circle here, return and circle there, or follow targets."""
 
     async def action(vehicle: Vehicle) -> str:
         await vehicle.set_mode(name.upper())

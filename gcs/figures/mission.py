@@ -36,6 +36,7 @@ __all__ = ["draw_mission"]
 _MOMENTS = 8  # at which the formation is drawn
 _SHARE = 0.12  # of the map's size that a formation is drawn with
 _AIRCRAFT = 0.016  # of the map's size
+_STRAYED = 3.0  # from the middle of a formation, in its usual radii
 _CLEAR = 30.0  # from the middle of a formation to its time [pt]
 _GLYPH = np.array([(1.0, 0.0), (-0.7, 0.6), (-0.35, 0.0), (-0.7, -0.6)])  # ahead, right
 _PATH_POINTS = 2000
@@ -166,23 +167,27 @@ def _draw_faults(axis: "Axes", flight: PlottedFlight) -> None:
 
 
 def _draw_formations(axis: "Axes", flight: PlottedFlight, tracks: np.ndarray) -> None:
-    """Draw the UAVs at some times, apart enough to tell them apart, and the links between them."""
+    """Draw the UAVs at some times, apart enough to tell them apart, and the links between them.
+
+    One that has strayed is drawn where it is, without links.
+    """
     if not len(tracks):
         return
     steps = np.linspace(0, len(tracks) - 1, _MOMENTS + 1).astype(int)[:-1]
     low, high = axis.get_xlim(), axis.get_ylim()
     size = max(low[1] - low[0], high[1] - high[0])
-    middles = np.nanmean(tracks[steps], axis=1, keepdims=True)
-    apart = np.hypot(*np.moveaxis(tracks[steps] - middles, -1, 0)).max(axis=1)
-    spread = float(np.nanmedian(apart))
+    middles = np.nanmedian(tracks[steps], axis=1, keepdims=True)
+    apart = np.hypot(*np.moveaxis(tracks[steps] - middles, -1, 0))
+    spread = float(np.nanmedian(apart.max(axis=1)))
     larger = _round_factor(_SHARE * size / 2.0 / spread) if spread > 0.0 else 1.0
     index = {system: i for i, system in enumerate(flight.recording.uav_ids)}
     yaw = flight.recording.states[:, :, 8]
-    for step, middle in zip(steps, middles[:, 0], strict=True):
-        drawn = middle + larger * (tracks[step] - middle)
+    for step, middle, near in zip(steps, middles[:, 0], apart <= _STRAYED * spread, strict=True):
+        drawn = middle + np.where(near, larger, 1.0)[:, None] * (tracks[step] - middle)
         for edge in flight.scenario.network.edges:
             a, b = (index[system] for system in edge.between)
-            axis.plot(*drawn[[a, b]].T, color="0.5", lw=0.6, zorder=3)
+            if near[a] and near[b]:
+                axis.plot(*drawn[[a, b]].T, color="0.5", lw=0.6, zorder=3)
         for i in range(len(flight.names)):
             corners = _aircraft(drawn[i], yaw[step, i], _AIRCRAFT * size)
             axis.fill(*corners.T, style(i).colour, zorder=4)

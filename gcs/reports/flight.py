@@ -135,7 +135,7 @@ def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
 def _path(summary: FlightSummary, names: dict[int, str]) -> Table:
     table = Table(title="Path: largest errors of the true place [m], from 10 s on the path on")
     table.add_column("UAV")
-    for heading in ("straights", "turns", "height", "RMS", "slot", "RMS", "steps counted"):
+    for heading in ("straights", "turns", "height", "RMS", "slot", "RMS", "counted"):
         table.add_column(heading, justify="right")
     for uav in summary.uavs:
         if (path := uav.path) is None:
@@ -149,7 +149,8 @@ def _path(summary: FlightSummary, names: dict[int, str]) -> Table:
             path.slot_rms_m,
         )
         shown = ("-" if value is None else f"{value:.2f}" for value in errors)
-        table.add_row(names[uav.id], *shown, f"{path.counted_steps} of {path.flown_steps}")
+        share = path.counted_steps / path.flown_steps if path.flown_steps else None
+        table.add_row(names[uav.id], *shown, percent(share))
     return table
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from ftc_autopilot.geography import Origin, place_of
-from ftc_autopilot.vehicle.state_messages import home_item
+from ftc_autopilot.vehicle.home import home_item
 from mavlink_defs import dialect
 from mavlink_defs.config.models import ConfigError, Model, Problem, Problems, shown
 from mavlink_defs.config.quantity import quantity, whole

@@ -270,9 +270,10 @@ class Scenario(Model):
             yield ("formation", "slots", uav_id), f"expected one of the UAVs {ids}, got {uav_id}"
 
     def _profile_problems(self) -> Found:
-        if bool(self.profile) == (self.mission is not None):
-            got = "both" if self.profile else "none"
-            yield (), f"expected either a profile with a segment or a mission, got {got}"
+        if not self.profile and self.mission is None:
+            yield ("profile",), "expected a segment, or a mission instead, got nothing"
+        if self.profile and self.mission is not None:
+            yield ("mission",), "expected a profile or a mission, got both; null removes a profile"
         if not self.profile:
             return
         if self.profile[0].start_s != 0.0:

@@ -1,10 +1,9 @@
 """The mission microservice (https://mavlink.io/en/services/mission.html), vehicle side."""
 
 import copy
-import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from dataclasses import dataclass
+from typing import TypeAlias
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import (
@@ -30,6 +29,7 @@ from mavlink_defs.services.mission import (
     MissionItem,
     item_as_int,
 )
+from mavlink_defs.services.mission_upload import Client, Upload
 
 __all__ = [
     "CurrentChanged",
@@ -43,6 +43,8 @@ _MISSION = dialect.MAV_MISSION_TYPE_MISSION
 _TYPES = (_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY)
 _NO_MISSION = 0xFFFF
 _MAX_READERS = 16
+_GUIDED_ITEM, _ALTITUDE_ITEM = 2, 3  # `current` of an item that is no part of an upload
+_ON_ITS_OWN = (_GUIDED_ITEM, _ALTITUDE_ITEM)
 _SILENCE_S = 30.0
 """Silence of a client after which its upload is cancelled."""
 
@@ -77,32 +79,6 @@ class CurrentChanged:
 MissionEvent: TypeAlias = MissionAccepted | MissionRefused | CurrentChanged
 
 
-class _Client(NamedTuple):
-    """A client: its address, and the station over which its messages arrive."""
-
-    address: SystemId
-    station: int
-
-
-@dataclass
-class _Upload:
-    """An upload, going on (`result` None) or over: then only its last item is kept."""
-
-    sender: _Client
-    mission_type: int
-    count: int
-    items: list[MissionItem] = field(default_factory=list)
-    retries: int = 0  # repeated requests since the last item
-    ignored: int = 0  # those of them after which the client was heard, but no item came
-    heard_s: float = 0.0  # when the client was heard
-    asked_s: float = 0.0  # when the awaited item was requested
-    result: int | None = None
-
-    def differs(self, item: MissionItem | MAVLink_mission_item_message, index: int) -> bool:
-        """Return whether an item differs from the stored one of the same number."""
-        return bool(self.items) and _content(item_as_int(item)) != _content(self.items[index])
-
-
 class MissionServer(Machine[MissionEvent]):
     """Holds the mission of one vehicle and answers every client.
 
@@ -126,7 +102,8 @@ class MissionServer(Machine[MissionEvent]):
         own: SystemId,
         validate: Callable[[Sequence[MissionItem]], None],
         max_items: int = MAX_ITEMS,
-        home: MissionItem | None = None,
+        home: Callable[[], MissionItem] | None = None,
+        guide: Callable[[MissionItem], int] | None = None,
     ) -> None:
         """Start without a mission.
 
@@ -134,16 +111,18 @@ class MissionServer(Machine[MissionEvent]):
             own: SystemId of the vehicle.
             validate: Raises ProfileError for a mission that the vehicle cannot fly.
             max_items: Most items that a mission may have, home included.
-            home: What item 0 of every mission is, whatever was uploaded; None leaves it.
+            home: Returns what item 0 of every mission is, whatever was uploaded; None leaves it.
+            guide: Flies to an item that is sent on its own, as ArduPilot's clients do by `current`
+                = 2, and returns MAV_MISSION_RESULT; None refuses it.
         """
         super().__init__()
         self._own, self._validate, self._max_items = own, validate, max_items
-        self._home = home
+        self._home, self._guide = home, guide
         self._items: tuple[MissionItem, ...] = ()
         self._current = 0
-        self._upload: _Upload | None = None
+        self._upload: Upload | None = None
         self._revision = 0
-        self._readers: dict[_Client, int] = {}  # downloads in progress: revision that they read
+        self._readers: dict[Client, int] = {}  # downloads in progress: revision that they read
         self.mission_state = 0
         self.mission_mode = 0
         self.asking = 0
@@ -152,6 +131,11 @@ class MissionServer(Machine[MissionEvent]):
     def items(self) -> tuple[MissionItem, ...]:
         """The mission in force, home included."""
         return self._items
+
+    @property
+    def revision(self) -> int:
+        """Counts the missions that were in force."""
+        return self._revision
 
     @property
     def current(self) -> int:
@@ -169,8 +153,14 @@ class MissionServer(Machine[MissionEvent]):
 
     def restore(self, items: tuple[MissionItem, ...], current: int) -> None:
         """Put a mission in force again that was accepted before; nobody is told."""
-        home = items[:1] if self._home is None else (self._home,)
+        home = items[:1] if self._home is None else (self._home(),)
         self._items, self._current = (*home, *items[1:]) if items else (), current
+
+    def refresh_home(self) -> None:
+        """Let item 0 be what `home` returns now; what is being downloaded begins anew."""
+        if self._items and self._home is not None:
+            self._items = (self._home(), *self._items[1:])
+            self._revision += 1
 
     def mission_current(self) -> MAVLink_mission_current_message:
         """Return the MISSION_CURRENT of the current item; home does not count in its total."""
@@ -189,7 +179,7 @@ class MissionServer(Machine[MissionEvent]):
         """
         if not is_for(message, self._own):
             return
-        sender = _Client(sender_of(message), station)
+        sender = Client(sender_of(message), station)
         upload = self._going_on()
         if upload is not None and upload.sender == sender:
             upload.heard_s = now
@@ -241,11 +231,11 @@ class MissionServer(Machine[MissionEvent]):
         upload = self._going_on()
         return None if upload is None else upload.asked_s + ITEM_TIMEOUT_S
 
-    def _going_on(self) -> _Upload | None:
+    def _going_on(self) -> Upload | None:
         upload = self._upload
         return upload if upload is not None and upload.result is None else None
 
-    def _busy_for(self, sender: _Client) -> bool:
+    def _busy_for(self, sender: Client) -> bool:
         """Return whether another client uploads; one that is stuck must make way."""
         upload = self._going_on()
         if upload is None or upload.sender == sender:
@@ -255,13 +245,11 @@ class MissionServer(Machine[MissionEvent]):
         self._end_stuck(upload)
         return False
 
-    def _end_stuck(self, upload: _Upload) -> None:
+    def _end_stuck(self, upload: Upload) -> None:
         text = f"Mission upload: item {len(upload.items)} did not come"
         self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
 
-    def _on_count(
-        self, message: MAVLink_mission_count_message, sender: _Client, now: float
-    ) -> None:
+    def _on_count(self, message: MAVLink_mission_count_message, sender: Client, now: float) -> None:
         mission_type, count = message.mission_type, message.count
         if self._busy_for(sender):
             self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
@@ -273,7 +261,7 @@ class MissionServer(Machine[MissionEvent]):
                 self._end_upload(before, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
             return  # delayed, or of another client with this address
         # Without items the upload begins anew: it may be another mission of a restarted client.
-        self._upload = upload = _Upload(sender, mission_type, count, heard_s=now)
+        self._upload = upload = Upload(sender, mission_type, count, heard_s=now)
         if mission_type not in _TYPES or (mission_type != _MISSION and count > 0):
             text = f"Mission type {mission_type} is not supported"
             self._end_upload(upload, dialect.MAV_MISSION_UNSUPPORTED, text)
@@ -287,10 +275,14 @@ class MissionServer(Machine[MissionEvent]):
             self._request_item(upload, now)
 
     def _on_item(
-        self, item: MissionItem | MAVLink_mission_item_message, sender: _Client, now: float
+        self, item: MissionItem | MAVLink_mission_item_message, sender: Client, now: float
     ) -> None:
         upload = self._upload
-        if upload is None or (upload.sender, upload.mission_type) != (sender, item.mission_type):
+        if item.current in _ON_ITS_OWN:
+            guide = self._guide if item.current == _GUIDED_ITEM else None
+            result = dialect.MAV_MISSION_UNSUPPORTED if guide is None else guide(item_as_int(item))
+            self._ack(sender, item.mission_type, result)
+        elif upload is None or (upload.sender, upload.mission_type) != (sender, item.mission_type):
             self._ack(sender, item.mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
         elif upload.result is not None:
             # A repeated last item means that the answer was lost; other items are delayed.
@@ -314,18 +306,18 @@ class MissionServer(Machine[MissionEvent]):
             self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
         # A stored item came twice. A request now would double all that follow.
 
-    def _complete(self, upload: _Upload) -> None:
+    def _complete(self, upload: Upload) -> None:
         try:
             self._validate(upload.items)
         except ProfileError as error:
             self._end_upload(upload, error.mav_mission_result, error.text)
         else:
-            home = upload.items[:1] if self._home is None else [self._home]
+            home = upload.items[:1] if self._home is None else [self._home()]
             self._replace(upload.mission_type, (*home, *upload.items[1:]))
             self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
 
     def _on_request_list(
-        self, message: MAVLink_mission_request_list_message, sender: _Client
+        self, message: MAVLink_mission_request_list_message, sender: Client
     ) -> None:
         mission_type = message.mission_type
         if mission_type not in _TYPES:
@@ -340,7 +332,7 @@ class MissionServer(Machine[MissionEvent]):
                 del self._readers[next(iter(self._readers))]
         self._outbox.append(MAVLink_mission_count_message(*sender.address, count, mission_type))
 
-    def _on_request(self, seq: int, mission_type: int, sender: _Client) -> None:
+    def _on_request(self, seq: int, mission_type: int, sender: Client) -> None:
         if mission_type != _MISSION or seq >= len(self._items):
             self._ack(sender, mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
         elif self._readers.get(sender, self._revision) != self._revision:
@@ -352,7 +344,7 @@ class MissionServer(Machine[MissionEvent]):
             item.current = int(seq == self._current)
             self._outbox.append(item)
 
-    def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: _Client) -> None:
+    def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: Client) -> None:
         mission_type = message.mission_type
         if mission_type not in {*_TYPES, dialect.MAV_MISSION_TYPE_ALL}:
             self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
@@ -363,7 +355,7 @@ class MissionServer(Machine[MissionEvent]):
             self._replace(mission_type, ())
             self._ack(sender, mission_type, dialect.MAV_MISSION_ACCEPTED)
 
-    def _on_ack(self, message: MAVLink_mission_ack_message, sender: _Client) -> None:
+    def _on_ack(self, message: MAVLink_mission_ack_message, sender: Client) -> None:
         self._readers.pop(sender, None)
         upload = self._going_on()
         if upload is None or message.type == dialect.MAV_MISSION_ACCEPTED:
@@ -378,26 +370,19 @@ class MissionServer(Machine[MissionEvent]):
         self._revision += 1
         self._happened.append(MissionAccepted(items))
 
-    def _request_item(self, upload: _Upload, now: float) -> None:
+    def _request_item(self, upload: Upload, now: float) -> None:
         upload.asked_s = now
         request = MAVLink_mission_request_int_message(
             *upload.sender.address, len(upload.items), upload.mission_type
         )
         self._outbox.append(request)
 
-    def _end_upload(self, upload: _Upload, result: int, text: str = "") -> None:
+    def _end_upload(self, upload: Upload, result: int, text: str = "") -> None:
         upload.result = result
         upload.items = upload.items[-1:]
         self._ack(upload.sender, upload.mission_type, result)
         if result != dialect.MAV_MISSION_ACCEPTED:
             self._happened.append(MissionRefused(result, text))
 
-    def _ack(self, sender: _Client, mission_type: int, result: int) -> None:
+    def _ack(self, sender: Client, mission_type: int, result: int) -> None:
         self._outbox.append(MAVLink_mission_ack_message(*sender.address, result, mission_type))
-
-
-def _content(item: MissionItem) -> bytes:
-    """Return all that makes an item, as bytes: NaN is equal to itself there."""
-    i = item
-    numbers = (i.param1, i.param2, i.param3, i.param4, i.z, i.x, i.y, i.command, i.frame)
-    return struct.pack("<5f2i2H", *numbers)

@@ -1,10 +1,14 @@
 """A ground station without a link, and a log to be played, for tests of the dashboard."""
 
+import asyncio
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from textual.pilot import Pilot
+
 from gcs.station.fleet_state import FleetState
+from gcs.tui.app import Dashboard
 from gcs.tui.playback import Playback
 from gcs.tui.view import LiveSource
 from mavlink_defs import dialect
@@ -54,3 +58,17 @@ def live(station: Station) -> LiveSource:
 
 def playback(clock: Callable[[], float] = lambda: 0.0) -> Playback:
     return Playback("log", list(read_frames(LOG)), clock)
+
+
+def at_screen(
+    source: Any, work: Callable[[Dashboard, Pilot[None]], Any], size: tuple[int, int] = (100, 30)
+) -> None:
+    """Let work be done at the dashboard."""
+
+    async def run() -> None:
+        app = Dashboard(source)
+        async with app.run_test(size=size) as pilot:
+            await pilot.pause()
+            await work(app, pilot)
+
+    asyncio.run(run())

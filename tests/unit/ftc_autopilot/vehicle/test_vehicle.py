@@ -143,7 +143,7 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     assert bench.controllers.guidance[0]["start_step"] == 0
 
 
-@pytest.mark.parametrize("mode", [0.0, 5.0, 11.0, math.nan])
+@pytest.mark.parametrize("mode", [0.0, 5.0, 6.0, math.nan])
 def test_other_modes_are_refused(mode: float, scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     assert bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, mode) == DENIED
@@ -340,7 +340,7 @@ def test_the_old_set_mode_message_is_understood(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     bench.say(dialect.MAVLink_set_mode_message(UAV, 1, GUIDED))
     assert bench.vehicle.modes.mode == GUIDED
-    bench.say(dialect.MAVLink_set_mode_message(UAV, 1, 11))
+    bench.say(dialect.MAVLink_set_mode_message(UAV, 1, 6))
     assert bench.vehicle.modes.mode == GUIDED
 
 

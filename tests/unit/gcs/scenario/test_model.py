@@ -77,7 +77,7 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
     ({"network": DELETE}, "network: missing; expected a mapping"),
     ({"uavs": DELETE}, "uavs: missing; expected a list"),
     ({"uavs": []}, "uavs: expected at least 1 entry, got a list of 0"),
-    ({"profile": []}, "profile: expected at least 1 entry, got a list of 0"),
+    ({"profile": []}, "profile: expected a segment, or a mission instead, got nothing"),
     (
         {"aircraft.wing_area_m2": "30 in"},
         "aircraft.wing_area_m2: expected a number in m^2, got '30 in'",

@@ -1,12 +1,8 @@
 """Keys pressed at the dashboard, without a fleet."""
 
-import asyncio
-from collections.abc import Callable
-from typing import Any
-
 from textual.pilot import Pilot
 from textual.widgets import Input
-from tui_bench import Station, live, playback
+from tui_bench import Station, at_screen, live, playback
 from waiting import answer, until, until_focused
 
 from gcs.errors import CommandRefused, NoAnswer
@@ -20,22 +16,10 @@ def shown(app: Dashboard) -> str:
     return app.export_screenshot().replace("&#160;", " ")
 
 
-def at_screen(
-    source: Any, work: Callable[[Dashboard, Pilot[None]], Any], size: tuple[int, int] = (100, 30)
-) -> None:
-    async def run() -> None:
-        app = Dashboard(source)
-        async with app.run_test(size=size) as pilot:
-            await pilot.pause()
-            await work(app, pilot)
-
-    asyncio.run(run())
-
-
 def test_an_empty_fleet_says_what_to_do() -> None:
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
         await until(pilot, lambda: "gcs up" in shown(app))
-        for key in (*"123456", "r", "C", "enter", "a", "s"):
+        for key in (*"1234567", "r", "C", "enter", "a", "s"):
             await pilot.press(key)
         await pilot.pause()
         assert app.defect is None

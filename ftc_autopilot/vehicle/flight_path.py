@@ -1,0 +1,197 @@
+"""What a vehicle flies along in space: its mission, the way home, a circle somewhere.
+
+A path is made anew whenever the vehicle is to go elsewhere, from where it is then. The members of a
+formation fly one path for their mission, the one from home.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.control.controllers import Controllers, Source, begin_path
+from ftc_autopilot.guidance.limits import tightest_turn
+from ftc_autopilot.guidance.mission_items import Task
+from ftc_autopilot.guidance.mission_path import Start
+from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, locate, point_at
+from ftc_autopilot.guidance.planner import Planner, start_of
+from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.vehicle.home import VehicleHome
+from mavlink_defs.profile import ItemError
+from mavlink_defs.services.mission import MissionItem
+
+__all__ = ["FlightPath"]
+
+_SAME_RADIUS = 1.0 + 1e-6
+"""Share by which a turn may be too tight, by rounding."""
+
+
+class FlightPath:
+    """Paths of one vehicle; what it decides reaches the controller between two steps.
+
+    Attributes:
+        planner: What makes the paths.
+        tasks: Of the mission; none if there is no mission, or if it is a profile.
+        airspeed: On ways that no mission sets one for [m/s].
+        number: Counts the paths.
+    """
+
+    def __init__(
+        self, config: AutopilotConfig, hot: HotState, controllers: Controllers, home: VehicleHome
+    ) -> None:
+        self.planner = Planner(config.aircraft, config.guidance, config.origin, config.formation)
+        self.tasks: tuple[Task, ...] = ()
+        self.airspeed = self.planner.limits.cruise_m_s
+        self._hot, self._home = hot, home
+        self._in_formation = config.formation is not None
+        self._guidance, self._paths = controllers.guidance[0], controllers.paths
+        self.number = 0
+
+    # state
+
+    @property
+    def flown(self) -> bool:
+        """Whether the references come from a path."""
+        return bool(self._guidance["follows"] == Source.PATH)
+
+    @property
+    def record(self) -> np.void:
+        """The path, of dtype `ftc_autopilot.guidance.path.PATH`."""
+        path: np.void = self._paths[0]
+        return path
+
+    @property
+    def position(self) -> float:
+        """Path parameter [m]."""
+        return float(self._guidance["path_position"])
+
+    def point(self) -> PathPoint:
+        """Return the point of the path where the vehicle is; there must be a path."""
+        return point_at(self.record, self.position)
+
+    def item(self) -> int:
+        """Return the number of the mission item that is flown."""
+        return int(self.record["item"][self.point().leg])
+
+    def is_at_end(self) -> bool:
+        """Return whether the last leg is flown, which has no end."""
+        return self._is_last(self.point().leg)
+
+    def items_between(self, before: int, now: int) -> list[int]:
+        """Return the items that end between two legs, in the order in which they are flown."""
+        path, items, leg = self.record, list[int](), before
+        for _ in range(int(path["count"])):
+            following = leg + 1 if leg + 1 < path["count"] else int(path["loop"])
+            if leg == now:
+                return items
+            if following == NO_LOOP:
+                break
+            if path["item"][following] != path["item"][leg] or self._is_last(following):
+                items.append(int(path["item"][leg]))
+            leg = following
+        return []  # flown backwards
+
+    def _is_last(self, leg: int) -> bool:
+        path = self.record
+        return bool(path["loop"] == NO_LOOP and leg == path["count"] - 1)
+
+    def way_left(self) -> float:
+        """Return the length of the way to the end of the item that is flown [m]; 0 without end."""
+        path, leg = self.record, self.point().leg
+        end = leg
+        while end + 1 < path["count"] and path["item"][end + 1] == path["item"][leg]:
+            end += 1
+        left = float(path["start"][end + 1]) - self._within(path)
+        return max(left, 0.0) if math.isfinite(left) else 0.0
+
+    def cross_track(self) -> float:
+        """Return the distance from the path, positive to its right [m]."""
+        north, east, _ = map(float, self._hot.measured["position"])
+        return float(locate(self.record, north, east, self.position)[1])
+
+    def here(self) -> tuple[float, float, float]:
+        """Return where the vehicle is: north, east and height [m]."""
+        north, east, down = map(float, self._hot.measured["position"])
+        return north, east, -down
+
+    def target(self) -> tuple[float, float, float]:
+        """Return north, east and height of where the item leads, or of the last circle's centre."""
+        path, leg = self.record, self.point().leg
+        left = self.way_left()
+        if left > 0.0:
+            end = point_at(path, self.position + left)
+            return float(end.north), float(end.east), float(end.height)
+        radius = 1.0 / float(path["curvature"][leg]) if path["curvature"][leg] else 0.0
+        north, east = float(path["north"][leg]), float(path["east"][leg])
+        course = float(path["course"][leg])
+        height = float(path["height"][leg])
+        return north - radius * math.sin(course), east + radius * math.cos(course), height
+
+    # ways; those that cannot be flown raise ItemError, and leave all as it was
+
+    def take_mission(self, items: Sequence[MissionItem]) -> None:
+        """Take the tasks of a mission, checked before, home included."""
+        self.tasks = self.planner.tasks(items, self._home.at)
+
+    def fly_mission(self, item: int) -> None:
+        """Fly the mission from an item on."""
+        if not self._in_formation:
+            start = start_of(self._hot.measured, self.planner.limits.cruise_m_s)
+            self._begin(self.planner.path(self.tasks, start, self._home.at, item))
+            return
+        path = self.planner.path(self.tasks, home=self._home.at)
+        legs = np.flatnonzero(path["item"][: path["count"]] >= item)
+        leg = int(legs[0]) if len(legs) else 0
+        self._begin(path, float(path["start"][leg]))
+
+    def circle_here(self) -> None:
+        """Circle at the present place and height."""
+        self._begin(self.planner.circle(self._start()))
+
+    def fly_home(self) -> None:
+        """Fly to home and circle there, at the present height."""
+        self._begin(self.planner.way_home(self._start(), self._home.at))
+
+    def fly_to(self, north: float, east: float, height: float, radius_m: float = 0.0) -> None:
+        """Fly to a place and circle around it; radius as of `Loiter`."""
+        centre = (north, east)
+        self._begin(self.planner.circle_around(self._start(), centre, height, radius_m))
+
+    def change_speed(self, airspeed: float) -> None:
+        """Fly on at another airspeed, until the mission says another.
+
+        Raises:
+            ItemError: A turn is too tight for it.
+        """
+        path, first = self.record, self.point().leg
+        legs = range(first, int(path["count"]))
+        if path["loop"] != NO_LOOP:
+            legs = range(min(first, int(path["loop"])), int(path["count"]))
+        same = [k for k in legs if path["airspeed"][k] == path["airspeed"][first]]
+        for k in same:
+            curvature = abs(float(path["curvature"][k]))
+            least = tightest_turn(airspeed, self.planner.limits)
+            if curvature * least > _SAME_RADIUS:
+                text = f"a turn of {1.0 / curvature:.0f} m is too tight, must be >= {least:.0f} m"
+                raise ItemError(int(path["item"][k]), 0, text)
+        path["airspeed"][same] = airspeed
+        self.airspeed = airspeed
+
+    # inside
+
+    def _start(self) -> Start:
+        return start_of(self._hot.measured, self.airspeed)
+
+    def _begin(self, path: np.void, near: float = 0.0) -> None:
+        self.number += 1
+        self._paths[0] = path
+        begin_path(self._guidance, near)
+
+    def _within(self, path: np.void) -> float:
+        """Return the path parameter, within the first round of a path that returns."""
+        s, end = self.position, float(path["start"][path["count"]])
+        if path["loop"] == NO_LOOP or s < end:
+            return s
+        again = float(path["start"][path["loop"]])
+        return again + (s - again) % (end - again)

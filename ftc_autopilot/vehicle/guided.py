@@ -1,0 +1,168 @@
+"""GUIDED: attitudes and places that a ground station sets, one at a time."""
+
+import math
+from typing import NamedTuple
+
+from ftc_autopilot.control.controllers import Controllers, Source
+from ftc_autopilot.geography import Origin, position_of
+from ftc_autopilot.vehicle.home import VehicleHome
+from ftc_autopilot.vehicle.modes import Modes, Say
+from mavlink_defs import dialect
+from mavlink_defs.constants import GUIDED, INT32_MAX
+from mavlink_defs.float32 import whole_within
+from mavlink_defs.profile import ItemError
+from mavlink_defs.services.command import CommandMessage
+from mavlink_defs.services.mission import MissionItem
+
+__all__ = ["Guided"]
+
+_ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
+_RELATIVE = {dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
+_ABSOLUTE = {dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT}
+_NO_POSITION = (
+    dialect.POSITION_TARGET_TYPEMASK_X_IGNORE
+    | dialect.POSITION_TARGET_TYPEMASK_Y_IGNORE
+    | dialect.POSITION_TARGET_TYPEMASK_Z_IGNORE
+)
+_ANYWHERE_M = 100_000.0
+"""Farthest target [m]."""
+
+
+class _Place(NamedTuple):
+    """A place as a message has it; None or NaN is the present one."""
+
+    latitude: int | None  # degE7
+    longitude: int | None  # degE7
+    altitude: float  # [m]
+    frame: int
+
+
+class Guided:
+    """Executes what sets a target in GUIDED, and a new home."""
+
+    def __init__(
+        self, origin: Origin, home: VehicleHome, modes: Modes, controllers: Controllers, say: Say
+    ) -> None:
+        self._origin, self._home, self._modes, self._say = origin, home, modes, say
+        self._guidance = controllers.guidance[0]
+
+    def set_attitude_target(self, message: dialect.MAVLink_set_attitude_target_message) -> None:
+        """Follow an attitude set-point in GUIDED; its quaternion is body to NED, scalar first."""
+        if self._modes.mode != GUIDED:
+            return
+        w, x, y, z = map(float, message.q)
+        length = math.sqrt(w * w + x * x + y * y + z * z)
+        if not 0.9 < length < 1.1 or message.type_mask & (
+            dialect.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
+        ):
+            return
+        w, x, y, z = w / length, x / length, y / length, z / length
+        self._guidance["follows"] = Source.COMMAND
+        self._guidance["command"][1:] = (
+            math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+            math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0)),
+            math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+        )
+
+    def set_position_target(
+        self, message: dialect.MAVLink_set_position_target_global_int_message
+    ) -> None:
+        """Fly to a place and circle there, in GUIDED; it has no answer."""
+        if self._modes.mode != GUIDED or message.type_mask & _NO_POSITION:
+            return
+        place = _Place(message.lat_int, message.lon_int, message.alt, message.coordinate_frame)
+        self._fly_to(place)
+
+    def fly_to_item(self, item: MissionItem) -> int:
+        """Fly to a mission item that is sent on its own; return MAV_MISSION_RESULT."""
+        if item.command != dialect.MAV_CMD_NAV_WAYPOINT:
+            return dialect.MAV_MISSION_UNSUPPORTED
+        if self._modes.mode != GUIDED and self._modes.set_mode(GUIDED) != _ACCEPTED:
+            return dialect.MAV_MISSION_DENIED
+        reached = self._fly_to(_Place(item.x, item.y, item.z, item.frame))
+        return dialect.MAV_MISSION_ACCEPTED if reached == _ACCEPTED else dialect.MAV_MISSION_DENIED
+
+    def reposition(self, message: CommandMessage) -> int:
+        """Execute MAV_CMD_DO_REPOSITION.
+
+        Params: 1 speed, 2 flags, 3 radius, 4 whether anticlockwise, 5 to 7 place; those that are
+        not given stay as they are.
+        """
+        flags = int(message.param2) if math.isfinite(message.param2) else 0
+        changes_mode = flags & dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+        if self._modes.mode != GUIDED and not changes_mode:
+            return self._refuse("Reposition: not in GUIDED, and no flag to change to it")
+        if self._modes.mode != GUIDED and self._modes.set_mode(GUIDED) != _ACCEPTED:
+            return _DENIED
+        radius = 0.0 if math.isnan(message.param3) else min(abs(message.param3), _ANYWHERE_M)
+        side = -1.0 if message.param4 == 1.0 else 1.0
+        path = self._modes.path
+        low, high = path.planner.airspeeds.min_m_s, path.planner.airspeeds.max_m_s
+        if message.param1 > 0.0:
+            if not low <= message.param1 <= high:
+                return self._refuse(
+                    f"Reposition: speed is {message.param1:g}, must be {low:g} to {high:g} m/s"
+                )
+            path.airspeed = message.param1
+        return self._fly_to(
+            _place_of(message, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT), side * radius
+        )
+
+    def set_home(self, message: CommandMessage) -> int:
+        """Execute MAV_CMD_DO_SET_HOME: param 1 = 1 takes the present place, else 5 to 7 are it."""
+        here = message.param1 == 1.0
+        place = _place_of(message, dialect.MAV_FRAME_GLOBAL)
+        if here:
+            place = _Place(None, None, math.nan, dialect.MAV_FRAME_GLOBAL)
+        elif place.latitude is None or place.longitude is None or math.isnan(place.altitude):
+            return self._refuse("Set home: latitude, longitude and altitude must be given")
+        try:
+            self._home.move_to(*self._resolve(place))
+        except ValueError as error:
+            return self._refuse(f"Set home: {error}")
+        self._say(dialect.MAV_SEVERITY_INFO, "home set")
+        return _ACCEPTED
+
+    def _fly_to(self, place: _Place, radius_m: float = 0.0) -> int:
+        try:
+            self._modes.path.fly_to(*self._resolve(place), radius_m)
+        except (ItemError, ValueError) as error:
+            reason = error.reason if isinstance(error, ItemError) else str(error)
+            return self._refuse(f"Target: {reason}")
+        return _ACCEPTED
+
+    def _resolve(self, place: _Place) -> tuple[float, float, float]:
+        """Return north, east and height of a place [m]; ValueError if it is none."""
+        north, east, height = self._modes.path.here()
+        if place.latitude is not None and place.longitude is not None:
+            if abs(place.latitude) > 90 * 10**7 or abs(place.longitude) > 180 * 10**7:
+                latitude, longitude = place.latitude / 1e7, place.longitude / 1e7
+                raise ValueError(f"there is no place {latitude:g}, {longitude:g} deg")
+            north, east = position_of(self._origin, place.latitude, place.longitude)
+        if not math.isnan(place.altitude):
+            if place.frame in _RELATIVE:
+                height = self._home.at.height_m + place.altitude
+            elif place.frame in _ABSOLUTE:
+                height = place.altitude - self._origin.altitude_m
+            else:
+                raise ValueError(f"frame {place.frame} is not supported, must be global")
+        away = math.hypot(north, east, height)
+        if not away <= _ANYWHERE_M:
+            raise ValueError(f"{away / 1e3:.4g} km away, must be <= {_ANYWHERE_M / 1e3:g} km")
+        return north, east, height
+
+    def _refuse(self, text: str) -> int:
+        self._say(dialect.MAV_SEVERITY_WARNING, text)
+        return _DENIED
+
+
+def _place_of(message: CommandMessage, frame: int) -> _Place:
+    """Return the place of a command: degrees in COMMAND_LONG, in a frame that it does not name."""
+    if isinstance(message, dialect.MAVLink_command_int_message):
+        x, y = (None if value == INT32_MAX else value for value in (message.x, message.y))
+        return _Place(x, y, message.z, message.frame)
+    x, y = (
+        None if math.isnan(value) else whole_within(value * 1e7, -INT32_MAX, INT32_MAX)
+        for value in (message.param5, message.param6)
+    )
+    return _Place(x, y, message.param7, frame)
