@@ -139,7 +139,7 @@ class Autopilot:
         self._link = link._replace(kept=kept, record=record)
         if resumes:
             state = link.state[0]
-            state["heard_s"] = state["pending_s"] = 0.0
+            state["heard_s"] = 0.0
             state["away"] = round(_AWAY_S * 1e6 / self._config.step_us)
         return resumes
 

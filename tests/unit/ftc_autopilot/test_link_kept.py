@@ -23,7 +23,7 @@ def rig_with_file(scenario: Scenario, path: Path) -> Rig:
     kept = open_kept_state(path, records, "uav 2")
     rig.link = link._replace(kept=kept)
     if take_up(kept):
-        link.state["heard_s"] = link.state["pending_s"] = 0.0
+        link.state["heard_s"] = 0.0
     return rig
 
 
