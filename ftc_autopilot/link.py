@@ -186,6 +186,9 @@ def records_to_keep(
         controllers.guidance,
         controllers.profiles,
         controllers.actuators,
+        controllers.neighbour_states,
+        controllers.weights,
+        controllers.told,
         vehicle,
     )
 

@@ -102,6 +102,8 @@ def note_state(delay: np.void, measured: np.void) -> None:
 def note_commands(delay: np.void, step: int, held: np.ndarray) -> None:
     """Note the commands in force after a step; before it, those of the last step noted were.
 
+    Before the first step noted, its own were: after a restart the aircraft holds them.
+
     Args:
         delay: Record of dtype `DELAY`, updated in place.
         step: The step.
@@ -111,7 +113,7 @@ def note_commands(delay: np.void, step: int, held: np.ndarray) -> None:
     since = delay["step"] if delay["begun"] != 0 else step - _MEMORY
     for s in range(max(since + 1, step - _MEMORY + 1), step):
         for c in range(N_CHANNELS):
-            before = commands[since % _MEMORY, c] if delay["begun"] != 0 else 0.0
+            before = commands[since % _MEMORY, c] if delay["begun"] != 0 else held[c]
             commands[s % _MEMORY, c] = before
     for c in range(N_CHANNELS):
         commands[step % _MEMORY, c] = held[c]
@@ -135,7 +137,7 @@ def predicted(
     """
     longest = min(_periods(_LONGEST_S, step_us), _MEMORY - 1)
     ahead = min(delay["periods"] + _periods(known_s, step_us), longest)
-    if ahead <= 0:
+    if ahead <= 0 or delay["begun"] == 0:
         return measured
     step, dt = int(np.int64(measured["step"])), step_us / 1e6
     wind = vec3(measured["wind"])

@@ -23,7 +23,7 @@ def test_a_fleet_in_flight_goes_over_to_a_new_key(tmp_path: Path) -> None:
             """Whether a station that has only this key is told the state of every vehicle."""
             done = fleet.gcs("status", *ALL, "--json", "--signing-key", file)
             assert done.returncode in {0, NO_ANSWER}, done.stderr
-            return done.returncode == 0
+            return bool(done.returncode == 0)
 
         assert hears(tmp_path / "old")
         assert run("gcs", "key", key, "--replace").returncode == 0

@@ -130,7 +130,7 @@ def test_commands_stay_in_force_until_the_next_ones(steps: list[int], values: li
     rows = len(memory["commands"])
     for earlier in range(max(step - rows + 1, 0), step + 1):
         known = [value for at, value in said.items() if at <= earlier]
-        assert (memory["commands"][earlier % rows] == (known[-1] if known else 0.0)).all()
+        assert (memory["commands"][earlier % rows] == (known[-1] if known else values[0])).all()
 
 
 def new_controller_of(scenario: Scenario) -> Controllers:
