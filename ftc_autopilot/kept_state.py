@@ -21,6 +21,7 @@ from mavlink_defs.runtime.files import naming
 from mavlink_defs.runtime.jit import compiled
 
 __all__ = [
+    "N_PARTS",
     "VEHICLE",
     "KeptState",
     "keep",
@@ -33,7 +34,7 @@ __all__ = [
 VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])
 """What is kept of a vehicle besides its compiled records: custom_mode, current mission item."""
 
-N_PARTS = 9
+N_PARTS = 12
 _HEAD = 16  # bytes of a slot before its parts: count, checksum
 _DIGEST = 64  # bytes of the file before the slots
 _FNV_START, _FNV_PRIME = 0x811C9DC5, 0x01000193

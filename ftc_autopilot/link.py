@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.acknowledgement import ACKNOWLEDGEMENT, NONE, note_delay, note_events
 from ftc_autopilot.config import Neighbour
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import (
@@ -30,7 +31,6 @@ from ftc_autopilot.formation_link import (
     send_own_state,
 )
 from ftc_autopilot.kept_state import KeptState, keep, no_kept_state
-from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOCKSTEP,
@@ -69,12 +69,8 @@ __all__ = [
 # rows of `AutopilotLink.drops`; the last holds the plant's own counts, as it reports them
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
 
-_ACK_TIMEOUT_S = 0.02
-"""Real time: time to wait for the plant's acknowledgement [s, wall time]. In lockstep the next
-state carries it."""
 _EDGE_FADE_S = 0.5
 """Simulated time in which a dropped neighbour's weight goes to 0, and back [s]."""
-_NONE = -1
 
 LINK_STATE = np.dtype(
     [
@@ -83,9 +79,7 @@ LINK_STATE = np.dtype(
         ("flags", "i8"),  # FTC_SIM_FLAGS of the last state
         ("heard_s", "f8"),  # wall-clock time of the last state [s], 0: none
         ("run", "i8"),  # the plant's, -1: no state yet
-        ("pending_usec", "i8", (N_CHANNELS,)),  # time_usec of the unacknowledged event, -1: none
-        ("pending_s", "f8", (N_CHANNELS,)),  # wall-clock time at which it was sent last [s]
-        ("repeated", "i8", (N_CHANNELS,)),  # events sent again
+        *ACKNOWLEDGEMENT,
         ("sequence", "i8"),  # frames sent to the plant
         ("received", "i8"),  # length of the datagram in `SimulatorLink.received`
         ("away", "i8"),  # lockstep: steps to let pass before control is taken up again
@@ -146,7 +140,7 @@ def new_link(
         formation_signer: Signs the formation link.
     """
     state = np.zeros(1, LINK_STATE)
-    state["run"] = _NONE
+    state["run"] = NONE
     state["step_us"] = step_us
     drops = np.zeros((4, codec.DROPS_SIZE), np.int64)
     received = codec.new_buffer()
@@ -193,6 +187,9 @@ def records_to_keep(
         controllers.formations,
         controllers.profiles,
         controllers.actuators,
+        controllers.neighbour_states,
+        controllers.weights,
+        controllers.told,
         vehicle,
     )
 
@@ -203,8 +200,8 @@ def reset_link(link: AutopilotLink) -> None:
     Frames and drops are counted on, and the last state stays.
     """
     state = link.state
-    state["step"] = state["pending_usec"] = _NONE
-    state["pending_s"] = state["repeated"] = state["recorded"] = 0
+    state["step"] = state["pending_usec"] = state["applied_usec"] = state["delay"] = NONE
+    state["pending_step"] = state["repeated"] = state["deviation"] = state["recorded"] = 0
     reset_formation_link(link.formation)
 
 
@@ -317,6 +314,8 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
     elif fresh:
         note_silent_neighbours(formation, sim_state["silent"])
         collect_neighbour_states(formation_fd, formation, controllers, step, lockstep)
+        if not lockstep:
+            controllers.delays[0]["periods"] = note_delay(state, sim_state)
         mask = controller_step(controllers, 0, sim_state, state["step_us"])
         told = tell_neighbours(controllers, 0, step, state["step_us"])
         state["step"] = step
@@ -325,7 +324,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
             link.record.steps[row] = step
             copy_record(link.record.signals[row], controllers.signals[0])
             state["recorded"] = row + 1
-        due = note_events(link, controllers, mask, lockstep)
+        due = note_events(state, sim_state, controllers, mask, lockstep)
         keep(link.kept)
         if due:
             _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)
@@ -354,34 +353,3 @@ def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: i
     )
     state["sequence"] += 1
     send(plant_fd, simulator.sent, sign_frame(simulator.signer, simulator.sent, length))
-
-
-@compiled
-def note_events(link: AutopilotLink, controllers: Controllers, mask: int, lockstep: bool) -> bool:
-    """Note the events to be sent; return whether an actuator message is due.
-
-    One is due if there was an event, or again if one was not acknowledged. Each message carries
-    all four channels, so that a channel's event is acknowledged by the message that carried it
-    first and by every later one.
-    """
-    state, sim_state = link.state[0], link.simulator.sim_state[0]
-    time_usec, now_s = int(sim_state["time_usec"]), state["heard_s"]
-    applied_usec = int(np.int64(sim_state["actuator_time_usec"]))  # -1: none yet
-    timeout_s = 0.0 if lockstep else _ACK_TIMEOUT_S
-    overdue = 0
-    for c in range(N_CHANNELS):
-        if state["pending_usec"][c] <= applied_usec:
-            state["pending_usec"][c] = _NONE
-        if state["pending_usec"][c] != _NONE and now_s - state["pending_s"][c] >= timeout_s:
-            overdue |= 1 << c
-    if mask | overdue == 0:
-        return False
-    for c in range(N_CHANNELS):
-        if (mask | overdue) & (1 << c):
-            state["pending_s"][c] = now_s
-        if mask & (1 << c):
-            state["pending_usec"][c] = time_usec
-        elif overdue & (1 << c):
-            state["repeated"][c] += 1
-    controllers.actuators[0]["time_usec"] = time_usec
-    return True

@@ -12,6 +12,7 @@ import socket
 import sys
 import time
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +48,8 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.header import MAX_FRAME_SIZE
 from mavlink_defs.framing.hot_link import Outcome
-from mavlink_defs.framing.hot_signing import load_link_signer, sign_bytes
+from mavlink_defs.framing.hot_signing import sign_bytes
+from mavlink_defs.framing.key_file import KeyFile, load_link_signer
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.shutdown import on_stop
 
@@ -97,6 +99,9 @@ class Autopilot:
         addresses = [resolve(parse_address(text)) for text in config.gcs]
         self._ground_stations = [(address.host, address.port) for address in addresses]
         self._simulator = (config.id, SIMULATOR_COMPONENT)
+        self._key_file = None
+        if config.signing_key:
+            self._key_file = KeyFile(config.signing_key, partial(_log, config.id))
         self._controllers = new_controllers([config])
         self._link = new_link(
             config.id,
@@ -104,8 +109,8 @@ class Autopilot:
             config.step_us,
             config.neighbour_timeout_s,
             0 if record is None else RECORD_ROWS,
-            load_link_signer(config.signing_key, PLANT_LINK),
-            load_link_signer(config.signing_key, FORMATION_LINK),
+            load_link_signer(self._key_file, PLANT_LINK),
+            load_link_signer(self._key_file, FORMATION_LINK),
         )
         self._kept = np.zeros(1, VEHICLE)
         resumes = keep_in is not None and self._keep_in(keep_in)
@@ -149,7 +154,7 @@ class Autopilot:
         self._link = link._replace(kept=kept, record=record)
         if resumes:
             state = link.state[0]
-            state["heard_s"] = state["pending_s"] = 0.0
+            state["heard_s"] = 0.0
             state["away"] = round(_AWAY_S * 1e6 / self._config.step_us)
         return resumes
 
@@ -216,6 +221,8 @@ class Autopilot:
 
     def _handle_messages(self) -> None:
         """Receive from ground stations and answer; in real time a few messages between steps."""
+        if self._key_file is not None:
+            self._key_file.refresh(self._link.simulator.signer, self._link.formation.signer)
         most = self._most_per_step if self._in_real_time else None
         more = True
         if not self._vehicle.has_gcs_messages:  # answer earlier requests first
@@ -323,6 +330,10 @@ def _send(sock: socket.socket, frame: bytes, address: tuple[str, int] | None = N
         pass
 
 
+def _log(system: int, text: str) -> None:
+    print(f"ftc-autopilot {system}: {text}", file=sys.stderr)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the autopilot process and exit."""
     parser = argparse.ArgumentParser(
@@ -358,10 +369,9 @@ def main(arguments: list[str] | None = None) -> None:
     except (ConfigError, EndpointError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
-    prefix = f"ftc-autopilot {config.id}"
     for at in (address, UdpAddress(*gcs.getsockname())):
         if not is_loopback(at):
-            print(f"{prefix}: {exposed(at, bool(config.signing_key))}", file=sys.stderr)
+            _log(config.id, exposed(at, bool(config.signing_key)))
     try:
         autopilot = Autopilot(config, plant, formation, gcs, options.record, options.keep)
     except (EndpointError, SigningError) as problem:
@@ -381,7 +391,7 @@ def main(arguments: list[str] | None = None) -> None:
         loss = autopilot.fly()
     loss = autopilot.finish_record(loss)
     if refused := autopilot.refused():
-        print(f"{prefix}: frames dropped: {words_of(refused)}", file=sys.stderr)
+        _log(config.id, f"frames dropped: {words_of(refused)}")
     if loss is not None:
-        print(f"{prefix}: {loss}", file=sys.stderr)
+        _log(config.id, loss)
     sys.exit(0 if loss is None else 1)

@@ -28,8 +28,6 @@ from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_link import Outcome
-from mavlink_defs.framing.hot_signing import new_link_signer
-from mavlink_defs.framing.signing import PLANT_LINK
 from sitl_plant import link as plant_link
 from sitl_plant.fleet import fly
 from sitl_plant.process import Plant
@@ -198,10 +196,7 @@ class PlantTarget:
 
     def __init__(self, scenario: Scenario, stranger: bool) -> None:
         self._peer, self._other, self._sock = _udp(), _udp(), _udp()
-        link_signer = new_link_signer(b"", PLANT_LINK)
-        self._plant = Plant(
-            scenario.plant_config(), self._sock, record=None, link_signer=link_signer
-        )
+        self._plant = Plant(scenario.plant_config(), self._sock, record=None, key_file=None)
         self._sock.setblocking(False)
         self._fuzzed = self._other if stranger else self._peer
         self.sender = (1, dialect.MAV_COMP_ID_AUTOPILOT1)

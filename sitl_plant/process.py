@@ -41,7 +41,8 @@ from mavlink_defs.framing.codec import drop_counts
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_link import Outcome
-from mavlink_defs.framing.hot_signing import LinkSigner, load_link_signer, sign_bytes
+from mavlink_defs.framing.hot_signing import sign_bytes
+from mavlink_defs.framing.key_file import KeyFile, load_link_signer
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.shutdown import on_stop
 from sitl_plant.config import PlantConfig
@@ -69,7 +70,7 @@ class Plant:
         config: PlantConfig,
         sock: socket.socket,
         record: Path | None,
-        link_signer: LinkSigner,
+        key_file: KeyFile | None,
     ) -> None:
         self._config = config
         self._sock = sock
@@ -82,7 +83,9 @@ class Plant:
         self._fleet = new_plant_state(config)
         self._fleet.messages["run"] = 2**31 + secrets.randbits(31)  # all states of one size
         rows = 0 if record is None else RECORD_ROWS
-        self._link = new_link(systems, config.step_us, last_step, config.speed, rows, link_signer)
+        self._key_file = key_file
+        signer = load_link_signer(key_file, PLANT_LINK)
+        self._link = new_link(systems, config.step_us, last_step, config.speed, rows, signer)
         self._recorder = None if record is None else Recorder(self._link, record)
         self._state = self._link.state[0]
         self._registration = Registration(
@@ -127,6 +130,8 @@ class Plant:
                 loss = self._between_datagrams()
                 if loss is not None:
                     break
+            if self._key_file is not None:
+                self._key_file.refresh(self._link.signer)
             self._report_drops()
         if self._running:
             self.wall_s = time.monotonic() - self._begin_s
@@ -269,7 +274,7 @@ def main(arguments: list[str] | None = None) -> None:
             raise ConfigError(
                 options.config, [Problem(("duration_s",), "missing; --record needs an end")]
             )
-        link_signer = load_link_signer(config.signing_key, PLANT_LINK)
+        key_file = KeyFile(config.signing_key, _log) if config.signing_key else None
         address = parse_address(config.bind)
         sock = bind_udp(address, "plant", "change `bind`")
     except (ConfigError, EndpointError, SigningError) as problem:
@@ -278,7 +283,10 @@ def main(arguments: list[str] | None = None) -> None:
     if not is_loopback(address):
         _log(exposed(address, config.signing_key is not None))
     try:
-        plant = Plant(config, sock, options.record, link_signer)
+        plant = Plant(config, sock, options.record, key_file)
+    except SigningError as problem:
+        print(problem, file=sys.stderr)
+        sys.exit(2)
     except OSError as problem:
         print(f"cannot write {problem.filename}: {problem.strerror}", file=sys.stderr)
         sys.exit(2)

@@ -211,6 +211,7 @@ def control_step(
     state: np.void,
     controls: np.ndarray,
     signals: np.void,
+    may_send: bool = True,
 ) -> int:
     """Make one control step.
 
@@ -229,6 +230,8 @@ def control_step(
         state: Record of dtype `CONTROLLER`, updated in place.
         controls: HIL_ACTUATOR_CONTROLS.controls, updated in place.
         signals: Record of dtype `SIGNALS`, written.
+        may_send: Whether the trigger is asked. A step whose state was lost is made without: it is
+            not counted and has no events.
 
     Returns:
         Bit mask of the channels that had an event, bit numbers as FTC_ACTUATOR; an actuator
@@ -250,9 +253,13 @@ def control_step(
     for i in range(N_CHANNELS):
         signals["predicted_exit"][i] = math.nan
     demand = evaluate(now, aircraft, parameters, state, signals)
-    mask = trigger(demand, dt, first, state["chosen"], a, b, aircraft, parameters, state, controls)
-    state["started"] = 1
-    state["steps"] += 1
+    mask = 0
+    if may_send:
+        mask = trigger(
+            demand, dt, first, state["chosen"], a, b, aircraft, parameters, state, controls
+        )
+        state["started"] = 1
+        state["steps"] += 1
 
     _record_signals(signals, now, command, demand, mask)
     filter_reference(

@@ -21,6 +21,14 @@ from ftc_autopilot.control.controller import (
     no_signals,
     parameter_record,
 )
+from ftc_autopilot.control.delay import (
+    DELAY,
+    interpolate,
+    lost_states,
+    note_commands,
+    note_state,
+    predicted,
+)
 from ftc_autopilot.control.motion import Motion, fill_neighbour_state, motion_of
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
@@ -104,6 +112,7 @@ class Controllers(NamedTuple):
     own_states: np.ndarray  # (n,), dtype NEIGHBOUR: what a message to the neighbours would say
     told: np.ndarray  # (n,), dtype NEIGHBOUR: the last message to the neighbours
     signals: np.ndarray  # (n,), dtype SIGNALS
+    delays: np.ndarray  # (n,), dtype DELAY
 
 
 def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
@@ -126,6 +135,7 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
         np.zeros(n, NEIGHBOUR),
         np.zeros(n, NEIGHBOUR),
         np.zeros(n, SIGNALS),
+        np.zeros(n, DELAY),
     )
     for i, config in enumerate(configs):
         controllers.aircraft[i] = aircraft_record(config.aircraft)
@@ -157,6 +167,7 @@ def reset_controllers(controllers: Controllers) -> None:
         controllers.own_states,
         controllers.told,
         controllers.signals,
+        controllers.delays,
     ):
         array[:] = np.zeros((), array.dtype)
     controllers.weights[:] = 0.0
@@ -197,6 +208,8 @@ def announce(controllers: Controllers, i: int, measured: np.void) -> None:
 def controller_step(controllers: Controllers, i: int, measured: np.void, step_us: int) -> int:
     """Make one step from a measured state: own state, guidance, control, actuator message.
 
+    Of states lost before it the law makes the steps, too, but sends nothing.
+
     Args:
         controllers: Arrays over UAVs; own state, controller state, actuator message and signals of
             UAV i are updated.
@@ -207,15 +220,31 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
     Returns:
         Bit mask of the channels that had an event; the actuator message is due unless it is 0.
     """
-    motion = motion_of(measured, controllers.aircraft[i])
-    fill_neighbour_state(motion, measured["step"], controllers.own_states[i])
-    if controllers.guidance[i]["active"] != 0:
-        mask = _control(controllers, i, measured, motion, step_us)
-    else:
-        mask = _cut_thrust(controllers, i, motion)
+    delay = controllers.delays[i]
+    if controllers.states[i]["started"] != 0:
+        for _ in range(lost_states(delay, measured, step_us)):
+            _step(controllers, i, interpolate(delay, measured), step_us, False)
+    mask = _step(controllers, i, measured, step_us, True)
+    note_state(delay, measured)
     if mask != 0:
         count_events(mask, int(measured["step"]), controllers.states[i])
         controllers.actuators[i]["time_usec"] = measured["time_usec"]
+    return mask
+
+
+@compiled
+def _step(controllers: Controllers, i: int, measured: np.void, step_us: int, may_send: bool) -> int:
+    """Make one step of UAV i; return the mask of events, which are made only if it may send."""
+    known_s = controllers.parameters[i]["common"]["delay_s"]
+    delay, aircraft = controllers.delays[i], controllers.aircraft[i]
+    motion = motion_of(predicted(delay, measured, known_s, step_us, aircraft), aircraft)
+    fill_neighbour_state(motion, measured["step"], controllers.own_states[i])
+    mask = 0
+    if controllers.guidance[i]["active"] != 0:
+        mask = _control(controllers, i, measured, motion, step_us, may_send)
+    elif may_send:
+        mask = _cut_thrust(controllers, i, motion)
+    note_commands(delay, int(np.int64(measured["step"])), controllers.states[i]["held"])
     return mask
 
 
@@ -257,7 +286,12 @@ def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> n
 
 @compiled
 def _control(
-    controllers: Controllers, i: int, measured: np.void, motion: Motion, step_us: int
+    controllers: Controllers,
+    i: int,
+    measured: np.void,
+    motion: Motion,
+    step_us: int,
+    may_send: bool,
 ) -> int:
     """Follow profile, path or command; the UAV is armed."""
     guidance = controllers.guidance[i]
@@ -283,6 +317,7 @@ def _control(
         controllers.states[i],
         controllers.actuators[i]["controls"],
         controllers.signals[i],
+        may_send,
     )
     _record_guidance(controllers, i, on_path)
     if on_path and controllers.layouts[i]["count"] > 0:

@@ -9,7 +9,8 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import drop_reason, parse
-from mavlink_defs.framing.signing import Signer, is_ahead, load_signer
+from mavlink_defs.framing.key_file import load_signer
+from mavlink_defs.framing.signing import Signer, is_ahead
 
 __all__ = ["GcsSigning"]
 

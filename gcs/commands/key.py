@@ -1,4 +1,4 @@
-"""``gcs key``: make a key for signing."""
+"""``gcs key``: make a key for signing, or replace one while the fleet flies."""
 
 import hashlib
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from gcs.errors import BadInput
+from mavlink_defs.framing.key_file import ANNOUNCED_S, GRACE_S, replace_key
 from mavlink_defs.framing.signing import SigningError, make_key
 
 __all__ = ["EPILOG", "key"]
@@ -15,6 +16,7 @@ EPILOG = """
 Examples:
 
 - gcs key ~/.fleet.key
+- gcs key ~/.fleet.key --replace       (a new key in the same file, also in flight)
 - gcs key ~/.fleet.key --passphrase    (asks for it; the same key as MAVProxy's signing commands)
 
 Then `signing_key: PATH` in the links section of a scenario, or `--signing-key PATH`.
@@ -28,14 +30,29 @@ def key(
     passphrase: Annotated[
         bool, typer.Option("--passphrase", help="Derive it from a passphrase instead of at random.")
     ] = False,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Replace the key of a file that is in use.")
+    ] = False,
 ) -> None:
-    """Make a key file for MAVLink 2 signing: 32 bytes that only you can read."""
+    """Make a key file for MAVLink 2 signing: 32 bytes that only you can read.
+
+    With --replace, whatever uses the file goes over to the new key by itself.
+    """
     content = None
     if passphrase:
         text = typer.prompt("Passphrase", hide_input=True, confirmation_prompt=True, err=True)
         content = hashlib.sha256(text.encode()).digest()
     try:
-        make_key(file, content)
+        if replace:
+            replace_key(file, content)
+        else:
+            make_key(file, content)
     except SigningError as problem:
         raise BadInput(str(problem)) from None
-    typer.echo(f"key written to {file}")
+    if replace:
+        typer.echo(
+            f"key replaced in {file}: in use from {ANNOUNCED_S:g} s on, "
+            f"the former one accepted until {GRACE_S:g} s"
+        )
+    else:
+        typer.echo(f"key written to {file}")

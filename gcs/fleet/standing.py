@@ -14,7 +14,8 @@ from gcs.fleet.relays import relay_of
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from mavlink_defs.endpoint import Connection, EndpointError, UdpAddress, bind_udp
-from mavlink_defs.framing.signing import SigningError, load_signer, words_of
+from mavlink_defs.framing.key_file import load_signer
+from mavlink_defs.framing.signing import SigningError, words_of
 
 __all__ = ["keep_up"]
 

@@ -30,7 +30,8 @@ from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, EndpointError, bind_udp, connect_udp
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
-from mavlink_defs.framing.signing import SigningError, load_signer
+from mavlink_defs.framing.key_file import load_signer
+from mavlink_defs.framing.signing import SigningError
 from mavlink_defs.services.machine import SystemId
 
 __all__ = ["GROUND_STATION", "Client"]

@@ -22,20 +22,19 @@ from mavlink_defs.framing.sha256 import signature
 from mavlink_defs.framing.signing import (
     EPOCH_S,
     WINDOW,
+    Keys,
     flagged,
     new_time,
-    open_time,
-    read_key,
 )
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import unix_s
 
 __all__ = [
     "LinkSigner",
-    "load_link_signer",
     "new_link_signer",
     "sign_bytes",
     "sign_frame",
+    "use_keys",
     "verify_frame",
 ]
 
@@ -47,39 +46,46 @@ _STAMP = 6
 class LinkSigner(NamedTuple):
     """Key and timestamps with which the frames of one link are signed and verified."""
 
-    key: np.ndarray  # (32,) uint8; (0,): no key
+    key: np.ndarray  # (32,) uint8, that frames are signed with; (0,): no key
+    other: np.ndarray  # (32,) uint8, accepted, too
+    replaced: np.ndarray  # (1,) 1: `other` is a key
     link: int  # link id, in both directions
     time: np.ndarray  # (1,) timestamp used or seen last
     shared: np.ndarray  # (1,) the same, shared by all processes
+    start: int  # the same when it was made: what is not newer is from before
     newest: np.ndarray  # (65536,) last timestamp by 256 * system + component, 0: none yet
 
 
-def new_link_signer(key: bytes, link: int, shared: np.ndarray | None = None) -> LinkSigner:
+def new_link_signer(keys: Keys | bytes, link: int, shared: np.ndarray | None = None) -> LinkSigner:
     """Return the signer of one link.
 
     Args:
-        key: 32 bytes, or none to have frames unsigned.
+        keys: 32 bytes, or none to have frames unsigned; or two keys in force.
         link: Link id.
-        shared: The timestamp used last, of `signing.open_time`.
+        shared: The timestamp used or seen last, of `signing.open_time`.
     """
-    return LinkSigner(
-        np.frombuffer(key, np.uint8).copy(),
+    if isinstance(keys, bytes):
+        keys = Keys(keys, b"")
+    signer = LinkSigner(
+        np.zeros(len(keys.signing), np.uint8),
+        np.zeros(len(keys.signing), np.uint8),
+        np.zeros(1, np.int64),
         link,
         new_time(),
         new_time() if shared is None else shared,
-        np.zeros(65536 if key else 0, np.int64),
+        0 if shared is None else int(shared[0]),
+        np.zeros(65536 if keys.signing else 0, np.int64),
     )
+    use_keys(signer, keys)
+    return signer
 
 
-def load_link_signer(key_file: str | None, link: int) -> LinkSigner:
-    """Return the signer of a key file; without a file, one that neither signs nor verifies.
-
-    Raises:
-        SigningError: The key cannot be used.
-    """
-    if key_file is None:
-        return new_link_signer(b"", link)
-    return new_link_signer(read_key(key_file), link, open_time(key_file))
+def use_keys(link_signer: LinkSigner, keys: Keys) -> None:
+    """Let a signer go on with other keys; timestamps stay."""
+    link_signer.key[:] = np.frombuffer(keys.signing, np.uint8)
+    link_signer.replaced[0] = bool(keys.other)
+    if keys.other:
+        link_signer.other[:] = np.frombuffer(keys.other, np.uint8)
 
 
 @compiled
@@ -140,7 +146,10 @@ def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     given = 0
     for k in range(_HASH):
         given = (given << 8) | int(np.int64(datagram[length - _HASH + k]))
-    if given != signature(link_signer.key, datagram, length - _HASH):
+    if given != signature(link_signer.key, datagram, length - _HASH) and (
+        link_signer.replaced[0] == 0
+        or given != signature(link_signer.other, datagram, length - _HASH)
+    ):
         return DropReason.WRONG_SIGNATURE
     stamp = 0
     for k in range(_STAMP):
@@ -148,21 +157,26 @@ def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     stream = 256 * np.int64(datagram[SYSTEM]) + np.int64(datagram[COMPONENT])
     newest, now = link_signer.newest[stream], _now(link_signer, 0)
     if newest == 0:
-        newest = now - WINDOW - 1
+        newest = max(now - WINDOW - 1, link_signer.start)
     if datagram[length - _HASH - _STAMP - 1] != link_signer.link or stamp <= newest:
         return DropReason.REPLAYED
     if stamp > now + WINDOW:
         return DropReason.OUT_OF_RANGE
     link_signer.newest[stream] = stamp
-    link_signer.time[0] = max(link_signer.time[0], stamp)
+    _note(link_signer, max(link_signer.time[0], stamp))
     return code
+
+
+@compiled
+def _note(link_signer: LinkSigner, stamp: int) -> None:
+    link_signer.time[0] = stamp
+    link_signer.shared[0] = max(link_signer.shared[0], stamp)
 
 
 @compiled
 def append_signature(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     stamp = _now(link_signer, 1)
-    link_signer.time[0] = stamp
-    link_signer.shared[0] = max(link_signer.shared[0], stamp)
+    _note(link_signer, stamp)
     datagram[length] = link_signer.link
     for k in range(_STAMP):
         datagram[length + 1 + k] = (stamp >> (8 * k)) & 0xFF

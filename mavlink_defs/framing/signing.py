@@ -15,6 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from fastcrc.crc16 import mcrf4xx
@@ -40,11 +41,12 @@ __all__ = [
     "PLANT_LINK",
     "UNSIGNED_ALLOWED",
     "WINDOW",
+    "Keys",
     "Signer",
     "SigningError",
     "flagged",
+    "former_file",
     "is_ahead",
-    "load_signer",
     "make_key",
     "new_time",
     "open_time",
@@ -52,6 +54,7 @@ __all__ = [
     "time_file",
     "timestamp",
     "words_of",
+    "write_key",
 ]
 
 KEY_SIZE = 32  # bytes
@@ -85,17 +88,28 @@ def make_key(path: Path, key: bytes | None = None) -> None:
         SigningError: The file exists or cannot be written.
     """
     try:
-        fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, _PRIVATE)
+        write_key(path, secrets.token_bytes(KEY_SIZE) if key is None else key)
+        former_file(path).unlink(missing_ok=True)  # of another key of this name
     except FileExistsError:
-        raise SigningError(f"{path} exists already; a key is never overwritten") from None
+        text = "exists already; a key is never overwritten, but for --replace"
+        raise SigningError(f"{path} {text}") from None
     except OSError as problem:
         raise SigningError(f"{path}: cannot be written: {problem.strerror}") from None
+
+
+def write_key(path: Path, key: bytes) -> None:
+    """Write a new file that only its owner can read.
+
+    Raises:
+        OSError: It exists or cannot be written; then there is none.
+    """
+    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, _PRIVATE)
     try:
         with os.fdopen(fd, "wb") as file:
-            file.write(secrets.token_bytes(KEY_SIZE) if key is None else key)
-    except OSError as problem:
+            file.write(key)
+    except OSError:
         path.unlink()
-        raise SigningError(f"{path}: cannot be written: {problem.strerror}") from None
+        raise
 
 
 def read_key(path: Path | str) -> bytes:
@@ -125,6 +139,11 @@ def read_key(path: Path | str) -> bytes:
 def time_file(path: Path | str) -> str:
     """Return the name of the file beside a key that keeps the timestamp used last."""
     return f"{path}.time"
+
+
+def former_file(path: Path | str) -> Path:
+    """Return the name of the file beside a key that keeps the one before it."""
+    return Path(f"{path}.former")
 
 
 def timestamp(unix_s: float) -> int:
@@ -177,6 +196,13 @@ def flagged(frame: bytes) -> bytearray:
     return body + mcrf4xx(bytes(body[1:]) + bytes([extra])).to_bytes(CRC_SIZE, "little")
 
 
+class Keys(NamedTuple):
+    """Keys in force while one replaces the other."""
+
+    signing: bytes  # 32 bytes, that frames are signed with
+    other: bytes  # 32 bytes, accepted, too; empty: none
+
+
 class Signer:
     """Signs and checks the frames of one link.
 
@@ -186,7 +212,7 @@ class Signer:
 
     def __init__(
         self,
-        key: bytes,
+        key: bytes | Callable[[float], Keys],
         shared: np.ndarray | None = None,
         link: int = 0,
         unix_s: Callable[[], float] = time.time,
@@ -195,15 +221,18 @@ class Signer:
         """Make a signer.
 
         Args:
-            key: 32 bytes.
-            shared: The timestamp used last, of `open_time`.
+            key: 32 bytes; or what returns the keys in force at a Unix time [s].
+            shared: The timestamp used or seen last, of `open_time`: what is not newer than it was
+                at the start is from before.
             link: Link id to sign with.
             unix_s: The clock.
             at_least: Timestamp to begin with, if the clock does not show a later one.
         """
         self.refused: Counter[DropReason] = Counter()
-        self._key, self._link, self._unix_s = key, link, unix_s
+        self._keys = key if callable(key) else lambda _: Keys(key, b"")
+        self._link, self._unix_s = link, unix_s
         self._shared = new_time() if shared is None else shared
+        self._start = int(self._shared[0])
         self._time = at_least
         self._newest: dict[tuple[int, int, int], int] = {}
 
@@ -213,11 +242,10 @@ class Signer:
     def sign(self, frame: bytes) -> bytes:
         """Return the signed frame of an unsigned one that the dialect knows."""
         body = flagged(frame)
-        self._time = self._now(1)
-        self._shared[0] = max(int(self._shared[0]), self._time)
+        self._note(self._now(1))
         body.append(self._link)
         body += self._time.to_bytes(6, "little")
-        return bytes(body + self._hash(body))
+        return bytes(body + _hash(self._keys(self._unix_s()).signing, body))
 
     def accepts(self, frame: bytes) -> bool:
         """Return whether a frame's signature is valid; if not, the reason is counted."""
@@ -238,35 +266,35 @@ class Signer:
             allowed = message_id in UNSIGNED_ALLOWED
             return None if allowed else DropReason.UNSIGNED
         link = frame[-SIGNATURE_SIZE]
-        if not secrets.compare_digest(self._hash(frame[:-_HASH]), frame[-_HASH:]):
+        keys = self._keys(self._unix_s())
+        if not any(
+            key and secrets.compare_digest(_hash(key, frame[:-_HASH]), frame[-_HASH:])
+            for key in keys
+        ):
             return DropReason.WRONG_SIGNATURE
         stamp = int.from_bytes(frame[-SIGNATURE_SIZE + 1 : -_HASH], "little")
         stream, now = (link, frame[SYSTEM], frame[COMPONENT]), self._now()
-        newest = self._newest.get(stream, now - WINDOW - 1)
+        newest = self._newest.get(stream, max(now - WINDOW - 1, self._start))
         if stamp <= newest or link in {PLANT_LINK, FORMATION_LINK} - {self._link}:
             return DropReason.REPLAYED
         if stamp > now + WINDOW:
             return DropReason.OUT_OF_RANGE
         self._newest[stream] = stamp
-        self._time = max(self._time, stamp)
+        self._note(max(self._time, stamp))
         return None
+
+    def _note(self, stamp: int) -> None:
+        self._time = stamp
+        self._shared[0] = max(int(self._shared[0]), stamp)
 
     def _now(self, more: int = 0) -> int:
         """Return the timestamp to use now, after `more` than the last."""
         clock = timestamp(self._unix_s())
         return max(self._time + more, int(self._shared[0]) + more, clock)
 
-    def _hash(self, covered: bytes | bytearray) -> bytes:
-        return hashlib.sha256(self._key + covered).digest()[:_HASH]
 
-
-def load_signer(key_file: str | None) -> Signer | None:
-    """Return the signer of a key file for a ground station link; None without one.
-
-    Raises:
-        SigningError: The key cannot be used.
-    """
-    return None if key_file is None else Signer(read_key(key_file), open_time(key_file))
+def _hash(key: bytes, covered: bytes | bytearray) -> bytes:
+    return hashlib.sha256(key + covered).digest()[:_HASH]
 
 
 def words_of(refused: Counter[str]) -> str:

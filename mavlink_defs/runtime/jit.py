@@ -13,6 +13,7 @@ functions run as plain Python.
 """
 
 import contextlib
+import errno
 import functools
 import hashlib
 import os
@@ -170,6 +171,8 @@ def _find_cache_folder() -> Path:
 
 def _find_obstacle() -> OSError | None:
     """Return why the cache cannot be written; None if it can."""
+    if _cache_folder.parts[0] == "~":  # not to be taken for a folder of this name
+        return FileNotFoundError(errno.ENOENT, "there is no home folder", str(_cache_folder))
     try:
         _cache_folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=_cache_folder):

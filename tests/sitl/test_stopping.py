@@ -9,11 +9,13 @@ import time
 from pathlib import Path
 from random import Random
 
+import numpy as np
 import pytest
 from flying import (
     BIN,
     TIMEOUT_S,
     assert_one_message,
+    fly_well,
     flying,
     kill_all,
     process_of,
@@ -130,3 +132,26 @@ def test_death_of_the_plant(tmp_path: Path, mode: tuple[str, ...]) -> None:
         assert "plant" in words
         assert not processes_of(folder)
     assert_readable_log(folder)
+
+
+def test_what_was_flown_before_the_death_of_the_plant_is_kept_and_joined(tmp_path: Path) -> None:
+    """States of the plant and signals of the autopilots, step by step those of that flight."""
+    folder = tmp_path / "run"
+    scenario = write_scenario(tmp_path, duration_s=600.0)
+    with flying(folder, scenario, "--quiet") as popen:
+        recording = folder / "trajectory.arrows"
+        begun = recording.stat().st_size if recording.exists() else 0
+        wait_until(lambda: recording.stat().st_size > max(begun, 50_000), "steps are recorded")
+        os.kill(process_of(folder, "plant"), signal.SIGKILL)
+        words_at_end(popen, 1)
+    kept = table_of(folder / "trajectory.arrows")
+    flown_s = float(kept["time_s"][-1])
+    assert flown_s > 0.5
+    shorter = write_scenario(tmp_path, duration_s=flown_s + 0.1)
+    undisturbed = tmp_path / "undisturbed"
+    fly_well(shorter, "--quiet", "--in-process", "--out", undisturbed)
+    expected = table_of(undisturbed / "trajectory.arrows")
+    for name, values in kept.items():
+        assert np.array_equal(
+            values, expected[name][: len(values)], equal_nan=values.dtype.kind == "f"
+        ), name

@@ -60,6 +60,9 @@ class LawParameters(Model):
     reference_bandwidth_rad_s: float = quantity(
         "rad/s", gt=0.0, default=2.5, doc="Triple pole of the reference filter (Assumption 4)."
     )
+    delay_s: float = quantity(
+        "s", ge=0.0, le=0.1, default=0.0, doc="Known delay of sensors and servos, predicted over."
+    )
 
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters of an aircraft with these servos: the same.

@@ -1,15 +1,15 @@
 """The autopilot's link to the plant over real loopback sockets, one state at a time."""
 
 import math
-import time
 
 import numpy as np
 import pytest
 from link_bench import LOCKSTEP, UAV, Rig
 
-from ftc_autopilot import link
+from ftc_autopilot.acknowledgement import ACKNOWLEDGEMENT
 from ftc_autopilot.control.controller import restart_law
 from ftc_autopilot.control.controllers import reset_controllers
+from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.link import SIMULATOR, reset_link
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
@@ -126,7 +126,7 @@ def test_an_event_is_acknowledged_by_its_message_or_a_later_one(rig: Rig) -> Non
     assert pending(rig) == [0, 0, 0, 0]
     rig.no_more_events()
     rig.link.state[0]["pending_usec"] = [0, 0, 1000, 2000]  # the rudder's and throttle's came later
-    rig.link.state[0]["pending_s"] = time.monotonic() + 1e6  # nobody is impatient
+    rig.link.state[0]["deviation"] = 1e6  # nobody is impatient
     rig.state(3, FTC_SIM_FLAGS_RUNNING, applied_usec=0)
     assert pending(rig) == [-1, -1, 1000, 2000]
     rig.state(4, FTC_SIM_FLAGS_RUNNING, applied_usec=5000)
@@ -144,18 +144,71 @@ def test_a_lost_message_repeats_the_events_of_its_own_channels_only(rig: Rig) ->
     assert list(rig.link.state[0]["repeated"]) == [0, 1, 0, 0]
 
 
-def test_in_real_time_an_acknowledgement_is_waited_for_in_wall_time(rig: Rig) -> None:
-    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+REAL_TIME = FTC_SIM_FLAGS_RUNNING
+
+
+def repeats(rig: Rig) -> list[int]:
+    return [int(number) for number in rig.link.state[0]["repeated"]]
+
+
+def test_in_real_time_an_event_is_sent_again_two_periods_after_it_should_act(rig: Rig) -> None:
+    rig.state(0, REAL_TIME)
     rig.no_more_events()
-    rig.heard(rig.plant)
-    rig.state(1, FTC_SIM_FLAGS_RUNNING, applied_usec=-1)
-    rig.heard(rig.plant)
-    rig.link.state[0]["repeated"] = 0
-    for waited_s, due in ((0.0199, False), (0.0201, True)):
-        rig.link.state[0]["heard_s"] = rig.link.state[0]["pending_s"][0] + waited_s
-        assert link.note_events(rig.link, rig.controllers, 0, False) == due
-    assert list(rig.link.state[0]["repeated"]) == [1, 1, 1, 1]
+    for step, expected in ((1, 0), (2, 0), (3, 1), (4, 1), (5, 1), (6, 2)):
+        rig.heard(rig.plant)
+        rig.state(step, REAL_TIME, applied_usec=-1)
+        assert rig.heard(rig.plant) == ([codec.MessageId.ACTUATORS] if step in {3, 6} else [])
+        assert repeats(rig) == [expected] * 4
     assert pending(rig) == [0, 0, 0, 0]  # the first message would acknowledge them still
+    rig.state(7, REAL_TIME, applied_usec=0)
+    assert pending(rig) == [-1, -1, -1, -1]
+
+
+def with_events_in_every_step(rig: Rig) -> None:
+    rig.controllers.parameters["mode"] = MODES.index("periodic")
+
+
+@pytest.mark.parametrize("delay", [0, 1, 7])
+def test_the_delay_is_that_of_the_acknowledgements(rig: Rig, delay: int) -> None:
+    with_events_in_every_step(rig)
+    for step in range(60):
+        applied = step - 1 - delay
+        rig.state(step, REAL_TIME, applied_usec=1000 * applied if applied >= 0 else -1)
+    assert rig.link.state[0]["delay"] == pytest.approx(delay)
+    assert rig.controllers.delays[0]["periods"] == delay
+
+
+def test_states_that_were_lost_do_not_lengthen_the_delay(rig: Rig) -> None:
+    """After a gap, a message that the state shows may have acted for some periods."""
+    with_events_in_every_step(rig)
+    for step in range(60):
+        if step % 5 not in {1, 2}:
+            rig.state(step, REAL_TIME, applied_usec=1000 * (step - 1) if step else -1)
+    assert rig.link.state[0]["delay"] == 0.0
+
+
+def test_a_slow_link_is_given_its_time_before_an_event_is_sent_again(rig: Rig) -> None:
+    with_events_in_every_step(rig)
+    for step in range(100):
+        rig.state(step, REAL_TIME, applied_usec=1000 * (step - 31) if step > 30 else -1)
+    rig.no_more_events()
+    rig.controllers.parameters["mode"] = MODES.index("per_channel")
+    before = repeats(rig)
+    for step in range(100, 130):
+        rig.state(step, REAL_TIME, applied_usec=1000 * (step - 31))
+    assert repeats(rig) == before
+    assert pending(rig) == [99000] * 4
+    for step in range(130, 150):
+        rig.state(step, REAL_TIME, applied_usec=98000)
+    assert min(repeats(rig)) > min(before)
+
+
+def test_lockstep_has_no_delay(rig: Rig) -> None:
+    with_events_in_every_step(rig)
+    for step in range(10):
+        rig.send_neighbour_state(step)
+        rig.state(step, applied_usec=1000 * (step - 4) if step > 3 else -1)
+    assert rig.controllers.delays[0]["periods"] == 0
 
 
 def test_a_step_that_was_not_flown_is_not_reported_done(rig: Rig) -> None:
@@ -202,7 +255,7 @@ def test_after_a_reset_nothing_is_left_of_the_flight(scenario1: Scenario, rig: R
     for name in ("heard_step", "pending_step", "misses"):
         assert getattr(formation, name).tobytes() == getattr(expected, name).tobytes(), name
     assert formation.state["edge_changes"] == expected.state["edge_changes"]
-    for name in ("step", "pending_usec", "pending_s", "repeated"):
+    for name in ("step", *(field[0] for field in ACKNOWLEDGEMENT)):
         assert rig.link.state[name].tobytes() == fresh.link.state[name].tobytes(), name
     fresh.close()
 

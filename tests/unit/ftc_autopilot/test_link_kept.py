@@ -23,7 +23,7 @@ def rig_with_file(scenario: Scenario, path: Path) -> Rig:
     kept = open_kept_state(path, records, "uav 2")
     rig.link = link._replace(kept=kept)
     if take_up(kept):
-        link.state["heard_s"] = link.state["pending_s"] = 0.0
+        link.state["heard_s"] = 0.0
     return rig
 
 
@@ -54,6 +54,32 @@ def test_an_event_that_was_counted_but_not_sent_is_sent_after_the_restart(
         assert second.controllers.states["events"].tolist() == counted
         second.state(2, applied_usec=1000)  # the plant has applied it
         assert second.heard(second.plant) == [STEP_DONE]
+    finally:
+        second.close()
+
+
+@pytest.mark.parametrize("triggered", [False, True])
+def test_after_a_restart_the_next_step_is_that_of_an_autopilot_that_lived(
+    first: Rig, scenario1: Scenario, tmp_path: Path, triggered: bool
+) -> None:
+    """Edges have their weights, and neighbours are told no more than the trigger asks."""
+    parameters = first.controllers.parameters[0]
+    parameters["formation_triggered"] = triggered
+    for name in parameters["formation_trigger"].dtype.names:
+        parameters["formation_trigger"][name] = 1e9  # the first message is the only one
+    for step in range(20):
+        first.send_neighbour_state(step - 1 if step else 0, airspeed=41.0 + 0.01 * step)
+        first.state(step)
+    assert first.controllers.weights.any()
+    second = rig_with_file(scenario1, tmp_path / "kept")
+    try:
+        for rig in (first, second):
+            rig.send_neighbour_state(19, airspeed=41.2)
+            rig.state(20)
+        flown = second.controllers.signals, first.controllers.signals
+        assert flown[0].tobytes() == flown[1].tobytes()
+        assert second.controllers.told.tobytes() == first.controllers.told.tobytes()
+        assert (int(second.controllers.told["step"][0]) < 20) == triggered
     finally:
         second.close()
 

@@ -15,8 +15,6 @@ from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import UdpAddress, bind_udp, sockaddr
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, parse
-from mavlink_defs.framing.hot_signing import new_link_signer
-from mavlink_defs.framing.signing import PLANT_LINK
 from sitl_plant import process
 from sitl_plant.config import PlantConfig
 from sitl_plant.link import run
@@ -36,7 +34,7 @@ class Rig:
 
     def __init__(self, config: PlantConfig, stack: ExitStack) -> None:
         self.sock = stack.enter_context(bind_udp(ANY_PORT, "test"))
-        self.plant = Plant(config, self.sock, None, new_link_signer(b"", PLANT_LINK))
+        self.plant = Plant(config, self.sock, None, None)
         self.link = self.plant._link
         self.peers = {
             uav.id: stack.enter_context(bind_udp(ANY_PORT, "test")) for uav in config.uavs
@@ -145,7 +143,7 @@ def test_every_plant_process_is_another_run(config: PlantConfig) -> None:
     runs = set()
     for _ in range(3):
         with bind_udp(ANY_PORT, "test") as sock:
-            plant = Plant(config, sock, None, new_link_signer(b"", PLANT_LINK))
+            plant = Plant(config, sock, None, None)
             runs |= {*plant._fleet.messages["run"].tolist()}
     assert len(runs) == 3
 

@@ -17,12 +17,12 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.framing.hot_signing import (
     LinkSigner,
-    load_link_signer,
     new_link_signer,
     sign_bytes,
     sign_frame,
     verify_frame,
 )
+from mavlink_defs.framing.key_file import KeyFile, load_link_signer
 from mavlink_defs.framing.sha256 import signature
 from mavlink_defs.framing.signing import (
     EPOCH_S,
@@ -191,7 +191,7 @@ def test_a_restart_never_goes_back_even_if_the_clock_does(tmp_path: Path) -> Non
     del shared
     assert Path(time_file(tmp_path / "key")).stat().st_size == 8
     again = Signer(KEY, open_time(tmp_path / "key")).sign(frame_of())
-    compiled = sign_bytes(load_link_signer(str(tmp_path / "key"), 0), frame_of())
+    compiled = sign_bytes(load_link_signer(KeyFile(tmp_path / "key"), 0), frame_of())
     assert _stamp(late) < _stamp(again) < _stamp(compiled)
 
 

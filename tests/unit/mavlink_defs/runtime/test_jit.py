@@ -39,6 +39,21 @@ from_cache = [not f.stats.cache_misses for f in (alone, both)]
 print(value, len(scaled.signatures), *from_cache)
 """
 
+CACHE_VARIABLES = ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "NUMBA_DISABLE_JIT")
+HOMELESS = """
+import pwd
+def nobody(_):
+    raise KeyError
+pwd.getpwuid = nobody
+from mavlink_defs.runtime.jit import cache_is_cold, compiled
+from mavlink_defs.config.models import ConfigError
+assert compiled(lambda x: x + 1)(2) == 3
+try:
+    cache_is_cold()
+except ConfigError as problem:
+    print(problem)
+"""
+
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
@@ -59,6 +74,18 @@ def run(project: Path) -> list[str]:
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.split()
+
+
+def test_without_a_home_no_folder_is_made(tmp_path: Path) -> None:
+    """Neither HOME nor an entry in the list of users: "~" is then not a folder but unknown."""
+    env = {name: value for name, value in os.environ.items() if name not in CACHE_VARIABLES}
+    command = [sys.executable, "-c", HOMELESS]
+    done = subprocess.run(
+        command, check=False, cwd=tmp_path, env=env, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "there is no home folder; set XDG_CACHE_HOME or NUMBA_CACHE_DIR" in done.stdout
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_change_reaches_callers_and_leaves_the_rest_cached(project: Path) -> None:

@@ -1,0 +1,198 @@
+"""What a bad simulator link costs each law in scenario 1, with and without compensation.
+
+    python -m benchmarks.bad_links
+
+Plant, autopilots and the impairments of `links.impairments` in one process. The times of the
+impairments are simulated time here: the load of the machine has no influence, and every run gives
+the same table.
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from ftc_autopilot.acknowledgement import note_delay, note_events
+from ftc_autopilot.control.controller import no_signals
+from ftc_autopilot.control.controllers import (
+    announce,
+    controller_step,
+    new_controllers,
+    tell_neighbours,
+)
+from ftc_autopilot.control.laws import KINDS
+from ftc_autopilot.control.reference import profile_record
+from ftc_autopilot.link import new_link
+from gcs.results.quantities import QUANTITIES
+from gcs.results.recording import Recording
+from gcs.results.summary import UavSummary, summarise
+from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from mavlink_defs.capture.impairment import Bursts, Impairer, Impairment
+from mavlink_defs.faults import fault_from_params, fault_to_params
+from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
+from sitl_plant.actuators import add_fault
+from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
+
+__all__ = ["LINKS", "fly_over", "scenario_with"]
+
+LINKS = {
+    "loss 5 %": Impairment(loss=0.05),
+    "loss 10 %": Impairment(loss=0.1),
+    "loss 20 %": Impairment(loss=0.2),
+    "bursts of 10 periods": Impairment(bursts=Bursts(begin=0.005, end=0.1)),
+    "delay 5 ms": Impairment(delay_ms=2.5),
+    "delay 10 ms": Impairment(delay_ms=5.0),
+    "delay 20 ms": Impairment(delay_ms=10.0),
+    "jitter 5 ms": Impairment(jitter_ms=5.0),
+    "loss 10 %, jitter 5 ms": Impairment(loss=0.1, jitter_ms=5.0),
+}
+"""Links by name; their delays are those there and back."""
+
+
+class _Direction:
+    """One direction of a link: datagrams that have not arrived."""
+
+    def __init__(self, impairment: Impairment, name: str) -> None:
+        self._impairer = Impairer(impairment, name)
+        self._under_way: list[tuple[float, bytes]] = []
+
+    def send(self, payload: np.void, now_s: float) -> None:
+        self._under_way += self._impairer.send(payload.tobytes(), now_s)
+
+    def arrived(self, until_s: float) -> Iterator[tuple[float, bytes]]:
+        while self._under_way and self._under_way[0][0] < until_s:
+            yield self._under_way.pop(0)
+
+
+class _Autopilot:
+    """The link and the controller of one UAV."""
+
+    def __init__(self, scenario: Scenario, uav: int, impairment: Impairment) -> None:
+        config = scenario.autopilot_config(uav)
+        self.neighbours = [neighbour.id for neighbour in config.neighbours]
+        self.controllers = new_controllers([config])
+        self.controllers.weights[0] = [neighbour.weight for neighbour in config.neighbours]
+        self.controllers.profiles[0] = profile_record(scenario.segments())
+        for key, value in (("active", 1), ("auto", 1), ("start_step", 0)):
+            self.controllers.guidance[0][key] = value
+        self.link = new_link(uav, config.neighbours, scenario.step_us, 1.0, 0).state[0]
+        self.states = _Direction(impairment, f"states {uav}")
+        self.commands = _Direction(impairment, f"commands {uav}")
+
+    def receive(self, datagram: bytes, at_s: float, compensated: bool) -> int:
+        """Work on a state; return its step."""
+        measured, controllers = np.frombuffer(datagram, SIM_STATE)[0], self.controllers
+        step, step_us = int(measured["step"]), int(self.link["step_us"])
+        periods = note_delay(self.link, measured)
+        if compensated:
+            controllers.delays[0]["periods"] = periods
+        else:
+            controllers.delays[0]["begun"] = 0  # no state counts as lost
+        mask = controller_step(controllers, 0, measured, step_us)
+        tell_neighbours(controllers, 0, step, step_us)
+        self.link["step"] = step
+        if note_events(self.link, measured, controllers, mask, False):
+            self.commands.send(controllers.actuators[0], at_s)
+        return step
+
+
+def fly_over(scenario: Scenario, impairment: Impairment, compensated: bool = True) -> Recording:
+    """Fly a scenario with an impaired simulator link, in real time of its own.
+
+    Args:
+        scenario: The scenario.
+        impairment: Of each datagram; times are simulated ones.
+        compensated: Whether delays and lost states are made up for.
+    """
+    fleet, ids, dt = _fleet_of(scenario), [uav.id for uav in scenario.uavs], scenario.step_us / 1e6
+    autopilots = {uav: _Autopilot(scenario, uav, impairment) for uav in ids}
+    shape = scenario.steps, len(ids)
+    states, wind = np.zeros((*shape, 12)), np.zeros((*shape, 3))
+    applied, signals = np.zeros((*shape, 4)), no_signals(scenario.steps * len(ids)).reshape(shape)
+    for i, autopilot in enumerate(autopilots.values()):
+        observe(fleet, i, 0, scenario.step_us)
+        announce(autopilot.controllers, 0, fleet.messages[i])
+    _exchange(autopilots)
+    for step in range(scenario.steps):
+        states[step], wind[step] = fleet.states, fleet.air[:, :3]
+        end_s = (step + 1) * dt
+        for i, autopilot in enumerate(autopilots.values()):
+            observe(fleet, i, step, scenario.step_us)
+            autopilot.states.send(fleet.messages[i], step * dt)
+            for at_s, datagram in autopilot.states.arrived(end_s):
+                worked_on = autopilot.receive(datagram, at_s, compensated)
+                signals[worked_on, i] = autopilot.controllers.signals[0]
+        _exchange(autopilots)
+        for i, autopilot in enumerate(autopilots.values()):
+            for _, datagram in autopilot.commands.arrived(end_s):
+                receive_controls(fleet, i, np.frombuffer(datagram, ACTUATORS)[0])
+        assert fly(fleet, step, scenario.step_us) < 0, "the flight was lost"
+        applied[step] = fleet.applied
+    repeats = np.array([autopilot.link["repeated"] for autopilot in autopilots.values()])
+    return Recording(
+        "real_time",
+        scenario.step_us,
+        tuple(ids),
+        states,
+        wind,
+        applied,
+        signals,
+        repeats,
+        0.0,
+        None,
+    )
+
+
+def _fleet_of(scenario: Scenario) -> PlantState:
+    fleet, ids = new_plant_state(scenario.plant_config(speed=None)), [u.id for u in scenario.uavs]
+    for uav, fault in scenario.fault_commands():
+        received = fault_from_params(fault_to_params(fault), scenario.aircraft.fault_limits)
+        add_fault(fleet.faults[ids.index(uav)], received, now_s=0.0)
+    return fleet
+
+
+def _exchange(autopilots: dict[int, _Autopilot]) -> None:
+    """Deliver what every autopilot has told its neighbours."""
+    for autopilot in autopilots.values():
+        for d, uav in enumerate(autopilot.neighbours):
+            autopilot.controllers.neighbour_states[0, d] = autopilots[uav].controllers.told[0]
+
+
+def scenario_with(law: str, duration_s: float) -> Scenario:
+    """Return the paper's scenario 1 with another law, and the trigger that this needs."""
+    tree = scenario_tree(Path("paper/scenario1"))
+    if law != "proposed":
+        tree["controller"] = {"kind": law}
+    if law == "tube":
+        tree["trigger"] = {"mode": "consequence"}
+    return scenario_of("bad links", tree | {"duration_s": duration_s})
+
+
+def iae(uavs: tuple[UavSummary, ...]) -> dict[str, float]:
+    """Return the mean IAE of the UAVs, by quantity."""
+    return {name: float(np.mean([uav.iae[name] for uav in uavs])) for name in QUANTITIES}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.bad_links", description=__doc__)
+    parser.add_argument("--laws", nargs="+", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--seconds", type=float, default=24.0, help="simulated time")
+    options = parser.parse_args()
+    print("Change of the IAE of airspeed / roll / pitch / yaw [%]; repeats\n")
+    print("| law | link | without | with | repeats |\n| --- | --- | --- | --- | --- |")
+    for law in options.laws:
+        scenario = scenario_with(law, options.seconds)
+        clean = iae(summarise(fly_over(scenario, Impairment()), scenario).uavs)
+        for name, link in LINKS.items():
+            cells = []
+            for compensated in (False, True):
+                flight = fly_over(scenario, link, compensated)
+                found = iae(summarise(flight, scenario).uavs)
+                changes = (100.0 * (found[q] / clean[q] - 1.0) for q in QUANTITIES)
+                cells.append(" / ".join(f"{change:+.1f}" for change in changes))
+            print(f"| {law} | {name} | {' | '.join(cells)} | {flight.repeats.sum()} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+"""A key file that may be replaced while processes use it.
+
+Every process looks at the file itself; nothing about keys crosses a link. The age of the file
+tells all of them which key to sign with: for `ANNOUNCED_S` the former one, so that everybody has
+seen the new one before it is used; then the new one. Both are accepted until `GRACE_S`. The former
+key stands in a second file beside it, for processes that start meanwhile.
+"""
+
+import os
+import secrets
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, use_keys
+from mavlink_defs.framing.signing import (
+    KEY_SIZE,
+    Keys,
+    Signer,
+    SigningError,
+    former_file,
+    open_time,
+    read_key,
+    write_key,
+)
+
+__all__ = [
+    "ANNOUNCED_S",
+    "GRACE_S",
+    "KeyFile",
+    "load_link_signer",
+    "load_signer",
+    "replace_key",
+]
+
+ANNOUNCED_S = 10.0
+"""Age up to which a new key is accepted but not used to sign [s]."""
+GRACE_S = 30.0
+"""Age up to which the former key is accepted [s]."""
+
+_LOOK_S = 0.5
+
+
+def replace_key(path: Path, key: bytes | None = None) -> None:
+    """Replace the key in a file; processes that use it take the new one over.
+
+    Args:
+        path: The key file.
+        key: 32 bytes; None for random ones.
+
+    Raises:
+        SigningError: There is no key to be replaced, it was replaced a moment ago, or the new one
+            cannot be written; the key then stays.
+    """
+    former, keys = read_key(path), KeyFile(path)
+    if keys.at(time.time()).other:
+        raise SigningError(
+            f"{path}: was replaced less than {GRACE_S:g} s ago; the key before that one is still "
+            "accepted; wait"
+        )
+    new = path.with_name(f"{path.name}.new")
+    try:
+        for place, content in (
+            (former_file(path), former),
+            (path, key or secrets.token_bytes(KEY_SIZE)),
+        ):
+            new.unlink(missing_ok=True)
+            write_key(new, content)
+            new.replace(place)
+    except OSError as problem:
+        raise SigningError(f"{path}: cannot be replaced: {problem.strerror}") from None
+
+
+class _Version(NamedTuple):
+    """What a file held when it was looked at."""
+
+    since_s: float  # Unix time
+    key: bytes
+    former: bytes
+
+
+class KeyFile:
+    """The keys of a file, as it is now.
+
+    If it cannot be read any more, the keys read last stay in force, and the reason is told once.
+    """
+
+    def __init__(
+        self, path: Path | str, on_problem: Callable[[str], None] = lambda _: None
+    ) -> None:
+        """Read the file.
+
+        Raises:
+            SigningError: It holds no key that can be used.
+        """
+        self.path, self._on_problem = Path(path), on_problem
+        self._problem = ""
+        self._seen = self._stamp()
+        self._version = self._read()
+        self._looked_s = 0.0
+
+    def at(self, unix_s: float) -> Keys:
+        """Return the keys to use at a Unix time [s], which is about now."""
+        if abs(unix_s - self._looked_s) >= _LOOK_S:
+            self._looked_s = unix_s
+            self._look()
+        age_s, version = unix_s - self._version.since_s, self._version
+        if not version.former or age_s >= GRACE_S:
+            return Keys(version.key, b"")
+        if age_s >= ANNOUNCED_S:
+            return Keys(version.key, version.former)
+        return Keys(version.former, version.key)
+
+    def refresh(self, *link_signers: LinkSigner) -> None:
+        """Let compiled signers use the keys of now."""
+        for link_signer in link_signers:
+            use_keys(link_signer, self.at(time.time()))
+
+    def _look(self) -> None:
+        try:
+            stamp = self._stamp()
+            if stamp == self._seen:
+                return
+            self._version = self._read()
+            self._seen = stamp
+        except SigningError as problem:
+            if str(problem) != self._problem:
+                self._problem = str(problem)
+                self._on_problem(f"{problem}; the key read before stays in force")
+
+    def _stamp(self) -> tuple[int, int]:
+        try:
+            state = os.stat(self.path)
+        except OSError as problem:
+            hint = "; `gcs key FILE` makes one" if isinstance(problem, FileNotFoundError) else ""
+            text = f"signing key {self.path}: {problem.strerror}{hint}"
+            raise SigningError(text) from None
+        return state.st_ino, state.st_mtime_ns
+
+    def _read(self) -> _Version:
+        since_s = self.path.stat().st_mtime
+        key, former = read_key(self.path), former_file(self.path)
+        return _Version(since_s, key, read_key(former) if former.exists() else b"")
+
+
+def load_signer(key_file: str | None) -> Signer | None:
+    """Return the signer of a key file for a ground station link; None without one.
+
+    Raises:
+        SigningError: The key cannot be used.
+    """
+    if key_file is None:
+        return None
+    return Signer(KeyFile(key_file).at, open_time(key_file))
+
+
+def load_link_signer(key_file: KeyFile | None, link: int) -> LinkSigner:
+    """Return the compiled signer of a link; without a file, one that neither signs nor verifies.
+
+    Raises:
+        SigningError: The time of the last signature cannot be kept.
+    """
+    if key_file is None:
+        return new_link_signer(b"", link)
+    return new_link_signer(key_file.at(time.time()), link, open_time(key_file.path))

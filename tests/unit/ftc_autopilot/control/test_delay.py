@@ -1,0 +1,172 @@
+"""States predicted over a delay, and states in place of lost ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ftc_autopilot.control.controllers import (
+    Controllers,
+    controller_step,
+    new_controllers,
+)
+from ftc_autopilot.control.delay import (
+    DELAY,
+    interpolate,
+    lost_states,
+    note_commands,
+    note_state,
+    predicted,
+)
+from ftc_autopilot.control.reference import profile_record
+from gcs.fleet.in_process import fly_in_process
+from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from mavlink_defs.framing.codec import SIM_STATE
+from sitl_plant.aircraft import aircraft_record
+
+STEP_US = 1000
+DELAY_S = 0.02
+
+
+@pytest.fixture(scope="module")
+def calm() -> Scenario:
+    """A flight that the nominal model explains: no disturbance, no uncertainty, no fault."""
+    tree = scenario_tree(Path("paper/scenario1"))
+    for name in ("disturbance", "faults", "uncertainty"):
+        tree.pop(name, None)
+    return scenario_of("calm", tree | {"duration_s": 3.0})
+
+
+def state_of(flight_states: np.ndarray, step: int, force: np.ndarray) -> np.void:
+    measured: np.void = np.zeros(1, SIM_STATE)[0]
+    measured["step"] = step
+    measured["position"], measured["velocity"] = flight_states[0:3], flight_states[3:6]
+    measured["attitude"], measured["rates"] = flight_states[6:9], flight_states[9:12]
+    measured["specific_force"] = force
+    return measured
+
+
+@pytest.mark.parametrize("delay", [1, 5, 20])
+def test_the_prediction_is_what_the_aircraft_then_does(calm: Scenario, delay: int) -> None:
+    """The commands are those that were on their way, not those in force when they were sent."""
+    flight = fly_in_process(calm)
+    aircraft = aircraft_record(calm.aircraft)
+    for now in (500, 1500, 2500):
+        memory = np.zeros(1, DELAY)[0]
+        memory["periods"] = delay
+        for step in range(now - 100, now):  # a command acts `delay` periods after its step
+            note_commands(memory, step, flight.applied[step + delay, 1])
+        x = flight.states[now, 1]
+        v_dot = np.gradient(flight.states[now - 1 : now + 1, 1, 3:6], axis=0)[0] * 1e6 / STEP_US
+        gravity = calm.aircraft.gravity_m_s2 * down_in_body_axes(x[6:9])
+        measured = state_of(x, now, v_dot + np.cross(x[9:12], x[3:6]) - gravity)
+        result = predicted(memory, measured, 0.0, STEP_US, aircraft)
+        assert result["step"] == now
+        then = flight.states[now + delay, 1]
+        moved = np.abs(then - x)
+        for name, part, least in (("velocity", slice(3, 6), 1e-2), ("attitude", slice(6, 9), 1e-5)):
+            wrong = np.abs(result[name] - then[part])
+            assert (wrong < 0.05 * moved[part].max() + least).all(), name
+        assert np.allclose(result["rates"], then[9:12], atol=1e-3)
+
+
+def down_in_body_axes(attitude: np.ndarray) -> np.ndarray:
+    roll, pitch, _ = attitude
+    return np.array([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
+
+
+def test_without_a_delay_the_state_is_the_measured_one(calm: Scenario) -> None:
+    memory, measured = np.zeros(1, DELAY)[0], np.zeros(1, SIM_STATE)[0]
+    measured["velocity"] = 40.0, 0.0, 1.0
+    found = predicted(memory, measured, 0.0, STEP_US, aircraft_record(calm.aircraft))
+    assert found.tobytes() == measured.tobytes()
+
+
+@given(
+    gap=st.integers(1, 100),
+    begin=st.integers(0, 10**6),
+    before=st.floats(-10.0, 10.0),
+    after=st.floats(-10.0, 10.0),
+)
+def test_lost_states_lie_on_the_line_between_their_neighbours(
+    gap: int, begin: int, before: float, after: float
+) -> None:
+    memory, first, last = (np.zeros(1, kind)[0] for kind in (DELAY, SIM_STATE, SIM_STATE))
+    first["step"], last["step"] = begin, begin + gap + 1
+    names = ("velocity", "attitude", "rates", "specific_force", "wind")
+    for name in names:
+        first[name], last[name] = before, after
+    note_state(memory, first)
+    note_commands(memory, begin, np.zeros(4))
+    assert lost_states(memory, last, STEP_US) == gap
+    for k in range(1, gap + 1):
+        between = interpolate(memory, last)
+        assert between["step"] == begin + k
+        for name in names:
+            assert between[name] == pytest.approx(before + k / (gap + 1) * (after - before))
+        note_commands(memory, begin + k, np.zeros(4))
+
+
+@pytest.mark.parametrize(("step", "lost"), [(1, 0), (101, 100), (102, 0), (0, 0)])
+def test_a_long_gap_is_not_made_up_for(step: int, lost: int) -> None:
+    memory, measured = np.zeros(1, DELAY)[0], np.zeros(1, SIM_STATE)[0]
+    note_commands(memory, 0, np.zeros(4))
+    measured["step"] = step
+    assert max(lost_states(memory, measured, STEP_US), 0) == lost
+
+
+@given(
+    steps=st.lists(st.integers(1, 40), min_size=1, max_size=12),
+    values=st.lists(st.floats(-1.0, 1.0), min_size=12, max_size=12),
+)
+def test_commands_stay_in_force_until_the_next_ones(steps: list[int], values: list[float]) -> None:
+    memory, step, said = np.zeros(1, DELAY)[0], 0, {}
+    for after, value in zip(steps, values, strict=False):
+        step += after
+        note_commands(memory, step, np.full(4, value))
+        said[step] = value
+    rows = len(memory["commands"])
+    for earlier in range(max(step - rows + 1, 0), step + 1):
+        known = [value for at, value in said.items() if at <= earlier]
+        assert (memory["commands"][earlier % rows] == (known[-1] if known else values[0])).all()
+
+
+def new_controller_of(scenario: Scenario) -> Controllers:
+    controllers = new_controllers([scenario.autopilot_config(2)])
+    controllers.profiles[0] = profile_record(scenario.segments())
+    for key, value in (("active", 1), ("auto", 1), ("start_step", 0)):
+        controllers.guidance[0][key] = value
+    return controllers
+
+
+def test_the_reference_does_not_stand_still_over_lost_states(calm: Scenario) -> None:
+    whole, lossy = new_controller_of(calm), new_controller_of(calm)
+    measured = np.zeros(1, SIM_STATE)[0]
+    measured["velocity"] = 40.0, 0.0, 1.0
+    for step in range(1200):
+        measured["step"], measured["time_usec"] = step, step * STEP_US
+        controller_step(whole, 0, measured, STEP_US)
+        if step % 7 not in {2, 3, 4}:
+            controller_step(lossy, 0, measured, STEP_US)
+    assert lossy.states["reference"].tobytes() == whole.states["reference"].tobytes()
+    assert lossy.states["steps"][0] < whole.states["steps"][0] == 1200
+    counted = lossy.states[0]
+    assert counted["messages"] <= counted["steps"]
+
+
+def test_a_known_dead_time_of_the_servos_is_predicted_over() -> None:
+    tree = scenario_tree(Path("paper/scenario1")) | {"duration_s": 6.0}
+    dead = {"dead_time_s": DELAY_S}
+    slow = tree | {"servos": {"surfaces": dead, "throttle": dead}}
+    known = slow | {"controller": slow["controller"] | {"delay_s": DELAY_S}}
+    ideal, unaware, aware = (roll_error(scenario_of("delay", one)) for one in (tree, slow, known))
+    assert aware < 1.05 * ideal
+    assert unaware > 1.5 * ideal
+
+
+def roll_error(scenario: Scenario) -> float:
+    """Return the IAE of the roll angle [deg s]."""
+    error = fly_in_process(scenario).error("command")[..., 1]
+    return float(np.degrees(np.abs(error)).sum() * scenario.step_us / 1e6)
