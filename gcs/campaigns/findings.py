@@ -12,7 +12,7 @@ from gcs.campaigns.importance import Importance, SobolIndex, importances, sobol_
 from gcs.campaigns.outcomes import severity
 from gcs.campaigns.samples import Sample, read_samples
 from gcs.campaigns.stopping import leading
-from gcs.campaigns.store import Mark, mark_of, read_draws, uav_ids
+from gcs.campaigns.store import Mark, mark_of, read_draws
 from gcs.campaigns.until import noted_conditions
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 
@@ -147,7 +147,7 @@ class Findings:
         campaign, sample = self.mark.campaign, self.counted[variant]
         if campaign.design != "saltelli":
             return {}
-        names = [axis.column for axis in dimensions(campaign, uav_ids(self.mark))]
+        names = [axis.column for axis in dimensions(campaign, self.mark.uav_ids)]
         if len(sample) != (campaign.draws or 0) * (len(names) + 2):
             return {}
         failure = (~sample.success).astype(float)

@@ -2,7 +2,7 @@
 
 It holds::
 
-    campaign.json               the request, and the code that flies it; it marks the folder
+    campaign.yaml               the request, and the code that flies it; it marks the folder
     scenario.yaml               the base scenario, with what it extends
     draws.parquet               one row per planned flight, written before the first flight
     results/part-NNNNN.parquet  rows of flights that ended; no file is written twice
@@ -12,14 +12,14 @@ A file gets its name only when it is complete, so whatever ends a campaign, the 
 stored stay, and none is stored by half.
 
 Columns of the draws: ``row`` (int64), ``variant`` (string), ``draw`` (int64, the same for every
-variant that flies it), ``seed`` (int64), ``factor.NAME`` (double or string), and of drawn faults
+variant that flies it), ``seed`` (int64), ``factor.NAME`` (double; string where a value is none,
+with lists and mappings as JSON), and of drawn faults
 ``fault.NAME.uav`` (int64), ``.actuator``, ``.kind`` (string), ``.start_s``, ``.end_s`` (null for
 good), ``.severity`` (double). The results have these and `results_schema`'s.
 """
 
 import contextlib
 import fcntl
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,8 +29,7 @@ from gcs.campaigns.model import Campaign
 from gcs.errors import BadInput
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
 from gcs.results.traffic import KINDS
-from mavlink_defs.config.files import read
-from mavlink_defs.config.inherit import merged
+from mavlink_defs.config.files import parse, read
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.runtime.files import naming, write_text
 
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 __all__ = [
+    "MARK",
     "OUTCOMES",
     "Mark",
     "Outcome",
@@ -45,25 +45,29 @@ __all__ = [
     "append_results",
     "campaign_of",
     "mark_of",
+    "plain",
     "read_draws",
     "read_results",
     "result_columns",
     "results_schema",
-    "uav_ids",
     "write_draws",
     "write_mark",
 ]
 
-SCHEMA = 1
+SCHEMA = 2
 """Number of this layout; it changes when a reader of the old one would go wrong."""
 
-Outcome = Literal["completed", "heading_lost", "attitude_lost", "model_left", "crashed", "failed"]
+Outcome = Literal[
+    "completed", "heading_lost", "attitude_lost", "model_left", "crashed", "failed", "invalid"
+]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 """From best to worst. A flight has the worst that applies: a UAV's heading was more than 90° off,
 its roll or pitch, the model's validity ended and with it the flight, the flight killed its process
-three times. ``failed``: it could not be computed for another reason."""
+three times. ``failed``: it could not be computed for another reason. ``invalid``: the values are
+no scenario, which only points of a sweep may be."""
 
-_MARK = "campaign.json"
+MARK = "campaign.yaml"
+"""File that marks the folder of a campaign."""
 _SCENARIO = "scenario.yaml"
 _DRAWS = "draws.parquet"
 _PART = ".part"  # ends the name of a file that is being written
@@ -77,6 +81,7 @@ class Mark:
         campaign: The campaign.
         file: File of the base scenario, for messages.
         scenario: Plain data of the base scenario, with what it extends.
+        uav_ids: System ids of all UAVs that fly in it.
         version: Version of the package.
         digest: Digest of the code that flies it.
     """
@@ -84,18 +89,29 @@ class Mark:
     campaign: Campaign
     file: str
     scenario: dict[str, Any]
+    uav_ids: Sequence[int]
     version: str
     digest: str
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the content of `campaign.json`."""
-        return {
-            "schema": SCHEMA,
-            "version": self.version,
-            "digest": self.digest,
-            "file": self.file,
-            "campaign": self.campaign.model_dump(mode="json"),
-        }
+    def to_yaml(self) -> str:
+        """Return the content of `campaign.yaml`."""
+        return yaml_of(
+            {
+                "schema": SCHEMA,
+                "version": self.version,
+                "digest": self.digest,
+                "file": self.file,
+                "uav_ids": list(self.uav_ids),
+                "campaign": plain(self.campaign.model_dump()),
+            }
+        )
+
+
+def plain(value: Any) -> Any:
+    """Return a tree with lists for tuples, as a file has them."""
+    if isinstance(value, dict):
+        return {key: plain(inner) for key, inner in value.items()}
+    return [plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def mark_of(folder: Path) -> Mark:
@@ -104,21 +120,22 @@ def mark_of(folder: Path) -> Mark:
     Raises:
         BadInput: It is not the folder of a campaign, or one of another layout.
     """
-    path = folder / _MARK
+    path = folder / MARK
     try:
-        tree = json.loads(path.read_bytes())
+        tree = parse(path, path.read_text(encoding="utf-8"))
         if tree["schema"] == SCHEMA:
             return Mark(
                 campaign=Campaign.model_validate(tree["campaign"]),
                 file=tree["file"],
                 scenario=read(folder / _SCENARIO),
+                uav_ids=tree["uav_ids"],
                 version=tree["version"],
                 digest=tree["digest"],
             )
     except FileNotFoundError:
         raise BadInput(
-            f"{folder} is not the folder of a campaign: it has no {_MARK}",
-            "gcs campaign makes one",
+            f"{folder} is not the folder of a campaign: it has no {MARK}",
+            "gcs campaign and gcs sweep make one",
         ) from None
     except (OSError, ValueError, KeyError, TypeError) as problem:
         raise BadInput(f"{path} cannot be read: {problem}") from problem
@@ -138,23 +155,17 @@ def campaign_of(folder: Path) -> Campaign:
 
 
 def write_mark(folder: Path, mark: Mark) -> None:
-    """Write `scenario.yaml`, then `campaign.json`.
+    """Write `scenario.yaml`, then `campaign.yaml`.
 
     Raises:
         OSError: It cannot be written; it is named.
     """
     write_text(folder / _SCENARIO, yaml_of(mark.scenario))
-    path = folder / _MARK
+    path = folder / MARK
     part = path.with_name(path.name + _PART)
     with naming(path):
-        part.write_text(json.dumps(mark.to_json(), indent=1) + "\n", encoding="utf-8")
+        part.write_text(mark.to_yaml(), encoding="utf-8")
         part.replace(path)
-
-
-def uav_ids(mark: Mark) -> list[int]:
-    """Return the system ids of all UAVs that fly in some variant of a checked campaign."""
-    scenarios = (merged(mark.scenario, changes) for changes in mark.campaign.variants.values())
-    return sorted({uav["id"] for scenario in scenarios for uav in scenario["uavs"]})
 
 
 def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
@@ -247,7 +258,7 @@ def alone_in(folder: Path) -> Iterator[None]:
     Raises:
         BadInput: Another command writes there.
     """
-    with (folder / _MARK).open("rb") as file:
+    with (folder / MARK).open("rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -314,7 +325,7 @@ def _schema(folder: Path) -> "pa.Schema":
     for path in _parts(folder):
         with _reading(folder):
             return pq.read_schema(path)
-    return results_schema(read_draws(folder).schema, uav_ids(mark_of(folder)))
+    return results_schema(read_draws(folder).schema, mark_of(folder).uav_ids)
 
 
 @contextlib.contextmanager

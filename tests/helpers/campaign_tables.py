@@ -84,7 +84,7 @@ def write_campaign(folder: Path, request: Campaign, draws: pa.Table, results: pa
     """Write a folder as `gcs campaign` leaves it, in two files of results."""
     folder.mkdir(parents=True, exist_ok=True)
     scenario = {"uavs": [{"id": uav} for uav in UAVS]}
-    write_mark(folder, Mark(request, "synthetic.yaml", scenario, "0.1.0", "abc"))
+    write_mark(folder, Mark(request, "synthetic.yaml", scenario, list(UAVS), "0.1.0", "abc"))
     write_draws(folder, draws)
     half = results.num_rows // 2
     append_results(folder, results.slice(half))

@@ -76,7 +76,7 @@ class Hopeless(Flights):
 def test_a_flight_that_cannot_be_computed_is_a_row() -> None:
     plan = planned(draws=3)
     ours = plan.flights
-    flights = Hopeless(ours.campaign, ours.file, ours.trees, ours.schema)
+    flights = Hopeless(ours.campaign, ours.file, ours.trees, ours.filled, ours.schema)
     rows = fly_rows(flights, list(rows_of(plan.draws))).to_pylist()
     assert [row["outcome"] for row in rows] == ["completed", "failed", "completed"]
     assert rows[1]["reason"] == "MemoryError: too long"

@@ -32,10 +32,13 @@ CAMPAIGN = Campaign.model_validate(
                 "key": "trigger.mode",
                 "draw": {"kind": "choice", "values": ["joint", "periodic"]},
             },
+            "network": {"draw": {"kind": "choice", "values": [{"leader_access": {1: 0.5}}, None]}},
         },
+        "variants": {"base": {}, "nearer": {"network": {"leader_access": {1: 2.0}}}},
     }
 )
-MARK = Mark(CAMPAIGN, "my.yaml", {"uavs": [{"id": 3}], "leader_access": {1: 0.1}}, "0.1.0", "abc")
+SCENARIO = {"uavs": [{"id": 3}], "leader_access": {1: 0.1}}
+MARK = Mark(CAMPAIGN, "my.yaml", SCENARIO, [3], "0.1.0", "abc")
 DRAWS = pa.table(
     {
         "row": pa.array([0, 1, 2], pa.int64()),
@@ -118,7 +121,7 @@ def test_another_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_another_layout_is_refused(folder: Path) -> None:
-    text = (folder / "campaign.json").read_text()
-    (folder / "campaign.json").write_text(text.replace('"schema": 1', '"schema": 2'))
-    with pytest.raises(BadInput, match="layout 2, this version reads 1"):
+    text = (folder / "campaign.yaml").read_text()
+    (folder / "campaign.yaml").write_text(text.replace("schema: 2", "schema: 3"))
+    with pytest.raises(BadInput, match="layout 3, this version reads 2"):
         campaign_of(folder)
