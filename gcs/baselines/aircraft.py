@@ -9,9 +9,9 @@ from gcs.baselines.search import worst_ratio
 from gcs.baselines.senders import sender, transmissions
 from gcs.campaigns.draws import draw_table
 from gcs.campaigns.flights import Flights, Row
+from gcs.campaigns.mark import plain
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.plan import rows_of
-from gcs.campaigns.store import plain
 from gcs.errors import BadInput
 from gcs.results.summary import FlightSummary
 from gcs.scenario.model import Scenario

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gcs.campaigns.distributions import Choice, Value, value_of
+from gcs.campaigns.mark import Mark, plain
 from gcs.campaigns.model import Campaign
-from gcs.campaigns.store import Mark, Outcome, plain, results_schema
+from gcs.campaigns.store import Outcome, results_schema
 from gcs.results.summary import FlightSummary, UavSummary
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of

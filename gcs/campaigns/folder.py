@@ -4,8 +4,9 @@ import hashlib
 import re
 from pathlib import Path
 
+from gcs.campaigns.mark import MARK, Mark, mark_of, write_mark
 from gcs.campaigns.plan import Plan
-from gcs.campaigns.store import MARK, Mark, mark_of, read_draws, write_draws, write_mark
+from gcs.campaigns.store import read_draws, write_draws
 from gcs.errors import BadInput
 from mavlink_defs.config.yaml_text import yaml_of
 

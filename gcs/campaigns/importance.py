@@ -1,6 +1,6 @@
 """Which drawn factor drives a cost: rank correlations, and Sobol indices of Saltelli designs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,21 +27,21 @@ class Importance:
     p_value: float
 
 
-def importances(factors: Mapping[str, np.ndarray], costs: np.ndarray) -> list[Importance]:
+def importances(factors: Iterable[tuple[str, np.ndarray]], costs: np.ndarray) -> list[Importance]:
     """Rank factors by their association with a cost, the strongest first.
 
     Failures, with an infinite cost, rank worst and equal. A factor that does not vary, and any
     factor of a cost that does not, has no association and is left out.
 
     Args:
-        factors: Drawn values by name, each of shape (flights,); objects have no order.
+        factors: Name and drawn values of each, shape (flights,); objects have no order.
         costs: Of the same flights, shape (flights,); may be infinite.
     """
     if len(costs) < 3 or len(np.unique(costs)) < 2:
         return []
     ranks = stats.rankdata(costs)
     found = []
-    for name, values in factors.items():
+    for name, values in factors:
         if len(np.unique(values)) < 2:
             continue
         found.append(

@@ -1,17 +1,19 @@
 """The plan of a campaign: its draws, each checked to be a scenario before the first flight."""
 
+import copy
 import difflib
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.campaigns.distributions import Choice, is_number, support
 from gcs.campaigns.draws import draw_table
 from gcs.campaigns.flights import Flights, Row, variant_trees
+from gcs.campaigns.mark import Mark, plain
 from gcs.campaigns.model import Campaign, campaign_tree
-from gcs.campaigns.store import Mark, results_schema
+from gcs.campaigns.store import results_schema
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
@@ -60,23 +62,27 @@ def load_plan(path: Path, draws: int | None = None) -> Plan:
     """
     tree = rest = campaign_tree(path, draws)
     problems: list[Problem] = []
+    whole = True
     while True:
         try:
             campaign = validate(path, rest, Campaign)
             break
         except ConfigError as error:
-            problems += error.problems
-            before, rest = rest, _without(rest, error.problems)
+            problems += [problem for problem in error.problems if problem not in problems]
+            before, rest = rest, _without_unknown_keys(rest, error.problems)
+            if rest == before:
+                rest, whole = _without(rest, error.problems), False
             if "scenario" not in rest or rest == before:  # nothing more can be checked
                 raise ConfigError(path, problems) from error
-    if not problems:
-        return plan(campaign, path)
     try:
         planned, more = _planned(campaign, path)
     except ConfigError as error:
         raise ConfigError(path, [*problems, *error.problems]) from error
-    more += _of_left_out_keys(planned.flights, tree)
-    raise ConfigError(path, [*problems, *more])
+    problems += more
+    problems += _of_draws(planned, more) if whole else _of_left_out_keys(planned.flights, tree)
+    if problems:
+        raise ConfigError(path, problems)
+    return planned
 
 
 def plan(campaign: Campaign, path: Path) -> Plan:
@@ -90,7 +96,8 @@ def plan(campaign: Campaign, path: Path) -> Plan:
         ConfigError: Its scenario, a variant, a factor or a draw cannot be used; all are named.
     """
     planned, problems = _planned(campaign, path)
-    if problems or (problems := _of_draws(planned.flights, planned.draws)):
+    problems += _of_draws(planned, problems)
+    if problems:
         raise ConfigError(path, problems)
     return planned
 
@@ -115,6 +122,8 @@ def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
         for name, found in of_variants.items()
         for problem in found
     ]
+    if not filled:  # what does not depend on the variants can be checked nevertheless
+        trees, filled = {"": tree}, {"": plain(scenario.model_dump())}
     flown = sorted({uav["id"] for own in filled.values() for uav in own["uavs"]})
     mark = Mark(campaign, str(file), tree, flown, code_version(), code_digest())
     schema = results_schema(draws.schema, flown)
@@ -126,6 +135,19 @@ def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
 
 
 _HARMLESS = {"duration_s": {"draw": {"kind": "choice", "values": [1.0]}, "relative": True}}
+
+
+def _without_unknown_keys(tree: dict[Any, Any], problems: list[Problem]) -> dict[Any, Any]:
+    """Return a campaign's plain data without its unknown keys."""
+    rest = copy.deepcopy(tree)
+    for problem in problems:
+        if problem.kind is ProblemKind.UNKNOWN_KEY:
+            *way, last = problem.loc
+            here: Any = rest
+            for key in way:
+                here = here[key] if isinstance(here, list) or key in here else {}
+            here.pop(last, None)
+    return rest
 
 
 def _without(tree: dict[Any, Any], problems: list[Problem]) -> dict[Any, Any]:
@@ -252,10 +274,22 @@ class _Repeated:
     draws: set[int] = field(default_factory=set)
 
 
-def _of_draws(flights: Flights, draws: "pa.Table") -> list[Problem]:
-    """Check every planned flight; problems of the same factors at the same key are one."""
+def _of_draws(planned: Plan, known: list[Problem]) -> list[Problem]:
+    """Check every planned flight; problems of the same factors at the same key are one.
+
+    Factors, faults and variants that have problems already are left out.
+    """
+    wrong = {problem.loc[:2] for problem in known}
+    campaign = planned.mark.campaign
+    sound = {
+        part: {name: own for name, own in entries.items() if (part, name) not in wrong}
+        for part, entries in (("factors", campaign.factors), ("faults", campaign.faults))
+    }
+    flights = replace(planned.flights, campaign=campaign.model_copy(update=sound))
     found: dict[tuple[Loc, Loc], _Repeated] = {}
-    for row in rows_of(draws):
+    for row in rows_of(planned.draws):
+        if row["variant"] not in flights.filled:
+            continue
         try:
             flights.scenario(row)
         except ConfigError as error:

@@ -20,42 +20,32 @@ good), ``.severity`` (double). The results have these and `results_schema`'s.
 
 import contextlib
 import fcntl
+import functools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
-from gcs.campaigns.model import Campaign
+from gcs.campaigns.mark import MARK, mark_of
 from gcs.errors import BadInput
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
 from gcs.results.traffic import KINDS
-from mavlink_defs.config.files import parse, read
-from mavlink_defs.config.yaml_text import yaml_of
-from mavlink_defs.runtime.files import naming, write_text
+from mavlink_defs.runtime.files import naming
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 __all__ = [
-    "MARK",
     "OUTCOMES",
-    "Mark",
     "Outcome",
+    "Results",
     "alone_in",
     "append_results",
-    "campaign_of",
-    "mark_of",
-    "plain",
+    "planned_rows",
     "read_draws",
     "read_results",
-    "result_columns",
     "results_schema",
     "write_draws",
-    "write_mark",
 ]
-
-SCHEMA = 2
-"""Number of this layout; it changes when a reader of the old one would go wrong."""
 
 Outcome = Literal[
     "completed", "heading_lost", "attitude_lost", "model_left", "crashed", "failed", "invalid"
@@ -66,106 +56,9 @@ its roll or pitch, the model's validity ended and with it the flight, the flight
 three times. ``failed``: it could not be computed for another reason. ``invalid``: the values are
 no scenario, which only points of a sweep may be."""
 
-MARK = "campaign.yaml"
-"""File that marks the folder of a campaign."""
-_SCENARIO = "scenario.yaml"
 _DRAWS = "draws.parquet"
+_COLUMNS = 16  # that are kept in memory
 _PART = ".part"  # ends the name of a file that is being written
-
-
-@dataclass(frozen=True)
-class Mark:
-    """What a folder was flown for.
-
-    Attributes:
-        campaign: The campaign.
-        file: File of the base scenario, for messages.
-        scenario: Plain data of the base scenario, with what it extends.
-        uav_ids: System ids of all UAVs that fly in it.
-        version: Version of the package.
-        digest: Digest of the code that flies it.
-    """
-
-    campaign: Campaign
-    file: str
-    scenario: dict[str, Any]
-    uav_ids: Sequence[int]
-    version: str
-    digest: str
-
-    def to_yaml(self) -> str:
-        """Return the content of `campaign.yaml`."""
-        return yaml_of(
-            {
-                "schema": SCHEMA,
-                "version": self.version,
-                "digest": self.digest,
-                "file": self.file,
-                "uav_ids": list(self.uav_ids),
-                "campaign": plain(self.campaign.model_dump()),
-            }
-        )
-
-
-def plain(value: Any) -> Any:
-    """Return a tree with lists for tuples, as a file has them."""
-    if isinstance(value, dict):
-        return {key: plain(inner) for key, inner in value.items()}
-    return [plain(inner) for inner in value] if isinstance(value, list | tuple) else value
-
-
-def mark_of(folder: Path) -> Mark:
-    """Read what a folder was flown for.
-
-    Raises:
-        BadInput: It is not the folder of a campaign, or one of another layout.
-    """
-    path = folder / MARK
-    try:
-        tree = parse(path, path.read_text(encoding="utf-8"))
-        if tree["schema"] == SCHEMA:
-            return Mark(
-                campaign=Campaign.model_validate(tree["campaign"]),
-                file=tree["file"],
-                scenario=read(folder / _SCENARIO),
-                uav_ids=tree["uav_ids"],
-                version=tree["version"],
-                digest=tree["digest"],
-            )
-    except FileNotFoundError:
-        raise BadInput(
-            f"{folder} is not the folder of a campaign: it has no {MARK}",
-            "gcs campaign and gcs sweep make one",
-        ) from None
-    except (OSError, ValueError, KeyError, TypeError) as problem:
-        raise BadInput(f"{path} cannot be read: {problem}") from problem
-    raise BadInput(
-        f"{path} has layout {tree['schema']!r}, this version reads {SCHEMA}",
-        "read it with the version that wrote it, which it names",
-    )
-
-
-def campaign_of(folder: Path) -> Campaign:
-    """Read the campaign of a folder.
-
-    Raises:
-        BadInput: As of `mark_of`.
-    """
-    return mark_of(folder).campaign
-
-
-def write_mark(folder: Path, mark: Mark) -> None:
-    """Write `scenario.yaml`, then `campaign.yaml`.
-
-    Raises:
-        OSError: It cannot be written; it is named.
-    """
-    write_text(folder / _SCENARIO, yaml_of(mark.scenario))
-    path = folder / MARK
-    part = path.with_name(path.name + _PART)
-    with naming(path):
-        part.write_text(mark.to_yaml(), encoding="utf-8")
-        part.replace(path)
 
 
 def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
@@ -237,11 +130,30 @@ def read_draws(folder: Path) -> "pa.Table":
     Raises:
         BadInput: The folder has none, or they cannot be read.
     """
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
+    with _reading_draws(folder):
         return pq.read_table(folder / _DRAWS)
+
+
+def planned_rows(folder: Path) -> int:
+    """Return the number of planned flights.
+
+    Raises:
+        BadInput: As of `read_draws`.
+    """
+    import pyarrow.parquet as pq
+
+    with _reading_draws(folder):
+        return int(pq.read_metadata(folder / _DRAWS).num_rows)
+
+
+@contextlib.contextmanager
+def _reading_draws(folder: Path) -> Iterator[None]:
+    import pyarrow as pa
+
+    try:
+        yield
     except FileNotFoundError:
         mark_of(folder)  # says so if it is no campaign at all
         raise BadInput(
@@ -309,13 +221,41 @@ def read_results(folder: Path, columns: Sequence[str] | None = None) -> "pa.Tabl
     return pa.concat_tables(tables).sort_by("row").select(known)
 
 
-def result_columns(folder: Path) -> list[str]:
-    """Return the names of the results' columns.
+class Results:
+    """The results of a campaign, read column by column: all columns of a million flights are much.
+
+    Rows are in the order of the files; those that are written later are not seen.
+
+    Attributes:
+        schema: Their columns.
 
     Raises:
         BadInput: The folder is no campaign, or a file cannot be read.
     """
-    return list(_schema(folder).names)
+
+    def __init__(self, folder: Path) -> None:
+        self.schema = _schema(folder)
+        self._folder, self._paths = folder, list(_parts(folder))
+        self.column = functools.lru_cache(maxsize=_COLUMNS)(self._read)
+
+    def _read(self, name: str) -> "pa.Array":
+        """Read a column; texts as a dictionary.
+
+        Raises:
+            BadInput: A file cannot be read.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        field = self.schema.field(name)
+        texts = [name] if pa.types.is_string(field.type) else []
+        if not self._paths:
+            return pa.array([], field.type)
+        with _reading(self._folder):
+            tables = [
+                pq.read_table(path, columns=[name], read_dictionary=texts) for path in self._paths
+            ]
+        return pa.concat_tables(tables).column(0).unify_dictionaries().combine_chunks()
 
 
 def _schema(folder: Path) -> "pa.Schema":

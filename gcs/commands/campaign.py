@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 
@@ -103,21 +104,21 @@ def _report(folder: Path, console: Console) -> None:
     from rich.table import Table
 
     from gcs.campaigns.report import write_report
-    from gcs.campaigns.store import OUTCOMES, read_results
+    from gcs.campaigns.samples import read_samples
+    from gcs.campaigns.store import OUTCOMES
 
-    results = read_results(folder, ["variant", "outcome", "reason"]).to_pydict()
-    counts = Counter(zip(results["variant"], results["outcome"], strict=True))
-    shown = [name for name in OUTCOMES if any(counts[v, name] for v, _ in list(counts))]
+    samples = read_samples(folder)
+    counts = {name: Counter(own.outcome.tolist()) for name, own in samples.items()}
+    shown = [name for name in OUTCOMES if any(own[name] for own in counts.values())]
     table = Table("variant", *(name.replace("_", " ") for name in shown))
-    for variant in dict.fromkeys(results["variant"]):
-        table.add_row(variant, *(str(counts[variant, name]) for name in shown))
+    for variant, own in counts.items():
+        table.add_row(variant, *(str(own[name]) for name in shown))
     console.print(table)
     with console.status("writing the report"):
         page = write_report(folder)
     console.print(f"results in {folder}; open {page}", soft_wrap=True)
-    ended = zip(results["outcome"], results["reason"], strict=True)
-    failed = [reason for outcome, reason in ended if outcome == "failed"]
-    if failed:
-        raise GcsError(
-            f"{len(failed)} of {len(results['outcome'])} flights could not be computed: {failed[0]}"
-        )
+    failed = [own.take(np.flatnonzero(own.outcome == "failed")) for own in samples.values()]
+    if count := sum(map(len, failed)):
+        reason = next(own.texts("reason")[0] for own in failed if len(own))
+        total = sum(map(len, samples.values()))
+        raise GcsError(f"{count} of {total} flights could not be computed: {reason}")

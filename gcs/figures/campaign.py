@@ -144,7 +144,7 @@ def two_factors(findings: Findings) -> "Figure | None":
     for panel in panels.flat[len(variants) :]:
         panel.set_visible(False)
     for panel, flights in zip(panels.flat, variants.values(), strict=False):
-        x, y = (flights.factors[name] for name in names)
+        x, y = (flights.factor(name) for name in names)
         failed = ~flights.success
         shown = _sample(np.flatnonzero(~failed)), _sample(np.flatnonzero(failed))
         good: dict[str, Any] = {"s": 9.0, "color": style(2).colour, "alpha": 0.6, "lw": 0.0}

@@ -9,9 +9,10 @@ from pathlib import Path
 from gcs.campaigns.distributions import Choice
 from gcs.campaigns.draws import draw_table
 from gcs.campaigns.flights import Flights, Row, flights_of
+from gcs.campaigns.mark import Mark
 from gcs.campaigns.model import Campaign, Factor
 from gcs.campaigns.plan import Plan, rows_of
-from gcs.campaigns.store import Mark, results_schema
+from gcs.campaigns.store import results_schema
 from gcs.errors import BadInput
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree

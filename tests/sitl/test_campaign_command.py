@@ -22,7 +22,8 @@ from flying import (
     wait_until,
 )
 
-from gcs.campaigns.store import mark_of, read_results
+from gcs.campaigns.mark import mark_of
+from gcs.campaigns.store import read_results
 
 pytestmark = pytest.mark.sitl
 

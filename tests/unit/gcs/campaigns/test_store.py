@@ -6,18 +6,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from gcs.campaigns.mark import Mark, campaign_of, mark_of, write_mark
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.store import (
-    Mark,
     alone_in,
     append_results,
-    campaign_of,
-    mark_of,
     read_draws,
     read_results,
     results_schema,
     write_draws,
-    write_mark,
 )
 from gcs.errors import BadInput
 
