@@ -113,9 +113,7 @@ class Findings:
         for variant, flights in self.counted.items():
             failure = (~flights.success).astype(float)
             costs = {"failure": failure, "tracking error": self.tracking_error(flights)}
-            found[variant] = {
-                what: importances(flights.factors(), cost) for what, cost in costs.items()
-            }
+            found[variant] = importances(flights.factors(), costs)
         return found
 
     def most_important(self, count: int) -> list[str]:

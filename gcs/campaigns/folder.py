@@ -4,7 +4,7 @@ import hashlib
 import re
 from pathlib import Path
 
-from gcs.campaigns.mark import MARK, Mark, mark_of, write_mark
+from gcs.campaigns.mark import MARK, Mark, mark_of, unfinished, write_mark
 from gcs.campaigns.plan import Plan
 from gcs.campaigns.store import read_draws, write_draws
 from gcs.errors import BadInput
@@ -37,7 +37,7 @@ def open_folder(folder: Path, plan: Plan) -> None:
         ) from problem
     if MARK in names:
         _check_same(folder, mark_of(folder), plan.mark)
-    elif names - {f"{MARK}.part", "scenario.yaml"}:
+    elif names - unfinished(names):
         raise BadInput(
             f"the folder {folder} holds something that is not a campaign or sweep",
             "choose another with --out, or remove it",

@@ -4,7 +4,7 @@
 Both are YAML: the keys of JSON are texts, and those of ``leader_access`` are numbers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from mavlink_defs.config.files import parse, read
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.runtime.files import naming, write_text
 
-__all__ = ["MARK", "Mark", "campaign_of", "mark_of", "plain", "write_mark"]
+__all__ = ["MARK", "Mark", "campaign_of", "mark_of", "plain", "unfinished", "write_mark"]
 
 SCHEMA = 2
 """Number of this layout; it changes when a reader of the old one would go wrong."""
@@ -24,7 +24,7 @@ MARK = "campaign.yaml"
 """File that marks the folder of a campaign."""
 
 _SCENARIO = "scenario.yaml"
-_PART = ".part"  # ends the name of a file that is being written
+_PART = f"{MARK}.part"  # while it is being written
 
 
 @dataclass(frozen=True)
@@ -109,14 +109,22 @@ def campaign_of(folder: Path) -> Campaign:
 
 
 def write_mark(folder: Path, mark: Mark) -> None:
-    """Write `scenario.yaml`, then `campaign.yaml`.
+    """Write `scenario.yaml`, and `campaign.yaml` so that it is there when both are complete.
 
     Raises:
         OSError: It cannot be written; it is named.
     """
-    write_text(folder / _SCENARIO, yaml_of(mark.scenario))
-    path = folder / MARK
-    part = path.with_name(path.name + _PART)
+    path, part = folder / MARK, folder / _PART
     with naming(path):
         part.write_text(mark.to_yaml(), encoding="utf-8")
+    write_text(folder / _SCENARIO, yaml_of(mark.scenario))
+    with naming(path):
         part.replace(path)
+
+
+def unfinished(names: Set[str]) -> Set[str]:
+    """Return which of the names in a folder are those of a mark that was not written to its end.
+
+    A `scenario.yaml` alone is somebody's.
+    """
+    return names & {_PART, _SCENARIO} if _PART in names else set()

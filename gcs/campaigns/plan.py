@@ -142,11 +142,10 @@ def _without_unknown_keys(tree: dict[Any, Any], problems: list[Problem]) -> dict
     rest = copy.deepcopy(tree)
     for problem in problems:
         if problem.kind is ProblemKind.UNKNOWN_KEY:
-            *way, last = problem.loc
             here: Any = rest
-            for key in way:
-                here = here[key] if isinstance(here, list) or key in here else {}
-            here.pop(last, None)
+            for key in problem.loc[:-1]:
+                here = here.get(key, {}) if isinstance(here, dict) else here[int(key)]
+            here.pop(problem.loc[-1], None)
     return rest
 
 

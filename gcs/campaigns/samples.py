@@ -144,7 +144,7 @@ class Sample:
         if pa.types.is_floating(kind):
             values = self.numbers(name)
             if _is_severity(name):
-                return np.abs(values)
+                return np.asarray(np.abs(values))
             return np.where(np.isnan(values), np.inf, values)  # the end of a fault for good
         if pa.types.is_integer(kind):
             return np.asarray(self._column(name).astype(str), dtype=object)

@@ -90,7 +90,7 @@ def campaign_report(findings: Findings, figures: Mapping[str, str]) -> str:
             else []
         ),
         "## Factors that matter\n",
-        _factors(findings) + shown("importance") + shown("two_factors"),
+        _factors(findings) + shown("importance") + shown("sobol") + shown("two_factors"),
         "## The worst flights\n",
         _worst(findings),
         "## What these numbers assume\n",
