@@ -18,10 +18,11 @@ import numpy as np
 
 from gcs.campaigns.draws import draw_table
 from gcs.campaigns.flights import fly_rows
+from gcs.campaigns.mark import write_mark
 from gcs.campaigns.model import load_campaign
 from gcs.campaigns.plan import plan, rows_of
 from gcs.campaigns.report import write_report
-from gcs.campaigns.store import append_results, read_results, write_draws, write_mark
+from gcs.campaigns.store import append_results, read_results, write_draws
 from gcs.scenario.bundled import SCENARIOS
 
 __all__ = ["main"]

@@ -39,7 +39,6 @@ USERS_OF_THE_SYSTEM = SHELLS | {
     "gcs.fleet.in_process",
     "gcs.fleet.precompile",
     "gcs.station.machine_runner",
-    "gcs.sweeps.flying",
     "gcs.tui.operations",
     "mavlink_defs.capture.tlog",
     "mavlink_defs.dialect",

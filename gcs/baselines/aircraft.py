@@ -9,6 +9,7 @@ from gcs.baselines.search import worst_ratio
 from gcs.baselines.senders import sender, transmissions
 from gcs.campaigns.draws import draw_table
 from gcs.campaigns.flights import Flights, Row
+from gcs.campaigns.mark import plain
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.plan import rows_of
 from gcs.errors import BadInput
@@ -78,8 +79,9 @@ class Aircraft:
             pool: Where flights run.
             to_the_end: Go on when too many are lost already.
         """
-        trees = dict.fromkeys(self.flights.trees, scenario.model_dump())
-        flights, allowed = replace(self.flights, trees=trees), self._allowed
+        trees = dict.fromkeys(self.flights.trees, plain(scenario.model_dump()))
+        flights = replace(self.flights, trees=trees, filled=trees)
+        allowed = self._allowed
         kept = flown = 0
         for begin in range(0, len(self.rows), _BATCH):
             batch = [flights.scenario(row) for row in self.rows[begin : begin + _BATCH]]
@@ -149,7 +151,8 @@ def drawn_aircraft(
     """
     own = campaign.model_copy(update={"draws": draws, "variants": {"all": {}}})
     table = draw_table(own, [uav.id for uav in scenario.uavs])
-    flights = Flights(own, str(path), {"all": scenario.model_dump()}, table.schema)
+    trees = {"all": plain(scenario.model_dump())}
+    flights = Flights(own, str(path), trees, trees, table.schema)
     rows = list(rows_of(table))
     try:
         for row in rows:

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from gcs.campaigns.flights import figures_of, flights_of, outcome_of
+from gcs.campaigns.mark import mark_of
 from gcs.campaigns.plan import row_of
-from gcs.campaigns.store import mark_of, read_draws, read_results
+from gcs.campaigns.store import read_draws, read_results
 from gcs.errors import BadInput, GcsError
 from gcs.results.summary import FlightSummary
 from gcs.scenario.code import code_digest

@@ -92,8 +92,12 @@ def capacity(client: "Client") -> int:
     return sum(client.nthreads().values())
 
 
-def prepare(client: "Client", scenario: Scenario) -> None:
+def prepare(client: "Client", scenario: Scenario | None) -> None:
     """Check that every worker runs our code, and have it compiled once on every host.
+
+    Args:
+        client: Client of their cluster.
+        scenario: A scenario to compile for; None if there is nothing to compile.
 
     Raises:
         BadInput: Workers run other code, or none; each is named with its digest.
@@ -110,6 +114,8 @@ def prepare(client: "Client", scenario: Scenario) -> None:
             ),
             "install the same version on every host, and restart the workers",
         )
+    if scenario is None:
+        return
     first_of_host = {address.rpartition(":")[0]: address for address in sorted(found)}
     futures = [
         client.submit(_compile, scenario, workers=[address], pure=False)

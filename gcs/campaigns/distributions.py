@@ -4,10 +4,13 @@ Every distribution is drawn by its inverse (`scipy.stats`, ``ppf``), so that a d
 experiments in the unit cube becomes one in the factors' values.
 """
 
+import json
+import math
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, model_validator
 
 from mavlink_defs.config.models import Model, Problems, repeated
 from mavlink_defs.config.quantity import quantity
@@ -20,15 +23,19 @@ __all__ = [
     "TruncatedNormal",
     "Uniform",
     "Value",
+    "cells",
+    "is_number",
+    "label",
     "quantiles",
     "support",
+    "value_of",
 ]
 
-Value: TypeAlias = (
-    Annotated[int, Strict()]
-    | Annotated[float, Strict(), Field(allow_inf_nan=False)]
-    | Annotated[str, Strict()]
-)
+Value: TypeAlias = Any
+"""A value of a key: plain data as YAML has it."""
+
+_EXACT = 2**53
+"""Whole numbers up to this one are the same in the table, which has 64-bit floats."""
 
 
 def _ordered(low: float, high: float) -> None:
@@ -88,18 +95,20 @@ class TruncatedNormal(Model):
 
 
 class Choice(Model):
-    """Every value of a list is as likely: numbers, or texts."""
+    """Every value of a list is as likely: numbers, texts, lists or mappings."""
 
     kind: Literal["choice"] = Field(description="Every value of a list is as likely.")
     values: tuple[Value, ...] = Field(
-        min_length=1, description="The values, all numbers or all texts."
+        min_length=1, description="The values, anything that the key can have."
     )
 
     @model_validator(mode="after")
-    def _alike(self) -> "Choice":
-        Problems.check((("values", i), text) for i, text in repeated(self.values))
-        if len({isinstance(value, str) for value in self.values}) > 1:
-            raise Problems([(("values",), "expected all numbers or all texts, got both")])
+    def _each_once(self) -> "Choice":
+        try:
+            found = repeated(cells(self.values))
+        except TypeError as problem:
+            raise Problems([(("values",), f"expected values of a scenario: {problem}")]) from None
+        Problems.check((("values", i), text) for i, text in found)
         return self
 
 
@@ -108,10 +117,44 @@ Distribution: TypeAlias = Annotated[
 ]
 
 
+def label(value: Value) -> str:
+    """Format a value on one line: text as it is, anything else as JSON.
+
+    Raises:
+        TypeError: It is nothing that JSON knows, such as a date.
+    """
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def is_number(value: Value) -> bool:
+    """Return whether a value is a number; true and false are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def cells(values: Sequence[Value]) -> list[float] | list[str]:
+    """Return what a table has for each value of a choice: numbers if all are, or else texts.
+
+    Raises:
+        TypeError: A value is no plain data.
+    """
+    if all(is_number(value) and _is_exact(value) for value in values):
+        return [float(value) for value in values]
+    return [label(value) for value in values]
+
+
+def _is_exact(value: float) -> bool:
+    return abs(value) <= _EXACT or (isinstance(value, float) and math.isfinite(value))
+
+
+def value_of(choice: Choice, cell: float | str) -> Value:
+    """Return the value of a choice for which a table has a number or a text."""
+    return choice.values[cells(choice.values).index(cell)]  # type: ignore[arg-type]  # of one kind
+
+
 def quantiles(distribution: Distribution, uniform: np.ndarray) -> np.ndarray:
-    """Return the values that a distribution has at uniform numbers in [0, 1), elementwise."""
+    """Return what a table has for uniform numbers in [0, 1), elementwise; see `cells`."""
     if isinstance(distribution, Choice):
-        values = np.array(distribution.values)
+        values = np.array(cells(distribution.values))
         index = np.minimum((uniform * len(values)).astype(int), len(values) - 1)
         return np.asarray(values[index])
     return np.asarray(_frozen(distribution).ppf(uniform))

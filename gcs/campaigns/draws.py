@@ -107,9 +107,7 @@ def draw_table(campaign: Campaign, uav_ids: Sequence[int]) -> "pa.Table":
         "seed": pa.array(np.repeat((seeds >> np.uint64(1)).astype(np.int64), len(variants))),
     }
     for name, values in drawn.items():
-        whole = values.dtype.kind == "i" and name.startswith("factor.")
-        column = values.astype(float) if whole else values
-        columns[name] = pa.array(np.repeat(column, len(variants)))
+        columns[name] = pa.array(np.repeat(values, len(variants)))
     for name, fault in campaign.faults.items():
         if fault.lasts_s is None:
             columns[f"fault.{name}.end_s"] = pa.nulls(n * len(variants), pa.float64())

@@ -42,11 +42,13 @@ class Flown(NamedTuple):
         worker: Address of the worker.
         rows: Rows of the results.
         wall_s: Time that they took [s].
+        cpu_s: Processor time that they took [s]; on a busy machine less than `wall_s`.
     """
 
     worker: str
     rows: "pa.Table"
     wall_s: float
+    cpu_s: float
 
 
 class WrongCode(BadInput):
@@ -152,7 +154,7 @@ def _alone(
         kills[row["row"]] += 1
     reason = f"its process was killed {KILLS} times"
     crashed = pa.Table.from_pylist([ended(row, "crashed", reason)], flights.schema)
-    return Flown("", crashed, 0.0)
+    return Flown("", crashed, 0.0, 0.0)
 
 
 def _submit(client: "Client", flights: bytes, batch: list[Row]) -> "Future":
@@ -213,9 +215,10 @@ def _fly_batch(flights: bytes, batch: bytes, digest: str) -> Flown:
             f"expected digest {digest}",
             "install the same version on every host, and restart the workers",
         )
-    begin = time.perf_counter()
+    begin, cpu_begin = time.perf_counter(), time.process_time()
     rows = fly_rows(_unpacked(flights), pickle.loads(zlib.decompress(batch)))
-    return Flown(worker, rows, time.perf_counter() - begin)
+    wall_s, cpu_s = time.perf_counter() - begin, time.process_time() - cpu_begin
+    return Flown(worker, rows, wall_s, cpu_s)
 
 
 @dataclass

@@ -1,5 +1,6 @@
 """Figures of a campaign's report: which flights count, which were worst, which factors matter."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,10 +10,11 @@ import numpy as np
 
 from gcs.campaigns.draws import dimensions
 from gcs.campaigns.importance import Importance, SobolIndex, importances, sobol_indices
+from gcs.campaigns.mark import Mark, mark_of
 from gcs.campaigns.outcomes import severity
 from gcs.campaigns.samples import Sample, read_samples
 from gcs.campaigns.stopping import leading
-from gcs.campaigns.store import Mark, mark_of, read_draws, uav_ids
+from gcs.campaigns.store import planned_rows
 from gcs.campaigns.until import noted_conditions
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 
@@ -63,11 +65,7 @@ class Findings:
 
         Whatever ended first is no fair sample, because lost flights are short.
         """
-        found = {}
-        for name, own in self.ended.items():
-            first = leading(own.draw)
-            found[name] = own if len(first) == len(own) else own.take(first)  # large ones: no copy
-        return found
+        return {name: own.take(leading(own.draw)) for name, own in self.ended.items()}
 
     @property
     def is_sample(self) -> bool:
@@ -81,12 +79,10 @@ class Findings:
     def codes(self) -> list[tuple[str, str]]:
         """Versions and digests of the code that flew."""
         pairs = (
-            own.table.select(["version", "digest"]).group_by(["version", "digest"]).aggregate([])
+            zip(own.texts("version"), own.texts("digest"), strict=True)
             for own in self.ended.values()
         )
-        return sorted(
-            {(row["version"], row["digest"]) for each in pairs for row in each.to_pylist()}
-        )
+        return sorted(set(itertools.chain.from_iterable(pairs)))
 
     @cached_property
     def _scales(self) -> dict[str, float]:
@@ -117,9 +113,7 @@ class Findings:
         for variant, flights in self.counted.items():
             failure = (~flights.success).astype(float)
             costs = {"failure": failure, "tracking error": self.tracking_error(flights)}
-            found[variant] = {
-                name: importances(flights.factors, cost) for name, cost in costs.items()
-            }
+            found[variant] = importances(flights.factors(), costs)
         return found
 
     def most_important(self, count: int) -> list[str]:
@@ -137,7 +131,7 @@ class Findings:
         return sorted(total, key=lambda name: -total[name])[:count]
 
     def _is_finite(self, factor: str) -> bool:
-        return all(np.isfinite(own.factors[factor]).all() for own in self.counted.values())
+        return all(np.isfinite(own.factor(factor)).all() for own in self.counted.values())
 
     def sobol(self, variant: str) -> dict[str, list[SobolIndex]]:
         """Return Sobol indices by cost: of failure, and of the tracking error if none failed.
@@ -147,7 +141,7 @@ class Findings:
         campaign, sample = self.mark.campaign, self.counted[variant]
         if campaign.design != "saltelli":
             return {}
-        names = [axis.column for axis in dimensions(campaign, uav_ids(self.mark))]
+        names = [axis.column for axis in dimensions(campaign, self.mark.uav_ids)]
         if len(sample) != (campaign.draws or 0) * (len(names) + 2):
             return {}
         failure = (~sample.success).astype(float)
@@ -164,10 +158,10 @@ class Findings:
         for flights in self.ended.values():
             error = self.tracking_error(flights)
             bad = severity(flights.outcome)
-            duration_s = np.nan_to_num(flights.table["duration_s"].to_numpy().astype(float))
+            duration_s = np.nan_to_num(flights.numbers("duration_s"))
             ended_s = np.where(flights.success, np.inf, duration_s)
             order = np.lexsort((flights.row, -np.nan_to_num(error), ended_s, -bad))[:count]
-            reasons = flights.table["reason"].take(order).to_pylist()
+            reasons = flights.take(order).texts("reason")
             found += [
                 (
                     (-bad[i], ended_s[i], -error[i], flights.row[i]),
@@ -192,6 +186,5 @@ def findings_of(folder: Path) -> Findings:
         BadInput: It is none, or it cannot be read.
     """
     mark = mark_of(folder)
-    planned = int(read_draws(folder).num_rows)
-    samples = read_samples(folder, FIGURES)
-    return Findings(folder, mark, planned, samples, noted_conditions(folder))
+    samples = read_samples(folder)
+    return Findings(folder, mark, planned_rows(folder), samples, noted_conditions(folder))

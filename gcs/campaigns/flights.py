@@ -2,17 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from gcs.campaigns.distributions import Choice, Value
+from gcs.campaigns.distributions import Choice, Value, value_of
+from gcs.campaigns.mark import Mark, plain
 from gcs.campaigns.model import Campaign
-from gcs.campaigns.store import Mark, Outcome, results_schema
+from gcs.campaigns.store import Outcome, results_schema
 from gcs.results.quantities import PATH_FIGURES
 from gcs.results.summary import FlightSummary, UavSummary
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.files import validate
-from mavlink_defs.config.inherit import merged, value_at, with_values
+from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Problem
 
 if TYPE_CHECKING:
@@ -32,6 +33,9 @@ __all__ = [
 Row = Mapping[str, Any]
 """One row of a table, by column."""
 
+Trees: TypeAlias = dict[str, dict[str, Any]]
+"""Plain data of scenarios, by variant."""
+
 
 @dataclass(frozen=True)
 class Flights:
@@ -40,13 +44,16 @@ class Flights:
     Attributes:
         campaign: The campaign.
         file: Origin of the scenario, in messages.
-        trees: Plain data of each variant's scenario, every default written out.
+        trees: Plain data of each variant's scenario.
+        filled: The same with every default written out; not of variants that are no scenario by
+            themselves.
         schema: Columns of the results.
     """
 
     campaign: Campaign
     file: str
     trees: Mapping[str, dict[str, Any]]
+    filled: Mapping[str, dict[str, Any]]
     schema: "pa.Schema"
 
     def tree(self, row: Row) -> dict[str, Any]:
@@ -55,10 +62,30 @@ class Flights:
         Raises:
             PlaceError: A factor's key does not exist.
         """
-        base = self.trees[row["variant"]]
-        tree = with_values(base, self.values(row))
-        faults = [self._fault(name, row, tree["aircraft"]) for name in self.campaign.faults]
-        return {**tree, "faults": [*tree["faults"], *faults]}
+        tree = self.laid(row["variant"], self.values(row))
+        if not self.campaign.faults:
+            return tree
+        aircraft = {**self.filled[row["variant"]]["aircraft"], **tree["aircraft"]}
+        faults = [self._fault(name, row, aircraft) for name in self.campaign.faults]
+        return {**tree, "faults": [*tree.get("faults", []), *faults]}
+
+    def laid(self, variant: str, values: Mapping[str, Value]) -> dict[str, Any]:
+        """Return the plain data of a variant's scenario with values laid over it, by key.
+
+        Raises:
+            PlaceError: A key does not exist.
+        """
+        tree = self.trees[variant]
+        for key, value in values.items():
+            whole, index, _ = key.partition("[")
+            try:
+                tree = with_values(tree, {key: value})
+            except PlaceError:
+                if not index or variant not in self.filled:
+                    raise
+                default = value_at(self.filled[variant], whole)  # of which one entry is replaced
+                tree = with_values(with_values(tree, {whole: default}), {key: value})
+        return tree
 
     def scenario(self, row: Row) -> Scenario:
         """Return the scenario of a row.
@@ -84,10 +111,8 @@ class Flights:
         """
         factor = self.campaign.factors[name]
         if factor.relative:
-            return float(value_at(self.trees[variant], factor.key or name)) * float(drawn)
-        if isinstance(factor.draw, Choice):  # the table makes numbers of whole ones
-            return next(value for value in factor.draw.values if value == drawn)
-        return drawn
+            return float(value_at(self.filled[variant], factor.key or name)) * float(drawn)
+        return value_of(factor.draw, drawn) if isinstance(factor.draw, Choice) else drawn
 
     def _fault(self, name: str, row: Row, aircraft: Mapping[str, Any]) -> dict[str, Any]:
         """Return a drawn fault as the scenario has it."""
@@ -104,39 +129,41 @@ class Flights:
         return drawn | {f"{kind}_{'n' if throttle else 'deg'}": severity * limit}
 
 
-def variant_trees(mark: Mark) -> tuple[dict[str, dict[str, Any]], list[Problem]]:
-    """Return plain data of each variant's scenario, and the problems of those that are none."""
-    trees, problems = {}, []
-    for name, changes in mark.campaign.variants.items():
+def variant_trees(
+    campaign: Campaign, file: str, base: dict[str, Any]
+) -> tuple[Trees, Trees, dict[str, list[Problem]]]:
+    """Return the plain data of each variant's scenario, and what is wrong with it.
+
+    Args:
+        campaign: The campaign.
+        file: Origin of the scenario, for messages.
+        base: Plain data of the base scenario, with what it extends.
+
+    Returns:
+        `trees` and `filled` of `Flights`, and the problems of variants that are no scenario by
+        themselves.
+    """
+    trees: Trees = {}
+    filled: Trees = {}
+    problems: dict[str, list[Problem]] = {}
+    for name, changes in campaign.variants.items():
+        trees[name] = merged(base, changes)
         try:
-            scenario = validate(mark.file, merged(mark.scenario, changes), Scenario)
+            filled[name] = plain(validate(file, trees[name], Scenario).model_dump())
         except ConfigError as error:
-            problems += [p._replace(loc=("variants", name, *p.loc)) for p in error.problems]
-        else:
-            trees[name] = _plain(scenario.model_dump())
-    return trees, problems
+            problems[name] = error.problems
+    return trees, filled, problems
 
 
-def flights_of(
-    mark: Mark, draws: "pa.Schema", trees: Mapping[str, dict[str, Any]] | None = None
-) -> Flights:
+def flights_of(mark: Mark, draws: "pa.Schema") -> Flights:
     """Return the flights of a campaign.
 
     Args:
         mark: The campaign.
         draws: Columns of its draws.
-        trees: Of `variant_trees`, if they are there already.
     """
-    trees = variant_trees(mark)[0] if trees is None else trees
-    ids = sorted({uav["id"] for tree in trees.values() for uav in tree["uavs"]})
-    return Flights(mark.campaign, mark.file, trees, results_schema(draws, ids))
-
-
-def _plain(value: Any) -> Any:
-    """Return a tree with lists for tuples, as a file has them."""
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
+    trees, filled, _ = variant_trees(mark.campaign, mark.file, mark.scenario)
+    return Flights(mark.campaign, mark.file, trees, filled, results_schema(draws, mark.uav_ids))
 
 
 def fly_rows(flights: Flights, rows: Sequence[Row]) -> "pa.Table":
@@ -156,6 +183,10 @@ def _fly(flights: Flights, row: Row) -> dict[str, Any]:
     try:
         scenario = flights.scenario(row)
         summary = summarise(fly_in_process(scenario), scenario)
+    except ConfigError as error:
+        return ended(row, "invalid", "; ".join(map(str, error.problems)))
+    except PlaceError as error:
+        return ended(row, "invalid", str(error))
     except Exception as problem:  # the row says why; the others fly
         return ended(row, "failed", f"{type(problem).__name__}: {problem}")
     outcome, reason = outcome_of(summary)

@@ -1,25 +1,24 @@
 """Beginning a campaign's folder, or going on in one."""
 
 import hashlib
-import json
 import re
 from pathlib import Path
 
+from gcs.campaigns.mark import MARK, Mark, mark_of, unfinished, write_mark
 from gcs.campaigns.plan import Plan
-from gcs.campaigns.store import Mark, mark_of, read_draws, write_draws, write_mark
+from gcs.campaigns.store import read_draws, write_draws
 from gcs.errors import BadInput
+from mavlink_defs.config.yaml_text import yaml_of
 
 __all__ = ["default_folder", "open_folder"]
 
-_MARK = "campaign.json"
 
-
-def default_folder(mark: Mark) -> Path:
+def default_folder(mark: Mark, kind: str = "campaign") -> Path:
     """Return a folder below `runs`, the same one for the same campaign and code."""
-    request = json.dumps([mark.to_json(), mark.scenario], sort_keys=True, default=str)
+    request = mark.to_yaml() + yaml_of(mark.scenario)
     digest = hashlib.sha256(request.encode()).hexdigest()[:8]
     name = re.sub(r"[^\w.-]+", "-", mark.campaign.name)
-    return Path("runs") / f"campaign-{name}-{digest}"
+    return Path("runs") / f"{kind}-{name}-{digest}"
 
 
 def open_folder(folder: Path, plan: Plan) -> None:
@@ -36,11 +35,11 @@ def open_folder(folder: Path, plan: Plan) -> None:
         raise BadInput(
             f"cannot make the folder {folder}: {problem.strerror}", "choose another with --out"
         ) from problem
-    if _MARK in names:
+    if MARK in names:
         _check_same(folder, mark_of(folder), plan.mark)
-    elif names - {f"{_MARK}.part", "scenario.yaml"}:
+    elif names - unfinished(names):
         raise BadInput(
-            f"the folder {folder} holds something that is not a campaign",
+            f"the folder {folder} holds something that is not a campaign or sweep",
             "choose another with --out, or remove it",
         )
     else:

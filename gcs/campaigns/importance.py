@@ -1,6 +1,6 @@
 """Which drawn factor drives a cost: rank correlations, and Sobol indices of Saltelli designs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,29 +27,35 @@ class Importance:
     p_value: float
 
 
-def importances(factors: Mapping[str, np.ndarray], costs: np.ndarray) -> list[Importance]:
-    """Rank factors by their association with a cost, the strongest first.
+def importances(
+    factors: Iterable[tuple[str, np.ndarray]], costs: Mapping[str, np.ndarray]
+) -> dict[str, list[Importance]]:
+    """Rank factors by their association with costs, the strongest first.
 
     Failures, with an infinite cost, rank worst and equal. A factor that does not vary, and any
     factor of a cost that does not, has no association and is left out.
 
     Args:
-        factors: Drawn values by name, each of shape (flights,); objects have no order.
-        costs: Of the same flights, shape (flights,); may be infinite.
+        factors: Name and drawn values of each, shape (flights,); objects have no order. Each is
+            asked for once.
+        costs: Of the same flights by name, shape (flights,); may be infinite.
+
+    Returns:
+        The factors of each cost.
     """
-    if len(costs) < 3 or len(np.unique(costs)) < 2:
-        return []
-    ranks = stats.rankdata(costs)
-    found = []
-    for name, values in factors.items():
+    ranks = {
+        what: stats.rankdata(cost)
+        for what, cost in costs.items()
+        if len(cost) >= 3 and len(np.unique(cost)) > 1
+    }
+    found: dict[str, list[Importance]] = {what: [] for what in costs}
+    for name, values in factors if ranks else ():
         if len(np.unique(values)) < 2:
             continue
-        found.append(
-            _of_categories(name, values, ranks)
-            if values.dtype == object
-            else _of_numbers(name, values, ranks)
-        )
-    return sorted(found, key=lambda each: -each.strength)
+        of = _of_categories if values.dtype == object else _of_numbers
+        for what, own in ranks.items():
+            found[what].append(of(name, values, own))
+    return {what: sorted(own, key=lambda each: -each.strength) for what, own in found.items()}
 
 
 def _of_numbers(name: str, values: np.ndarray, ranks: np.ndarray) -> Importance:

@@ -17,7 +17,7 @@ from mavlink_defs.config.files import dump
 
 __all__ = ["chosen_rows", "keep_flights"]
 
-_NO_FLIGHT = {"crashed", "failed"}
+_NO_FLIGHT = {"crashed", "failed", "invalid"}
 """Outcomes that leave nothing to keep."""
 
 

@@ -4,13 +4,12 @@ Errors of a file are found as those of a scenario are, all at once; what needs t
 (keys, ranges) is checked by `gcs.campaigns.plan`.
 """
 
-import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, StringConstraints, model_validator
 
-from gcs.campaigns.distributions import Choice, Distribution, support
+from gcs.campaigns.distributions import Choice, Distribution, is_number, support
 from mavlink_defs.config.files import read, validate
 from mavlink_defs.config.models import (
     ConfigError,
@@ -38,8 +37,8 @@ __all__ = [
 Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
 FaultKind = Literal["loss", "bias", "stuck"]
 
-_NAME = re.compile(r"[A-Za-z0-9_.\[\]-]+")
-Name = Annotated[str, StringConstraints(pattern=f"^{_NAME.pattern}$")]
+Name = Annotated[str, StringConstraints(pattern=r"^[\w.\[\]-]+$")]
+VariantName = Annotated[str, StringConstraints(pattern=r"^[^`|\x00-\x1f]+$")]
 
 
 class Factor(Model):
@@ -91,7 +90,7 @@ class DrawnFault(Model):
         ]
         for loc, distribution, low, high, unit in drawn:
             for value in () if distribution is None else support(distribution):
-                if isinstance(value, str) or not low <= value <= high:
+                if not is_number(value) or not low <= value <= high:
                     text = f"draws {value!r}, expected within [{low:g}, {high:g}]{unit}"
                     found.append((loc, text))
         return found
@@ -136,7 +135,7 @@ class Campaign(Model):
     )
     factors: dict[Name, Factor] = Field(default={}, description="Drawn values, by name.")
     faults: dict[Name, DrawnFault] = Field(default={}, description="Drawn faults, by name.")
-    variants: dict[Name, dict[str, Any]] = Field(
+    variants: dict[VariantName, dict[str, Any]] = Field(
         default={"base": {}},
         min_length=1,
         description="Changes of the scenario that fly the same draws, by name, as after `extends`.",
@@ -164,7 +163,7 @@ class Campaign(Model):
 
     def _found(self) -> list[tuple[Loc, str]]:
         found: list[tuple[Loc, str]] = []
-        if not self.factors and not self.faults:
+        if not self.factors and not self.faults and self.design != "grid":
             found.append((("factors",), "missing; expected factors or faults to draw"))
         if self.design == "grid":
             if self.draws is not None:

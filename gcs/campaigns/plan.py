@@ -1,22 +1,24 @@
 """The plan of a campaign: its draws, each checked to be a scenario before the first flight."""
 
+import copy
 import difflib
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gcs.campaigns.distributions import Choice, support
+from gcs.campaigns.distributions import Choice, is_number, support
 from gcs.campaigns.draws import draw_table
-from gcs.campaigns.flights import Flights, Row, flights_of, variant_trees
+from gcs.campaigns.flights import Flights, Row, variant_trees
+from gcs.campaigns.mark import Mark, plain
 from gcs.campaigns.model import Campaign, campaign_tree
-from gcs.campaigns.store import Mark
+from gcs.campaigns.store import results_schema
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version
-from gcs.scenario.model import scenario_of, scenario_tree
+from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.files import validate
-from mavlink_defs.config.inherit import PlaceError, value_at, with_values
+from mavlink_defs.config.inherit import PlaceError, value_at
 from mavlink_defs.config.models import ConfigError, Loc, Problem, ProblemKind
 
 if TYPE_CHECKING:
@@ -38,11 +40,14 @@ class Plan:
         mark: What identifies it.
         flights: From rows to flights.
         draws: The planned flights.
+        example: One of the scenarios, with which the numeric core is compiled; None if no row of a
+            sweep has one.
     """
 
     mark: Mark
     flights: Flights
     draws: "pa.Table"
+    example: Scenario | None
 
 
 def load_plan(path: Path, draws: int | None = None) -> Plan:
@@ -57,23 +62,27 @@ def load_plan(path: Path, draws: int | None = None) -> Plan:
     """
     tree = rest = campaign_tree(path, draws)
     problems: list[Problem] = []
+    whole = True
     while True:
         try:
             campaign = validate(path, rest, Campaign)
             break
         except ConfigError as error:
-            problems += error.problems
-            before, rest = rest, _without(rest, error.problems)
+            problems += [problem for problem in error.problems if problem not in problems]
+            before, rest = rest, _without_unknown_keys(rest, error.problems)
+            if rest == before:
+                rest, whole = _without(rest, error.problems), False
             if "scenario" not in rest or rest == before:  # nothing more can be checked
                 raise ConfigError(path, problems) from error
-    if not problems:
-        return plan(campaign, path)
     try:
         planned, more = _planned(campaign, path)
     except ConfigError as error:
         raise ConfigError(path, [*problems, *error.problems]) from error
-    more += _of_left_out_keys(planned.flights, tree)
-    raise ConfigError(path, [*problems, *more])
+    problems += more
+    problems += _of_draws(planned, more) if whole else _of_left_out_keys(planned.flights, tree)
+    if problems:
+        raise ConfigError(path, problems)
+    return planned
 
 
 def plan(campaign: Campaign, path: Path) -> Plan:
@@ -87,7 +96,8 @@ def plan(campaign: Campaign, path: Path) -> Plan:
         ConfigError: Its scenario, a variant, a factor or a draw cannot be used; all are named.
     """
     planned, problems = _planned(campaign, path)
-    if problems or (problems := _of_draws(planned.flights, planned.draws)):
+    problems += _of_draws(planned, problems)
+    if problems:
         raise ConfigError(path, problems)
     return planned
 
@@ -104,18 +114,39 @@ def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
     if scenario.links.impairments is not None:
         text = f"{file}: links.impairments are about the wire; campaigns fly in process"
         raise ConfigError(path, [Problem(("scenario",), text)])
-    mark = Mark(campaign, str(file), tree, code_version(), code_digest())
     ids = [uav.id for uav in scenario.uavs]
     draws = draw_table(campaign, ids)
-    trees, problems = variant_trees(mark)
-    flights = flights_of(mark, draws.schema, trees)
+    trees, filled, of_variants = variant_trees(campaign, str(file), tree)
+    problems = [
+        problem._replace(loc=("variants", name, *problem.loc))
+        for name, found in of_variants.items()
+        for problem in found
+    ]
+    if not filled:  # what does not depend on the variants can be checked nevertheless
+        trees, filled = {"": tree}, {"": plain(scenario.model_dump())}
+    flown = sorted({uav["id"] for own in filled.values() for uav in own["uavs"]})
+    mark = Mark(campaign, str(file), tree, flown, code_version(), code_digest())
+    schema = results_schema(draws.schema, flown)
+    flights = Flights(campaign, mark.file, trees, filled, schema)
     problems += [*_of_faulty_uavs(campaign, ids), *_of_factors(flights)]
-    if len(trees) == len(campaign.variants):  # they decide which columns there are
+    if not of_variants:  # they decide which columns there are
         problems += _of_figures(flights)
-    return Plan(mark, flights, draws), problems
+    return Plan(mark, flights, draws, scenario), problems
 
 
 _HARMLESS = {"duration_s": {"draw": {"kind": "choice", "values": [1.0]}, "relative": True}}
+
+
+def _without_unknown_keys(tree: dict[Any, Any], problems: list[Problem]) -> dict[Any, Any]:
+    """Return a campaign's plain data without its unknown keys."""
+    rest = copy.deepcopy(tree)
+    for problem in problems:
+        if problem.kind is ProblemKind.UNKNOWN_KEY:
+            here: Any = rest
+            for key in problem.loc[:-1]:
+                here = here.get(key, {}) if isinstance(here, dict) else here[int(key)]
+            here.pop(problem.loc[-1], None)
+    return rest
 
 
 def _without(tree: dict[Any, Any], problems: list[Problem]) -> dict[Any, Any]:
@@ -181,7 +212,7 @@ def _of_factors(flights: Flights) -> Iterator[Problem]:
     """Check each factor by itself, at the ends of its distribution."""
     for name in flights.campaign.factors:
         found: dict[str, Problem] = {}
-        for variant in flights.trees:
+        for variant in flights.filled:
             for problem in _of_factor(flights, name, variant):
                 found.setdefault(problem.text, problem)
         yield from (p._replace(loc=("factors", name, *p.loc)) for p in found.values())
@@ -190,9 +221,9 @@ def _of_factors(flights: Flights) -> Iterator[Problem]:
 def _of_key(flights: Flights, name: str, key: str) -> list[Problem]:
     """Check that the key of a factor exists in every variant, whatever its values."""
     found: dict[str, Problem] = {}
-    for tree in flights.trees.values():
+    for variant in flights.filled:
         try:
-            scenario_of(flights.file, with_values(tree, {key: 1.0}))
+            scenario_of(flights.file, flights.laid(variant, {key: 1.0}))
         except PlaceError as error:
             found[str(error)] = Problem(("factors", name), str(error))
         except ConfigError as error:
@@ -204,10 +235,10 @@ def _of_key(flights: Flights, name: str, key: str) -> list[Problem]:
 
 def _of_factor(flights: Flights, name: str, variant: str) -> Iterator[Problem]:
     factor = flights.campaign.factors[name]
-    tree, key = flights.trees[variant], factor.key or name
+    key = factor.key or name
     if factor.relative:
         try:
-            base = value_at(tree, key)
+            base = value_at(flights.filled[variant], key)
         except PlaceError as error:
             yield Problem((), str(error))
             return
@@ -215,14 +246,14 @@ def _of_factor(flights: Flights, name: str, variant: str) -> Iterator[Problem]:
             yield Problem(("relative",), f"{key}: expected a number in the scenario, got {base!r}")
             return
     for end in support(factor.draw):
-        if isinstance(end, str) and factor.relative:
+        if factor.relative and not is_number(end):
             yield Problem(("relative",), f"expected numbers to multiply with, got {end!r}")
             return
         if isinstance(end, float) and abs(end) == float("inf"):
             continue  # what is drawn is checked
         try:
             value = flights.value(name, end, variant)
-            scenario_of(flights.file, with_values(tree, {key: value}))
+            scenario_of(flights.file, flights.laid(variant, {key: value}))
         except PlaceError as error:
             yield Problem((), str(error))
         except ConfigError as error:
@@ -242,10 +273,22 @@ class _Repeated:
     draws: set[int] = field(default_factory=set)
 
 
-def _of_draws(flights: Flights, draws: "pa.Table") -> list[Problem]:
-    """Check every planned flight; problems of the same factors at the same key are one."""
+def _of_draws(planned: Plan, known: list[Problem]) -> list[Problem]:
+    """Check every planned flight; problems of the same factors at the same key are one.
+
+    Factors, faults and variants that have problems already are left out.
+    """
+    wrong = {problem.loc[:2] for problem in known}
+    campaign = planned.mark.campaign
+    sound = {
+        part: {name: own for name, own in entries.items() if (part, name) not in wrong}
+        for part, entries in (("factors", campaign.factors), ("faults", campaign.faults))
+    }
+    flights = replace(planned.flights, campaign=campaign.model_copy(update=sound))
     found: dict[tuple[Loc, Loc], _Repeated] = {}
-    for row in rows_of(draws):
+    for row in rows_of(planned.draws):
+        if row["variant"] not in flights.filled:
+            continue
         try:
             flights.scenario(row)
         except ConfigError as error:
@@ -268,7 +311,7 @@ def _of_draws(flights: Flights, draws: "pa.Table") -> list[Problem]:
 def _cause(flights: Flights, problem: Problem) -> Loc:
     """Return the place in the campaign file of the factors or the fault behind a problem."""
     place = str(Problem(problem.loc, "")).rpartition(":")[0]
-    base = next(iter(flights.trees.values()))
+    base = next(iter(flights.filled.values()))
     match problem.loc:
         case ("faults", int(i), *_) if i >= len(base["faults"]):
             return ("faults", list(flights.campaign.faults)[i - len(base["faults"])])

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gcs.campaigns.findings import findings_of
-from gcs.figures.campaign import distributions, importance, two_factors
+from gcs.figures.campaign import distributions, importance, sobol_indices, two_factors
 from gcs.figures.style import save
 from gcs.reports.campaign import campaign_report
 from gcs.reports.markdown import html_of
@@ -16,6 +16,7 @@ _CAPTIONS = {
     "each curve ends at the share that succeeded.",
     "importance": "Strength of the association of factors with failure and with the tracking "
     "error; filled bars are significant (5 %, Bonferroni), + and − show the direction.",
+    "sobol": "Sobol indices: bars are total indices, dots first-order ones, with 95 % intervals.",
     "two_factors": "Every flight over the two most important numeric factors.",
 }
 
@@ -35,6 +36,7 @@ def write_report(folder: Path) -> Path:
     drawings = {
         "distributions": distributions,
         "importance": importance,
+        "sobol": sobol_indices,
         "two_factors": two_factors,
     }
     for name, draw in drawings.items() if any(findings.counted.values()) else ():

@@ -16,7 +16,7 @@ from gcs.campaigns.cluster import cluster_elsewhere, local_cluster, prepare
 from gcs.campaigns.engine import Flown, fly, missing_rows
 from gcs.campaigns.folder import open_folder
 from gcs.campaigns.keep import keep_flights
-from gcs.campaigns.plan import Plan, row_of, rows_of
+from gcs.campaigns.plan import Plan, rows_of
 from gcs.campaigns.report import write_report
 from gcs.campaigns.store import alone_in
 from gcs.campaigns.until import is_decided, note_condition, stopping_condition
@@ -90,6 +90,6 @@ def fly_missing(
         workers = min(jobs or os.cpu_count() or 1, len(missing))
         cluster = local_cluster(workers) if scheduler is None else cluster_elsewhere(scheduler)
         client = stack.enter_context(cluster)
-        prepare(client, planned.flights.scenario(row_of(planned.draws, int(missing[0]))))
+        prepare(client, planned.example)
         rows = rows_of(planned.draws.take(missing))
         fly(client, planned.flights, rows, len(missing), folder, on_flown, enough)

@@ -1,7 +1,7 @@
 """The flights of a campaign by variant, as arrays for statistics."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.campaigns.outcomes import happened
-from gcs.campaigns.store import read_results, result_columns
+from gcs.campaigns.store import Results
 from gcs.errors import BadInput
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 __all__ = ["Sample", "figures_of", "higher_is_better", "read_samples", "same_draws", "samples_of"]
 
 _DRAWN = ("factor.", "fault.")
-_ABOUT = ("row", "variant", "draw", "seed", "outcome", "reason", "duration_s", "version", "digest")
 _HIGHER_IS_BETTER = "saving"
 _NO_FIGURES = ("wall_s", "duration_s", "min_interval_s", "lost_at_s")
 """Ends of names of columns that are neither good nor bad, or that have none where all is well."""
@@ -32,14 +31,16 @@ class Sample:
 
     Attributes:
         variant: Its name.
-        table: Its rows of the results.
+        source: Results, from which columns are taken when they are wanted.
+        where: Places of the flights in these columns, shape (flights,).
     """
 
     variant: str
-    table: "pa.Table"
+    source: "Results | pa.Table"
+    where: np.ndarray
 
     def __len__(self) -> int:
-        return int(self.table.num_rows)
+        return len(self.where)
 
     @cached_property
     def row(self) -> np.ndarray:
@@ -54,32 +55,43 @@ class Sample:
     @cached_property
     def outcome(self) -> np.ndarray:
         """Outcome of each flight, shape (flights,)."""
-        return self._column("outcome")
+        return self.texts("outcome")
 
     @cached_property
     def success(self) -> np.ndarray:
-        """Sample flown to their end with attitude and heading kept, bool, shape (flights,)."""
+        """Flights flown to their end with attitude and heading kept, bool, shape (flights,)."""
         return happened("success", self.outcome)
 
-    @cached_property
-    def factors(self) -> dict[str, np.ndarray]:
-        """Drawn values by name; numbers, or texts (and the UAVs of faults) as objects.
+    def factors(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Yield name and drawn values of each factor; numbers, or texts as objects.
 
-        The severity of a fault is signed, and both signs are as bad: its size counts.
+        A fault's UAV is a text: it has no order. The severity of a fault is signed, and both signs
+        are as bad: its size counts.
         """
-        found = {}
-        for name in self.table.column_names:
-            if name.startswith("factor."):
-                found[name.removeprefix("factor.")] = self._factor(name)
-            elif name.startswith("fault.") and name.endswith(".severity"):
-                found[f"size of {name}"] = np.abs(self._factor(name))
-            elif name.startswith("fault."):
-                found[name] = self._factor(name)
-        return found
+        for name in _drawn_names(self.source):
+            yield _factor_name(name), self._factor(name)
+
+    def factor(self, factor: str) -> np.ndarray:
+        """Return the drawn values of one factor, by its name as `factors` has it."""
+        names = {_factor_name(name): name for name in _drawn_names(self.source)}
+        return self._factor(names[factor])
+
+    def numbers(self, name: str) -> np.ndarray:
+        """Return a column of numbers, shape (flights,); NaN where there is none."""
+        column = self.cells(name).cast("float64")
+        return np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
+
+    def cells(self, name: str) -> "pa.Array":
+        """Return a column as it is stored."""
+        import pyarrow as pa
+
+        column = self.source.column(name)
+        whole = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+        return whole.take(pa.array(self.where))
 
     def take(self, indices: np.ndarray) -> "Sample":
         """Return some of the flights."""
-        return Sample(self.variant, self.table.take(indices))
+        return Sample(self.variant, self.source, self.where[indices])
 
     def cost(self, figure: str) -> np.ndarray:
         """Return a figure of each flight as a cost: smaller is better, infinite for a failure.
@@ -97,13 +109,13 @@ class Sample:
             BadInput: There is no such figure.
         """
         sign = -1.0 if higher_is_better(figure) else 1.0
-        values = [sign * self._numbers(name) for name in self._columns(figure)]
+        values = [sign * self.numbers(name) for name in self._columns(figure)]
         flown = [each for each in values if not np.isnan(each).all()]  # a variant may lack UAVs
         costs = np.max(flown or values, axis=0)  # NaN if one UAV has none
         return np.where(self.success & np.isfinite(costs), costs, np.inf)
 
     def _columns(self, figure: str) -> list[str]:
-        names = figures_of(self.table)
+        names = figures_of(self.source.schema)
         if figure in names:
             return [figure]
         if found := [name for name in names if _UAV.sub("", name) == figure]:
@@ -115,20 +127,28 @@ class Sample:
         )
 
     def _column(self, name: str) -> np.ndarray:
-        return np.asarray(self.table[name].to_numpy())
+        return np.asarray(self.cells(name).to_numpy(zero_copy_only=False))
 
-    def _numbers(self, name: str) -> np.ndarray:
-        column = self.table[name].cast("float64")
-        return np.asarray(column.to_numpy(), dtype=float)
+    def texts(self, name: str) -> np.ndarray:
+        """Return a column of texts (None: null) as objects; equal ones are one in memory."""
+        coded = self.cells(name)
+        if not hasattr(coded, "dictionary"):
+            coded = coded.dictionary_encode()
+        known = np.array([*coded.dictionary.to_pylist(), None], dtype=object)
+        return np.asarray(known[coded.indices.fill_null(len(known) - 1).to_numpy()])
 
     def _factor(self, name: str) -> np.ndarray:
         import pyarrow as pa
 
-        column = self.table[name]
-        if pa.types.is_floating(column.type):
-            values = self._numbers(name)
+        kind = self.source.schema.field(name).type
+        if pa.types.is_floating(kind):
+            values = self.numbers(name)
+            if _is_severity(name):
+                return np.asarray(np.abs(values))
             return np.where(np.isnan(values), np.inf, values)  # the end of a fault for good
-        return np.array([str(value) for value in column.to_pylist()], dtype=object)
+        if pa.types.is_integer(kind):
+            return np.asarray(self._column(name).astype(str), dtype=object)
+        return self.texts(name)
 
 
 def higher_is_better(figure: str) -> bool:
@@ -136,13 +156,13 @@ def higher_is_better(figure: str) -> bool:
     return figure.endswith(_HIGHER_IS_BETTER)
 
 
-def figures_of(table: "pa.Table") -> list[str]:
+def figures_of(schema: "pa.Schema") -> list[str]:
     """Return the columns that hold figures of flights."""
     import pyarrow as pa
 
     return [
         field.name
-        for field in table.schema
+        for field in schema
         if (pa.types.is_floating(field.type) or pa.types.is_integer(field.type))
         and not field.name.startswith(_DRAWN)
         and field.name not in {"row", "draw", "seed"}
@@ -150,67 +170,70 @@ def figures_of(table: "pa.Table") -> list[str]:
     ]
 
 
-def read_samples(folder: Path, figures: Iterable[str] | None = None) -> dict[str, Sample]:
-    """Read the flights of a campaign that ended so far, by variant.
+def read_samples(folder: Path) -> dict[str, Sample]:
+    """Return the flights of a campaign that ended so far, by variant.
 
-    Args:
-        folder: Folder of the campaign.
-        figures: Those wanted, as of `Sample.cost`; of a large campaign, others would fill the
-            memory. None for all.
+    Columns are read when they are wanted, so that a million flights fit into memory.
 
     Raises:
         BadInput: It is no campaign, its results cannot be read, or they hold a flight twice.
     """
-    columns = None
-    if figures is not None:
-        wanted = set(figures)
-        names = result_columns(folder)
-        columns = [
-            name
-            for name in names
-            if name in _ABOUT or name.startswith(_DRAWN) or {name, _UAV.sub("", name)} & wanted
-        ]
-    return samples_of(read_results(folder, columns), folder)
+    return samples_of(Results(folder), folder)
 
 
-def samples_of(table: "pa.Table", origin: Path | str) -> dict[str, Sample]:
+def samples_of(source: "Results | pa.Table", origin: Path | str) -> dict[str, Sample]:
     """Divide results by variant, in the order of their rows.
 
     Raises:
         BadInput: A flight is there twice, which would pretend to more evidence than there is.
     """
-    import pyarrow.compute as pc
-
-    rows = table["row"].to_numpy()
-    if len(np.unique(rows)) < len(rows):
-        values, counts = np.unique(rows, return_counts=True)
+    everything = Sample("", source, np.arange(len(source.column("row"))))
+    values, counts = np.unique(everything.row, return_counts=True)
+    if len(values) < len(everything):
         raise BadInput(
             f"the results in {origin} hold row {values[counts > 1][0]} more than once",
             "remove one of the files with it",
         )
-    found = {}
-    for name in dict.fromkeys(table["variant"].to_pylist()):
-        own = table.filter(pc.equal(table["variant"], name))
-        found[name] = Sample(name, own.sort_by("draw"))
-    return found
+    variant = everything.take(np.argsort(everything.row, kind="stable")).texts("variant")
+    order = np.lexsort((everything.row, everything.draw))
+    ordered = everything.take(order).texts("variant")
+    return {name: Sample(name, source, order[ordered == name]) for name in dict.fromkeys(variant)}
 
 
 def same_draws(old: Sample, new: Sample) -> tuple[Sample, Sample] | None:
     """Return the flights that both have, draw by draw; None if a common draw differs.
 
     Draws are the same if their seed and every drawn value are; a name or a file proves nothing.
+    Within one campaign they are: its draws are made once, for all variants.
     """
     _, in_old, in_new = np.intersect1d(old.draw, new.draw, return_indices=True)
     if not len(in_old):
         return None
     first, second = old.take(in_old), new.take(in_new)
-    names = list(_drawn_names(old.table))
-    if set(names) != set(_drawn_names(new.table)):
+    if old.source is new.source:
+        return first, second
+    names = _drawn_names(old.source)
+    if set(names) != set(_drawn_names(new.source)):
         return None
-    if any(not first.table[name].equals(second.table[name]) for name in ("seed", *names)):
+    if any(_differs(first, second, name) for name in ("seed", *names)):
         return None
     return first, second
 
 
-def _drawn_names(table: "pa.Table") -> Iterable[str]:
-    return (name for name in table.column_names if name.startswith(_DRAWN))
+def _differs(first: Sample, second: Sample, name: str) -> bool:
+    old, new = (sample.cells(name) for sample in (first, second))
+    if hasattr(old, "dictionary") or hasattr(new, "dictionary"):
+        old, new = old.cast("string"), new.cast("string")
+    return not old.equals(new)
+
+
+def _drawn_names(source: "Results | pa.Table") -> list[str]:
+    return [name for name in source.schema.names if name.startswith(_DRAWN)]
+
+
+def _factor_name(column: str) -> str:
+    return f"size of {column}" if _is_severity(column) else column.removeprefix("factor.")
+
+
+def _is_severity(column: str) -> bool:
+    return column.startswith("fault.") and column.endswith(".severity")

@@ -2,7 +2,7 @@
 
 It holds::
 
-    campaign.json               the request, and the code that flies it; it marks the folder
+    campaign.yaml               the request, and the code that flies it; it marks the folder
     scenario.yaml               the base scenario, with what it extends
     draws.parquet               one row per planned flight, written before the first flight
     results/part-NNNNN.parquet  rows of flights that ended; no file is written twice
@@ -12,149 +12,53 @@ A file gets its name only when it is complete, so whatever ends a campaign, the 
 stored stay, and none is stored by half.
 
 Columns of the draws: ``row`` (int64), ``variant`` (string), ``draw`` (int64, the same for every
-variant that flies it), ``seed`` (int64), ``factor.NAME`` (double or string), and of drawn faults
+variant that flies it), ``seed`` (int64), ``factor.NAME`` (double; string where a value is none,
+with lists and mappings as JSON), and of drawn faults
 ``fault.NAME.uav`` (int64), ``.actuator``, ``.kind`` (string), ``.start_s``, ``.end_s`` (null for
 good), ``.severity`` (double). The results have these and `results_schema`'s.
 """
 
 import contextlib
 import fcntl
-import json
+import functools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
-from gcs.campaigns.model import Campaign
+from gcs.campaigns.mark import MARK, mark_of
 from gcs.errors import BadInput
 from gcs.results.quantities import PAPER_ORDER, PATH_FIGURES, QUANTITIES
 from gcs.results.traffic import KINDS
-from mavlink_defs.config.files import read
-from mavlink_defs.config.inherit import merged
-from mavlink_defs.config.yaml_text import yaml_of
-from mavlink_defs.runtime.files import naming, write_text
+from mavlink_defs.runtime.files import naming
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 __all__ = [
     "OUTCOMES",
-    "Mark",
     "Outcome",
+    "Results",
     "alone_in",
     "append_results",
-    "campaign_of",
-    "mark_of",
+    "planned_rows",
     "read_draws",
     "read_results",
-    "result_columns",
     "results_schema",
-    "uav_ids",
     "write_draws",
-    "write_mark",
 ]
 
-SCHEMA = 1
-"""Number of this layout; it changes when a reader of the old one would go wrong."""
-
-Outcome = Literal["completed", "heading_lost", "attitude_lost", "model_left", "crashed", "failed"]
+Outcome = Literal[
+    "completed", "heading_lost", "attitude_lost", "model_left", "crashed", "failed", "invalid"
+]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 """From best to worst. A flight has the worst that applies: a UAV's heading was more than 90° off,
 its roll or pitch, the model's validity ended and with it the flight, the flight killed its process
-three times. ``failed``: it could not be computed for another reason."""
+three times. ``failed``: it could not be computed for another reason. ``invalid``: the values are
+no scenario, which only points of a sweep may be."""
 
-_MARK = "campaign.json"
-_SCENARIO = "scenario.yaml"
 _DRAWS = "draws.parquet"
+_COLUMNS = 16  # that are kept in memory
 _PART = ".part"  # ends the name of a file that is being written
-
-
-@dataclass(frozen=True)
-class Mark:
-    """What a folder was flown for.
-
-    Attributes:
-        campaign: The campaign.
-        file: File of the base scenario, for messages.
-        scenario: Plain data of the base scenario, with what it extends.
-        version: Version of the package.
-        digest: Digest of the code that flies it.
-    """
-
-    campaign: Campaign
-    file: str
-    scenario: dict[str, Any]
-    version: str
-    digest: str
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the content of `campaign.json`."""
-        return {
-            "schema": SCHEMA,
-            "version": self.version,
-            "digest": self.digest,
-            "file": self.file,
-            "campaign": self.campaign.model_dump(mode="json"),
-        }
-
-
-def mark_of(folder: Path) -> Mark:
-    """Read what a folder was flown for.
-
-    Raises:
-        BadInput: It is not the folder of a campaign, or one of another layout.
-    """
-    path = folder / _MARK
-    try:
-        tree = json.loads(path.read_bytes())
-        if tree["schema"] == SCHEMA:
-            return Mark(
-                campaign=Campaign.model_validate(tree["campaign"]),
-                file=tree["file"],
-                scenario=read(folder / _SCENARIO),
-                version=tree["version"],
-                digest=tree["digest"],
-            )
-    except FileNotFoundError:
-        raise BadInput(
-            f"{folder} is not the folder of a campaign: it has no {_MARK}",
-            "gcs campaign makes one",
-        ) from None
-    except (OSError, ValueError, KeyError, TypeError) as problem:
-        raise BadInput(f"{path} cannot be read: {problem}") from problem
-    raise BadInput(
-        f"{path} has layout {tree['schema']!r}, this version reads {SCHEMA}",
-        "read it with the version that wrote it, which it names",
-    )
-
-
-def campaign_of(folder: Path) -> Campaign:
-    """Read the campaign of a folder.
-
-    Raises:
-        BadInput: As of `mark_of`.
-    """
-    return mark_of(folder).campaign
-
-
-def write_mark(folder: Path, mark: Mark) -> None:
-    """Write `scenario.yaml`, then `campaign.json`.
-
-    Raises:
-        OSError: It cannot be written; it is named.
-    """
-    write_text(folder / _SCENARIO, yaml_of(mark.scenario))
-    path = folder / _MARK
-    part = path.with_name(path.name + _PART)
-    with naming(path):
-        part.write_text(json.dumps(mark.to_json(), indent=1) + "\n", encoding="utf-8")
-        part.replace(path)
-
-
-def uav_ids(mark: Mark) -> list[int]:
-    """Return the system ids of all UAVs that fly in some variant of a checked campaign."""
-    scenarios = (merged(mark.scenario, changes) for changes in mark.campaign.variants.values())
-    return sorted({uav["id"] for scenario in scenarios for uav in scenario["uavs"]})
 
 
 def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
@@ -228,11 +132,30 @@ def read_draws(folder: Path) -> "pa.Table":
     Raises:
         BadInput: The folder has none, or they cannot be read.
     """
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
+    with _reading_draws(folder):
         return pq.read_table(folder / _DRAWS)
+
+
+def planned_rows(folder: Path) -> int:
+    """Return the number of planned flights.
+
+    Raises:
+        BadInput: As of `read_draws`.
+    """
+    import pyarrow.parquet as pq
+
+    with _reading_draws(folder):
+        return int(pq.read_metadata(folder / _DRAWS).num_rows)
+
+
+@contextlib.contextmanager
+def _reading_draws(folder: Path) -> Iterator[None]:
+    import pyarrow as pa
+
+    try:
+        yield
     except FileNotFoundError:
         mark_of(folder)  # says so if it is no campaign at all
         raise BadInput(
@@ -249,7 +172,7 @@ def alone_in(folder: Path) -> Iterator[None]:
     Raises:
         BadInput: Another command writes there.
     """
-    with (folder / _MARK).open("rb") as file:
+    with (folder / MARK).open("rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -300,13 +223,41 @@ def read_results(folder: Path, columns: Sequence[str] | None = None) -> "pa.Tabl
     return pa.concat_tables(tables).sort_by("row").select(known)
 
 
-def result_columns(folder: Path) -> list[str]:
-    """Return the names of the results' columns.
+class Results:
+    """The results of a campaign, read column by column: all columns of a million flights are much.
+
+    Rows are in the order of the files; those that are written later are not seen.
+
+    Attributes:
+        schema: Their columns.
 
     Raises:
         BadInput: The folder is no campaign, or a file cannot be read.
     """
-    return list(_schema(folder).names)
+
+    def __init__(self, folder: Path) -> None:
+        self.schema = _schema(folder)
+        self._folder, self._paths = folder, list(_parts(folder))
+        self.column = functools.lru_cache(maxsize=_COLUMNS)(self._read)
+
+    def _read(self, name: str) -> "pa.Array":
+        """Read a column; texts as a dictionary.
+
+        Raises:
+            BadInput: A file cannot be read.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        field = self.schema.field(name)
+        texts = [name] if pa.types.is_string(field.type) else []
+        if not self._paths:
+            return pa.array([], field.type)
+        with _reading(self._folder):
+            tables = [
+                pq.read_table(path, columns=[name], read_dictionary=texts) for path in self._paths
+            ]
+        return pa.concat_tables(tables).column(0).unify_dictionaries().combine_chunks()
 
 
 def _schema(folder: Path) -> "pa.Schema":
@@ -316,7 +267,7 @@ def _schema(folder: Path) -> "pa.Schema":
     for path in _parts(folder):
         with _reading(folder):
             return pq.read_schema(path)
-    return results_schema(read_draws(folder).schema, uav_ids(mark_of(folder)))
+    return results_schema(read_draws(folder).schema, mark_of(folder).uav_ids)
 
 
 @contextlib.contextmanager

@@ -1,21 +1,18 @@
 """``gcs campaign``: fly many draws of a scenario, here or on a cluster."""
 
-import contextlib
-import time
 from collections import Counter
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from gcs.commands.common import QuietOption, console_of, warm_up
-from gcs.errors import GcsError, Interrupted
+from gcs.commands.common import QuietOption, console_of
+from gcs.commands.flights import fly_plan, interruptible
+from gcs.errors import GcsError
 
 if TYPE_CHECKING:
-    from gcs.campaigns.engine import Flown
     from gcs.campaigns.plan import Plan
 
 __all__ = ["EPILOG", "campaign"]
@@ -72,7 +69,6 @@ def campaign(
     All draws are checked before the first flight. The folder gets a table in Parquet, one row a
     flight, stored every few seconds: after any interruption, the same command continues there.
     """
-    from gcs.campaigns.engine import missing_rows
     from gcs.campaigns.folder import default_folder
     from gcs.campaigns.plan import load_plan
     from gcs.campaigns.run import begin_campaign
@@ -87,42 +83,13 @@ def campaign(
         planned = load_plan(path, draws)
     folder = out or default_folder(planned.mark)
     enough = begin_campaign(planned, folder, until)
-    total = planned.draws.num_rows
-    try:
+    with interruptible(folder, planned.draws.num_rows):
         if not enough():
-            _fly(planned, folder, scheduler, jobs, console, enough)
+            fly_plan(planned, folder, jobs, console, scheduler, enough)
         if enough():
             console.print(f"{until} is decided for every variant")
         _keep(planned, folder, console)
-    except KeyboardInterrupt:
-        stored = total - len(missing_rows(folder, total))
-        raise Interrupted(
-            f"interrupted with {stored} of {total} flights in {folder}",
-            "the same command continues where it stopped",
-        ) from None
     _report(folder, console)
-
-
-def _fly(
-    planned: "Plan",
-    folder: Path,
-    scheduler: str | None,
-    jobs: int | None,
-    console: Console,
-    enough: Callable[[], bool],
-) -> None:
-    from gcs.campaigns.engine import missing_rows
-    from gcs.campaigns.plan import row_of
-    from gcs.campaigns.run import fly_missing
-
-    total = planned.draws.num_rows
-    left = len(missing_rows(folder, total))
-    if left < total:
-        console.print(f"{total - left} of {total} flights already flown")
-    if left and scheduler is None:
-        warm_up(planned.flights.scenario(row_of(planned.draws, 0)), console)
-    with _progress(total, left, console) as show:
-        fly_missing(planned, folder, scheduler, jobs, show.flown, enough)
 
 
 def _keep(planned: "Plan", folder: Path, console: Console) -> None:
@@ -137,65 +104,21 @@ def _report(folder: Path, console: Console) -> None:
     from rich.table import Table
 
     from gcs.campaigns.report import write_report
-    from gcs.campaigns.store import OUTCOMES, read_results
+    from gcs.campaigns.samples import read_samples
+    from gcs.campaigns.store import OUTCOMES
 
-    results = read_results(folder, ["variant", "outcome", "reason"]).to_pydict()
-    counts = Counter(zip(results["variant"], results["outcome"], strict=True))
-    shown = [name for name in OUTCOMES if any(counts[v, name] for v, _ in list(counts))]
+    samples = read_samples(folder)
+    counts = {name: Counter(own.outcome.tolist()) for name, own in samples.items()}
+    shown = [name for name in OUTCOMES if any(own[name] for own in counts.values())]
     table = Table("variant", *(name.replace("_", " ") for name in shown))
-    for variant in dict.fromkeys(results["variant"]):
-        table.add_row(variant, *(str(counts[variant, name]) for name in shown))
+    for variant, own in counts.items():
+        table.add_row(variant, *(str(own[name]) for name in shown))
     console.print(table)
     with console.status("writing the report"):
         page = write_report(folder)
     console.print(f"results in {folder}; open {page}", soft_wrap=True)
-    ended = zip(results["outcome"], results["reason"], strict=True)
-    failed = [reason for outcome, reason in ended if outcome == "failed"]
-    if failed:
-        raise GcsError(
-            f"{len(failed)} of {len(results['outcome'])} flights could not be computed: {failed[0]}"
-        )
-
-
-class _Shown:
-    """Progress over flights: done, failed, per second, time left, and of each worker."""
-
-    def __init__(self, progress: Progress, task: TaskID) -> None:
-        self._progress, self._task = progress, task
-        self._begin: float | None = None
-        self._done = self._lost = 0
-        self._workers: dict[str, TaskID] = {}
-
-    def flown(self, batch: "Flown") -> None:
-        """Count a batch."""
-        outcomes = batch.rows.column("outcome").to_pylist()
-        self._done += len(outcomes)
-        self._lost += sum(outcome != "completed" for outcome in outcomes)
-        now = time.monotonic()
-        self._begin = now - batch.wall_s if self._begin is None else self._begin
-        pace = self._done / max(now - self._begin, 1e-3)
-        text = f"{pace:.1f} flights/s, {self._lost} not completed"
-        self._progress.update(self._task, advance=len(outcomes), text=text)
-        if batch.worker:
-            if batch.worker not in self._workers:
-                name = f"worker {len(self._workers) + 1}"
-                self._workers[batch.worker] = self._progress.add_task(name, total=None, text="")
-            task = self._workers[batch.worker]
-            rate = len(outcomes) / max(batch.wall_s, 1e-3)
-            self._progress.update(task, advance=len(outcomes), text=f"{rate:.1f} flights/s")
-
-
-@contextlib.contextmanager
-def _progress(total: int, missing: int, console: Console) -> Iterator[_Shown]:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:g} flights"),
-        TextColumn("{task.fields[text]}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(
-            "flying", total=total, completed=total - missing, text="starting the workers"
-        )
-        yield _Shown(progress, task)
+    failed = [own.take(np.flatnonzero(own.outcome == "failed")) for own in samples.values()]
+    if count := sum(map(len, failed)):
+        reason = next(own.texts("reason")[0] for own in failed if len(own))
+        total = sum(map(len, samples.values()))
+        raise GcsError(f"{count} of {total} flights could not be computed: {reason}")

@@ -12,9 +12,10 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from gcs.campaigns.distributions import label
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
-from gcs.sweeps.axes import Axis, label, parse_axes
+from gcs.sweeps.axes import Axis, parse_axes
 from mavlink_defs.config.inherit import PlaceError, merged, with_values
 
 __all__ = [

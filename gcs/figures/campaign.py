@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs.campaigns.findings import FIGURES, Findings
-from gcs.campaigns.importance import Importance
+from gcs.campaigns.importance import Importance, SobolIndex
 from gcs.figures.flown import literal
 from gcs.figures.style import (
     GREY,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["distributions", "importance", "two_factors"]
+__all__ = ["distributions", "importance", "sobol_indices", "two_factors"]
 
 _MOST_STEPS = 1000  # of a curve
 _MOST_POINTS = 4000  # of a panel
@@ -127,6 +127,51 @@ def _draw_bars(
     panel.grid(visible=False, axis="y")
 
 
+def sobol_indices(findings: Findings) -> "Figure | None":
+    """Draw total and first-order Sobol indices of each factor, with their 95 % intervals.
+
+    Returns:
+        The figure, a panel for each cost; None if the design or the flights permit no indices.
+    """
+    found = {variant: findings.sobol(variant) for variant in findings.counted}
+    costs = list(dict.fromkeys(cost for own in found.values() for cost in own))
+    if not costs:
+        return None
+    totals: dict[str, float] = {}
+    for each in (each for own in found.values() for listed in own.values() for each in listed):
+        totals[each.factor] = max(totals.get(each.factor, 0.0), each.total)
+    names = sorted(totals, key=lambda name: -totals[name])[:_MOST_FACTORS]
+    figure = new_figure(max(2.6, 1.2 + 0.2 * len(names) * len(found)))
+    panels = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
+    for panel, cost in zip(panels, costs, strict=True):
+        _draw_indices(panel, names, {variant: own.get(cost, []) for variant, own in found.items()})
+        panel.set_xlabel(f"share of the variance of {cost}")
+    panels[0].set_yticks(range(len(names)), [literal(n.removeprefix("factor.")) for n in names])
+    panels[0].set_ylim(len(names) - 0.4, -0.6)
+    draw_legend(figure)
+    return figure
+
+
+def _draw_indices(
+    panel: "Axes", names: Sequence[str], found: Mapping[str, Sequence[SobolIndex]]
+) -> None:
+    """Draw the indices of all variants: a bar for the total, a dot for the first order."""
+    height = 0.8 / max(len(found), 1)
+    for i, (variant, own) in enumerate(found.items()):
+        colour = style(i).colour
+        panel.plot([], [], color=colour, lw=6.0, label=literal(variant))
+        for each in (each for each in own if each.factor in names):
+            at = names.index(each.factor) - 0.4 + (i + 0.5) * height
+            panel.barh(at, each.total, 0.85 * height, color=colour, alpha=0.5)
+            error: dict[str, Any] = {"color": GREY, "lw": 0.8, "capsize": 2.0}
+            panel.errorbar(each.total, at + 0.2 * height, xerr=each.total_half_width, **error)
+            dot = {**error, "fmt": "o", "ms": 3.5, "mfc": colour, "mec": GREY}
+            panel.errorbar(each.first, at - 0.2 * height, xerr=each.first_half_width, **dot)
+    panel.set_xlim(min(0.0, panel.get_xlim()[0]), max(1.0, panel.get_xlim()[1]))
+    tidy(panel)
+    panel.grid(visible=False, axis="y")
+
+
 def two_factors(findings: Findings) -> "Figure | None":
     """Draw every flight over the two most important numeric factors, failures as crosses.
 
@@ -144,7 +189,7 @@ def two_factors(findings: Findings) -> "Figure | None":
     for panel in panels.flat[len(variants) :]:
         panel.set_visible(False)
     for panel, flights in zip(panels.flat, variants.values(), strict=False):
-        x, y = (flights.factors[name] for name in names)
+        x, y = (flights.factor(name) for name in names)
         failed = ~flights.success
         shown = _sample(np.flatnonzero(~failed)), _sample(np.flatnonzero(failed))
         good: dict[str, Any] = {"s": 9.0, "color": style(2).colour, "alpha": 0.6, "lw": 0.0}

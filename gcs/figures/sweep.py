@@ -11,8 +11,7 @@ from gcs.figures.flown import literal
 from gcs.figures.style import GREY, SMALL, STYLES, logarithmic_if_wide, new_figure, save, tidy
 from gcs.reports.sweep import Dimension, dimensions_of, position, uav_of
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
-from gcs.sweeps.folder import Result
-from gcs.sweeps.grid import Run
+from gcs.sweeps.points import Point
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +27,7 @@ _NONE: Dimension = ("", [""])
 
 @dataclass(frozen=True)
 class _Styles:
-    """Colour and marker of a run: which axes of the grid they show, or `_NONE`."""
+    """Colour and marker of a point: which axes of the grid they show, or `_NONE`."""
 
     colours: Dimension
     markers: Dimension
@@ -47,22 +46,22 @@ class _Styles:
             return {"marker": f"${i + 1}$", "markersize": size, "markeredgewidth": 0.0}
         return {"marker": _SHAPES[i], "markersize": 7, "markeredgewidth": 0.5}
 
-    def of(self, run: Run) -> dict[str, Any]:
-        """Return matplotlib's arguments for a run's point."""
-        colour, marker = (position(run, name) for name, _ in (self.colours, self.markers))
+    def of(self, point: Point) -> dict[str, Any]:
+        """Return matplotlib's arguments for a point."""
+        colour, marker = (position(point, name) for name, _ in (self.colours, self.markers))
         edge = {"markeredgecolor": "white", "alpha": 0.85}
         return {"color": self.colour(colour), **self.marker(marker), **edge}
 
 
-def draw_sweep(results: Sequence[Result], uav_id: int | None, folder: Path) -> None:
+def draw_sweep(points: Sequence[Point], uav_id: int | None, folder: Path) -> None:
     """Draw saving against IAE, a panel for each quantity, into sweep.png and sweep.svg.
 
     The axis with the most values sets the colours if its values are numbers or few, the next
     axis the markers; each combination of the others has a row of panels. If the colours mean
-    numbers, a line joins points that differ in colour only. Runs without a complete flight are
+    numbers, a line joins points that differ in colour only. Points without a complete flight are
     listed beside crosses at the right margin.
     """
-    styles, rows = _arrange(results)
+    styles, rows = _arrange(points)
     legend_lines = 6 + len(styles.colours[1]) + len(styles.markers[1])
     one = len(rows) == 1  # row; its panels are two by two, and wider
     figure = new_figure(max(6.2 if one else 2.3 * len(rows) + 0.6, 0.2 * legend_lines))
@@ -74,7 +73,7 @@ def draw_sweep(results: Sequence[Result], uav_id: int | None, folder: Path) -> N
             _draw_points(panel, chosen, uav_id, quantity, styles)
         for panel in row[:: 2 if one else 4]:
             panel.set_ylabel(literal(f"{where}\nsaving [%]" if where else "saving [%]"))
-        _draw_crosses(figure, row[-1], [r for r in chosen if uav_of(r, uav_id) is None], styles)
+        _draw_crosses(figure, row[-1], [p for p in chosen if uav_of(p, uav_id) is None], styles)
     for panel, quantity in zip(panels[-1], QUANTITIES, strict=True):
         panel.set_xlabel(f"IAE of {quantity} [{IAE_UNITS[quantity]}]")
     title = f"UAV {uav_id}: transmissions saved against integral of absolute error (IAE)"
@@ -83,21 +82,21 @@ def draw_sweep(results: Sequence[Result], uav_id: int | None, folder: Path) -> N
     save(figure, folder, "sweep")
 
 
-def _arrange(results: Sequence[Result]) -> tuple[_Styles, list[tuple[str, list[Result]]]]:
-    """Divide the axes among colours, markers and rows; return each row's name and results."""
+def _arrange(points: Sequence[Point]) -> tuple[_Styles, list[tuple[str, list[Point]]]]:
+    """Divide the axes among colours, markers and rows; return each row's name and points."""
     left = sorted(
-        (axis for axis in dimensions_of(results) if len(axis[1]) > 1), key=lambda a: -len(a[1])
+        (axis for axis in dimensions_of(points) if len(axis[1]) > 1), key=lambda a: -len(a[1])
     )
     fit = (axis for axis in left if _is_numeric(axis) or len(axis[1]) <= len(_COLOURS))
     colours = next(fit, _NONE)
     markers = next((axis for axis in left if axis is not colours), _NONE)
     names = [name for name, values in left if (name, values) not in (colours, markers)]
-    rows: dict[str, list[Result]] = {}
-    for result in results:
-        where = ", ".join(f"{name} = {position(result.run, name)}" for name in names)
-        rows.setdefault(where, []).append(result)
+    rows: dict[str, list[Point]] = {}
+    for point in points:
+        where = ", ".join(f"{name} = {position(point, name)}" for name in names)
+        rows.setdefault(where, []).append(point)
     if len(rows) > _MOST_ROWS:
-        rows = {f"any {', '.join(names)}": list(results)}
+        rows = {f"any {', '.join(names)}": list(points)}
     return _Styles(colours, markers), list(rows.items())
 
 
@@ -109,15 +108,15 @@ def _is_numeric(axis: Dimension) -> bool:
 
 
 def _draw_points(
-    panel: "Axes", results: Sequence[Result], uav_id: int | None, quantity: str, styles: _Styles
+    panel: "Axes", points: Sequence[Point], uav_id: int | None, quantity: str, styles: _Styles
 ) -> None:
     lines: dict[str, list[tuple[float, float]]] = {}
-    for result in results:
-        uav = uav_of(result, uav_id)
-        if uav is not None and uav.saving is not None and (iae := uav.iae[quantity]) is not None:
-            point = (iae, 100.0 * uav.saving)
-            lines.setdefault(position(result.run, styles.markers[0]), []).append(point)
-            panel.plot(*point, **styles.of(result.run), zorder=3)
+    for point in points:
+        uav = uav_of(point, uav_id)
+        if uav is not None and None not in (uav["saving"], uav[f"iae_{quantity}"]):
+            at = (uav[f"iae_{quantity}"], 100.0 * uav["saving"])
+            lines.setdefault(position(point, styles.markers[0]), []).append(at)
+            panel.plot(*at, **styles.of(point), zorder=3)
     for line in lines.values():
         if _is_numeric(styles.colours) and len(line) <= len(styles.colours[1]):
             panel.plot(*zip(*line, strict=True), color="0.8", lw=0.7)
@@ -129,17 +128,17 @@ def _draw_points(
 
 
 def _draw_crosses(
-    figure: "Figure", panel: "Axes", missing: Sequence[Result], styles: _Styles
+    figure: "Figure", panel: "Axes", missing: Sequence[Point], styles: _Styles
 ) -> None:
-    """Draw a cross beside the panel for each run without an IAE; return how many there are."""
+    """Draw a cross beside the panel for each point without an IAE; return how many there are."""
     from matplotlib.transforms import offset_copy
 
     right = [offset_copy(panel.transAxes, figure, x, units="points") for x in (9, 19, 26)]
-    for k, result in enumerate(missing):
+    for k, point in enumerate(missing):
         at = (1.0, (k + 0.5) / max(len(missing), 14))
         panel.plot(*at, "kx", transform=right[0], clip_on=False)
-        panel.plot(*at, **styles.of(result.run), transform=right[1], clip_on=False)
-    counts = Counter(result.outcome for result in missing)
+        panel.plot(*at, **styles.of(point), transform=right[1], clip_on=False)
+    counts = Counter(point.outcome for point in missing)
     text = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
     panel.text(1.0, 0.0, text, rotation=90, va="bottom", size=SMALL, transform=right[2])
 

@@ -90,7 +90,7 @@ def campaign_report(findings: Findings, figures: Mapping[str, str]) -> str:
             else []
         ),
         "## Factors that matter\n",
-        _factors(findings) + shown("importance") + shown("two_factors"),
+        _factors(findings) + shown("importance") + shown("sobol") + shown("two_factors"),
         "## The worst flights\n",
         _worst(findings),
         "## What these numbers assume\n",
@@ -131,6 +131,8 @@ def _introduction(findings: Findings) -> str:
 
 def _success(findings: Findings) -> str:
     anytime = bool(findings.until)
+    invalid = any("invalid" in flights.outcome for flights in findings.counted.values())
+    outcomes = OUTCOMES if invalid else OUTCOMES[: OUTCOMES.index("invalid")]
     estimate = anytime_proportion if anytime else proportion
     rows = []
     for name, flights in findings.counted.items():
@@ -139,11 +141,11 @@ def _success(findings: Findings) -> str:
         sure = estimate(good, n, 0.90).low
         found = interval(estimate(good, n), "share")
         limits = [found, share(sure)] if findings.is_sample else [share(good / max(n, 1)), "-"]
-        rows.append([f"`{name}`", n, *(counts[each] for each in OUTCOMES), *limits])
+        rows.append([f"`{name}`", n, *(counts[each] for each in outcomes), *limits])
     head = [
         "variant",
         "flights",
-        *(each.replace("_", " ") for each in OUTCOMES),
+        *(each.replace("_", " ") for each in outcomes),
         "success [95 % interval]",
         "at least, at 95 %",
     ]

@@ -1,17 +1,17 @@
 """Axes of a sweep: keys of the scenario and the values that they take."""
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import yaml
 
+from gcs.campaigns.distributions import cells
 from gcs.errors import BadInput
 from mavlink_defs.config.models import repeated
 from mavlink_defs.config.yaml_text import parse_yaml
 
-__all__ = ["Axis", "label", "parse_axes"]
+__all__ = ["Axis", "parse_axes"]
 
 
 @dataclass(frozen=True)
@@ -47,20 +47,15 @@ def _parse_axis(text: str, option: str) -> Axis:
     key, _, listed = (part.strip() for part in text.partition("="))
     try:
         values = parse_yaml(f"[{listed}]")
-        labels = [label(value) for value in values]
+        found = repeated(cells(values))
     except (yaml.YAMLError, ValueError, TypeError, RecursionError):
-        labels = []
-    if not key or not labels:
+        values = found = []
+    if not key or not values:
         raise BadInput(
             f"{option} is {text!r}, expected KEY=VALUE,VALUE,...",
             f"as in {option} trigger.b2_deg=0.5,1 or "
             f"{option} 'controller.K1=[40, 40, 40], [50, 50, 50]'",
         )
-    for _, problem in repeated(labels):
+    for _, problem in found:
         raise BadInput(f"{option} {key}: {problem}", "leave one of them out")
     return Axis(key, tuple(values))
-
-
-def label(value: Any) -> str:
-    """Format a value on one line: text as it is, anything else as JSON."""
-    return value if isinstance(value, str) else json.dumps(value)

@@ -1,98 +1,123 @@
-"""The grid of a sweep: one run for every combination of the axes' values.
+"""The grid of a sweep, as a campaign: its files are variants, its axes factors with choices."""
 
-A run's digest covers its scenario with all defaults and the code that flies it.
-"""
-
-import hashlib
-import itertools
-import json
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
+from gcs.campaigns.distributions import Choice
+from gcs.campaigns.draws import draw_table
+from gcs.campaigns.flights import Flights, Row, flights_of
+from gcs.campaigns.mark import Mark
+from gcs.campaigns.model import Campaign, Factor
+from gcs.campaigns.plan import Plan, rows_of
+from gcs.campaigns.store import results_schema
 from gcs.errors import BadInput
-from gcs.scenario.code import code_digest
+from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from gcs.sweeps.axes import Axis
-from mavlink_defs.config.inherit import PlaceError, with_values
+from mavlink_defs.config.inherit import PlaceError, check_place, difference
 from mavlink_defs.config.models import ConfigError, Problem, ProblemKind
 
-__all__ = ["Run", "identity", "plan"]
+__all__ = ["Grid", "plan_grid"]
 
 
 @dataclass(frozen=True)
-class Run:
-    """One point of the grid.
+class Grid:
+    """The points of a sweep.
 
     Attributes:
-        file: Scenario file.
-        name: Name of the file among those of the sweep.
-        values: Values laid over it, by key.
-        scenario: File and values together; None if they are not a valid scenario.
-        problems: Why they do not.
-        misplaced: Those problems that are about a key, whatever its value.
-        digest: As `identity` returns it; empty without a scenario.
+        plan: Plan of the campaign that flies them.
+        scenarios: Scenario of each row; None where the values are none.
     """
 
-    file: Path
-    name: str
-    values: dict[str, Any]
-    scenario: Scenario | None
-    problems: tuple[Problem, ...] = ()
-    misplaced: tuple[Problem, ...] = ()
-    digest: str = ""
+    plan: Plan
+    scenarios: Sequence[Scenario | None]
 
 
-def plan(files: Sequence[Path], axes: Sequence[Axis]) -> list[Run]:
-    """Return the grid: every combination of the axes' values for every file.
+def plan_grid(files: Sequence[Path], axes: Sequence[Axis]) -> Grid:
+    """Return every combination of the axes' values for every file.
 
-    A combination that is not a valid scenario stays in it, with its problems.
+    A combination that is not a valid scenario stays in the grid; its flight ends as ``invalid``.
 
     Raises:
         ConfigError: A file cannot be read, or has a problem that no combination fixes.
         BadInput: A key is wrong in every file, whatever the values.
     """
-    runs: list[Run] = []
-    keys = [axis.key for axis in axes]
-    stems = Counter(file.stem for file in dict.fromkeys(files))
-    for file in dict.fromkeys(files):
-        bare = Run(file, file.stem if stems[file.stem] == 1 else str(file), {}, None)
-        tree = scenario_tree(file)
-        own = _checked(bare, tree).problems
-        combinations = itertools.product(*(axis.values for axis in axes))
-        points = [replace(bare, values=dict(zip(keys, v, strict=True))) for v in combinations]
-        made = [_checked(point, tree) for point in points]
-        lasting = [problem for problem in _shared(run.problems for run in made) if problem in own]
+    _check_keys(axes)
+    named = _named(files)
+    trees = {name: scenario_tree(file) for name, file in named.items()}
+    first, base = next(iter(trees.items()))
+    campaign = Campaign(
+        name=named[first].stem,
+        scenario=str(named[first]),
+        design="grid",
+        factors={axis.key: Factor(draw=Choice(kind="choice", values=axis.values)) for axis in axes},
+        variants={name: difference(base, tree) for name, tree in trees.items()},
+    )
+    draws = draw_table(campaign, [])
+    mark = Mark(campaign, str(named[first]), base, [], code_version(), code_digest())
+    flights = flights_of(mark, draws.schema)
+    points = [_checked(flights, row) for row in rows_of(draws)]
+    for k, (name, file) in enumerate(named.items()):
+        own = _problems_of(file, trees[name])
+        lasting = [p for p in _shared(found for _, found in points[k :: len(named)]) if p in own]
         if lasting:
             raise ConfigError(file, lasting)
-        runs += made
-    if mistyped := _shared(run.misplaced for run in runs):
+    unknown = ([p for p in found if p.kind is ProblemKind.UNKNOWN_KEY] for _, found in points)
+    if mistyped := _shared(unknown):
         raise BadInput("\n".join(f"--set {problem}" for problem in mistyped))
-    return runs
+    scenarios = [scenario for scenario, _ in points]
+    good = [scenario for scenario in scenarios if scenario is not None]
+    ids = sorted({uav.id for scenario in good for uav in scenario.uavs})
+    flights = replace(flights, schema=results_schema(draws.schema, ids))
+    plan = Plan(replace(mark, uav_ids=ids), flights, draws, next(iter(good), None))
+    return Grid(plan, scenarios)
 
 
-def _checked(run: Run, tree: dict[Any, Any]) -> Run:
-    """Return a run with its scenario or its problems, given the plain data of its file."""
+def _check_keys(axes: Iterable[Axis]) -> None:
+    problems = []
+    for axis in axes:
+        try:
+            check_place(axis.key)
+        except PlaceError as problem:
+            problems.append(f"--set {problem}")
+    if problems:
+        raise BadInput("\n".join(problems))
+
+
+def _named(files: Sequence[Path]) -> dict[str, Path]:
+    """Return the files by name: their stem, or the whole path if others have the same stem."""
+    different = list(dict.fromkeys(files))
+    stems = Counter(file.stem for file in different)
+    named = {}
+    for file in different:
+        name = file.stem if stems[file.stem] == 1 else str(file)
+        named[re.sub(r"[`|\x00-\x1f]", "-", name)] = file
+    return named
+
+
+def _checked(flights: Flights, row: Row) -> tuple[Scenario | None, list[Problem]]:
+    """Return the scenario of a row, or why there is none."""
     try:
-        scenario = scenario_of(run.file, with_values(tree, run.values))
+        return flights.scenario(row), []
     except PlaceError as error:
-        problem = Problem((), str(error), ProblemKind.UNKNOWN_KEY)
-        return replace(run, problems=(problem,), misplaced=(problem,))
-    except ConfigError as exc:
-        unknown = tuple(p for p in exc.problems if p.kind is ProblemKind.UNKNOWN_KEY)
-        return replace(run, problems=tuple(exc.problems), misplaced=unknown)
-    return replace(run, scenario=scenario, digest=identity(scenario))
+        return None, [Problem((), str(error), ProblemKind.UNKNOWN_KEY)]
+    except ConfigError as error:
+        return None, error.problems
 
 
-def _shared(groups: Iterable[tuple[Problem, ...]]) -> list[Problem]:
+def _problems_of(file: Path, tree: dict[str, object]) -> list[Problem]:
+    """Return the problems that a file has by itself."""
+    try:
+        scenario_of(file, tree)
+    except ConfigError as error:
+        return error.problems
+    return []
+
+
+def _shared(groups: Iterable[list[Problem]]) -> list[Problem]:
     """Return the problems that every group has."""
     first, *others = groups
     return [problem for problem in first if all(problem in other for other in others)]
-
-
-def identity(scenario: Scenario) -> str:
-    """Return a digest of everything that a flight's summary depends on: scenario and code."""
-    tree = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
-    return hashlib.sha256(f"{code_digest()} {tree}".encode()).hexdigest()[:16]

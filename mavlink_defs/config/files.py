@@ -224,7 +224,8 @@ def _tags(member: Any) -> Sequence[object]:
 def _expected(annotation: Any, field: FieldInfo | None) -> str:
     if get_origin(annotation) in {Union, types.UnionType}:
         places = [_strip_annotated(member) for member in _members(annotation)]
-        return " or ".join(_expected(inner, found or field) for inner, found in places)
+        words = (_expected(inner, found or field) for inner, found in places)
+        return " or ".join(dict.fromkeys(words))
     if get_origin(annotation) is Literal:
         *first, last = map(repr, get_args(annotation))
         return f"{', '.join(first)} or {last}" if first else last

@@ -18,8 +18,17 @@ from typing import Any
 
 from mavlink_defs.config.files import read
 from mavlink_defs.config.models import ConfigError, Problem, shown
+from mavlink_defs.config.yaml_text import yaml_of
 
-__all__ = ["PlaceError", "merged", "read_inherited", "value_at", "with_values"]
+__all__ = [
+    "PlaceError",
+    "check_place",
+    "difference",
+    "merged",
+    "read_inherited",
+    "value_at",
+    "with_values",
+]
 
 _PLACE = re.compile(r"\w+(?:\.\w+|\[[0-9]+\])*")
 _STEP = re.compile(r"\.?(\w+)|\[([0-9]+)\]")  # a key, or an index
@@ -81,6 +90,28 @@ def merged(base: Any, overlay: Any) -> Any:
         else:
             new[key] = merged(base.get(key), value)
     return new
+
+
+def difference(base: Any, tree: Any) -> Any:
+    """Return an overlay that `merged` lays over `base` to get `tree`, which holds no null."""
+    if not isinstance(base, dict) or not isinstance(tree, dict):
+        return tree
+    if tree.get("kind") != base.get("kind"):
+        return {"kind": None, **tree}
+    overlay: dict[Any, Any] = {key: None for key in base if key not in tree}
+    for key, value in tree.items():
+        if key not in base or yaml_of(base[key]) != yaml_of(value):  # 1 is not 1.0
+            overlay[key] = difference(base.get(key), value)
+    return overlay
+
+
+def check_place(place: str) -> None:
+    """Check how a place is written; whether a tree has it is another question.
+
+    Raises:
+        PlaceError: It is not keys and indices.
+    """
+    _way(place)
 
 
 def with_values(tree: dict[Any, Any], values: Mapping[str, Any]) -> dict[Any, Any]:

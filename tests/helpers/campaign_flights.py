@@ -65,7 +65,13 @@ class DeadlyFlights(Flights):
 def deadly(plan: Plan, deaths: Mapping[int, int], notes: Path) -> DeadlyFlights:
     flights = plan.flights
     return DeadlyFlights(
-        flights.campaign, flights.file, flights.trees, flights.schema, deaths, notes
+        flights.campaign,
+        flights.file,
+        flights.trees,
+        flights.filled,
+        flights.schema,
+        deaths,
+        notes,
     )
 
 

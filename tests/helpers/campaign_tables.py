@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from gcs.campaigns.mark import Mark, write_mark
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.samples import Sample, samples_of
-from gcs.campaigns.store import Mark, append_results, results_schema, write_draws, write_mark
+from gcs.campaigns.store import append_results, results_schema, write_draws
 
 UAVS = (1, 2)
 FACTORS = ("mass", "cl_alpha", "idle")
@@ -84,7 +85,7 @@ def write_campaign(folder: Path, request: Campaign, draws: pa.Table, results: pa
     """Write a folder as `gcs campaign` leaves it, in two files of results."""
     folder.mkdir(parents=True, exist_ok=True)
     scenario = {"uavs": [{"id": uav} for uav in UAVS]}
-    write_mark(folder, Mark(request, "synthetic.yaml", scenario, "0.1.0", "abc"))
+    write_mark(folder, Mark(request, "synthetic.yaml", scenario, list(UAVS), "0.1.0", "abc"))
     write_draws(folder, draws)
     half = results.num_rows // 2
     append_results(folder, results.slice(half))

@@ -1,15 +1,20 @@
-"""Flying the runs that the folder of a sweep lacks."""
+"""Sweeps flown in this process, without workers."""
 
 from pathlib import Path
 
-from gcs.sweeps.flying import fly_runs
-from gcs.sweeps.folder import Result, known_results
-from gcs.sweeps.grid import Run
+from gcs.campaigns.flights import fly_rows
+from gcs.campaigns.folder import open_folder
+from gcs.campaigns.plan import rows_of
+from gcs.campaigns.store import append_results
+from gcs.sweeps.axes import parse_axes
+from gcs.sweeps.grid import plan_grid
+from gcs.sweeps.points import Point, read_points
 
 
-def flown(runs: list[Run], folder: Path, jobs: int = 2) -> list[Result]:
-    """Fly what is missing; return only the results of those flights."""
-    known = known_results(runs, folder)
-    results: list[Result] = []
-    fly_runs([run for run in runs if run.digest not in known], folder, jobs, results.append)
-    return results
+def swept(files: list[Path], settings: list[str], folder: Path) -> list[Point]:
+    """Fly every point of a grid; `settings` are as after `--set`."""
+    grid = plan_grid(files, parse_axes(settings))
+    open_folder(folder, grid.plan)
+    rows = list(rows_of(grid.plan.draws))
+    append_results(folder, fly_rows(grid.plan.flights, rows))
+    return read_points(folder, grid)

@@ -22,6 +22,7 @@ from flying import (
     wait_until,
 )
 
+from gcs.campaigns.mark import mark_of
 from gcs.campaigns.store import read_results
 
 pytestmark = pytest.mark.sitl
@@ -202,7 +203,7 @@ def test_workers_of_other_code_are_refused_with_both_digests(tmp_path: Path) -> 
         done = campaign(path, "--out", folder, "--scheduler", address)
     assert done.returncode == 2
     assert_one_message(done.stderr)
-    digest = json.loads((folder / "campaign.json").read_text())["digest"]
+    digest = mark_of(folder).digest
     assert f"expected ftc-sitl 0.1.0 with digest {digest}" in done.stderr
     assert "runs ftc-sitl 0.1.0 with digest" in done.stderr
     assert not parts(folder)

@@ -8,8 +8,10 @@ import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from campaign_flights import rows_by_number
 from flying import (
     BIN,
     TIMEOUT_S,
@@ -21,9 +23,12 @@ from flying import (
     write_scenario,
 )
 
+from gcs.campaigns.store import read_results
+
 pytestmark = pytest.mark.sitl
 
-OUTPUTS = {"sweep.json", "runs", "table.csv", "table.md", "sweep.png", "sweep.svg"}
+CAMPAIGN = {"campaign.yaml", "scenario.yaml", "draws.parquet", "results"}
+OUTPUTS = CAMPAIGN | {"table.csv", "table.md", "sweep.png", "sweep.svg"}
 MANY = ("--set", f"trigger.b2_deg={','.join(str(0.1 * k) for k in range(1, 16))}")
 
 
@@ -36,14 +41,14 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def kept(folder: Path) -> dict[str, int]:
-    """Finished runs and when they were written [ns]."""
-    return {path.name: path.stat().st_mtime_ns for path in (folder / "runs").glob("*.json")}
+def kept(folder: Path) -> dict[int, dict[str, Any]]:
+    """Stored flights by row, and without their wall times."""
+    return rows_by_number(read_results(folder))
 
 
 @contextlib.contextmanager
 def sweeping(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
-    """A sweep that has finished some of its runs and flies on; in the end it is killed."""
+    """A sweep that has stored some of its flights and flies on; in the end it is killed."""
     popen = subprocess.Popen(
         [BIN / "gcs", "sweep", *arguments, "--out", folder],
         stdin=subprocess.DEVNULL,
@@ -53,15 +58,15 @@ def sweeping(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[
         env=environment(),
     )
     try:
-        wait_until(lambda: len(list(folder.glob("runs/*.json"))) >= 2, "two runs are finished")
+        wait_until(lambda: any(folder.glob("results/part-*.parquet")), "flights are stored")
         yield popen
     finally:
         popen.kill()
         popen.communicate(timeout=TIMEOUT_S)
 
 
-def test_every_run_is_in_the_tables(tmp_path: Path) -> None:
-    """Flown, lost, and impossible runs."""
+def test_every_point_is_in_the_tables(tmp_path: Path) -> None:
+    """Flown, lost, and impossible ones."""
     tree = scenario_tree(duration_s=2.0)
     tree["aircraft"]["thrust_limit_n"] = 1e5  # beyond 300 m/s, where the model ends
     tree["faults"] = [{"uav": 2, "actuator": "throttle", "stuck_n": 900.0, "start_s": 0.5}]
@@ -104,10 +109,13 @@ def test_every_run_is_in_the_tables(tmp_path: Path) -> None:
     assert "UAV 2" in done.stderr
     assert done.stderr.count(" lost  ") == 2
 
-    before = kept(folder)
+    before = {path: path.stat().st_mtime_ns for path in (folder / "results").iterdir()}
     again = sweep(*arguments, "--quiet", "--uav", "1")
     assert (again.returncode, again.stderr) == (0, "")
-    assert kept(folder) == before
+    assert {path: path.stat().st_mtime_ns for path in (folder / "results").iterdir()} == before
+    number = next(row["row"] for row in rows if row["faults[0].stuck_n"] == "900")
+    flown = run("gcs", "fly", "--campaign", folder, "--row", number, "--in-process", "--quiet")
+    assert flown.returncode == 0, flown.stderr
 
 
 def test_flights_are_those_of_fly(tmp_path: Path) -> None:
@@ -133,7 +141,7 @@ def test_killed_in_the_middle(tmp_path: Path) -> None:
         os.kill(popen.pid, signal.SIGKILL)
         popen.wait(TIMEOUT_S)
     before = kept(folder)
-    assert 2 <= len(before) < 15
+    assert 1 <= len(before) < 15
     assert not (folder / "table.csv").exists()
     done = sweep(scenario, *MANY, "--out", folder)
     assert done.returncode == 0, done.stderr
@@ -147,7 +155,7 @@ def test_killed_in_the_middle(tmp_path: Path) -> None:
 
 def test_interrupt(tmp_path: Path) -> None:
     scenario, folder = write_scenario(tmp_path), tmp_path / "out"
-    with sweeping(folder, scenario, *MANY, "--quiet") as popen:
+    with sweeping(folder, scenario, *MANY, "--quiet", "--jobs", "1") as popen:
         os.kill(popen.pid, signal.SIGINT)
         _, words = popen.communicate(timeout=TIMEOUT_S)
     assert popen.returncode == 130
@@ -164,14 +172,17 @@ def test_interrupt(tmp_path: Path) -> None:
 def test_default_folder_is_found_again(tmp_path: Path) -> None:
     write_scenario(tmp_path, duration_s=0.1)
     arguments = ("scenario.yaml", "--set", "trigger.b2_deg=1,2", "--quiet")
-    for values in range(2):
+    for _ in range(2):
         assert sweep(*arguments, cwd=tmp_path).returncode == 0
         (folder,) = (tmp_path / "runs").iterdir()
-        assert len(kept(folder)) == 2, values
-    write_scenario(tmp_path, duration_s=0.2)  # another flight, the same sweep
+        assert list(kept(folder)) == [0, 1]
+    write_scenario(tmp_path, duration_s=0.2)  # other flights, another table
+    done = sweep(*arguments, "--out", folder, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "of another campaign, or of other values" in done.stderr
     assert sweep(*arguments, cwd=tmp_path).returncode == 0
-    assert len(kept(folder)) == 4
-    assert {row["duration_s"] for row in rows_of(folder)} == {"0.2"}
+    (other,) = set((tmp_path / "runs").iterdir()) - {folder}
+    assert {row["duration_s"] for row in rows_of(other)} == {"0.2"}
 
 
 @pytest.mark.parametrize(
@@ -198,7 +209,7 @@ def test_folder_of_something_else(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path)
     done = sweep(scenario, "--out", tmp_path)
     assert done.returncode == 2
-    assert "not a sweep" in done.stderr
+    assert "not a campaign or sweep" in done.stderr
     assert list(tmp_path.iterdir()) == [scenario]
 
 

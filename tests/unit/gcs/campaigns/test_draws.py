@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 from scipy import stats
 
-from gcs.campaigns.distributions import Distribution, quantiles, support
+from gcs.campaigns.distributions import Distribution, quantiles, support, value_of
 from gcs.campaigns.draws import dimensions, draw_table
 from gcs.campaigns.model import Campaign
 
@@ -58,6 +58,31 @@ def test_drawn_values_lie_in_the_support(kind: str, uniform: float) -> None:
 def test_every_choice_is_as_likely() -> None:
     drawn = quantiles(distribution("choice", values=["a", "b", "c"]), (np.arange(9) + 0.5) / 9)
     assert list(drawn) == ["a"] * 3 + ["b"] * 3 + ["c"] * 3
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([1, 0.5], [1.0, 0.5]),
+        (["joint", 1], ["joint", "1"]),
+        ([True, 2.0], ["true", "2.0"]),
+        ([{1: 0.5}, None, [1, 2]], ['{"1": 0.5}', "null", "[1, 2]"]),
+        ([2**53 + 1, 1], [str(2**53 + 1), "1"]),
+        ([math.inf, 1], ["Infinity", "1"]),
+    ],
+)
+def test_a_choice_is_of_numbers_or_of_texts(values: list[Any], expected: list[Any]) -> None:
+    choice = distribution("choice", values=values)
+    found = quantiles(choice, (np.arange(len(values)) + 0.5) / len(values)).tolist()
+    assert found == expected
+    assert [value_of(choice, cell) for cell in found] == values
+    assert [type(value_of(choice, cell)) for cell in found] == [type(value) for value in values]
+
+
+@pytest.mark.parametrize("values", [[1, 1.0], ["1", 1, "a"], [{"a": 1}, {"a": 1}], [object()]])
+def test_a_choice_that_a_table_cannot_tell_apart_is_refused(values: list[Any]) -> None:
+    with pytest.raises(ValueError, match=r"only once|expected values of a scenario"):
+        distribution("choice", values=values)
 
 
 def test_the_seed_decides_the_draws() -> None:

@@ -76,7 +76,7 @@ class Hopeless(Flights):
 def test_a_flight_that_cannot_be_computed_is_a_row() -> None:
     plan = planned(draws=3)
     ours = plan.flights
-    flights = Hopeless(ours.campaign, ours.file, ours.trees, ours.schema)
+    flights = Hopeless(ours.campaign, ours.file, ours.trees, ours.filled, ours.schema)
     rows = fly_rows(flights, list(rows_of(plan.draws))).to_pylist()
     assert [row["outcome"] for row in rows] == ["completed", "failed", "completed"]
     assert rows[1]["reason"] == "MemoryError: too long"
@@ -154,3 +154,29 @@ def test_another_campaign_or_other_code_needs_another_folder(
     with pytest.raises(BadInput, match=rf"{same.mark.digest}; this is .* with other"):
         open_folder(folder, other)
     assert default_folder(same.mark) != default_folder(other.mark)
+
+
+def test_a_folder_is_taken_over_only_if_nothing_in_it_is_somebodys(tmp_path: Path) -> None:
+    """What a beginning that was killed has left is ours; a scenario alone is not."""
+    plan = planned()
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text("precious")
+    with pytest.raises(BadInput, match="not a campaign or sweep"):
+        open_folder(tmp_path, plan)
+    assert scenario.read_text() == "precious"
+    (tmp_path / "campaign.yaml.part").write_text("schema: ")
+    open_folder(tmp_path, plan)
+    assert scenario_of_row(tmp_path, 0).duration_s == 0.01
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "campaign.yaml",
+        "scenario.yaml",
+        "draws.parquet",
+    }
+
+
+def test_a_folder_that_began_may_lack_its_draws(tmp_path: Path) -> None:
+    plan = planned()
+    open_folder(tmp_path, plan)
+    (tmp_path / "draws.parquet").unlink()
+    open_folder(tmp_path, plan)
+    assert missing_rows(tmp_path, 8).tolist() == list(range(8))

@@ -111,14 +111,14 @@ def test_other_draws_are_compared_without_pairs() -> None:
 
 
 def test_one_changed_value_makes_other_draws() -> None:
-    old = samples({"a": GOOD})["a"]
-    table = old.table
+    table = results_table(draws_table(["a"], 40), {"a": GOOD})
+    old = samples_of(table, "memory")["a"]
     mass = table["factor.mass"].to_pylist()
     changed = table.set_column(
         table.column_names.index("factor.mass"), "factor.mass", [[*mass[:-1], mass[-1] + 1e-12]]
     )
-    assert same_draws(old, Sample("a", changed)) is None
-    assert same_draws(old, Sample("a", table)) is not None
+    assert same_draws(old, samples_of(changed, "memory")["a"]) is None
+    assert same_draws(old, samples_of(table.slice(0), "memory")["a"]) is not None
 
 
 def test_flights_without_a_partner_are_counted() -> None:

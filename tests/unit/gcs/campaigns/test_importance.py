@@ -7,15 +7,19 @@ import pytest
 from SALib.sample import sobol as saltelli
 from SALib.test_functions import Ishigami
 
-from gcs.campaigns.importance import importances, sobol_indices
+from gcs.campaigns.importance import Importance, importances, sobol_indices
 from gcs.campaigns.statistics import flights_needed
+
+
+def ranked(factors: dict[str, np.ndarray], costs: np.ndarray) -> list[Importance]:
+    return importances(factors.items(), {"cost": costs})["cost"]
 
 
 def test_the_strongest_factor_comes_first() -> None:
     random = np.random.default_rng(1)
     factors = {name: random.uniform(size=300) for name in ("none", "weak", "strong")}
     costs = 10.0 * factors["strong"] ** 3 - factors["weak"]
-    first, second, third = importances(factors, costs)
+    first, second, third = ranked(factors, costs)
     assert (first.factor, second.factor, third.factor) == ("strong", "weak", "none")
     assert first.correlation is not None
     assert second.correlation is not None
@@ -27,14 +31,14 @@ def test_the_strongest_factor_comes_first() -> None:
 
 def test_spearman_by_hand() -> None:
     # ranks 1 2 3 4 5 against 2 1 4 3 5: 1 - 6 · 4 / (5 · 24) = 0.8
-    [found] = importances({"x": np.arange(5.0)}, np.array([2.0, 1.0, 4.0, 3.0, 5.0]))
+    [found] = ranked({"x": np.arange(5.0)}, np.array([2.0, 1.0, 4.0, 3.0, 5.0]))
     assert found.correlation == pytest.approx(0.8)
 
 
 def test_failures_count_and_are_worst() -> None:
     x = np.linspace(0.0, 1.0, 60)
     failing = np.where(x > 0.8, math.inf, 1.0)  # a cost that the survivors do not show
-    [found] = importances({"x": x}, failing)
+    [found] = ranked({"x": x}, failing)
     assert found.correlation is not None
     assert found.correlation > 0.6
 
@@ -42,7 +46,7 @@ def test_failures_count_and_are_worst() -> None:
 def test_kinds_without_an_order_are_compared_as_groups() -> None:
     kinds = np.array(["loss", "bias", "stuck"] * 40, dtype=object)
     costs = np.arange(120.0) % 3
-    strong, none = importances({"kind": kinds, "x": np.tile([1.0, 2.0], 60)}, costs)
+    strong, none = ranked({"kind": kinds, "x": np.tile([1.0, 2.0], 60)}, costs)
     assert (strong.factor, strong.correlation) == ("kind", None)
     assert strong.strength == pytest.approx(1.0)
     assert none.strength < 0.2
@@ -50,9 +54,9 @@ def test_kinds_without_an_order_are_compared_as_groups() -> None:
 
 def test_what_does_not_vary_has_no_importance() -> None:
     x = np.arange(10.0)
-    assert importances({"x": x}, np.ones(10)) == []
-    assert importances({"x": np.ones(10)}, x) == []
-    assert importances({"x": x[:2]}, x[:2]) == []
+    assert ranked({"x": x}, np.ones(10)) == []
+    assert ranked({"x": np.ones(10)}, x) == []
+    assert ranked({"x": x[:2]}, x[:2]) == []
 
 
 def test_sobol_indices_of_the_ishigami_function() -> None:

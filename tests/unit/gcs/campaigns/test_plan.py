@@ -132,6 +132,53 @@ def test_every_mistake_of_a_file_is_named(tmp_path: Path) -> None:
     assert "duration_s: " not in text, text  # which stands in for what was left out
 
 
+def test_an_unknown_key_hides_no_other_mistake(tmp_path: Path) -> None:
+    """Of the file, of a factor, of a fault and of the only variant."""
+    normal = {"kind": "normal", "mean": 0.0, "deviation": 1.0}
+    text = message(
+        tmp_path,
+        drows=5,
+        factors={
+            "uncertainty.mass": {"draw": normal},
+            "uncertainty.mas": {"draw": uniform(0.8, 1.2)},
+            "b1": {"key": "trigger.b1", "draw": uniform(2.0, 1.0) | {"mid": 3.0}},
+        },
+        faults={"f": faulty(uavs=[7])["faults"]["f"] | {"when": 3.0}},
+        keep={"worst": 1, "figurs": []},
+    )
+    for words in (
+        "drows: unknown key; did you mean 'draws'?",
+        "factors.uncertainty.mas: uncertainty.mas: unknown key",
+        "factors.b1.draw.mid: unknown key",
+        "factors.b1.draw.high: expected > low = 2.0",
+        "faults.f.when: unknown key",
+        "faults.f.uavs[0]: expected one of the UAVs 1, 2, 3, got 7",
+        "keep.figurs: unknown key",
+        "keep.figures: missing",
+    ):
+        assert text.count(words) == 1, text
+
+
+def test_draws_are_checked_beside_other_mistakes(tmp_path: Path) -> None:
+    normal = {"kind": "normal", "mean": 0.0, "deviation": 1.0}
+    factors = {
+        "uncertainty.mass": {"draw": normal},
+        "trigger.b1": {"draw": uniform(0.1, 1.0), "relativ": True},
+    }
+    text = message(tmp_path, factors=factors, draws=50, drows=1)
+    assert "factors.uncertainty.mass: draw " in text
+    assert "factors.trigger.b1.relativ: unknown key" in text
+    assert "factors.trigger.b1.draw: with its end 1.0" in text
+    assert len(text.splitlines()) == 4
+
+
+def test_factors_are_checked_although_no_variant_is_right(tmp_path: Path) -> None:
+    factors = {"uncertainty.mas": {"draw": uniform(0.8, 1.2)}}
+    text = message(tmp_path, factors=factors, variants={"v": {"duration": 1.0}})
+    assert "variants.v.duration: unknown key" in text
+    assert "factors.uncertainty.mas: uncertainty.mas: unknown key" in text
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -207,13 +254,14 @@ def test_impairments_of_links_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["uncertainty", "faults", "false_alarms", "stuck_surface", "neighbour_messages"]
+    "name", sorted(path.stem for path in (SCENARIOS / "campaigns").glob("*.yaml"))
 )
 def test_shipped_campaigns_can_be_flown(name: str) -> None:
     path = SCENARIOS / "campaigns" / f"{name}.yaml"
     campaign = load_campaign(path)
     short = campaign.model_copy(update={"draws": 16})
-    assert plan(short, path).draws.num_rows == 16 * len(campaign.variants)
+    points = 16 * (len(campaign.factors) + 2) if campaign.design == "saltelli" else 16
+    assert plan(short, path).draws.num_rows == points * len(campaign.variants)
 
 
 def test_the_autopilots_of_a_campaign_are_those_of_its_variants() -> None:

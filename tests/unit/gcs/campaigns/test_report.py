@@ -13,7 +13,7 @@ from gcs.campaigns.findings import Findings, findings_of
 from gcs.campaigns.report import write_report
 from gcs.campaigns.until import is_decided, note_condition, stopping_condition
 from gcs.errors import BadInput
-from gcs.figures.campaign import distributions, importance, two_factors
+from gcs.figures.campaign import distributions, importance, sobol_indices, two_factors
 
 pytestmark = pytest.mark.slow
 
@@ -192,6 +192,13 @@ def test_a_saltelli_design_has_sobol_indices_and_no_intervals(tmp_path: Path) ->
     report = report_of(findings)
     assert "first-order index" in report
     assert "not probabilities" in report
+    figure = sobol_indices(findings)
+    assert figure is not None
+    [panel] = figure.axes
+    assert panel.get_yticklabels()[0].get_text() == "cl_alpha"
+    bars = [bar.get_width() for bar in panel.patches]  # type: ignore[attr-defined]  # rectangles
+    assert bars == [each.total for each in found]
+    assert (tmp_path / "figures" / "sobol.svg").exists()
 
 
 def test_a_campaign_that_could_be_stopped_has_other_intervals(tmp_path: Path) -> None:
@@ -239,6 +246,7 @@ def test_curves_end_at_the_share_that_succeeded(mixed: Findings) -> None:
 
 
 def test_every_flight_is_a_point_and_failures_are_crosses(mixed: Findings) -> None:
+    assert sobol_indices(mixed) is None
     figure = two_factors(mixed)
     assert figure is not None
     for panel, failed in zip(figure.axes, (0, 4), strict=True):

@@ -6,18 +6,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from gcs.campaigns.mark import Mark, campaign_of, mark_of, write_mark
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.store import (
-    Mark,
     alone_in,
     append_results,
-    campaign_of,
-    mark_of,
     read_draws,
     read_results,
     results_schema,
     write_draws,
-    write_mark,
 )
 from gcs.errors import BadInput
 
@@ -32,10 +29,13 @@ CAMPAIGN = Campaign.model_validate(
                 "key": "trigger.mode",
                 "draw": {"kind": "choice", "values": ["joint", "periodic"]},
             },
+            "network": {"draw": {"kind": "choice", "values": [{"leader_access": {1: 0.5}}, None]}},
         },
+        "variants": {"base": {}, "nearer": {"network": {"leader_access": {1: 2.0}}}},
     }
 )
-MARK = Mark(CAMPAIGN, "my.yaml", {"uavs": [{"id": 3}], "leader_access": {1: 0.1}}, "0.1.0", "abc")
+SCENARIO = {"uavs": [{"id": 3}], "leader_access": {1: 0.1}}
+MARK = Mark(CAMPAIGN, "my.yaml", SCENARIO, [3], "0.1.0", "abc")
 DRAWS = pa.table(
     {
         "row": pa.array([0, 1, 2], pa.int64()),
@@ -118,7 +118,7 @@ def test_another_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_another_layout_is_refused(folder: Path) -> None:
-    text = (folder / "campaign.json").read_text()
-    (folder / "campaign.json").write_text(text.replace('"schema": 1', '"schema": 2'))
-    with pytest.raises(BadInput, match="layout 2, this version reads 1"):
+    text = (folder / "campaign.yaml").read_text()
+    (folder / "campaign.yaml").write_text(text.replace("schema: 2", "schema: 3"))
+    with pytest.raises(BadInput, match="layout 3, this version reads 2"):
         campaign_of(folder)

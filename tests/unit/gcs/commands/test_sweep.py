@@ -1,41 +1,31 @@
 """The exit status of `gcs sweep`."""
 
 from pathlib import Path
-from typing import Any
 
+import pyarrow as pa
 import pytest
 
+from gcs.campaigns.flights import ended
+from gcs.campaigns.folder import open_folder
+from gcs.campaigns.plan import rows_of
+from gcs.campaigns.store import append_results
 from gcs.commands.sweep import sweep
 from gcs.errors import GcsError
-from gcs.fleet.in_process import fly_in_process
-from gcs.sweeps import flying
-
-SCENARIO_1 = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
+from gcs.sweeps.axes import parse_axes
+from gcs.sweeps.grid import plan_grid
 
 
-@pytest.mark.parametrize(
-    ("problem", "ends_with"),
-    [(ZeroDivisionError("by nothing"), ZeroDivisionError), (MemoryError("too long"), GcsError)],
-)
-def test_a_defect_is_told_when_everything_is_flown(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    problem: Exception,
-    ends_with: type[Exception],
+def test_a_flight_that_could_not_be_computed_is_told_at_the_end(
+    short: Path, tmp_path: Path
 ) -> None:
-    """The other results are kept, and the command ends as any that meets a defect of ours."""
-    fly = fly_in_process
-
-    def broken(scenario: Any, *others: Any) -> Any:
-        if scenario.duration_s < 0.05:
-            raise problem
-        return fly(scenario, *others)
-
-    monkeypatch.setattr(flying, "fly_in_process", broken)
-    with pytest.raises(ends_with):
-        sweep([SCENARIO_1], ["duration_s=0.04,0.05"], tmp_path / "out", 1, None, quiet=True)
-    table = (tmp_path / "out" / "table.csv").read_text()
-    assert (
-        f"failed,{'not enough memory' if ends_with is GcsError else 'ZeroDivisionError'}" in table
-    )
+    """The others have their rows in the tables."""
+    folder, axes = tmp_path / "out", ["duration_s=0.04,0.05"]
+    plan = plan_grid([short], parse_axes(axes)).plan
+    open_folder(folder, plan)
+    lost, _ = (ended(row, "failed", "MemoryError: too long") for row in rows_of(plan.draws))
+    append_results(folder, pa.Table.from_pylist([lost], plan.flights.schema))
+    with pytest.raises(GcsError, match="1 of 2 flights could not be computed: MemoryError"):
+        sweep([short], axes, folder, 1, None, quiet=True)
+    table = (folder / "table.csv").read_text()
+    assert "failed,MemoryError: too long" in table
     assert table.count(",completed,") == 3

@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gcs.campaigns.distributions import cells, label
 from gcs.errors import BadInput
-from gcs.sweeps.axes import Axis, label, parse_axes
+from gcs.sweeps.axes import Axis, parse_axes
+from mavlink_defs.config.models import repeated
 
 plain = st.recursive(
     st.booleans()
@@ -28,7 +30,7 @@ def test_values_are_yaml() -> None:
     assert [type(value) for value in parse_axes([text])[0].values] == [type(v) for v in values]
 
 
-@given(st.lists(plain, min_size=1, unique_by=label))
+@given(st.lists(plain, min_size=1, unique_by=label).filter(lambda v: not repeated(cells(v))))
 def test_any_plain_values_come_back(values: list[Any]) -> None:
     text = ", ".join(json.dumps(value).replace("Infinity", ".inf") for value in values)
     (axis,) = parse_axes([f"some.key = {text}"])
@@ -57,5 +59,5 @@ def test_what_is_no_axis(text: str) -> None:
 def test_nothing_is_given_twice() -> None:
     with pytest.raises(BadInput, match="k is given twice"):
         parse_axes(["k=1", "k=2"])
-    with pytest.raises(BadInput, match="got '1' again"):
+    with pytest.raises(BadInput, match=r"got 1\.0 again"):
         parse_axes(["k=1,2,1"])

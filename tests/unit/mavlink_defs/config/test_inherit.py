@@ -7,7 +7,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mavlink_defs.config.inherit import PlaceError, merged, read_inherited, with_values
+from mavlink_defs.config.inherit import (
+    PlaceError,
+    difference,
+    merged,
+    read_inherited,
+    with_values,
+)
 from mavlink_defs.config.models import ConfigError
 
 LEAVES = st.integers() | st.booleans() | st.sampled_from(["x", "y"])
@@ -289,3 +295,22 @@ def test_setting_by_keys_is_merging(tree: Any, keys: list[str], value: Any) -> N
         overlay = {key: overlay}
     assume(not clash(tree, overlay))
     assert with_values(tree, {".".join(keys): value}) == merged(tree, overlay)
+
+
+@given(TREES, TREES)
+def test_a_difference_makes_one_tree_of_the_other(base: Any, tree: Any) -> None:
+    before = copy.deepcopy(base)
+    assert repr(sorted_keys(merged(base, difference(base, tree)))) == repr(sorted_keys(tree))
+    assert base == before
+
+
+@given(TREES)
+def test_equal_trees_differ_by_nothing(tree: Any) -> None:
+    assert difference(tree, copy.deepcopy(tree)) == {}
+
+
+def sorted_keys(tree: Any) -> Any:
+    """The tree with its mappings in one order, as a text tells 1 from True."""
+    if isinstance(tree, dict):
+        return [(key, sorted_keys(tree[key])) for key in sorted(tree, key=str)]
+    return [sorted_keys(value) for value in tree] if isinstance(tree, list) else tree
