@@ -186,7 +186,12 @@ def reposition(bench: PathBench, *params: float, x: int, y: int, z: float, frame
 def test_reposition_leads_into_a_circle_around_the_place(bench: PathBench) -> None:
     bench.fly()
     place = place_of(ORIGIN, 3000.0, -2000.0, 0.0)[:2]
-    where = {"x": place[0], "y": place[1], "z": 700.0, "frame": dialect.MAV_FRAME_GLOBAL_INT}
+    where: dict[str, Any] = {
+        "x": place[0],
+        "y": place[1],
+        "z": 700.0,
+        "frame": dialect.MAV_FRAME_GLOBAL_INT,
+    }
     assert reposition(bench, -1.0, 0.0, 0.0, 0.0, **where) == DENIED
     assert reposition(bench, 45.0, 1.0, 600.0, 1.0, **where) == ACCEPTED
     assert bench.vehicle.modes.mode == GUIDED
@@ -195,7 +200,7 @@ def test_reposition_leads_into_a_circle_around_the_place(bench: PathBench) -> No
     assert path["airspeed"][0] == 45.0
     assert path["height"][path["count"] - 1] == pytest.approx(116.0)
     assert reposition(bench, -1.0, 1.0, 50.0, 0.0, **where) == DENIED  # too tight
-    nowhere = {"x": INT32_MAX, "y": INT32_MAX, "z": math.nan, "frame": 5}
+    nowhere: dict[str, Any] = {"x": INT32_MAX, "y": INT32_MAX, "z": math.nan, "frame": 5}
     assert reposition(bench, -1.0, 1.0, math.nan, math.nan, **nowhere) == ACCEPTED
     assert bench.circle()[:2] == pytest.approx((0.0, 0.0), abs=1e-6)
 
