@@ -33,7 +33,7 @@ __all__ = [
 VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])
 """What is kept of a vehicle besides its compiled records: custom_mode, current mission item."""
 
-N_PARTS = 8
+N_PARTS = 9
 _HEAD = 16  # bytes of a slot before its parts: count, checksum
 _DIGEST = 64  # bytes of the file before the slots
 _FNV_START, _FNV_PRIME = 0x811C9DC5, 0x01000193

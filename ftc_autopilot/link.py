@@ -190,6 +190,7 @@ def records_to_keep(
         controllers.parameters,
         controllers.states,
         controllers.guidance,
+        controllers.formations,
         controllers.profiles,
         controllers.actuators,
         vehicle,

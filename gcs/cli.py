@@ -19,8 +19,10 @@ from gcs.commands import (
     export,
     fault,
     fly,
+    formation,
     key,
     log,
+    mission,
     new,
     param,
     profile,
@@ -120,7 +122,9 @@ app.command(epilog=control.ARM_EPILOG)(control.arm)
 app.command(epilog=control.DISARM_EPILOG)(control.disarm)
 app.command(epilog=control.MODE_EPILOG)(control.mode)
 app.add_typer(fault.app, name="fault")
+app.add_typer(formation.app, name="formation")
 app.add_typer(profile.app, name="profile")
+app.add_typer(mission.app, name="mission")
 app.add_typer(param.app, name="param")
 app.command(epilog=record.EPILOG)(record.record)
 app.command(epilog=log.EPILOG)(log.log)

@@ -23,6 +23,7 @@ from ftc_autopilot.control.records import in_si
 from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
+from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
@@ -46,6 +47,12 @@ _SHORTER = {  # with an axis or a prefix, these would be too long
     "integral_limit_deg": "INT_LIMIT",
     "trim_airspeed_m_s": "TRIM_AIRSPEED",
     "diagnosis": "DIAG",
+    "speed_limit_m_s": "SPEED_LIMIT",
+    "slot_speed_m_s": "SLOT_SPEED",
+    "separation_rate": "SEPAR_RATE",
+    "degraded_below": "DEGRADED",
+    "leave_ahead_m": "LEAVE_AHEAD",
+    "leave_right_m": "LEAVE_RIGHT",
 }
 _AT_THE_START = {"phi_v0", "g_v0", "beta_v0", "phi_omega0", "beta_omega0"}
 """Fields that a law reads in its first step only."""
@@ -98,7 +105,7 @@ class Tunable:
 def parameters_of(
     config: AutopilotConfig, hot: HotState, controllers: Controllers
 ) -> list[Parameter]:
-    """Return all parameters of a vehicle: its trigger's, its law's, and some read-only ones."""
+    """Return all parameters of a vehicle: of its trigger, its law, its formation, its identity."""
     records, kind = controllers.parameters, config.controller.kind
     found = [
         *trigger_tunables(records),
@@ -106,6 +113,8 @@ def parameters_of(
         *tunables(LawParameters, records["common"]),
         *tunables(LAWS[kind], records[kind], base=LawParameters),
     ]
+    if config.formation is not None:
+        found += tunables(FormationParameters, records["formation"], "FORM_")
 
     def clock_s() -> float:
         start = int(controllers.guidance[0]["start_step"])

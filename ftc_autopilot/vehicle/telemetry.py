@@ -14,6 +14,7 @@ from typing import TypeAlias
 
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
+from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.path_messages import PathMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
@@ -84,6 +85,7 @@ def makers_of(
     state: StateMessages,
     controller: ControllerMessages,
     diagnosis: DiagnosisMessages,
+    formation: FormationMessages,
     status: StatusMessages,
     path: PathMessages,
 ) -> dict[int, Maker]:
@@ -111,6 +113,7 @@ def makers_of(
         dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,
         dialect.MAVLINK_MSG_ID_FTC_DROPS: controller.drops,
         dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS: diagnosis.diagnosis,
+        dialect.MAVLINK_MSG_ID_FTC_FORMATION: formation.formation,
         dialect.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
         dialect.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
         dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: status.ekf_status_report,

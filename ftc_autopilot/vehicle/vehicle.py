@@ -21,6 +21,7 @@ from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
 from ftc_autopilot.vehicle.flight_path import FlightPath
+from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.guided import Guided
 from ftc_autopilot.vehicle.home import VehicleHome
 from ftc_autopilot.vehicle.mission import Mission
@@ -100,11 +101,13 @@ class Vehicle:
         self._guided = Guided(config.origin, self._home, self.modes, controllers, self.say)
         self._mission = Mission(own, self.modes, self._home, self._guided.fly_to_item, self.say)
         self._diagnosis = DiagnosisMessages(hot, controllers)
+        self._formation = FormationMessages(config, hot, controllers, self.say)
         self._clock = VehicleClock(round(unix_s * 1e6))
         makers = makers_of(
             StateMessages(hot, controllers, config.origin, self._home, self._clock),
             ControllerMessages(hot, controllers),
             self._diagnosis,
+            self._formation,
             StatusMessages(
                 config, self._diagnosis.healthy, lambda: int(hot.drops[GCS].sum()), self._clock
             ),
@@ -186,7 +189,7 @@ class Vehicle:
             self._simulator_outbox.append(self.modes.heartbeat())
         self._report_resumption()
         self._report_edges()
-        for severity, text in self._diagnosis.changes():
+        for severity, text in (*self._diagnosis.changes(), *self._formation.changes()):
             self.say(severity, text)
         if self._hot.heard_s > 0.0:
             clock_us = self.telemetry_clock.read_us(now)
@@ -299,6 +302,7 @@ class Vehicle:
             dialect.MAV_CMD_DO_CHANGE_SPEED: modes.change_speed,
             dialect.MAV_CMD_MISSION_START: mission.start,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
+            dialect.MAV_CMD_FTC_SET_SLOT: self._formation.set_slot,
             dialect.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             dialect.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             dialect.MAV_CMD_REQUEST_MESSAGE: self._request,

@@ -109,17 +109,24 @@ class _Places:
         names: Mapping[str, str] = json.loads(schema.metadata[b"names"])
         self.names = {int(system): name for system, name in names.items()}
         self.scenario = schema.metadata[b"scenario"].decode()
+        self.paths: Mapping[str, list[tuple[float, float, float]]] = json.loads(
+            schema.metadata.get(b"paths", b"{}")
+        )
 
     def of(self, batch: "pa.RecordBatch") -> Iterator[tuple[float, float, float]]:
         """Yield latitude [deg], longitude [deg] and altitude above the sea [m] of each row."""
         columns = (batch.column(name).to_pylist() for name in ("north", "east", "down"))
-        for north, east, down in zip(*columns, strict=True):
-            place = place_of(self._origin, north, east, down)
-            yield place.latitude / 1e7, place.longitude / 1e7, place.altitude / 1e3
+        for position in zip(*columns, strict=True):
+            yield self.of_one(*position)
+
+    def of_one(self, north: float, east: float, down: float) -> tuple[float, float, float]:
+        """Return the same of one position [m]."""
+        place = place_of(self._origin, north, east, down)
+        return place.latitude / 1e7, place.longitude / 1e7, place.altitude / 1e3
 
 
 def _to_kml(run: Path, path: Path) -> Path:
-    """Write the tracks of all UAVs; their time counts from 1970-01-01."""
+    """Write the tracks of all UAVs, whose time counts from 1970-01-01, and their paths and home."""
     total = sum(len(batch) for batch in _batches(run / TRAJECTORY))
     tracks: dict[int, tuple[list[str], list[str]]] = {}
     places: _Places | None = None
@@ -147,6 +154,7 @@ def _to_kml(run: Path, path: Path) -> Path:
         + "</gx:Track></Placemark>"
         for system, (times_of, places_of) in tracks.items()
     )
+    marks = "\n".join([marks, *_path_marks(places)])
     text = (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
         'xmlns:gx="http://www.google.com/kml/ext/2.2">\n'
@@ -155,6 +163,28 @@ def _to_kml(run: Path, path: Path) -> Path:
     with complete_file(path) as file:
         file.write(text.encode())
     return path
+
+
+def _path_marks(places: _Places) -> Iterator[str]:
+    """Yield the path of each mission, at its altitude, and home, on the ground."""
+    for uavs, corners in places.paths.items():
+        coordinates = " ".join(
+            f"{longitude},{latitude},{altitude}"
+            for north, east, height in corners
+            for latitude, longitude, altitude in [places.of_one(north, east, -height)]
+        )
+        yield (
+            f"<Placemark><name>path of UAV {uavs}</name>"
+            "<Style><LineStyle><color>ff00ffff</color><width>2</width></LineStyle></Style>"
+            "<LineString><altitudeMode>absolute</altitudeMode>"
+            f"<coordinates>{coordinates}</coordinates></LineString></Placemark>"
+        )
+    if places.paths:
+        latitude, longitude, _ = places.of_one(0.0, 0.0, 0.0)
+        yield (
+            "<Placemark><name>home</name><Point><altitudeMode>clampToGround</altitudeMode>"
+            f"<coordinates>{longitude},{latitude},0</coordinates></Point></Placemark>"
+        )
 
 
 def _to_mcap(run: Path, path: Path) -> Path:

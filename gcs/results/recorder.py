@@ -7,6 +7,7 @@ from pathlib import Path
 from gcs.errors import BadInput
 from gcs.results.columns import COLUMNS, LIGHT
 from gcs.results.events import events_of
+from gcs.results.mission_path import paths_of
 from gcs.results.preview import Preview
 from gcs.results.record import Record
 from gcs.results.recording import Recording
@@ -16,6 +17,7 @@ from gcs.results.stored import EVENTS, TRAJECTORY
 from gcs.results.stream import EventStream, TrajectoryStream, row_size
 from gcs.results.summary import FlightSummary, summary_of
 from gcs.results.tally import Tally
+from gcs.scenario.itinerary import outline
 from gcs.scenario.model import Scenario
 
 __all__ = ["LIGHT_PERIOD_US", "FlightRecorder", "trajectory_bytes"]
@@ -85,6 +87,7 @@ class FlightRecorder:
                     "scenario": scenario.name,
                     "origin": scenario.origin.model_dump_json(),
                     "names": json.dumps({str(uav.id): uav.name for uav in scenario.uavs}),
+                    "paths": json.dumps(_outlines(scenario)),
                 },
             )
 
@@ -127,6 +130,16 @@ class FlightRecorder:
             recording = Recording.of(whole, ending, self._ids, self._scenario.step_us)
             save_arrays_of(recording, self._folder)
         return summary
+
+
+def _outlines(scenario: Scenario) -> dict[str, list[tuple[float, float, float]]]:
+    """Return the corners of each path by who flies it, such as "1, 2, 3"."""
+    paths = paths_of(scenario)
+    if paths is None:
+        return {}
+    own = {uav.id: path for uav, path in zip(scenario.uavs, paths, strict=True)}
+    groups = {int(path["id"]): [i for i in own if own[i]["id"] == path["id"]] for path in paths}
+    return {", ".join(map(str, ids)): outline(own[ids[0]]) for ids in groups.values()}
 
 
 def _size(count: int) -> str:

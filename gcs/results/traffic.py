@@ -16,6 +16,8 @@ from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, SIM_STATE
 from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, SIGNATURE_SIZE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import Sensor
+from sitl_plant.rigid_body import R1
+from sitl_plant.vec3 import mul, vec3
 
 __all__ = ["KINDS", "Traffic"]
 
@@ -88,15 +90,49 @@ class Traffic:
         rows = np.flatnonzero(steps.signals["neighbour_message"][:, i])
         messages = np.zeros(len(rows), NEIGHBOUR)
         messages["step"] = steps.first + rows
-        if self._triggered:
-            active = _active(steps, i, rows)
-            messages["frame"] = np.where(active, FTC_NEIGHBOUR_FRAME_REFERENCE, 0)
+        signals = steps.signals[rows, i]
+        on_path = np.isfinite(signals["path_position"])
+        refers = on_path | (_active(steps, i, rows) & self._triggered)
+        messages["frame"] = np.where(refers, FTC_NEIGHBOUR_FRAME_REFERENCE, 0)
+        if self._scenario.formation is not None:
+            velocities = steps.states[rows, i, 3:6]
+            fill_places(messages, on_path, signals["attitude"], velocities, signals["report_size"])
         return messages
 
 
 def _active(steps: Steps, i: int, rows: np.ndarray) -> np.ndarray:
     active: np.ndarray = np.isfinite(steps.signals["command"][rows, i, 0])
     return active
+
+
+@compiled
+def fill_places(
+    messages: np.ndarray,
+    on_path: np.ndarray,
+    attitudes: np.ndarray,
+    velocities: np.ndarray,
+    report_sizes: np.ndarray,
+) -> None:
+    """Fill FTC_NEIGHBOUR payloads from the place on, as far as their length depends on it.
+
+    Args:
+        messages: Shape (m,), updated in place.
+        on_path: Whether a path is flown, shape (m,).
+        attitudes: Measured, shape (m, 3) [rad].
+        velocities: Body axes, shape (m, 3) [m/s].
+        report_sizes: Bytes of the report without the zeros at its end, shape (m,).
+    """
+    for k in range(len(messages)):
+        if not on_path[k]:
+            continue
+        message, size = messages[k], report_sizes[k]
+        message["path_id"] = 1
+        message["position"][2] = 1.0
+        velocity = mul(R1(vec3(attitudes[k])), vec3(velocities[k]))
+        for axis in range(3):
+            message["ground_velocity"][axis] = velocity[axis]
+        if size > 0:
+            message["report"][size - 1] = 1
 
 
 @compiled

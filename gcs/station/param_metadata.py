@@ -8,6 +8,7 @@ from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.triggers import MODES
+from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
 from mavlink_defs.config.quantity import Quantity
 
@@ -34,6 +35,7 @@ def _known() -> dict[str, Quantity]:
         *trigger_tunables(records),
         *tunables(LawParameters, records["common"]),
     ]
+    found += tunables(FormationParameters, records["formation"], "FORM_")
     for mode in MODES:
         found += trigger_tunables(records, mode)
     for kind, law in LAWS.items():

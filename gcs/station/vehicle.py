@@ -156,6 +156,20 @@ class Vehicle:
         which = -1.0 if actuator is None else float(actuator)
         await self.command(dialect.MAV_CMD_FTC_CLEAR_FAULTS, (which,))
 
+    async def set_slot(self, ahead_m: float, right_m: float, up_m: float) -> None:
+        """Change its slot in the formation, relative to the path [m]; all NaN: the planned one."""
+        await self.command(dialect.MAV_CMD_FTC_SET_SLOT, (ahead_m, right_m, up_m))
+
+    async def formation(self) -> dialect.MAVLink_ftc_formation_message:
+        """Request how it sees its formation."""
+        number = dialect.MAVLINK_MSG_ID_FTC_FORMATION
+        self.state.latest.pop(number, None)
+        await self.request(number)
+        message = self.state.latest.get(number)
+        if not isinstance(message, dialect.MAVLink_ftc_formation_message):
+            raise self._no_answer(f"UAV {self.system} did not tell its place in the formation")
+        return message
+
     async def list_faults(self) -> tuple[Fault, ...]:
         """Request its faults; `state.faults` holds them from then on."""
         machine = FaultLister(self._own, self._address)

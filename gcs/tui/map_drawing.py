@@ -132,6 +132,8 @@ def _route(
         place = home.place_of(item)
         if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             place = (home.north_m, home.east_m)
+        if item.command == dialect.MAV_CMD_DO_JUMP:
+            route += [(seq, there) for seq, there in route if seq == item.param1][:1]
         if place is None:
             continue
         route.append((item.seq, place))

@@ -144,7 +144,9 @@ def test_the_nearest_neighbour_is_where_it_has_gone_since_it_told() -> None:
     )
     here, ones = (0.0, 0.0, 0.0), np.ones(2)
     assert nearest(here, told, ones, 0.0, DT) == (1, 30.0)
-    assert nearest(here, told, ones, 1.0, DT) == (0, pytest.approx(10.0))
+    d, distance = nearest(here, told, ones, 1.0, DT)
+    assert d == 0
+    assert distance == pytest.approx(10.0)
     d, distance = nearest(here, told, np.zeros(2), 0.0, DT)
     assert d == -1
     assert math.isnan(distance)

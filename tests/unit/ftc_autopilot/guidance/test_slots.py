@@ -120,11 +120,7 @@ def test_slots_that_cannot_be_are_refused(
 ) -> None:
     with pytest.raises(ValidationError, match="expected") as caught:
         formation(**keys)
-    problems = [
-        error["ctx"]["error"]
-        for error in caught.value.errors()
-        if "ctx" in error  # type: ignore[attr-defined]
-    ]
+    problems = [error["ctx"]["error"] for error in caught.value.errors() if "ctx" in error]
     found = [
         problem for each in problems if isinstance(each, Problems) for problem in each.problems
     ]

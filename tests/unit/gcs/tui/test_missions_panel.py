@@ -219,7 +219,7 @@ def test_the_scene_has_all_that_was_told() -> None:
     assert scene.vehicles[0][2] == pytest.approx((800.0, 196.0))
     assert scene.slots[0] == pytest.approx((804.0, 193.0))  # 3 m behind, 4 m to the left of it
     assert scene.home == (0.0, 0.0)
-    assert [seq for seq, _ in scene.route] == [1, 2, 3]
+    assert [seq for seq, _ in scene.route] == [1, 2, 3, 1]  # and back by the jump
     assert scene_of([], None, triangle(), 100) == Scene([], [])
     assert wind_text(None) == "wind –"
 

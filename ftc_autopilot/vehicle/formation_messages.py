@@ -1,0 +1,120 @@
+"""What a member of a formation tells ground stations of it, and what they order of its slot."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.control.controllers import Controllers, Source
+from ftc_autopilot.guidance.members import SILENT, cause_of, policy_of, state_of
+from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.vehicle.modes import Say
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.float32 import float32s
+
+__all__ = ["FormationMessages"]
+
+_CAUSES = ("well", "an actuator is degraded", "an actuator is lost", "silent")
+_POLICIES = ("it stays", "the formation slows down", "its slot moves outwards", "it leaves")
+_FARTHEST_M = 1000.0
+"""Farthest place of a slot, in each direction [m]."""
+
+
+class FormationMessages:
+    """Makes messages and texts from the last update, and takes orders for the slot."""
+
+    def __init__(
+        self, config: AutopilotConfig, hot: HotState, controllers: Controllers, say: Say
+    ) -> None:
+        self._hot, self._controllers, self._say = hot, controllers, say
+        self._formation = config.formation
+        self._members = () if config.formation is None else config.formation.members
+        self._state, self._own = controllers.formations[0], config.id
+        self._known = [0] * len(self._members)
+        self._slot, self._evading, self._near = self._own, False, False
+
+    def formation(self) -> MAVLink_message:
+        """Return FTC_FORMATION; without a path or a formation, its path_id is 0."""
+        state, path_id = self._state, self._path_id
+        own = int(state["table"][self._members.index(self._own)]) if path_id else 0
+        position, rate, distance = float32s((state["xi"], state["xi_rate"], state["distance"]))
+        return dialect.MAVLink_ftc_formation_message(
+            self._hot.time_us // 1000 % 2**32,
+            path_id,
+            position,
+            rate,
+            float32s(state["slot"]["place"]),
+            float32s(state["error"]),
+            distance,
+            int(state["nearest"]),
+            int(state["evading"]),
+            cause_of(own),
+            policy_of(own),
+            [int(entry) for entry in state["table"]] if path_id else [0] * len(state["table"]),
+        )
+
+    def set_slot(self, params: Sequence[float]) -> int:
+        """Execute MAV_CMD_FTC_SET_SLOT."""
+        slot = tuple(params[:3])
+        if self._formation is None:
+            return self._refuse("Slot: this UAV is in no formation")
+        if any(map(math.isnan, slot)):
+            if not all(map(math.isnan, slot)):
+                return self._refuse("Slot: is partly NaN, must be three distances or three NaN")
+            self._state["commanded"] = math.nan
+            self._say(dialect.MAV_SEVERITY_INFO, "slot is the planned one")
+            return dialect.MAV_RESULT_ACCEPTED
+        for name, distance in zip(("ahead", "right", "up"), slot, strict=True):
+            if not abs(distance) <= _FARTHEST_M:
+                limits = f"{-_FARTHEST_M:g} to {_FARTHEST_M:g} m"
+                return self._refuse(f"Slot: {name} is {distance:g} m, must be {limits}")
+        self._state["commanded"] = slot
+        ahead, right, up = slot
+        text = f"slot is {ahead:g} m ahead, {right:g} m to the right, {up:g} m up"
+        self._say(dialect.MAV_SEVERITY_INFO, text)
+        return dialect.MAV_RESULT_ACCEPTED
+
+    def changes(self) -> Iterator[tuple[int, str]]:
+        """Yield severity and text of what has changed since the last call."""
+        if self._formation is None or not self._path_id:
+            return
+        yield from self._changes_of_members()
+        state, least = self._state, self._formation.separation_m
+        neighbour, distance = int(state["nearest"]), float(state["distance"])
+        evading, near = bool(state["evading"]), distance < least
+        if near and not self._near:
+            text = f"UAV {neighbour} is {distance:.1f} m away, less than {least:g} m"
+            yield dialect.MAV_SEVERITY_CRITICAL, text
+        elif evading and not self._evading:
+            yield dialect.MAV_SEVERITY_WARNING, f"evading UAV {neighbour}, {distance:.1f} m away"
+        self._evading, self._near = evading, near
+
+    def _changes_of_members(self) -> Iterator[tuple[int, str]]:
+        """Yield what has become of this UAV, of the silent, and whose slot this UAV takes."""
+        state = self._state
+        for m, uav in enumerate(self._members):
+            entry = int(state["table"][m])
+            before, self._known[m] = self._known[m], state_of(entry)
+            silent = SILENT in {cause_of(entry), cause_of(before)}
+            if before == self._known[m] or (uav != self._own and not silent):
+                continue
+            if self._known[m] == 0:
+                yield dialect.MAV_SEVERITY_NOTICE, f"formation: UAV {uav} is well again"
+            else:
+                text = f"{_CAUSES[cause_of(entry)]}, {_POLICIES[policy_of(entry)]}"
+                yield dialect.MAV_SEVERITY_WARNING, f"formation: UAV {uav}: {text}"
+        slot = self._members[int(state["slot_of"][self._members.index(self._own)])]
+        if slot != self._slot:
+            self._slot = slot
+            whose = "its own slot" if slot == self._own else f"the slot of UAV {slot}"
+            yield dialect.MAV_SEVERITY_NOTICE, f"formation: UAV {self._own} takes {whose}"
+
+    @property
+    def _path_id(self) -> int:
+        """Number of the path that is flown in formation; 0: none."""
+        follows = self._controllers.guidance[0]["follows"] == Source.PATH
+        return int(self._state["path_id"]) if follows else 0
+
+    def _refuse(self, text: str) -> int:
+        self._say(dialect.MAV_SEVERITY_WARNING, text)
+        return dialect.MAV_RESULT_DENIED

@@ -1,0 +1,114 @@
+"""``gcs formation show|slot``: the formation as its members see it, and their slots."""
+
+import math
+from typing import Annotated, Any
+
+import typer
+
+from gcs.commands.station import EXIT_STATUS, Station, station_command
+from gcs.errors import BadInput
+from gcs.station.notifications import enum_name
+from gcs.station.vehicle import Vehicle
+from mavlink_defs import dialect
+
+__all__ = ["app"]
+
+app = typer.Typer(help="See the formation in space, and change slots.", no_args_is_help=True)
+
+_SHOW_EPILOG = f"""
+Examples:
+
+- gcs formation show
+- gcs formation show --uav 2 --json
+{EXIT_STATUS}"""
+
+_SLOT_EPILOG = f"""
+Examples:
+
+- gcs formation slot --uav 3 -60 20 10     (60 m behind, 20 m to the right, 10 m above)
+- gcs formation slot --uav 3 --planned
+{EXIT_STATUS}"""
+
+_Message = dialect.MAVLink_ftc_formation_message
+_Distance = Annotated[float | None, typer.Argument(help="[m]")]
+
+
+@app.command(epilog=_SHOW_EPILOG)
+@station_command
+def show(station: Station) -> None:
+    """Show each member's slot, its errors, its nearest neighbour, and what has become of it."""
+    found: dict[int, _Message] = {}
+
+    async def action(vehicle: Vehicle) -> str:
+        message = found[vehicle.system] = await vehicle.formation()
+        return f"UAV {vehicle.system}: {_words(message)}"
+
+    station.act(action, lambda vehicle: _data(found[vehicle.system]))
+
+
+@app.command(  # a negative distance is not an option
+    epilog=_SLOT_EPILOG, context_settings={"ignore_unknown_options": True}
+)
+@station_command
+def slot(
+    station: Station,
+    ahead: _Distance = None,
+    right: _Distance = None,
+    up: _Distance = None,
+    planned: Annotated[
+        bool, typer.Option("--planned", help="Take the slot that the scenario has planned.")
+    ] = False,
+) -> None:
+    """Change the slot of a member: ahead, to the right and above the path."""
+    given = [distance for distance in (ahead, right, up) if distance is not None]
+    if planned == bool(given) or (given and len(given) != 3):
+        raise BadInput("expected three distances AHEAD RIGHT UP [m], or --planned")
+    if not planned and station.uavs is None:
+        raise BadInput("expected --uav: two UAVs cannot have one slot")
+    place = (math.nan,) * 3 if planned else (given[0], given[1], given[2])
+
+    async def action(vehicle: Vehicle) -> str:
+        await vehicle.set_slot(*place)
+        where = "the planned slot" if planned else "slot {:g} m ahead, {:g} m right, {:g} m up"
+        return f"UAV {vehicle.system} takes {where.format(*place)}"
+
+    station.act(action)
+
+
+def _words(message: _Message) -> str:
+    if message.path_id == 0:
+        return "flies no path in formation"
+    ahead, right, up = message.slot
+    words = f"slot {ahead:.1f} m ahead, {right:.1f} m right, {up:.1f} m up"
+    errors = (f"{e:+.2f}" if math.isfinite(e) else "-" for e in message.slot_error)
+    words += f"; off by {' '.join(errors)} m"
+    if message.nearest:
+        words += f"; UAV {message.nearest} is {message.distance:.1f} m away"
+    if message.cause != dialect.FTC_CAUSE_WELL:
+        words += f"; {_cause(message)}, policy {_policy(message)}"
+    return words
+
+
+def _data(message: _Message) -> dict[str, Any]:
+    if message.path_id == 0:
+        return {"flies_in_formation": False}
+    return {
+        "flies_in_formation": True,
+        "path_position_m": message.path_position,
+        "path_rate_m_s": message.path_rate,
+        "slot_m": list(message.slot),
+        "slot_error_m": [e if math.isfinite(e) else None for e in message.slot_error],
+        "nearest": message.nearest or None,
+        "distance_m": message.distance if message.nearest else None,
+        "evading": bool(message.evading),
+        "cause": _cause(message),
+        "policy": _policy(message),
+    }
+
+
+def _cause(message: _Message) -> str:
+    return enum_name("FTC_CAUSE", message.cause, "FTC_CAUSE_").lower()
+
+
+def _policy(message: _Message) -> str:
+    return enum_name("FTC_POLICY", message.policy, "FTC_POLICY_").lower()

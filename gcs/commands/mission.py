@@ -1,0 +1,219 @@
+"""``gcs mission show|upload|download|fly``: missions of vehicles and of files."""
+
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import Progress, TaskID
+from rich.table import Table
+
+from gcs.commands.common import console_of
+from gcs.commands.station import EXIT_STATUS, Station, print_json, station_command
+from gcs.errors import BadInput
+from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
+from gcs.scenario.model import load_scenario
+from gcs.station.mission import Mission, is_same, item_text
+from gcs.station.vehicle import Vehicle
+from mavlink_defs.mission_files import is_mission_file, plan_text, waypoints_text
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Show, upload, download and fly missions.", no_args_is_help=True)
+
+_File = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE", help="QGroundControl's .plan, a .waypoints list, or a scenario."
+    ),
+]
+
+_SHOW_EPILOG = """
+Examples:
+
+- gcs mission show survey.plan
+- gcs mission show survey.plan --fleet my.yaml --json | jq .time_s
+
+Exit status: 0 it can be flown, 2 the file cannot be used or flown.
+"""
+
+_UPLOAD_EPILOG = f"""
+Examples:
+
+- gcs mission upload survey.plan
+- gcs mission upload my.yaml --uav 1,3 --json
+{EXIT_STATUS}"""
+
+_DOWNLOAD_EPILOG = f"""
+Examples:
+
+- gcs mission download --uav 1
+- gcs mission download --out held.plan
+{EXIT_STATUS}"""
+
+_FLY_EPILOG = f"""
+Examples:
+
+- gcs mission fly survey.plan
+- gcs mission fly survey.plan --uav 2
+{EXIT_STATUS}"""
+
+
+@app.command(epilog=_SHOW_EPILOG)
+def show(
+    file: _File,
+    fleet: Annotated[
+        Path | None,
+        typer.Option(
+            help="Scenario of the fleet that is to fly it; FILE if that is one, "
+            "else paper/scenario1.",
+            metavar="SCENARIO",
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")] = False,
+) -> None:
+    """Check a mission as a vehicle would, and show its items, lengths, turns and times.
+
+    Times are those in still air, from home on.
+    """
+    items = load_mission(file)
+    own = Path("paper/scenario1") if is_mission_file(file) else file
+    itinerary = dry_run(file, items, load_scenario(fleet or own))
+    if as_json:
+        texts = [{"item": item.seq, "text": item_text(item)} for item in items[1:]]
+        print_json({"file": str(file), "items": texts, **asdict(itinerary)})
+        return
+    console_of(stderr=False).print(_table(items, itinerary), _total(itinerary))
+
+
+@app.command(epilog=_UPLOAD_EPILOG)
+@partial(station_command, timeout_s=30.0)
+def upload(
+    station: Station,
+    file: _File,
+) -> None:
+    """Upload a mission. It takes effect at once; if it is refused, the old one stays active."""
+    _send(station, file, start=False)
+
+
+@app.command(epilog=_FLY_EPILOG)
+@partial(station_command, timeout_s=30.0)
+def fly(
+    station: Station,
+    file: _File,
+) -> None:
+    """Upload a mission, start it, and arm who is not armed yet."""
+    _send(station, file, start=True)
+
+
+@app.command(epilog=_DOWNLOAD_EPILOG)
+@partial(station_command, timeout_s=30.0)
+def download(
+    station: Station,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Write a .plan or .waypoints; all must hold the same mission."),
+    ] = None,
+) -> None:
+    """Print the missions of vehicles, or write the one that all hold to a file."""
+    if out is not None and not is_mission_file(out):
+        raise BadInput(f"{out} has neither the suffix .plan nor .waypoints", "choose one of them")
+    held: dict[int, Mission] = {}
+
+    async def action(vehicle: Vehicle) -> str:
+        held[vehicle.system] = await vehicle.download_mission()
+        words = [f"UAV {vehicle.system} holds {_count(held[vehicle.system])}"]
+        if out is None:
+            words += [f"  {item.seq:3} {item_text(item)}" for item in held[vehicle.system][1:]]
+        return "\n".join(words)
+
+    def data(vehicle: Vehicle) -> dict[str, Any]:
+        return {"mission": [_plain(item) for item in held[vehicle.system]]}
+
+    try:
+        station.act(action, data)
+    finally:
+        if out is not None and held:
+            _write(out, held)
+
+
+def _send(station: Station, file: Path, start: bool) -> None:
+    """Upload a mission, with a bar for each vehicle, and start it if wanted."""
+    items = load_mission(file)
+    console = console_of()
+    quiet = station.as_json or not console.is_terminal
+    progress = Progress(console=console, transient=True, disable=quiet)
+    tasks: dict[int, TaskID] = {}
+
+    async def action(vehicle: Vehicle) -> str:
+        def note(done: int, total: int) -> None:
+            progress.update(tasks[vehicle.system], completed=done, total=total)
+
+        tasks[vehicle.system] = progress.add_task(f"UAV {vehicle.system}", total=None)
+        await vehicle.upload_mission(items, note)
+        if not start:
+            return f"UAV {vehicle.system} holds {_count(items)} of {file}"
+        await vehicle.start_mission()
+        if not vehicle.state.armed:
+            await vehicle.arm()
+        return f"UAV {vehicle.system} flies {_count(items)} of {file}"
+
+    with progress:
+        station.act(action, lambda _: {"items": len(items) - 1})
+
+
+def _write(out: Path, held: dict[int, Mission]) -> None:
+    first, *others = held.values()
+    if not all(is_same(first, other) for other in others):
+        names = ", ".join(map(str, held))
+        raise BadInput(f"UAV {names} hold different missions", "choose one with --uav")
+    if not first:
+        raise BadInput(f"UAV {', '.join(map(str, held))} holds no mission", "upload one first")
+    text = plan_text(first) if out.suffix.lower() == ".plan" else waypoints_text(first)
+    try:
+        out.write_text(text)
+    except OSError as problem:
+        raise BadInput(f"cannot write {out}: {problem.strerror}") from problem
+
+
+def _count(mission: Mission) -> str:
+    count = max(len(mission) - 1, 0)
+    return f"{count} item" + ("" if count == 1 else "s")
+
+
+def _plain(item: Any) -> dict[str, Any]:
+    names = ("seq", "frame", "command", "param1", "param2", "param3", "param4", "x", "y", "z")
+    return {name: getattr(item, name) for name in names}
+
+
+def _table(items: Mission, itinerary: Itinerary) -> Table:
+    table = Table(box=None, pad_edge=False)
+    table.add_column("", justify="right")
+    table.add_column("item")
+    for heading in ("north m", "east m", "height m", "V m/s", "way m", "time s", "turn m"):
+        table.add_column(heading, justify="right")
+    reached = {stage.item: stage for stage in reversed(itinerary.stages)}
+    for item in items[1:]:
+        if (stage := reached.get(item.seq)) is None:
+            table.add_row(str(item.seq), item_text(item))
+            continue
+        values = (
+            stage.north_m,
+            stage.east_m,
+            stage.height_m,
+            stage.airspeed_m_s,
+            stage.length_m,
+            stage.time_s,
+            stage.turn_radius_m,
+        )
+        shown = ("-" if value is None else f"{value:.0f}" for value in values)
+        table.add_row(str(item.seq), item_text(item), *shown)
+    return table
+
+
+def _total(itinerary: Itinerary) -> str:
+    total = f"{itinerary.length_m:.0f} m, {itinerary.time_s:.0f} s in still air; then "
+    if itinerary.repeats is not None:
+        return f"{total}again from item {itinerary.repeats} on"
+    return f"{total}circles around the last place"

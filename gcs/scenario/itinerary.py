@@ -1,0 +1,138 @@
+"""What a mission amounts to before it is flown: lengths, turns and times, item by item."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+from ftc_autopilot.guidance.path import NO_LOOP, point_at
+from gcs.scenario.bundled import find_scenario
+from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs.config.models import ConfigError, Problem
+from mavlink_defs.mission_files import is_mission_file, read_mission_file
+from mavlink_defs.profile import ItemError
+from mavlink_defs.services.mission import MissionItem
+
+__all__ = ["Itinerary", "Stage", "dry_run", "load_mission", "outline"]
+
+_ARC_POINT_RAD = math.radians(5.0)
+_FINAL_M = 2000.0  # of a path that goes on without an end
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The way to one item, as it is flown the first time.
+
+    Attributes:
+        item: Number of the item.
+        north_m: Where the path is nearest to it [m].
+        east_m: Likewise.
+        height_m: Above the origin, there [m].
+        airspeed_m_s: On the way [m/s].
+        length_m: Of the way up to there [m].
+        time_s: Of the way at that airspeed in still air [s].
+        turn_radius_m: Of the turn or circle at the item [m]; None without one.
+    """
+
+    item: int
+    north_m: float
+    east_m: float
+    height_m: float
+    airspeed_m_s: float
+    length_m: float
+    time_s: float
+    turn_radius_m: float | None
+
+
+@dataclass(frozen=True)
+class Itinerary:
+    """A mission item by item, in the order of flight.
+
+    Attributes:
+        stages: The ways to the items; what comes after a jump back is in `repeats`.
+        length_m: Of the whole path up to where it repeats or has no end [m].
+        time_s: Likewise, in still air [s].
+        repeats: Number of the item from which on all repeats for ever; None: it does not.
+    """
+
+    stages: tuple[Stage, ...]
+    length_m: float
+    time_s: float
+    repeats: int | None
+
+
+def load_mission(name: Path | str) -> tuple[MissionItem, ...]:
+    """Read a mission, home included: of a mission file, or of a scenario, bundled or not.
+
+    A scenario's profile is a mission of reference segments.
+
+    Raises:
+        ConfigError: The file cannot be used.
+    """
+    if is_mission_file(Path(name)):
+        return read_mission_file(Path(name))
+    return load_scenario(find_scenario(name)).mission_items()
+
+
+def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> Itinerary:
+    """Check a mission as the vehicles of a scenario do, and tell what it amounts to.
+
+    Args:
+        name: Where the items are from, for the error.
+        items: Home included.
+        fleet: Gives aircraft, guidance, formation and origin.
+
+    Raises:
+        ConfigError: They would refuse it; the item and the reason are named.
+    """
+    planner = fleet.planner()
+    try:
+        path = planner.path(planner.tasks(items))
+    except ItemError as error:
+        raise ConfigError(name, [Problem((), str(error))]) from error
+    stages = tuple(_stages(path))
+    loop = int(path["loop"])
+    return Itinerary(
+        stages,
+        sum(stage.length_m for stage in stages),
+        sum(stage.time_s for stage in stages),
+        None if loop == NO_LOOP else int(path["item"][loop]),
+    )
+
+
+def outline(path: np.void) -> list[tuple[float, float, float]]:
+    """Return corners of a path, near enough to each other for a map: north, east, height [m]."""
+    points = []
+    for k in range(int(path["count"])):
+        begin, end = (float(s) for s in path["start"][k : k + 2])
+        curvature = abs(float(path["curvature"][k]))
+        if math.isinf(end):
+            end = begin + (2.0 * math.pi / curvature if curvature else _FINAL_M)
+        count = 1 + math.ceil((end - begin) * curvature / _ARC_POINT_RAD)
+        points += [point_at(path, s) for s in np.linspace(begin, end, count, endpoint=False)]
+        if k == path["count"] - 1:
+            points.append(point_at(path, math.nextafter(end, begin)))
+    return [(point.north, point.east, point.height) for point in points]
+
+
+def _stages(path: np.void) -> Iterator[Stage]:
+    for item, group in groupby(range(int(path["count"])), key=lambda k: int(path["item"][k])):
+        legs = list(group)
+        lengths = np.diff(path["start"])[legs]
+        finite = np.isfinite(lengths)
+        curvature = float(path["curvature"][legs[-1]])
+        end = point_at(path, float(path["start"][legs[-1] + bool(finite[-1])]))
+        times = lengths[finite] / path["airspeed"][legs][finite]
+        yield Stage(
+            item=item,
+            north_m=end.north,
+            east_m=end.east,
+            height_m=end.height,
+            airspeed_m_s=float(path["airspeed"][legs[0]]),
+            length_m=float(lengths[finite].sum()),
+            time_s=float(times.sum()),
+            turn_radius_m=1.0 / abs(curvature) if curvature else None,
+        )
