@@ -55,6 +55,10 @@ class PathBench(Bench):
         self.vehicle.handle_timer(self.now)
         return self.vehicle.gcs_messages()
 
+    def mission_state(self) -> int:
+        current: Any = self.vehicle._mission.current()
+        return int(current.mission_state)
+
     def texts(self, messages: list[Any]) -> str:
         return "".join(message.text for message in of_type(messages, "STATUSTEXT"))
 
@@ -93,7 +97,7 @@ def test_items_are_reached_in_their_turn_and_the_mission_completes(bench: PathBe
     path, told, states = bench.path.record, list[Any](), list[int]()
     for k in range(int(path["count"])):
         told += bench.go_to(float(path["start"][k]) + 0.1)
-        states.append(bench.vehicle._mission.current().mission_state)
+        states.append(bench.mission_state())
     assert [m.seq for m in of_type(told, "MISSION_ITEM_REACHED")] == [1, 3]
     currents = [m.seq for m in of_type(told, "MISSION_CURRENT")]
     assert [seq for k, seq in enumerate(currents) if currents[k - 1] != seq or k == 0] == [1, 3]
@@ -115,7 +119,7 @@ def test_a_loop_reaches_its_items_again_and_again(bench: PathBench) -> None:
         s += 100.0
     reached = [m.seq for m in of_type(told, "MISSION_ITEM_REACHED")]
     assert reached[:7] == [1, 2, 3, 1, 2, 3, 1]
-    assert bench.vehicle._mission.current().mission_state == dialect.MISSION_STATE_ACTIVE
+    assert bench.mission_state() == dialect.MISSION_STATE_ACTIVE
 
 
 def test_setting_the_current_item_leads_to_it_from_here(bench: PathBench) -> None:
@@ -136,7 +140,7 @@ def test_after_a_pause_the_mission_goes_on_with_its_item(bench: PathBench) -> No
     second = int((path["item"] == 2).argmax())
     bench.go_to(float(path["start"][second]) + 10.0)
     assert bench.command(SET_MODE, 1.0, LOITER) == ACCEPTED
-    assert bench.vehicle._mission.current().mission_state == dialect.MISSION_STATE_PAUSED
+    assert bench.mission_state() == dialect.MISSION_STATE_PAUSED
     assert bench.command(SET_MODE, 1.0, AUTO) == ACCEPTED
     assert bench.path.item() == 2
 
@@ -175,9 +179,21 @@ def test_it_returns_home_and_circles_there_at_its_height(bench: PathBench) -> No
     assert set(bench.path.record["height"][:3]) == {140.0}
 
 
-def reposition(bench: PathBench, *params: float, x: int, y: int, z: float, frame: int) -> int:
+def reposition(
+    bench: PathBench,
+    speed: float,
+    flags: float,
+    radius: float,
+    side: float,
+    *,
+    x: int,
+    y: int,
+    z: float,
+    frame: int,
+) -> int:
+    command = dialect.MAV_CMD_DO_REPOSITION
     message = dialect.MAVLink_command_int_message(
-        UAV, 1, frame, dialect.MAV_CMD_DO_REPOSITION, 0, 0, *params, x, y, z
+        UAV, 1, frame, command, 0, 0, speed, flags, radius, side, x, y, z
     )
     (ack,) = of_type(bench.say(message), "COMMAND_ACK")
     return int(ack.result)

@@ -92,8 +92,8 @@ def test_a_profile_is_replaced_by_a_mission(tmp_path: Path) -> None:
         ({"items": [{}]}, "mission.items[0]: expected one of the keys waypoint, loiter, "),
         (
             {"items": [ITEMS[0] | ITEMS[1]]},
-            "mission.items[0]: expected one of the keys waypoint, loiter, speed, delay, jump, home, "
-            "return_to_launch, item, got waypoint and speed",
+            "mission.items[0]: expected one of the keys waypoint, loiter, speed, delay, jump, "
+            "home, return_to_launch, item, got waypoint and speed",
         ),
         ({"items": ITEMS[1:2]}, "mission.items[0]: no waypoint or circle follows"),
         (
