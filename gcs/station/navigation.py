@@ -20,6 +20,7 @@ __all__ = [
     "current_item",
     "distance_to_item",
     "home_of",
+    "is_on_path",
     "nearest_of",
     "slot_error_of",
     "slot_place_of",
@@ -27,6 +28,7 @@ __all__ = [
 ]
 
 _DEG_E7 = 1e7
+_LOCAL_POSITION = dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED
 _RELATIVE = {
     dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT,
     dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
@@ -120,6 +122,11 @@ def distance_to_item(state: VehicleState) -> float | None:
     return None if message is None else float(message.wp_dist)
 
 
+def is_on_path(state: VehicleState) -> bool:
+    """Return whether a vehicle flies a path, in a formation."""
+    return _formation(state) is not None
+
+
 def slot_error_of(state: VehicleState) -> tuple[float, float, float] | None:
     """Return how far ahead, to the right and above its slot a vehicle takes itself to be [m]."""
     message = _formation(state)
@@ -148,9 +155,6 @@ def nearest_of(state: VehicleState) -> float | None:
     if message is None or not math.isfinite(message.distance):
         return None
     return float(message.distance)
-
-
-_LOCAL_POSITION = dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED
 
 
 def _formation(state: VehicleState) -> Any:

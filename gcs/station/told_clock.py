@@ -10,6 +10,7 @@ SIMULATED_TIME = {
     dialect.MAVLINK_MSG_ID_FTC_EVENTS,
     dialect.MAVLINK_MSG_ID_FTC_ADAPTATION,
     dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS,
+    dialect.MAVLINK_MSG_ID_FTC_FORMATION,
     dialect.MAVLINK_MSG_ID_FTC_DROPS,
 }
 """Message ids of private messages: their `time_boot_ms` is simulated time."""

@@ -51,10 +51,12 @@ PRIVATE_INTERVALS_S = {
     dialect.MAVLINK_MSG_ID_FTC_TRACKING: 0.1,
     dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 0.5,
     dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS: 0.5,
+    dialect.MAVLINK_MSG_ID_FTC_FORMATION: 0.2,
     dialect.MAVLINK_MSG_ID_FTC_DROPS: 2.0,
+    dialect.MAVLINK_MSG_ID_WIND_COV: 1.0,
     dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: once it arrives, all do
 }
-"""Private messages that vehicles stream on demand, with their intervals [s]."""
+"""Messages that vehicles stream on demand, private ones and the wind; their intervals [s]."""
 
 
 E = TypeVar("E")  # events of a machine

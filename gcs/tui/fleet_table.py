@@ -1,11 +1,13 @@
 """The fleet: one row per vehicle, as many groups of columns as the width allows."""
 
+import math
 from typing import Any, ClassVar
 
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
 from gcs.station.fault_text import describe_diagnosis, describe_fault
+from gcs.station.navigation import current_item, is_on_path, nearest_of, slot_error_of
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, number, seconds
 from gcs.tui.grid import Column, Grid, Row
@@ -14,8 +16,10 @@ from gcs.tui.view import FleetView
 
 __all__ = ["FleetTable"]
 
-_GROUPS = ("value", "error", "reference", "synchronisation error")
+_GROUPS = ("value", "error", "reference", "synchronisation error", "path")
+_PATH = 4
 _QUANTITIES = (("V m/s", 6, 2), ("roll°", 6, 1), ("pitch°", 6, 1), ("yaw°", 6, 1))
+_ON_PATH = (("slot m", 6, 1), ("up m", 6, 1), ("sep m", 6, 1), ("item", 6, 0))
 _STATE = (
     Column("", 2, "left"),
     Column("UAV", 3),
@@ -31,6 +35,7 @@ _PHASE_ROLES = ("muted", "warn", "bad")  # by FTC_PHASE
 _GROUP_WIDTH = sum(width + 1 for _, width, _ in _QUANTITIES)
 _FIXED_WIDTH = sum(column.width + 1 for column in _STATE + _REST)
 _NOTABLE_ERROR = (1.0, 5.0, 5.0, 5.0)  # m/s, deg: shown in colour
+_NOTABLE_ON_PATH = (5.0, 5.0, math.inf, math.inf)  # m
 
 
 class FleetTable(Grid):
@@ -55,7 +60,7 @@ class FleetTable(Grid):
 
     def show_view(self, view: FleetView) -> None:
         """Show the vehicles."""
-        groups = self._groups_shown()
+        groups = self._groups_shown(any(is_on_path(state) for state in view.states))
         columns = [*_STATE, *_quantity_columns(groups), *_REST]
         left = self.room - sum(column.width + 1 for column in columns)
         told = left >= _DIAGNOSIS.width + 1 + _LEAST_FAULTS
@@ -78,20 +83,21 @@ class FleetTable(Grid):
 
     def action_cycle(self) -> None:
         """Show the next group of columns."""
-        self._first_group = (self._first_group + 1) % len(_GROUPS)
+        self._first_group += 1
         self.post_message(Refresh())
 
-    def _groups_shown(self) -> list[int]:
+    def _groups_shown(self, on_path: bool) -> list[int]:
         fit = max((self.room + 1 - _FIXED_WIDTH) // _GROUP_WIDTH, 1)
-        n = len(_GROUPS)
-        return [(self._first_group + i) % n for i in range(min(fit, n))]
+        order = (0, _PATH, 1, 2, 3) if on_path else (0, 1, 2, 3)
+        n = len(order)
+        return [order[(self._first_group + i) % n] for i in range(min(fit, n))]
 
 
 def _quantity_columns(groups: list[int]) -> list[Column]:
     return [
         Column(title, width, "right", _GROUPS[group])
         for group in groups
-        for title, width, _ in _QUANTITIES
+        for title, width, _ in (_ON_PATH if group == _PATH else _QUANTITIES)
     ]
 
 
@@ -120,7 +126,21 @@ def _row(view: FleetView, state: VehicleState, groups: list[int], told: bool, wi
     return Row(state.system, tuple(cells))
 
 
+def _path_cells(state: VehicleState) -> list[Cell]:
+    """Return how a vehicle keeps its slot, how near its nearest neighbour is, and its item."""
+    error, nearest = slot_error_of(state), nearest_of(state)
+    aside = None if error is None else math.hypot(*error[:2])
+    values = (aside, None if error is None else error[2], nearest, current_item(state))
+    cells: list[Cell] = []
+    for value, (_, _, digits), notable in zip(values, _ON_PATH, _NOTABLE_ON_PATH, strict=True):
+        off = value is not None and abs(value) >= notable
+        cells.append((number(value, digits), "warn" if off else ""))
+    return cells
+
+
 def _group_cells(state: VehicleState, group: int) -> list[Cell]:
+    if group == _PATH:
+        return _path_cells(state)
     attitude = state.attitude_deg
     actual = (state.airspeed_m_s, *(attitude or (None, None, None)))
     nothing = (None,) * 4

@@ -1,0 +1,106 @@
+"""``gcs mission show``: what it tells before a flight, and what it refuses as a vehicle would."""
+
+import json
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from ftc_autopilot.geography import Origin, place_of
+from gcs.cli import app
+from gcs.results.mission_path import paths_of
+from gcs.scenario.itinerary import dry_run, load_mission, outline
+from gcs.scenario.model import load_scenario
+from mavlink_defs import dialect
+from mavlink_defs.config.models import ConfigError
+from mavlink_defs.mission_files import mission_item, plan_text, waypoints_text
+from mavlink_defs.services.mission import MissionItem
+
+
+def items(*places: tuple[float, float], last: MissionItem | None = None) -> list[MissionItem]:
+    """Waypoints north and east of home [m], 300 m high."""
+    home = place_of(Origin(), 0.0, 0.0, 0.0)
+    made = [mission_item(0, dialect.MAV_CMD_NAV_WAYPOINT, (), *home[:2], 584.0, 0)]
+    for seq, (north, east) in enumerate(places, start=1):
+        place = place_of(Origin(), north, east, 0.0)
+        made.append(mission_item(seq, dialect.MAV_CMD_NAV_WAYPOINT, (), *place[:2], 300.0))
+    return made if last is None else [*made, last]
+
+
+def show(path: Path, *options: str) -> tuple[int, str]:
+    result = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(
+        app, ["mission", "show", str(path), *options]
+    )
+    if isinstance(result.exception, ConfigError):
+        return 2, str(result.exception)
+    assert result.exit_code == 0, result.exception
+    return 0, result.stdout
+
+
+@pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
+def test_lengths_turns_and_times(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"corner{suffix}"
+    mission = items((2000.0, 0.0), (2000.0, 3000.0))
+    path.write_text(plan_text(mission) if suffix == ".plan" else waypoints_text(mission))
+    status, text = show(path, "--json")
+    assert status == 0
+    told = json.loads(text)
+    first, second = told["stages"]
+    radius = 40.0**2 / (9.8 * math.tan(math.radians(20.0)))  # 20° of bank
+    assert first["turn_radius_m"] == pytest.approx(radius)
+    corner = radius * (1.0 - math.pi / 4.0)  # saved by half the turn inside the corner
+    assert first["length_m"] == pytest.approx(2000.0 - corner, abs=0.1)
+    assert first["time_s"] == pytest.approx(first["length_m"] / 40.0)
+    assert second["length_m"] == pytest.approx(3000.0 - corner, abs=0.1)
+    assert told["repeats"] is None
+    assert told["length_m"] == pytest.approx(first["length_m"] + second["length_m"])
+    status, text = show(path)
+    assert "2000" not in text.splitlines()[1].split()[2:4]  # the turn is inside the corner
+    assert text.splitlines()[-1].endswith("circles around the last place")
+
+
+def test_what_a_vehicle_would_refuse_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "lands.plan"
+    land = mission_item(2, dialect.MAV_CMD_NAV_LAND)
+    path.write_text(plan_text(items((2000.0, 0.0), last=land)))
+    assert show(path) == (
+        2,
+        f"{path}: Item 2: command 21 is not supported: flights begin and end in the air",
+    )
+    path.write_text("{}")
+    status, text = show(path)
+    assert (status, text.startswith(f"{path}: ")) == (2, True)
+    assert show(tmp_path / "none.plan")[0] == 2
+
+
+def test_the_fleet_decides_what_can_be_flown(tmp_path: Path) -> None:
+    path, fleet = tmp_path / "fast.waypoints", tmp_path / "slow.yaml"
+    fast = mission_item(2, dialect.MAV_CMD_DO_CHANGE_SPEED, (0.0, 55.0, -1.0))
+    path.write_text(waypoints_text(items((2000.0, 0.0), last=fast)))
+    fleet.write_text("extends: paper/scenario1\naircraft: {airspeed_max_m_s: 50.0}\n")
+    assert show(path)[0] == 0
+    status, text = show(path, "--fleet", str(fleet))
+    assert status == 2
+    assert "Item 2: speed 55, must be 30 to 50 m/s" in text
+
+
+def test_a_race_track_repeats() -> None:
+    fleet = load_scenario("missions/hexagon")
+    itinerary = dry_run("hexagon", load_mission("missions/hexagon"), fleet)
+    assert itinerary.repeats == 1
+    assert {stage.item for stage in itinerary.stages} == {1, 2, 3, 4, 5, 6}
+
+
+def test_the_outline_of_a_path_follows_its_arcs() -> None:
+    scenario = load_scenario("missions/hexagon")
+    paths = paths_of(scenario)
+    assert paths is not None
+    corners = outline(paths[0])
+    assert corners[0][:2] == pytest.approx((0.0, 0.0))
+    longest = max(math.dist(a[:2], b[:2]) for a, b in pairwise(corners))
+    assert longest < 800.0
+    heading = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(corners)]
+    turns = [abs(math.remainder(b - a, 2.0 * math.pi)) for a, b in pairwise(heading)]
+    assert max(turns) < math.radians(6.0)
