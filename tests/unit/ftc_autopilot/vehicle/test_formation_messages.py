@@ -114,7 +114,7 @@ def test_changes_are_announced_once(bench: Bench) -> None:
 def test_evading_and_too_small_a_distance_are_announced(bench: Bench) -> None:
     state = bench.controllers.formations[0]
     state["evading"], state["distance"] = 1, 17.26
-    assert said(bench) == ["evading UAV 2, 17.3 m away"]
+    assert said(bench) == ["evading, the nearest is UAV 2, 17.3 m away"]
     state["distance"] = 14.9
     assert said(bench) == ["UAV 2 is 14.9 m away, less than 15 m"]
     assert said(bench) == []
