@@ -127,3 +127,12 @@ def test_policies_are_parameters(bench: Bench) -> None:
     real = dialect.MAV_PARAM_TYPE_INT32
     bench.say(dialect.MAVLink_param_set_message(1, 1, b"FORM_ON_LOST", float(LEAVE), real))
     assert bench.controllers.parameters[0]["formation"]["on_lost"] == LEAVE
+
+
+def test_slots_are_of_the_mission_only(bench: Bench) -> None:
+    """A member that is ordered elsewhere flies there itself, not beside it."""
+    guidance = bench.controllers.guidance[0]
+    assert guidance["in_slot"] == 1
+    loiter = dialect.MAV_CMD_DO_SET_MODE, 1.0, 12.0
+    assert bench.command(*loiter) == ACCEPTED
+    assert guidance["in_slot"] == 0
