@@ -150,9 +150,12 @@ def assert_one_message(text: str) -> None:
 
 @contextlib.contextmanager
 def standing(
-    scenario: Scenario, folder: Path, speed: float = 1.0, **options: Any
+    scenario: Scenario, folder: Path, speed: float | None = 1.0, **options: Any
 ) -> Iterator[Scenario]:
-    """The processes of a scenario on free ports, in real time, waiting; none of them is left."""
+    """The processes of a scenario on free ports, waiting; none of them is left.
+
+    They fly in real time, or in lockstep if there is no speed.
+    """
 
     def start(scenario: Scenario, _: UdpAddress) -> tuple[Scenario, contextlib.ExitStack]:
         links = scenario.links

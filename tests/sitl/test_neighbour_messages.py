@@ -113,9 +113,9 @@ def test_messages_of_a_formation_are_those_on_the_wire(
     tree = gcs_tree("missions/hexagon")
     changes = [{"at_s": 0.5, "slots": {3: {"right_m": -30.0}}}]
     tree["formation"] |= {"on_lost": "widen", "changes": changes}
-    fault = {"uav": 2, "actuator": "aileron", "stuck_deg": 4.0, "start_s": 1.5}
+    fault = {"uav": 2, "actuator": "aileron", "stuck_deg": 15.0, "start_s": 1.5}
     links = {"formation": {"trigger": trigger}, "impairments": {"plant": {}, "formation": {}}}
-    tree |= {"duration_s": 2.4, "faults": [fault], "links": links}
+    tree |= {"duration_s": 2.0, "faults": [fault], "links": links}
     scenario = scenario_of(find_scenario("missions/hexagon"), tree)
     flown, sniffer = fly_sniffed(scenario, tmp_path / "run", monkeypatch)
     computed = fly_in_process(scenario)
