@@ -66,7 +66,8 @@ def trim(
 
     loaded = changed_scenario(scenario, additions, settings)
     aircraft = true_aircraft(loaded.aircraft, loaded.uncertainty)
-    airspeeds = sorted({*(airspeed or [segment.airspeed_m_s for segment in loaded.profile])})
+    flown = [segment.airspeed_m_s for segment in loaded.profile] or [loaded.guidance.cruise_m_s]
+    airspeeds = sorted({*(airspeed or flown)})
     low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
     for wanted in airspeeds:
         if not low <= wanted <= high:

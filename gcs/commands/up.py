@@ -187,8 +187,8 @@ def _announce(
     if not start:
         then[:0] = ["gcs start" + connect, "gcs arm" + connect]
     lines = [
-        f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), profile of "
-        f"{_count(scenario.profile, 'segment')}, {_count(scenario.faults, 'fault')} set, {state}",
+        f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), {_references(scenario)}, "
+        f"{_count(scenario.faults, 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
         f"  logs of the processes: {folder / 'processes'}",
         *(f"  {'then:' if i == 0 else '     '} {words}" for i, words in enumerate(then)),
@@ -196,6 +196,13 @@ def _announce(
     ]
     for line in lines:
         console.print(line, soft_wrap=True)
+
+
+def _references(scenario: Scenario) -> str:
+    """Return what the fleet is to fly, in words."""
+    if scenario.mission is not None:
+        return f"mission of {_count(scenario.mission.items, 'item')}"
+    return f"profile of {_count(scenario.profile, 'segment')}"
 
 
 def _count(things: Sequence[object], name: str) -> str:

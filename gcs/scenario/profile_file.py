@@ -8,7 +8,7 @@ from pydantic import Field
 
 from ftc_autopilot.guidance.mission_items import is_path
 from gcs.scenario.bundled import base_of, find_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.model import scenario_of
 from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
 from mavlink_defs.config.files import validate
@@ -52,7 +52,11 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
         return _segments_of(path, read_mission_file(path))
     data = read_inherited(path, base_of)
     if not data.keys() <= ProfileFile.model_fields.keys():
-        return validate(path, data, Scenario).segments()
+        segments = scenario_of(path, data).segments()
+        if not segments:
+            text = "holds a mission, not a profile; see `gcs mission upload`"
+            raise ConfigError(path, [Problem(("mission",), text)])
+        return segments
     file = validate(path, data, ProfileFile)
     segments = tuple(segment.segment() for segment in file.profile)
     try:
