@@ -7,7 +7,7 @@ import yaml
 from pydantic import Field
 
 from gcs.scenario.bundled import base_of, find_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.model import scenario_of
 from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
 from mavlink_defs.config.files import validate
@@ -46,7 +46,10 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
     path = find_scenario(name)
     data = read_inherited(path, base_of)
     if not data.keys() <= ProfileFile.model_fields.keys():
-        return validate(path, data, Scenario).segments()
+        segments = scenario_of(path, data).segments()
+        if not segments:
+            raise ConfigError(path, [Problem((), "has a mission, no profile; see gcs mission")])
+        return segments
     file = validate(path, data, ProfileFile)
     segments = tuple(segment.segment() for segment in file.profile)
     try:
