@@ -27,6 +27,7 @@ from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
 from gcs.campaigns import distributions
 from gcs.campaigns.model import Campaign, DrawnFault, Factor, Kept
 from gcs.cli import app
+from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault, ScenarioUav
 from mavlink_defs.capture.impairment import Impairment
@@ -58,6 +59,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "uavs": ScenarioUav,
     "network": Network,
     "profile": ProfileSegment,
+    "mission": MissionSection,
     "faults": ScenarioFault,
     "links": Links,
     "impairment": Impairment,

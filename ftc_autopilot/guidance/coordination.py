@@ -11,8 +11,9 @@ are divided by what they sum up to while everybody is heard, so that the gain do
 the graph.
 
 Virtual structure: ξ_0 is a virtual point, which a UAV with leader access h_i keeps. It moves at
-U, and waits as that UAV does: ξ_0' = U + sat(k_s (ξ_i - ξ_0)). So a member that is late makes all
-others wait. Leader and followers: UAVs with leader access fly at U and wait for nobody.
+U, and waits for that UAV: ξ_0' = U + k_s (ξ_i - ξ_0), and it is never further away than what
+saturates Δ. So a member that is late makes all others wait. Leader and followers: UAVs with leader
+access fly at U and wait for nobody.
 """
 
 import math
@@ -201,9 +202,9 @@ def _consensus(
     if gains["kind"] == LEADER_FOLLOWER and access > 0.0:
         return 0.0
     if access > 0.0:
-        ahead = state["virtual"] - xi
+        ahead = _limited(state["virtual"] - xi, limit / ks)
         total += access * ks * ahead
-        state["virtual"] += (speed + _limited(-ks * ahead, limit)) * now.since
+        state["virtual"] = xi + ahead + (speed - ks * ahead) * now.since
     return _limited(total / layout["weight"] if layout["weight"] > 0.0 else 0.0, limit)
 
 

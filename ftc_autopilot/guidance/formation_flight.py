@@ -13,7 +13,7 @@ from sitl_plant.vec3 import Vec3, sub
 
 __all__ = ["fly_in_formation", "tell_place"]
 
-_EVADING_M_S = 0.1
+_EVADING_M_S = 0.5
 """Change of the velocity asked for that counts as evading [m/s]."""
 
 

@@ -100,7 +100,11 @@ class FlightPath:
         """Return the length of the way to the end of the item that is flown [m]; 0 without end."""
         path, leg = self.record, self.point().leg
         end = leg
-        while end + 1 < path["count"] and path["item"][end + 1] == path["item"][leg]:
+        while (
+            end + 1 < path["count"]
+            and path["item"][end + 1] == path["item"][leg]
+            and not self._is_last(end + 1)
+        ):
             end += 1
         left = float(path["start"][end + 1]) - self._within(path)
         return max(left, 0.0) if math.isfinite(left) else 0.0

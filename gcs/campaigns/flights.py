@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from gcs.campaigns.distributions import Choice, Value
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.store import Mark, Outcome, results_schema
+from gcs.results.quantities import PATH_FIGURES
 from gcs.results.summary import FlightSummary, UavSummary
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of
@@ -190,6 +191,7 @@ def figures_of(summary: FlightSummary) -> dict[str, Any]:
         "messages": sum(uav.actuator_messages for uav in summary.uavs),
         "neighbour_messages": sum(uav.neighbour_messages for uav in summary.uavs),
         "neighbour_saving": summary.neighbour_saving,
+        "least_separation_m": summary.separation and summary.separation.least_m,
         "wall_s": summary.wall_s,
     }
     for uav in summary.uavs:
@@ -212,6 +214,7 @@ def _figures_of_uav(uav: UavSummary) -> dict[str, Any]:
         "heading_lost_at_s": uav.heading_lost_at_s,
         "detection_s": uav.first_delay_s("lost"),
         "return_s": uav.first_delay_s("back"),
+        **{name: uav.path and getattr(uav.path, name) for name in PATH_FIGURES},
         "false_alarms": uav.false_alarms,
         "events": uav.events,
         **{f"events_{name}": channel.events for name, channel in uav.channels.items()},

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from gcs.campaigns.model import Campaign
 from gcs.errors import BadInput
-from gcs.results.quantities import PAPER_ORDER, QUANTITIES
+from gcs.results.quantities import PAPER_ORDER, PATH_FIGURES, QUANTITIES
 from gcs.results.traffic import KINDS
 from mavlink_defs.config.files import read
 from mavlink_defs.config.inherit import merged
@@ -177,6 +177,7 @@ def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
         pa.field("messages", pa.int64()),
         pa.field("neighbour_messages", pa.int64()),
         pa.field("neighbour_saving", pa.float64()),
+        pa.field("least_separation_m", pa.float64()),
     ]
     for uav_id in uav_ids:
         for name in (
@@ -192,6 +193,7 @@ def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
             "heading_lost_at_s",
             "detection_s",
             "return_s",
+            *PATH_FIGURES,
         ):
             fields.append(pa.field(f"uav{uav_id}.{name}", pa.float64()))
         for name in (

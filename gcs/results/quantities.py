@@ -5,6 +5,7 @@ import numpy as np
 __all__ = [
     "IAE_UNITS",
     "PAPER_ORDER",
+    "PATH_FIGURES",
     "QUANTITIES",
     "TRACKED_KEYS",
     "UNITS",
@@ -43,3 +44,14 @@ def integrated_error(error: np.ndarray, step_us: int) -> np.ndarray:
     if not len(known):
         return np.full(len(QUANTITIES), np.nan)
     return np.asarray(known.sum(axis=0) * step_us / 1e6)
+
+
+PATH_FIGURES = (
+    "straight_cross_track_m",
+    "turn_cross_track_m",
+    "height_max_m",
+    "height_rms_m",
+    "slot_max_m",
+    "slot_rms_m",
+)
+"""Figures of a UAV on a path: attributes of `gcs.results.path_following.PathSummary`."""

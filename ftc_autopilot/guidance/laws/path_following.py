@@ -95,7 +95,7 @@ class PathFollowing(GuidanceParameters):
         "1/s^2", ge=0.0, default=0.03, doc="Gain k_hi of the height's integral."
     )
     climb_feedback: float = quantity(
-        "", ge=0.0, default=2.0, doc="Gain k_gamma from the error of the climb to the pitch."
+        "", ge=0.0, default=1.0, doc="Gain k_gamma from the error of the climb to the pitch."
     )
     rounding_s: float = quantity(
         "s", gt=0.0, default=0.6, doc="Time of flight before and after a corner of the height."
