@@ -1,6 +1,7 @@
 """The figure of a mission, and the path in a KML file, from a short flight in formation."""
 
 import xml.etree.ElementTree as ET
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -61,9 +62,10 @@ def test_the_summary_tells_the_truth_about_the_path(
 def test_the_tables_tell_of_path_and_separation(
     flown: tuple[Path, FlightSummary, Recording], scenario: Scenario
 ) -> None:
-    console = Console(width=100, record=True, quiet=True)
+    printed = StringIO()
+    console = Console(width=100, file=printed)
     console.print(*flight_tables(flown[1], scenario), sep="\n")
-    lines = console.export_text().splitlines()
+    lines = printed.getvalue().splitlines()
     (begin,) = (i for i, line in enumerate(lines) if "Path: largest errors" in line)
     table = "\n".join(lines[begin:])
     assert all(f"│ {name}" in table for name in ("1 leader", "2 right", "3 left"))
