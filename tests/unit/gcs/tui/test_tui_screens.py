@@ -109,6 +109,7 @@ ALL = {
     "profiles": ["4"],
     "parameters": ["5"],
     "events": ["6"],
+    "map": ["7"],
     "help": ["question_mark"],
 }
 
