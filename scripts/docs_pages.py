@@ -23,10 +23,12 @@ from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
+from ftc_autopilot.guidance.formation import Formation, FormationParameters, Slot
 from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
 from gcs.campaigns import distributions
 from gcs.campaigns.model import Campaign, DrawnFault, Factor, Kept
 from gcs.cli import app
+from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault, ScenarioUav
 from mavlink_defs.capture.impairment import Impairment
@@ -57,7 +59,10 @@ SECTIONS: dict[str, type[BaseModel]] = {
     **TRIGGERS,
     "uavs": ScenarioUav,
     "network": Network,
+    "formation": Formation,
+    "slot": Slot,
     "profile": ProfileSegment,
+    "mission": MissionSection,
     "faults": ScenarioFault,
     "links": Links,
     "impairment": Impairment,
@@ -206,7 +211,7 @@ def meaning(field: FieldInfo, part: type[BaseModel] | None) -> str:
 
 
 def parameters() -> str:
-    """Return the tables of the parameters: of triggers, then of laws."""
+    """Return the tables of the parameters: of triggers, of laws, of a formation."""
     records = np.zeros(1, PARAMETERS)
     groups = {"Every trigger": trigger_tunables(records)}
     for mode in TRIGGERS:
@@ -214,6 +219,7 @@ def parameters() -> str:
     groups["Every law"] = tunables(LawParameters, records["common"])
     for kind, law in LAWS.items():
         groups[f"`{kind}`"] = tunables(law, records[kind], base=LawParameters)
+    groups["Formation"] = tunables(FormationParameters, records["formation"], "FORM_")
     own = {group: list(found) for group, found in groups.items()}
     head = ("parameter", "expected", "key", "meaning")
     return "\n\n".join(

@@ -11,8 +11,9 @@ are divided by what they sum up to while everybody is heard, so that the gain do
 the graph.
 
 Virtual structure: ξ_0 is a virtual point, which a UAV with leader access h_i keeps. It moves at
-U, and waits as that UAV does: ξ_0' = U + sat(k_s (ξ_i - ξ_0)). So a member that is late makes all
-others wait. Leader and followers: UAVs with leader access fly at U and wait for nobody.
+U, and waits for that UAV: ξ_0' = U + k_s (ξ_i - ξ_0), and it is never further away than what
+saturates Δ. So a member that is late makes all others wait. Leader and followers: UAVs with leader
+access fly at U and wait for nobody.
 """
 
 import math
@@ -100,6 +101,7 @@ class Progress(NamedTuple):
     dt: float  # control period [s]
     since: float  # time since the update before [s]
     clock: float  # time on the mission's clock [s]
+    in_slot: bool  # whether it flies in its slot, not on the path itself
     path_id: int  # of the path that is flown
     s: float  # path parameter [m]
     s_dot: float  # its time derivative [m/s]
@@ -154,7 +156,9 @@ def coordinate(
     target = place_of_slot(
         plan, layout, gains, state["table"], state["slot_of"], state["commanded"]
     )
-    begins = state["path_id"] != now.path_id
+    if not now.in_slot:
+        target = (0.0, 0.0, 0.0)
+    begins = now.since == 0.0 or state["path_id"] != now.path_id
     move(target, gains["slot_speed_m_s"], now.since, begins, state["slot"])
     slot, rate = vec3(state["slot"]["place"]), vec3(state["slot"]["rate"])
     xi = now.s - slot[0]
@@ -201,9 +205,9 @@ def _consensus(
     if gains["kind"] == LEADER_FOLLOWER and access > 0.0:
         return 0.0
     if access > 0.0:
-        ahead = state["virtual"] - xi
+        ahead = _limited(state["virtual"] - xi, limit / ks)
         total += access * ks * ahead
-        state["virtual"] += (speed + _limited(-ks * ahead, limit)) * now.since
+        state["virtual"] = xi + ahead + (speed - ks * ahead) * now.since
     return _limited(total / layout["weight"] if layout["weight"] > 0.0 else 0.0, limit)
 
 

@@ -60,7 +60,6 @@ def order_of(tasks: Sequence[Task], first: int = 1) -> Order:
     left = {task.item: task.times for task in tasks if isinstance(task, Jump)}
     on_the_way: list[SetSpeed | Delay | SetHome] = []
     begun: dict[tuple[int, ...], int] = {}  # visits made when an endless jump was taken before
-    without_place = 0
     at = first
     while at <= len(tasks):
         task = tasks[at - 1]
@@ -69,25 +68,23 @@ def order_of(tasks: Sequence[Task], first: int = 1) -> Order:
             case Waypoint() | Loiter() | Return():
                 visits.append(Visit(task, tuple(on_the_way)))
                 on_the_way.clear()
-                without_place = 0
                 if _has_no_end(task):
                     break
                 if len(visits) > MAX_VISITS:
                     text = f"jumps make more than {MAX_VISITS} places of the mission"
                     raise ItemError(task.item, dialect.MAV_MISSION_NO_SPACE, text)
             case Jump():
-                without_place += 1
-                if without_place > len(tasks):
-                    text = f"jump to item {task.to} leads around without a waypoint"
-                    raise ItemError(task.item, dialect.MAV_MISSION_INVALID_PARAM1, text)
                 if left[task.item] == 0:
                     continue
                 if left[task.item] > 0:
                     left[task.item] -= 1
                 else:
                     state = (task.item, *left.values())
-                    if state in begun:
+                    if begun.get(state, len(visits)) < len(visits):
                         return Order(tuple(visits), begun[state])
+                    if state in begun:
+                        text = f"jump to item {task.to} leads around without a waypoint"
+                        raise ItemError(task.item, dialect.MAV_MISSION_INVALID_PARAM1, text)
                     begun[state] = len(visits)
                 at = task.to
             case _:

@@ -157,13 +157,21 @@ class _Builder:
                 return MissionPath(tuple(self._legs[: begins[k]]), begins[same])
             self._add_circle(target)
             if len(self._legs) > MAX_LEGS:
-                text = f"the path has more than {MAX_LEGS} legs up to here; shorten the mission"
-                raise ItemError(target.item, dialect.MAV_MISSION_NO_SPACE, text)
+                raise self._too_long(target, k)
             k += 1
         return MissionPath(tuple(self._legs))
 
+    def _too_long(self, target: Target, k: int) -> ItemError:
+        text = f"the path has more than {MAX_LEGS} legs up to here; shorten the mission"
+        if self._target.index_of_same(k) is not None:
+            radius = tightest_turn(target.fastest, self._limits)
+            text = f"waypoints are too near to go around: turns have a radius >= {radius:.0f} m"
+        return ItemError(target.item, dialect.MAV_MISSION_NO_SPACE, text)
+
     def _alike(self, i: int, k: int) -> bool:
         """Return whether the path goes on from leg k as from leg i."""
+        if k >= len(self._legs):
+            return False  # the same place as the one before: no way
         a, b = self._legs[i], self._legs[k]
         turned = math.remainder(a.course_rad - b.course_rad, 2.0 * math.pi)
         return (a.item, a.airspeed_m_s) == (b.item, b.airspeed_m_s) and all(

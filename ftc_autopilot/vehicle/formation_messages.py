@@ -86,7 +86,8 @@ class FormationMessages:
             text = f"UAV {neighbour} is {distance:.1f} m away, less than {least:g} m"
             yield dialect.MAV_SEVERITY_CRITICAL, text
         elif evading and not self._evading:
-            yield dialect.MAV_SEVERITY_WARNING, f"evading UAV {neighbour}, {distance:.1f} m away"
+            text = f"evading, the nearest is UAV {neighbour}, {distance:.1f} m away"
+            yield dialect.MAV_SEVERITY_WARNING, text
         self._evading, self._near = evading, near
 
     def _changes_of_members(self) -> Iterator[tuple[int, str]]:

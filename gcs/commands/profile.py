@@ -23,7 +23,9 @@ app = typer.Typer(help="Upload, download and check reference profiles.", no_args
 
 _File = Annotated[
     Path,
-    typer.Argument(metavar="FILE", help="Profile file (YAML with a `profile:` list) or scenario."),
+    typer.Argument(
+        metavar="FILE", help="Profile: YAML with a `profile:` list, scenario, .plan or .waypoints."
+    ),
 ]
 
 _UPLOAD_EPILOG = f"""

@@ -180,6 +180,12 @@ def _announce(
     console: Console,
 ) -> None:
     addresses = _addresses(scenario, folder, hub)
+    mission = scenario.mission
+    flown = (
+        f"profile of {_count(scenario.profile, 'segment')}"
+        if mission is None
+        else f"mission of {_count(mission.items, 'item')}"
+    )
     pace = "lockstep" if speed is None else f"{speed:g}× real time"
     state = "mission started, armed" if start else "not armed"
     connect = "" if hub.port == HUB_PORT else f" --connect {addresses['hub']}"
@@ -187,8 +193,8 @@ def _announce(
     if not start:
         then[:0] = ["gcs start" + connect, "gcs arm" + connect]
     lines = [
-        f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), profile of "
-        f"{_count(scenario.profile, 'segment')}, {_count(scenario.faults, 'fault')} set, {state}",
+        f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), {flown}, "
+        f"{_count(scenario.faults, 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
         f"  logs of the processes: {folder / 'processes'}",
         *(f"  {'then:' if i == 0 else '     '} {words}" for i, words in enumerate(then)),

@@ -1,26 +1,30 @@
-"""Profile files: YAML with a `profile:` list, as in every scenario file."""
+"""Profile files: YAML with a `profile:` list, as in every scenario file, or mission files."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import yaml
 from pydantic import Field
 
+from ftc_autopilot.guidance.mission_items import is_path
 from gcs.scenario.bundled import base_of, find_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.model import scenario_of
 from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
 from mavlink_defs.config.models import ConfigError, Model, Problem
+from mavlink_defs.mission_files import is_mission_file, read_mission_file
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
     MAX_SEGMENTS,
     ItemError,
+    ProfileError,
     Segment,
     items_to_segments,
     segments_to_items,
 )
+from mavlink_defs.services.mission import MissionItem
 
 __all__ = ["ProfileFile", "load_profile", "profile_yaml"]
 
@@ -36,7 +40,7 @@ class ProfileFile(Model):
 
 
 def load_profile(name: Path | str) -> tuple[Segment, ...]:
-    """Read the profile of a profile file or of a scenario, bundled or not, and check it.
+    """Read the profile of a profile file, a mission file or a scenario, and check it.
 
     Airspeeds are checked against the aircraft's limits only in a scenario, which has them.
 
@@ -44,9 +48,14 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
         ConfigError: The file cannot be used; it names every problem found.
     """
     path = find_scenario(name)
+    if is_mission_file(path):
+        return _segments_of(path, read_mission_file(path))
     data = read_inherited(path, base_of)
     if not data.keys() <= ProfileFile.model_fields.keys():
-        return validate(path, data, Scenario).segments()
+        segments = scenario_of(path, data).segments()
+        if not segments:
+            raise ConfigError(path, [Problem((), "has a mission, no profile; see gcs mission")])
+        return segments
     file = validate(path, data, ProfileFile)
     segments = tuple(segment.segment() for segment in file.profile)
     try:
@@ -54,6 +63,17 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
     except ItemError as error:
         problem = Problem(("profile", error.seq - 1), error.reason)
         raise ConfigError(path, [problem]) from error
+
+
+def _segments_of(path: Path, items: Sequence[MissionItem]) -> tuple[Segment, ...]:
+    """Return the profile that a mission file holds."""
+    if is_path(items):
+        text = "holds a path, not a profile; see `gcs mission upload`"
+        raise ConfigError(path, [Problem((), text)])
+    try:
+        return items_to_segments(items, ANY_AIRSPEED)
+    except ProfileError as error:
+        raise ConfigError(path, [Problem((), str(error))]) from error
 
 
 def profile_yaml(segments: Iterable[Segment]) -> str:

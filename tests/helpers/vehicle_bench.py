@@ -1,6 +1,6 @@
 """A vehicle with all its services, and a ground station, message by message."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ftc_autopilot.control.controllers import Controllers, new_controllers
@@ -11,6 +11,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.profile import segments_to_items
+from mavlink_defs.services.mission import MissionItem
 
 GCS = FramePacker(255, 190)
 UAV = 1
@@ -52,7 +53,11 @@ class Bench:
         return int(ack.result)
 
     def upload(self, scenario: Scenario) -> int:
-        items = segments_to_items(scenario.segments(), UAV, 1)
+        return self.upload_items(segments_to_items(scenario.segments(), UAV, 1))
+
+    def upload_items(self, items: Sequence[MissionItem]) -> int:
+        for item in items:
+            item.target_system, item.target_component = UAV, 1
         answers = self.say(dialect.MAVLink_mission_count_message(UAV, 1, len(items), 0))
         while requests := of_type(answers, "MISSION_REQUEST_INT"):
             answers = self.say(items[requests[0].seq])

@@ -149,15 +149,20 @@ def assert_one_message(text: str) -> None:
 
 
 @contextlib.contextmanager
-def standing(scenario: Scenario, folder: Path, **options: Any) -> Iterator[Scenario]:
-    """The processes of a scenario on free ports, in real time, waiting; none of them is left."""
+def standing(
+    scenario: Scenario, folder: Path, speed: float | None = 1.0, **options: Any
+) -> Iterator[Scenario]:
+    """The processes of a scenario on free ports, waiting; none of them is left.
+
+    They fly in real time, or in lockstep if there is no speed.
+    """
 
     def start(scenario: Scenario, _: UdpAddress) -> tuple[Scenario, contextlib.ExitStack]:
         links = scenario.links
         ports = {links.plant_port, *(links.formation_base_port + uav.id for uav in scenario.uavs)}
         with contextlib.ExitStack() as stack:
             fleet = stack.enter_context(
-                FleetProcesses(scenario, speed=1.0, folder=folder, **options)
+                FleetProcesses(scenario, speed=speed, folder=folder, **options)
             )
 
             def up() -> bool:

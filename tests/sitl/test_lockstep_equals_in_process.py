@@ -9,6 +9,8 @@ from flying import arrays_of, fly_well, scenario_tree, summary_of, write_scenari
 
 pytestmark = pytest.mark.sitl
 
+HEXAGON = Path(__file__).parents[2] / "scenarios" / "missions" / "hexagon.yaml"
+
 FAULTS = [
     {"uav": 3, "actuator": "rudder", "effectiveness": 0.9, "start_s": 1.0, "end_s": 3.0},
     {
@@ -107,6 +109,29 @@ def test_flights_are_equal_bit_for_bit(tmp_path: Path, kind: str, least_events: 
         assert summary.pop("wall_s") > 0.0
         assert summary.pop("real_time_factor") > 0.0
     assert summaries[0] == summaries[1]
+
+
+@pytest.mark.parametrize("formation", [{}, {"trigger": {}}], ids=["every step", "triggered"])
+def test_flights_of_a_formation_on_a_path_are_equal_bit_for_bit(
+    tmp_path: Path, formation: dict[str, Any]
+) -> None:
+    """A straight of two seconds, then a circle, in wind."""
+    circle = {"north_m": 80.0, "east_m": 450.0, "height_m": 100.0, "radius_m": 450.0}
+    tree = {
+        "extends": str(HEXAGON),
+        "duration_s": 6.0,
+        "wind": {"steady": {"north_m_s": 3.0, "east_m_s": -4.0}},
+        "mission": {"items": [{"loiter": circle}]},
+        "links": {"formation": formation},
+    }
+    scenario = write_scenario(tmp_path, tree)
+    udp, in_process = tmp_path / "udp", tmp_path / "in_process"
+    fly_well(scenario, "--quiet", "--free-ports", "--record=npz", "--out", udp)
+    fly_well(scenario, "--quiet", "--in-process", "--record=npz", "--out", in_process)
+    flown = arrays_of(udp / "trajectory.npz")
+    assert_equal_bit_for_bit(flown, arrays_of(in_process / "trajectory.npz"))
+    assert flown["path_position"][-1].min() > 150.0
+    assert np.degrees(flown["command"][-1, :, 1]).min() > 10.0  # they turn
 
 
 def test_flights_of_ten_are_equal_bit_for_bit(tmp_path: Path) -> None:

@@ -21,7 +21,9 @@ from gcs.fleet.processes import on_free_ports
 from gcs.fleet.relays import relay_of
 from gcs.results.recording import Recording
 from gcs.results.summary import FlightSummary, summarise
+from gcs.scenario.bundled import find_scenario
 from gcs.scenario.model import Scenario, scenario_of
+from gcs.scenario.model import scenario_tree as gcs_tree
 from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.framing.signing import make_key
 
@@ -101,6 +103,27 @@ def assert_told_is_what_was_sniffed(summary: FlightSummary, sniffer: Sniffer) ->
         for kind, messages in told.items():
             assert sniffer.messages[kind, uav.id] == messages, (kind, uav.id)
             assert sniffer.bytes[kind, uav.id] == uav.link_bytes[kind], (kind, uav.id)
+
+
+@pytest.mark.parametrize("trigger", [None, {}])
+def test_messages_of_a_formation_are_those_on_the_wire(
+    trigger: dict[str, float] | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An actuator is lost on the way, so the report on the members grows; slots change, too."""
+    tree = gcs_tree("missions/hexagon")
+    changes = [{"at_s": 0.5, "slots": {3: {"right_m": -30.0}}}]
+    tree["formation"] |= {"on_lost": "widen", "changes": changes}
+    fault = {"uav": 2, "actuator": "aileron", "stuck_deg": 15.0, "start_s": 1.5}
+    links = {"formation": {"trigger": trigger}, "impairments": {"plant": {}, "formation": {}}}
+    tree |= {"duration_s": 2.0, "faults": [fault], "links": links}
+    scenario = scenario_of(find_scenario("missions/hexagon"), tree)
+    flown, sniffer = fly_sniffed(scenario, tmp_path / "run", monkeypatch)
+    computed = fly_in_process(scenario)
+    assert set(computed.signals["report_size"][-1]) == {2}  # all know of the second member
+    assert np.isfinite(computed.signals["path_position"]).all()
+    assert flown.signals.tobytes() == computed.signals.tobytes()
+    assert np.array_equal(flown.states, computed.states)
+    assert_told_is_what_was_sniffed(summarise(computed, scenario), sniffer)
 
 
 @pytest.mark.parametrize("case", ["triggered", "every step", "signed in a gust"])

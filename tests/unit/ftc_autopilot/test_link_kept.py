@@ -122,3 +122,18 @@ def test_after_fifty_thousand_seconds_steps_and_times_are_exact(first: Rig) -> N
     assert int(first.controllers.actuators["time_usec"][0]) == 50_000_001_000
     assert int(first.controllers.own_states["step"][0]) == step
     assert LINK_STATE["step"].itemsize == 8
+
+
+def test_what_a_member_knows_of_its_formation_is_kept(
+    first: Rig, scenario1: Scenario, tmp_path: Path
+) -> None:
+    state = first.controllers.formations[0]
+    state["table"][1], state["commanded"], state["virtual"] = 27, (-60.0, 5.0, 10.0), 800.0
+    first.state(0)
+    second = rig_with_file(scenario1, tmp_path / "kept")
+    try:
+        taken = second.controllers.formations[0]
+        assert (taken["table"][1], taken["virtual"]) == (27, 800.0)
+        assert taken["commanded"].tolist() == [-60.0, 5.0, 10.0]
+    finally:
+        second.close()

@@ -124,3 +124,35 @@ def test_own_errors_are_those_of_the_step() -> None:
     assert own["attitude"].tolist() == [0.1, 0.2, 0.3]
     assert own["attitude_rate"].tolist() == [1.75, 0.0, 0.0]
     assert (own["frame"], own["step"]) == (FTC_NEIGHBOUR_FRAME_REFERENCE, 3)
+
+
+def on_path(step: int, xi: float = 100.0, north: float = 50.0) -> np.void:
+    record = message(step, 0.0, 0.0)
+    record["path_id"], record["path_position"], record["path_rate"] = 7, xi, 40.0
+    record["position"], record["ground_velocity"] = (north, -3.0, -100.0), (40.0, 0.0, 0.5)
+    record["report"][2] = 27
+    return record
+
+
+def test_places_go_on_at_the_rates_told_and_the_report_stays() -> None:
+    now = later(on_path(10), 60)
+    assert now["path_position"] == pytest.approx(102.0)
+    assert now["position"] == pytest.approx((52.0, -3.0, -99.975))
+    assert (now["path_id"], now["report"][2]) == (7, 27)
+
+
+def test_a_message_is_due_when_a_place_or_the_report_is_off() -> None:
+    told = on_path(10)
+
+    def due(own: np.void) -> bool:
+        return is_message_due(own, told, later(told, int(own["step"])), DT, RECORD)
+
+    assert not due(on_path(35, 101.0, 51.0))
+    assert due(on_path(35, 101.06, 51.0))
+    assert due(on_path(35, 101.0, 51.51))
+    other = on_path(35, 101.0, 51.0)
+    other["report"][2] = 43
+    assert due(other)
+    left = message(35, 0.0, 0.0)
+    assert due(left)  # it flies no path any more
+    assert not is_message_due(message(36, 0.0, 0.0), left, later(left, 36), DT, RECORD)

@@ -116,9 +116,11 @@ def test_a_loop_may_begin_at_a_later_leg() -> None:
     legs = [Leg(-300.0, 0.0, 0.0, 0.0, 300.0, 100.0, 0.0, 40.0, 1)]
     track = race_track()
     for k in range(4):
-        values = (track[key][k] for key in ("north", "east", "course", "curvature"))
+        north, east, course, curvature = (
+            float(track[key][k]) for key in ("north", "east", "course", "curvature")
+        )
         length = float(track["start"][k + 1] - track["start"][k])
-        legs.append(Leg(*map(float, values), length, 100.0, 0.0, 40.0, k + 2))
+        legs.append(Leg(north, east, course, curvature, length, 100.0, 0.0, 40.0, k + 2))
     path = path_record(legs, 1, 1)
     lap = float(track["start"][4])
     assert point_at(path, 300.0 + lap + 10.0)[:2] == pytest.approx((10.0, 0.0))

@@ -16,6 +16,7 @@ from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.path import Leg, path_record
 from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.rigid_body import R1
+from sitl_plant.vec3 import vec3
 
 DT, OMEGA = 0.02, 2.5
 DEFAULT = PathFollowing()
@@ -39,10 +40,8 @@ def situation(
     reference = np.zeros((4, 3))
     reference[3, 0] = attitude[2]
     motion = motion_of(measured, nominal)
-    ground, air = to_ned @ measured["velocity"], to_ned @ through_air
-    return Situation(
-        dt, position, tuple(map(float, ground)), tuple(map(float, air)), motion, reference, OMEGA
-    )
+    ground, air = vec3(to_ned @ measured["velocity"]), vec3(to_ned @ through_air)
+    return Situation(dt, position, ground, air, motion, reference, OMEGA)
 
 
 class Flight:
@@ -61,8 +60,16 @@ class Flight:
         self, now: Situation, coordination: Coordination | None = None
     ) -> tuple[float, float, float, float]:
         told = coordination or no_coordination()
-        arguments: tuple[Any, ...] = (now, self.path, self.s, told, self.nominal, self.parameters)
-        self.s = guide(*arguments, self.state, self.command)
+        self.s = guide(
+            now,
+            self.path,
+            self.s,
+            told,
+            self.nominal,
+            self.parameters,
+            self.state,
+            self.command,
+        )
         airspeed, roll, pitch, yaw = map(float, self.command)
         return airspeed, roll, pitch, yaw
 
@@ -165,7 +172,7 @@ def test_a_turn_in_wind_beside_the_path_is_as_the_equations_say(nominal: np.void
         (388.0, 0.0, -102.0),
         (0.35, 0.06, math.pi / 2 + 0.11),
         (40.5, 0.2, 2.0),
-        (*map(float, wind), 0.0),
+        (float(wind[0]), float(wind[1]), 0.0),
     )
     coordination = no_coordination()._replace(slot=slot)
     flight.update(now, coordination)

@@ -4,12 +4,13 @@ import math
 from typing import Any
 
 import pytest
-from vehicle_bench import ACCEPTED, DENIED, Bench, of_type
+from vehicle_bench import ACCEPTED, ARM, DENIED, Bench, of_type
 
-from ftc_autopilot.control.controllers import begin_path
+from ftc_autopilot.control.controllers import Source, begin_path
 from ftc_autopilot.guidance.members import LEAVE, LOST, SILENT, STAY, enter
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
+from mavlink_defs.constants import RTL
 
 SET_SLOT = dialect.MAV_CMD_FTC_SET_SLOT
 REQUEST, FORMATION = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_FTC_FORMATION
@@ -114,7 +115,7 @@ def test_changes_are_announced_once(bench: Bench) -> None:
 def test_evading_and_too_small_a_distance_are_announced(bench: Bench) -> None:
     state = bench.controllers.formations[0]
     state["evading"], state["distance"] = 1, 17.26
-    assert said(bench) == ["evading UAV 2, 17.3 m away"]
+    assert said(bench) == ["evading, the nearest is UAV 2, 17.3 m away"]
     state["distance"] = 14.9
     assert said(bench) == ["UAV 2 is 14.9 m away, less than 15 m"]
     assert said(bench) == []
@@ -127,3 +128,13 @@ def test_policies_are_parameters(bench: Bench) -> None:
     real = dialect.MAV_PARAM_TYPE_INT32
     bench.say(dialect.MAVLink_param_set_message(1, 1, b"FORM_ON_LOST", float(LEAVE), real))
     assert bench.controllers.parameters[0]["formation"]["on_lost"] == LEAVE
+
+
+def test_slots_are_of_the_mission_only(bench: Bench) -> None:
+    """A member that is ordered elsewhere flies there itself, not beside it."""
+    guidance = bench.controllers.guidance[0]
+    assert guidance["in_slot"] == 1
+    assert bench.command(ARM, 1.0) == ACCEPTED
+    assert bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, RTL) == ACCEPTED
+    assert guidance["follows"] == Source.PATH
+    assert guidance["in_slot"] == 0

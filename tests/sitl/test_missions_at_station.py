@@ -1,0 +1,111 @@
+"""Missions from the ground: the commands and the dashboard against a fleet that flies one."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from flying import SCENARIO_1, run
+from operating import drive, make_fly, operator
+from station import BAD_INPUT, REFUSED, Up, failed, up
+from textual.widgets import Input
+from waiting import until_focused
+
+from gcs.scenario.bundled import SCENARIOS
+from gcs.station.mission import is_same
+from gcs.tui.mission_list import MissionList
+from gcs.tui.missions import MapView, MissionsPanel
+from mavlink_defs import dialect
+from mavlink_defs.mission_files import mission_item, read_mission_file, waypoints_text
+
+pytestmark = pytest.mark.sitl
+
+HEXAGON = SCENARIOS / "missions" / "hexagon.yaml"
+
+
+def hexagon() -> dict[str, Any]:
+    tree: dict[str, Any] = yaml.safe_load(HEXAGON.read_text())
+    return tree | {"extends": str(SCENARIO_1)}
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+    """Three UAVs in formation, waiting to be armed; in lockstep they fly well on any machine."""
+    with up(tmp_path_factory.mktemp("fleet"), "--lockstep", tree=hexagon()) as fleet:
+        yield fleet
+
+
+def test_a_mission_is_downloaded_and_uploaded_again(fleet: Up, tmp_path: Path) -> None:
+    plan, table = tmp_path / "held.plan", tmp_path / "held.waypoints"
+    for path in (plan, table):
+        done = fleet.gcs("mission", "download", "--out", path)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.splitlines()[0] == "UAV 1 holds 7 items"
+    assert is_same(read_mission_file(plan), read_mission_file(table))
+    told = fleet.gcs("mission", "download", "--uav", "2")
+    assert told.stdout.splitlines()[-1].split() == ["7", "jump", "to", "1,", "always"]
+    answer = fleet.gcs_json("mission", "upload", table)
+    assert answer == [{"uav": i, "outcome": "accepted", "items": 7} for i in (1, 2, 3)]
+    again = tmp_path / "again.plan"
+    assert fleet.gcs("mission", "download", "--out", again).returncode == 0
+    assert again.read_text() == plan.read_text()
+
+
+def test_what_show_refuses_the_vehicles_refuse_for_the_same_reason(
+    fleet: Up, tmp_path: Path
+) -> None:
+    path = tmp_path / "lands.waypoints"
+    done = fleet.gcs("mission", "download", "--uav", "1", "--out", path)
+    items = [*read_mission_file(path)[:-1], mission_item(7, dialect.MAV_CMD_NAV_LAND)]
+    path.write_text(waypoints_text(items))
+    reason = "Item 7: command 21 is not supported: flights begin and end in the air"
+    done = run("gcs", "mission", "show", path)
+    assert (done.returncode, done.stderr) == (BAD_INPUT, f"{path}: {reason}\n")
+    done = fleet.gcs("mission", "upload", path, "--uav", "1")
+    assert done.returncode == REFUSED
+    assert reason in done.stderr
+    assert fleet.gcs("mission", "download", "--uav", "1").stdout.startswith("UAV 1 holds 7 items")
+    bad_name = fleet.gcs("mission", "download", "--out", tmp_path / "held.txt")
+    assert ".plan nor .waypoints" in failed(bad_name, BAD_INPUT)
+
+
+def test_the_dashboard_shows_the_flight_and_changes_the_mission(fleet: Up) -> None:
+    async def work() -> None:
+        async with operator(fleet) as someone:
+            await make_fly(someone)
+            await someone.sees(lambda: "AUTO" in someone.row(1), "AUTO")
+            table = someone.app.query_one("#fleet-table")
+            await someone.press("c")  # at this width another group of columns follows
+            await someone.sees(lambda: "sep m" in str(table.columns), "separation")  # type: ignore[attr-defined]
+            await someone.press("7")
+            await until_focused(someone.pilot, "mission-list")
+            items = someone.app.query_one(MissionList)
+            await someone.sees(lambda: len(items.rows) == 7, "the items")
+            await someone.sees(lambda: " of 7, " in str(items.border_title), "progress")
+            drawn = someone.app.query_one(MapView)
+            await someone.sees(lambda: "no wind" in str(drawn.border_title), "the wind")
+            await someone.press("end", "up", "e")
+            await until_focused(someone.pilot, "item-place")
+            field = someone.app.query_one("#item-place", Input)
+            assert field.value == "0 0 100"
+            field.value = "0 0 140"
+            await someone.press("enter")
+            await someone.press("u")
+            await someone.answer("enter")
+            await someone.sees_event("1 action", "mission of 7 items uploaded")
+            await someone.sees(lambda: "N 0 E 0 140" in items.text, "the height")
+            await someone.sees(
+                lambda: someone.app.query_one(MissionsPanel).draft is None, "it is the vehicle's"
+            )
+            assert not is_same(someone.state(1).mission or (), someone.state(2).mission or ())
+
+    drive(work())
+
+
+def test_a_mission_is_flown_at_once(fleet: Up, tmp_path: Path) -> None:
+    path = tmp_path / "held.plan"
+    assert fleet.gcs("mission", "download", "--uav", "2", "--out", path).returncode == 0
+    done = fleet.gcs("mission", "fly", path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [f"UAV {i} flies 7 items of {path}" for i in (1, 2, 3)]

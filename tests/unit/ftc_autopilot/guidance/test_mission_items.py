@@ -1,0 +1,155 @@
+"""Items of the mission protocol as tasks, and what is refused of them."""
+
+import contextlib
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ftc_autopilot.geography import Origin, place_of, position_of
+from ftc_autopilot.guidance.mission_items import (
+    Delay,
+    Home,
+    Jump,
+    Loiter,
+    Return,
+    SetHome,
+    SetSpeed,
+    Task,
+    Waypoint,
+    decode_items,
+)
+from mavlink_defs import dialect
+from mavlink_defs.constants import INT32_MAX
+from mavlink_defs.mission_files import mission_item
+from mavlink_defs.profile import AirspeedLimits, ItemError
+from mavlink_defs.services.mission import MissionItem
+
+ORIGIN = Origin()
+LIMITS = AirspeedLimits(25.0, 60.0)
+HOME = Home(0.0, 0.0, 20.0)
+HERE = place_of(ORIGIN, 800.0, -300.0, 0.0)[:2]
+RELATIVE, ABSOLUTE = (
+    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+    dialect.MAV_FRAME_GLOBAL,
+)
+
+
+def decoded(*items: MissionItem) -> tuple[Task, ...]:
+    return decode_items((mission_item(0, 16), *items), ORIGIN, HOME, LIMITS)
+
+
+def item(command: int, *params: float, z: float = 100.0, frame: int = RELATIVE) -> MissionItem:
+    return mission_item(1, command, params, *HERE, z, frame)
+
+
+@given(st.floats(-50_000.0, 50_000.0), st.floats(-50_000.0, 50_000.0))
+def test_a_position_comes_back_from_its_place_to_the_centimetre(north: float, east: float) -> None:
+    latitude, longitude, *_ = place_of(ORIGIN, north, east, 0.0)
+    assert position_of(ORIGIN, latitude, longitude) == pytest.approx((north, east), abs=0.02)
+
+
+def test_east_is_near_across_the_date_line() -> None:
+    origin = Origin(latitude_deg=0.0, longitude_deg=179.999)
+    _, east = position_of(origin, 0, round(-179.999e7))
+    assert east == pytest.approx(222.6, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("sent", "expected"),
+    [
+        (item(16, 0.0, 5.0), Waypoint(1, 800.0, -300.0, 120.0, 5.0)),
+        (item(16, math.nan, math.nan, math.nan, math.nan), Waypoint(1, 800.0, -300.0, 120.0)),
+        (item(16, z=700.0, frame=ABSOLUTE), Waypoint(1, 800.0, -300.0, 116.0)),
+        (item(16, 0.0, 0.0, -300.0), Loiter(1, (800.0, -300.0), 120.0, -300.0, turns=0.0)),
+        (item(17, 0.0, 0.0, -300.0), Loiter(1, (800.0, -300.0), 120.0, -300.0)),
+        (item(18, 2.5, 0.0, 300.0), Loiter(1, (800.0, -300.0), 120.0, 300.0, 2.5)),
+        (item(19, 60.0), Loiter(1, (800.0, -300.0), 120.0, 0.0, 0.0, 60.0)),
+        (mission_item(1, 17, (), 0, 0, 100.0), Loiter(1, None, 120.0)),
+        (mission_item(1, 17, (), INT32_MAX, INT32_MAX, 100.0), Loiter(1, None, 120.0)),
+        (item(20), Return(1)),
+        (item(178, 1.0, 45.0, -1.0), SetSpeed(1, 45.0)),
+        (item(177, 1.0, -1.0), Jump(1, 1, -1)),
+        (item(112, 12.5), Delay(1, 12.5)),
+        (item(179, 1.0), SetHome(1, None)),
+        (item(179, z=600.0, frame=ABSOLUTE), SetHome(1, Home(800.0, -300.0, 16.0))),
+    ],
+)
+def test_each_item_becomes_its_task(sent: MissionItem, expected: Task) -> None:
+    (task,) = decoded(sent)
+    assert type(task) is type(expected)
+    flat, wanted = (flattened(vars(value)) for value in (task, expected))
+    assert flat == pytest.approx(wanted, abs=0.02, nan_ok=True)
+
+
+def flattened(fields: dict[str, Any]) -> list[float]:
+    numbers: list[float] = []
+    for value in fields.values():
+        if isinstance(value, Home):
+            numbers += flattened(vars(value))
+        elif isinstance(value, tuple):
+            numbers += value
+        else:
+            numbers.append(math.nan if value is None else float(value))
+    return numbers
+
+
+def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
+    home = mission_item(1, 179, (), *HERE, 634.0, ABSOLUTE)
+    _, waypoint = decoded(home, mission_item(2, 16, (), *HERE, 100.0, RELATIVE))
+    assert isinstance(waypoint, Waypoint)
+    assert waypoint.height_m == pytest.approx(150.0)
+
+
+@pytest.mark.parametrize(
+    ("sent", "result", "text"),
+    [
+        (item(21), "UNSUPPORTED", "Item 1: command 21 is not supported: flights begin and end"),
+        (item(22), "UNSUPPORTED", "Item 1: command 22 is not supported: flights begin and end"),
+        (item(84), "UNSUPPORTED", "Item 1: command 84 is not supported: the aircraft cannot hover"),
+        (item(201), "UNSUPPORTED", "Item 1: command 201 is not supported"),
+        (item(53100), "UNSUPPORTED", "a mission is a profile of segments or a path, not both"),
+        (item(16, frame=8), "UNSUPPORTED_FRAME", "frame 8 is not supported"),
+        (item(16, 0.0, -1.0), "INVALID_PARAM2", "acceptance radius -1, must be >= 0 m"),
+        (item(17, 0.0, 0.0, 1e9), "INVALID_PARAM3", "radius 1e+09, must be at most 100000 m"),
+        (item(18, 0.0), "INVALID_PARAM1", "turns 0, must be"),
+        (item(19, -1.0), "INVALID_PARAM1", "time -1, must be 0 to 86400 s"),
+        (item(178, 0.0, 80.0), "INVALID_PARAM2", "speed 80, must be 25 to 60 m/s"),
+        (item(178, 3.0, 40.0), "INVALID_PARAM1", "speed type 3, must be 0"),
+        (item(177, 2.0, -1.0), "INVALID_PARAM1", "jump to item 2, must be 1 to 1"),
+        (item(177, 1.0, 0.5), "INVALID_PARAM2", "jumps 0.5, must be -1"),
+        (item(16, z=math.nan), "INVALID_PARAM7", "altitude nan m cannot be flown"),
+        (mission_item(2, 16, (), *HERE), "INVALID_SEQUENCE", "stands at place 1, but has number 2"),
+        (mission_item(1, 16, (), 0, 0, 1.0), "INVALID_PARAM5_X", "km from the origin, must be <="),
+        (mission_item(1, 16, (), 95 * 10**7, 0), "INVALID_PARAM5_X", "latitude 95, must be -90"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_by_item_and_reason(
+    sent: MissionItem, result: str, text: str
+) -> None:
+    with pytest.raises(ItemError) as refusal:
+        decoded(sent)
+    assert text in refusal.value.text
+    assert refusal.value.mav_mission_result == getattr(dialect, f"MAV_MISSION_{result}")
+
+
+floats = st.floats(width=32)
+
+
+@given(
+    st.integers(0, 255),
+    st.sampled_from([16, 17, 18, 19, 20, 112, 177, 178, 179]),
+    st.tuples(floats, floats, floats, floats),
+    st.integers(-(2**31), 2**31 - 1),
+    st.integers(-(2**31), 2**31 - 1),
+    floats,
+)
+def test_no_item_is_too_strange_to_be_refused(
+    frame: int, command: int, params: tuple[float, ...], x: int, y: int, z: float
+) -> None:
+    with contextlib.suppress(ItemError):
+        (task,) = decoded(mission_item(1, command, params, x, y, z, frame))
+        if isinstance(task, Waypoint):
+            assert all(math.isfinite(number) for number in flattened(vars(task)))
