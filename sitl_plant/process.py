@@ -115,6 +115,7 @@ class Plant:
         loss, outcome = None, Outcome.NONE
         while not self.stopping:
             outcome = run(self._fd, self._link, self._fleet, time.monotonic() + _TICK_S)
+            self._registration.note_turn(time.monotonic())
             if (loss := self._keep_record()) is not None:
                 break
             if outcome == Outcome.SERVICE:

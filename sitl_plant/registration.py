@@ -3,6 +3,7 @@
 No socket and no clock: the sender of the datagram in the link's buffer and the time go in.
 """
 
+import math
 from collections.abc import Callable
 from enum import Enum
 
@@ -18,6 +19,8 @@ TAKEOVER_S = 1.0
 """Silence of an autopilot after which another one may replace it in flight [s]."""
 FROZEN_TAKEOVER_S = 2.5
 """The same before and after the flight, when only HEARTBEATs are sent, one a second [s]."""
+
+_ASLEEP_S = 0.5  # between two turns of the plant
 
 
 class Claim(Enum):
@@ -50,6 +53,20 @@ class Registration:
         self._silence_timeout_s = silence_timeout_s
         self._wait_for_restart = wait_for_restart
         self._notify = notify
+        self._turn_s = math.inf
+
+    def note_turn(self, now: float) -> None:
+        """Note that the plant runs: what it has slept through is not the autopilots' silence.
+
+        Their datagrams wait in its socket.
+
+        Args:
+            now: Wall-clock time [s].
+        """
+        slept_s, self._turn_s = now - self._turn_s, now
+        if slept_s > _ASLEEP_S:
+            heard_s = self._link.heard_s
+            heard_s[:] = np.minimum(heard_s + slept_s, now)
 
     def claim(self, i: int, now: float) -> Claim:
         """Register the sender of the received datagram as the autopilot of an aircraft.

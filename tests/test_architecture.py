@@ -43,6 +43,7 @@ USERS_OF_THE_SYSTEM = SHELLS | {
     "mavlink_defs.capture.tlog",
     "mavlink_defs.dialect",
     "mavlink_defs.endpoint",
+    "mavlink_defs.framing.key_file",
     "mavlink_defs.framing.signing",
     "mavlink_defs.runtime.jit",
     "mavlink_defs.runtime.native",

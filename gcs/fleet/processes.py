@@ -30,6 +30,7 @@ __all__ = ["FleetProcesses", "check_ports", "on_free_ports"]
 T = TypeVar("T")
 
 _STOP_S = 5.0
+_SUPERVISED_SILENCE_S = 86_400.0  # of the plant, before an autopilot gives it up
 _TRIES = 5
 _PLANT = "plant"
 _FORKS = sys.platform == "linux"  # elsewhere, libraries do not allow it
@@ -278,8 +279,10 @@ class FleetProcesses:
         dump(plant, self._folder / f"{_PLANT}.yaml")
         for uav in self._scenario.uavs:
             config = through(self._scenario.autopilot_config(uav.id), self._via)
-            gcs = (*config.gcs, *self._ground_stations)
-            dump(config.model_copy(update={"gcs": gcs}), self._folder / f"uav{uav.id}.yaml")
+            changes: dict[str, object] = {"gcs": (*config.gcs, *self._ground_stations)}
+            if self._restart:  # who supervises sees the plant end; a slow one is waited for
+                changes["silence_timeout_s"] = _SUPERVISED_SILENCE_S
+            dump(config.model_copy(update=changes), self._folder / f"uav{uav.id}.yaml")
 
     def _start(self, name: str, port: int, *options: str) -> None:
         config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"

@@ -109,8 +109,8 @@ class Recording:
     def error(self, wanted: Literal["command", "reference"]) -> np.ndarray:
         """Return true response minus wanted one, roll and yaw wrapped [m/s, rad], (steps, n, 4).
 
-        Over missing steps the last command or reference holds, which the autopilot does not
-        advance then; before its first step, that of its first step. NaN while disarmed.
+        Over missing steps the last command or reference recorded holds; before an autopilot's
+        first step, that of its first step. NaN while disarmed.
 
         Args:
             wanted: The unfiltered commands, or the filtered reference.

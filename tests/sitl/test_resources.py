@@ -33,15 +33,17 @@ def limited(
     )
 
 
-def test_too_few_files_may_be_open(tmp_path: Path) -> None:
+@pytest.mark.parametrize("limit", [6, 11, 17])
+def test_too_few_files_may_be_open(tmp_path: Path, limit: int) -> None:
+    """Wherever in its start the flight notices it."""
     folder = tmp_path / "run"
     options = ("--free-ports", "--quiet", "--out", folder)
     done = limited(
-        resource.RLIMIT_NOFILE, 11, "fly", write_scenario(tmp_path, duration_s=0.1), *options
+        resource.RLIMIT_NOFILE, limit, "fly", write_scenario(tmp_path, duration_s=0.1), *options
     )
     assert done.returncode == 1
     assert_one_message(done.stderr)
-    assert "the limit is 11" in done.stderr
+    assert f"the limit is {limit}" in done.stderr
     assert "ulimit -n" in done.stderr
     assert not processes_of(folder)
 

@@ -3,13 +3,25 @@
 import asyncio
 import os
 import signal
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from flying import process_of, processes_of, wait_until
+from flying import (
+    TIMEOUT_S,
+    arrays_of,
+    fly_well,
+    flying,
+    process_of,
+    processes_of,
+    summary_of,
+    wait_until,
+    write_scenario,
+)
 from station import state_of, status_when, up
 
+from ftc_autopilot.config import AutopilotConfig
 from gcs.fleet.flight import fly_and_record
 from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.processes import on_free_ports
@@ -22,6 +34,8 @@ from mavlink_defs.constants import ACTUATORS
 
 pytestmark = pytest.mark.sitl
 DIES_AT, AWAY = 400, 1000  # steps
+DURATION_S = 4.0
+SILENCE_S = 1.2 * AutopilotConfig.model_fields["silence_timeout_s"].default
 
 
 def flown(scenario: Scenario, folder: Path) -> Recording:
@@ -71,6 +85,43 @@ def count_events_of_both_lives(flight: Recording, scenario: Scenario, folder: Pa
     assert "the flight of 0.400 s" in texts[2]
     assert "silent, edge dropped" in texts[1]
     assert "heard again, edge taken up" in texts[1]
+
+
+def test_a_plant_that_stands_still_for_longer_than_autopilots_wait_is_waited_for(
+    tmp_path: Path,
+) -> None:
+    """Nobody gives up while somebody supervises: the flight goes on as if nothing had been."""
+    folder = tmp_path / "run"
+    scenario = write_scenario(tmp_path, duration_s=DURATION_S, faults=[])
+    options = ("--quiet", "--restart", "on-failure", "--record", "npz")
+    with flying(folder, scenario, *options) as popen:
+        plant = process_of(folder, "plant")
+        os.kill(plant, signal.SIGSTOP)
+        time.sleep(SILENCE_S)
+        os.kill(plant, signal.SIGCONT)
+        _, stderr = popen.communicate(timeout=TIMEOUT_S)
+        assert popen.returncode == 0, stderr
+    assert all(uav["restarts"] == 0 for uav in summary_of(folder)["uavs"])
+    fly_well(scenario, "--quiet", "--record", "npz", "--in-process", "--out", tmp_path / "expected")
+    flown, expected = (arrays_of(tmp_path / name / "events.npz") for name in ("run", "expected"))
+    for key, array in expected.items():
+        assert array.tobytes() == flown[key].tobytes(), key
+
+
+def test_by_the_clock_an_autopilot_is_back_within_two_seconds_of_simulated_time(
+    scenario1: Scenario, tmp_path: Path
+) -> None:
+    """At half speed, for the load of machines that test."""
+    scenario = scenario1.model_copy(update={"duration_s": 3.0, "faults": ()})
+    flight = on_free_ports(
+        scenario,
+        lambda on_ports, _: asyncio.run(
+            fly_and_record(on_ports, tmp_path, speed=0.5, restart=True, crashes={2: [DIES_AT]})
+        ),
+    )
+    assert flight.restarts == (0, 1, 0)
+    away = np.flatnonzero(flight.missing[:, 1])
+    assert DIES_AT < away[0] <= away[-1] < DIES_AT + 2000
 
 
 def test_a_killed_autopilot_of_a_standing_fleet_comes_back_by_itself(tmp_path: Path) -> None:

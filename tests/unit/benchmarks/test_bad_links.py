@@ -14,14 +14,14 @@ DURATION_S = 8.0
 
 
 @pytest.mark.parametrize("law", KINDS)
-def test_losses_and_jitter_cost_a_law_less_than_a_tenth(law: str) -> None:
+def test_losses_and_jitter_cost_a_law_little(law: str) -> None:
     scenario = scenario_with(law, DURATION_S)
     clean = iae(summarise(fly_in_process(scenario), scenario).uavs)
     flight = fly_over(scenario, LINKS["loss 10 %, jitter 5 ms"])
     assert 0.08 < np.mean(flight.missing) < 0.12
     found = iae(summarise(flight, scenario).uavs)
     for name in QUANTITIES:
-        assert found[name] < 1.1 * clean[name], name
+        assert found[name] < 1.05 * clean[name], name  # without compensation: 1.08 and more
 
 
 def test_over_a_good_link_the_flight_is_the_same_bit_for_bit() -> None:

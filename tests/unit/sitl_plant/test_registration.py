@@ -103,3 +103,19 @@ def test_in_flight_a_silent_autopilot_is_waited_for_if_restarts_are_expected() -
 def test_an_aircraft_without_an_autopilot_is_not_silent() -> None:
     rig = Rig(running=True)
     assert rig.registration.check_silence(1e9) is None
+
+
+@pytest.mark.parametrize("running", [True, False])
+def test_what_the_plant_slept_through_is_not_silence_of_the_autopilots(running: bool) -> None:
+    rig = Rig(running, wait_for_restart=True)
+    rig.registration.note_turn(100.0)
+    rig.claim(0, FIRST, 100.0)
+    rig.registration.note_turn(100.0 + 3.0 * TIMEOUT_S)
+    assert rig.registration.check_silence(100.0 + 3.0 * TIMEOUT_S) is None
+    assert rig.known == [1, 0, 0]
+    awake = 100.0 + 3.0 * TIMEOUT_S
+    while awake < 100.0 + 4.1 * TIMEOUT_S:
+        rig.registration.note_turn(awake)
+        awake += 0.02
+    rig.registration.check_silence(awake)
+    assert rig.known == [0, 0, 0]
