@@ -2,7 +2,8 @@
 
 Method: a few flights of 10 ms of `campaigns/uncertainty` are flown; their figures are repeated
 beside the draws of a million flights, in files of 10 000 rows. Each reader runs in a process of
-its own, whose largest resident set is printed. The number of rows may be given as an argument.
+its own, whose processor time and largest resident set are printed. The number of rows may be given
+as an argument.
 """
 
 import multiprocessing
@@ -38,8 +39,9 @@ def main() -> None:
         size = sum(path.stat().st_size for path in folder.rglob("*.parquet")) / 1e6
         print(f"{rows} rows, {size:.0f} MB of Parquet")
         for what, read in (("two columns", _two_columns), ("report", write_report)):
-            seconds, megabytes = measured(read, folder)
-            print(f"{what}: {seconds:.1f} s, at most {megabytes:.0f} MB")
+            wall_s, cpu_s, megabytes = measured(read, folder)
+            print(f"{what}: {wall_s:.1f} s ({cpu_s:.1f} s of processor time), ", end="")
+            print(f"at most {megabytes:.0f} MB")
 
 
 def store(folder: Path, rows: int) -> int:
@@ -64,17 +66,21 @@ def store(folder: Path, rows: int) -> int:
     return int(planned.num_rows)
 
 
-def measured(read: Callable[[Path], object], folder: Path) -> tuple[float, float]:
-    """Return duration [s] and largest resident set [MB] of a function in a process of its own."""
+def measured(read: Callable[[Path], object], folder: Path) -> tuple[float, float, float]:
+    """Run a function in a process of its own.
+
+    Returns:
+        Duration [s], processor time [s] and largest resident set [MB].
+    """
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return pool.apply(_measured, (read, folder))
 
 
-def _measured(read: Callable[[Path], object], folder: Path) -> tuple[float, float]:
-    begin = time.perf_counter()
+def _measured(read: Callable[[Path], object], folder: Path) -> tuple[float, float, float]:
+    begin, cpu_begin = time.perf_counter(), time.process_time()
     read(folder)
-    taken_s = time.perf_counter() - begin
-    return taken_s, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    wall_s, cpu_s = time.perf_counter() - begin, time.process_time() - cpu_begin
+    return wall_s, cpu_s, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 
 def _two_columns(folder: Path) -> object:

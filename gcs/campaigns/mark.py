@@ -1,6 +1,6 @@
 """The mark of a campaign's folder: what was flown, and by which code.
 
-`campaign.yaml` has the request, `scenario.yaml` beside it the base scenario with what it extends.
+`request.yaml` has the request, `scenario.yaml` beside it the base scenario with what it extends.
 Both are YAML: the keys of JSON are texts, and those of ``leader_access`` are numbers.
 """
 
@@ -20,7 +20,7 @@ __all__ = ["MARK", "Mark", "campaign_of", "mark_of", "plain", "unfinished", "wri
 SCHEMA = 2
 """Number of this layout; it changes when a reader of the old one would go wrong."""
 
-MARK = "campaign.yaml"
+MARK = "request.yaml"
 """File that marks the folder of a campaign."""
 
 _SCENARIO = "scenario.yaml"
@@ -48,7 +48,7 @@ class Mark:
     digest: str
 
     def to_yaml(self) -> str:
-        """Return the content of `campaign.yaml`."""
+        """Return the content of `request.yaml`."""
         return yaml_of(
             {
                 "schema": SCHEMA,
@@ -109,7 +109,7 @@ def campaign_of(folder: Path) -> Campaign:
 
 
 def write_mark(folder: Path, mark: Mark) -> None:
-    """Write `scenario.yaml`, and `campaign.yaml` so that it is there when both are complete.
+    """Write `scenario.yaml`, and `request.yaml` so that it is there when both are complete.
 
     Raises:
         OSError: It cannot be written; it is named.

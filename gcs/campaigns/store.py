@@ -2,7 +2,7 @@
 
 It holds::
 
-    campaign.yaml               the request, and the code that flies it; it marks the folder
+    request.yaml                the request, and the code that flies it; it marks the folder
     scenario.yaml               the base scenario, with what it extends
     draws.parquet               one row per planned flight, written before the first flight
     results/part-NNNNN.parquet  rows of flights that ended; no file is written twice

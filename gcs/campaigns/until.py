@@ -1,6 +1,6 @@
 """The condition that may end a campaign early, as its folder knows it.
 
-``until.json`` beside ``campaign.yaml`` names every condition that the campaign was flown with. Its
+``until.json`` beside ``request.yaml`` names every condition that the campaign was flown with. Its
 report then uses intervals that hold although somebody looked.
 """
 

@@ -229,7 +229,7 @@ def test_folder_of_something_else(tmp_path: Path) -> None:
     path = write_campaign(tmp_path)
     done = campaign(path, "--out", tmp_path)
     assert done.returncode == 2
-    assert "not a campaign" in done.stderr
+    assert "not a campaign or sweep" in done.stderr
     assert list(tmp_path.iterdir()) == [path]
 
 

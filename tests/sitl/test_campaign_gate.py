@@ -48,7 +48,7 @@ def test_the_documented_nightly_job(tmp_path: Path) -> None:
     assert first.returncode == 0, first.stderr
     assert (tmp_path / "runs/last-good/report.html").exists()
 
-    reference = (tmp_path / "runs/last-good/campaign.yaml").read_bytes()
+    reference = (tmp_path / "runs/last-good/request.yaml").read_bytes()
     worse = night(tmp_path, campaign.replace("proposed: {}", CHANGE))
     assert worse.returncode == 1, worse.stdout + worse.stderr
     assert "FAILED  proposed: worse iae_roll at 99 %" in worse.stdout
@@ -57,7 +57,7 @@ def test_the_documented_nightly_job(tmp_path: Path) -> None:
     assert [case.find("failure") is None for case in suite.iter("testcase")] == [True, False, True]
     assert "**1 of 3 checks failed.**" in (tmp_path / "gate.md").read_text()
     assert (tmp_path / "runs/tonight/report.html").exists()  # for whoever looks into it
-    assert (tmp_path / "runs/last-good/campaign.yaml").read_bytes() == reference
+    assert (tmp_path / "runs/last-good/request.yaml").read_bytes() == reference
 
 
 def test_a_campaign_ends_when_its_condition_is_decided(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from gcs.campaigns.store import read_results
 
 pytestmark = pytest.mark.sitl
 
-CAMPAIGN = {"campaign.yaml", "scenario.yaml", "draws.parquet", "results"}
+CAMPAIGN = {"request.yaml", "scenario.yaml", "draws.parquet", "results"}
 OUTPUTS = CAMPAIGN | {"table.csv", "table.md", "sweep.png", "sweep.svg"}
 MANY = ("--set", f"trigger.b2_deg={','.join(str(0.1 * k) for k in range(1, 16))}")
 

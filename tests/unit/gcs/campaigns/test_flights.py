@@ -164,11 +164,11 @@ def test_a_folder_is_taken_over_only_if_nothing_in_it_is_somebodys(tmp_path: Pat
     with pytest.raises(BadInput, match="not a campaign or sweep"):
         open_folder(tmp_path, plan)
     assert scenario.read_text() == "precious"
-    (tmp_path / "campaign.yaml.part").write_text("schema: ")
+    (tmp_path / "request.yaml.part").write_text("schema: ")
     open_folder(tmp_path, plan)
     assert scenario_of_row(tmp_path, 0).duration_s == 0.01
     assert {path.name for path in tmp_path.iterdir()} == {
-        "campaign.yaml",
+        "request.yaml",
         "scenario.yaml",
         "draws.parquet",
     }

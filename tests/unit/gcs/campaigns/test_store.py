@@ -118,7 +118,7 @@ def test_another_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_another_layout_is_refused(folder: Path) -> None:
-    text = (folder / "campaign.yaml").read_text()
-    (folder / "campaign.yaml").write_text(text.replace("schema: 2", "schema: 3"))
+    text = (folder / "request.yaml").read_text()
+    (folder / "request.yaml").write_text(text.replace("schema: 2", "schema: 3"))
     with pytest.raises(BadInput, match="layout 3, this version reads 2"):
         campaign_of(folder)
