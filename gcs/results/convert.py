@@ -1,6 +1,7 @@
 """Recordings of run folders in the formats of other programs, converted batch by batch."""
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -212,7 +213,8 @@ def _to_mcap(run: Path, path: Path) -> Path:
             if (system, kind) not in channels:
                 topic = f"/uav{system}/{kind}"
                 channels[system, kind] = writer.register_channel(topic, "json", schemas[kind])
-            ns, data = round(t * 1e9), json.dumps(values).encode()
+            known = {key: _known(value) for key, value in values.items()}
+            ns, data = round(t * 1e9), json.dumps(known, allow_nan=False).encode()
             writer.add_message(channels[system, kind], ns, data, ns)
 
         places: _Places | None = None
@@ -233,3 +235,8 @@ def _to_mcap(run: Path, path: Path) -> Path:
         finish: Any = writer.finish  # without annotations
         finish()
     return path
+
+
+def _known(value: Any) -> Any:
+    """Return a value as JSON can have it: None for NaN."""
+    return None if isinstance(value, float) and math.isnan(value) else value

@@ -1,5 +1,6 @@
 """Planning a campaign: what a row means, and every mistake before the first flight."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ from campaign_flights import MASS, campaign_tree, planned, write_campaign
 
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.surviving import Surviving
+from gcs.campaigns.distributions import Choice
 from gcs.campaigns.model import load_campaign
 from gcs.campaigns.plan import load_plan, plan, row_of, rows_of
 from gcs.scenario.bundled import SCENARIOS
@@ -260,7 +262,12 @@ def test_shipped_campaigns_can_be_flown(name: str) -> None:
     path = SCENARIOS / "campaigns" / f"{name}.yaml"
     campaign = load_campaign(path)
     short = campaign.model_copy(update={"draws": 16})
-    points = 16 * (len(campaign.factors) + 2) if campaign.design == "saltelli" else 16
+    points = 16
+    if campaign.design == "saltelli":
+        points = 16 * (len(campaign.factors) + 2)
+    elif campaign.design == "grid":
+        choices = [one.draw for one in campaign.factors.values() if isinstance(one.draw, Choice)]
+        points = math.prod(len(one.values) for one in choices)
     assert plan(short, path).draws.num_rows == points * len(campaign.variants)
 
 

@@ -26,6 +26,7 @@ def straight(loss: str | None = None) -> Recording:
     states[:, :, 3] = 40.0
     signals = np.zeros((STEPS, 2), SIGNALS)
     signals["V"] = 40.0
+    signals["path_position"] = np.nan
     signals["command"][..., 0] = signals["reference"][..., 0] = np.arange(STEPS)[:, None]
     return Recording(
         mode="real_time",
