@@ -81,6 +81,7 @@ GUIDANCE = np.dtype(
         ("command", "f8", (4,)),  # airspeed [m/s], roll, pitch, yaw [rad]
         ("guided_step", "i8"),  # of the last update of the guidance law, or NOT_STARTED
         ("path_position", "f8"),  # path parameter then [m]
+        ("in_slot", "i8"),  # 1: a member of a formation flies in its slot, not on the path itself
         ("law", GUIDANCE_STATE),
     ]
 )
@@ -165,14 +166,16 @@ def reset_controllers(controllers: Controllers) -> None:
     controllers.guidance["start_step"] = controllers.guidance["guided_step"] = NOT_STARTED
 
 
-def begin_path(guidance: np.void, near: float = 0.0) -> None:
+def begin_path(guidance: np.void, near: float = 0.0, *, in_slot: bool = True) -> None:
     """Let the references come from the path from the next step on.
 
     Args:
         guidance: Record of dtype `GUIDANCE`, updated in place.
         near: Path parameter of a point near the UAV [m].
+        in_slot: Whether a member of a formation is to fly in its slot.
     """
     guidance["follows"] = Source.PATH
+    guidance["in_slot"] = int(in_slot)
     guidance["guided_step"] = NOT_STARTED
     guidance["path_position"] = near
     guidance["law"] = np.zeros((), GUIDANCE_STATE)
@@ -286,7 +289,8 @@ def _control(
     )
     _record_guidance(controllers, i, on_path)
     if on_path and controllers.layouts[i]["count"] > 0:
-        _tell_place(controllers, i, measured, motion, dt)
+        own, path = controllers.own_states[i], controllers.paths[i]
+        tell_place(own, path["id"], measured, motion, dt, controllers.formations[i])
     if on_path or controllers.parameters[i]["formation_triggered"] != 0:
         # on a path each UAV has a reference of its own
         refer_to_reference(controllers.own_states[i], controllers.signals[i])
@@ -328,6 +332,7 @@ def _guide(
             step,
             dt,
             clock,
+            guidance["in_slot"] != 0,
             controllers.paths[i],
             guidance["path_position"],
             neighbours,
@@ -349,21 +354,6 @@ def _guide(
         guidance["command"],
     )
     guidance["guided_step"] = step
-
-
-@compiled
-def _tell_place(
-    controllers: Controllers, i: int, measured: np.void, motion: Motion, dt: float
-) -> None:
-    """Write into the own state where in the formation UAV i is."""
-    tell_place(
-        controllers.own_states[i],
-        controllers.paths[i]["id"],
-        vec3(measured["position"]),
-        mul(R1(motion.phi), vec3(measured["velocity"])),
-        dt,
-        controllers.formations[i],
-    )
 
 
 @compiled

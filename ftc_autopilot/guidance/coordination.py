@@ -101,6 +101,7 @@ class Progress(NamedTuple):
     dt: float  # control period [s]
     since: float  # time since the update before [s]
     clock: float  # time on the mission's clock [s]
+    in_slot: bool  # whether it flies in its slot, not on the path itself
     path_id: int  # of the path that is flown
     s: float  # path parameter [m]
     s_dot: float  # its time derivative [m/s]
@@ -155,7 +156,9 @@ def coordinate(
     target = place_of_slot(
         plan, layout, gains, state["table"], state["slot_of"], state["commanded"]
     )
-    begins = state["path_id"] != now.path_id
+    if not now.in_slot:
+        target = (0.0, 0.0, 0.0)
+    begins = now.since == 0.0 or state["path_id"] != now.path_id
     move(target, gains["slot_speed_m_s"], now.since, begins, state["slot"])
     slot, rate = vec3(state["slot"]["place"]), vec3(state["slot"]["rate"])
     xi = now.s - slot[0]

@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.guidance.coordination import Coordination, Progress, coordinate
 from ftc_autopilot.guidance.laws import intention_of, pace_of
 from ftc_autopilot.guidance.laws.base import Intention, Situation
 from ftc_autopilot.guidance.separation import kept_apart, nearest
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3, sub
+from sitl_plant.rigid_body import R1
+from sitl_plant.vec3 import Vec3, mul, sub, vec3
 
 __all__ = ["fly_in_formation", "tell_place"]
 
@@ -23,6 +25,7 @@ def fly_in_formation(
     step: int,
     dt: float,
     clock: float,
+    in_slot: bool,
     path: np.void,
     near: float,
     neighbours: np.ndarray,
@@ -40,6 +43,7 @@ def fly_in_formation(
         step: Present step.
         dt: Control period [s].
         clock: Time on the mission's clock [s].
+        in_slot: Whether it flies in its slot, not on the path itself.
         path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
         near: Path parameter at the update before [m].
         neighbours: Last message of each neighbour, dtype `mavlink_defs.framing.codec.NEIGHBOUR`,
@@ -53,7 +57,9 @@ def fly_in_formation(
     """
     gains = parameters["formation"]
     pace = pace_of(now, path, near, state["slot"]["place"][0], law)
-    progress = Progress(step, dt, now.dt, clock, path["id"], pace.s, pace.s_dot, pace.speed)
+    progress = Progress(
+        step, dt, now.dt, clock, in_slot, path["id"], pace.s, pace.s_dot, pace.speed
+    )
     plain = coordinate(progress, neighbours, weights, signals, layout, gains, state)
     intention = intention_of(now, path, near, plain, parameters["guidance"], law)
     state["error"][1], state["error"][2] = intention.off_right, intention.off_up
@@ -91,15 +97,15 @@ def fly_in_formation(
 
 @compiled
 def tell_place(
-    message: np.void, path_id: int, position: Vec3, velocity: Vec3, dt: float, state: np.void
+    message: np.void, path_id: int, measured: np.void, motion: Motion, dt: float, state: np.void
 ) -> None:
     """Write the own place, and what is known of all members, into a message to the neighbours.
 
     Args:
         message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR` with the present step.
         path_id: Of the path that is flown.
-        position: NED [m].
-        velocity: Over ground, NED [m/s].
+        measured: FTC_SIM_STATE payload.
+        motion: Own motion.
         dt: Control period [s].
         state: Record of dtype `ftc_autopilot.guidance.coordination.FORMATION`.
     """
@@ -107,8 +113,9 @@ def tell_place(
     message["path_id"] = path_id
     message["path_position"] = state["xi"] + age * dt * state["xi_rate"]
     message["path_rate"] = state["xi_rate"]
+    velocity = mul(R1(motion.phi), vec3(measured["velocity"]))
     for k in range(3):
-        message["position"][k] = position[k]
+        message["position"][k] = measured["position"][k]
         message["ground_velocity"][k] = velocity[k]
     for m in range(len(message["report"])):
         message["report"][m] = state["table"][m]

@@ -14,7 +14,17 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["MAX_LEGS", "NO_LOOP", "PATH", "Leg", "PathPoint", "locate", "path_record", "point_at"]
+__all__ = [
+    "MAX_LEGS",
+    "NO_LOOP",
+    "PATH",
+    "Leg",
+    "PathPoint",
+    "height_at",
+    "locate",
+    "path_record",
+    "point_at",
+]
 
 MAX_LEGS = 256
 """Most legs that a path can have."""
@@ -122,6 +132,13 @@ def point_at(path: np.void, s: float) -> PathPoint:
         path["airspeed"][k],
         k,
     )
+
+
+@compiled
+def height_at(path: np.void, s: float) -> float:
+    """Return the height of the path at s [m], as `point_at` has it."""
+    k, distance = _leg_at(path, s)
+    return float(path["height"][k] + path["climb"][k] * distance)
 
 
 @compiled

@@ -147,7 +147,7 @@ class FlightPath:
         path = self.planner.path(self.tasks, home=self._home.at)
         legs = np.flatnonzero(path["item"][: path["count"]] >= item)
         leg = int(legs[0]) if len(legs) else 0
-        self._begin(path, float(path["start"][leg]))
+        self._begin(path, float(path["start"][leg]), in_slot=True)
 
     def circle_here(self) -> None:
         """Circle at the present place and height."""
@@ -187,10 +187,10 @@ class FlightPath:
     def _start(self) -> Start:
         return start_of(self._hot.measured, self.airspeed)
 
-    def _begin(self, path: np.void, near: float = 0.0) -> None:
+    def _begin(self, path: np.void, near: float = 0.0, *, in_slot: bool = False) -> None:
         self.number += 1
         self._paths[0] = path
-        begin_path(self._guidance, near)
+        begin_path(self._guidance, near, in_slot=in_slot)
 
     def _within(self, path: np.void) -> float:
         """Return the path parameter, within the first round of a path that returns."""

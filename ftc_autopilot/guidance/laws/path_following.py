@@ -41,7 +41,7 @@ from pydantic import Field
 from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.guidance.coordination import Coordination, no_coordination
 from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
-from ftc_autopilot.guidance.path import PathPoint, locate, point_at
+from ftc_autopilot.guidance.path import PathPoint, height_at, locate, point_at
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 
@@ -356,9 +356,9 @@ def _climb(
     weight = aircraft["m"] * aircraft["g"]
     lag = aircraft["m"] * V / (pressure * (aircraft["cL_alpha"] + aircraft["cD0"]))
     reach = gains["rounding_s"] * V
-    height, slope = _rounded(path, place.s, reach)
-    _, slope_ahead = _rounded(path, place.s + (3.0 / now.bandwidth + lag) * place.s_dot, reach)
-    error = height + coordination.slot[2] + now.position[2]
+    s_later = place.s + (3.0 / now.bandwidth + lag) * place.s_dot
+    slope, slope_ahead = _rounded_slope(path, place.s, reach), _rounded_slope(path, s_later, reach)
+    error = _rounded_height(path, place.s, reach) + coordination.slot[2] + now.position[2]
     gain = gains["height_integral_1_s2"]
     sink = _upwards(error, coordination, gains, state) + coordination.up
 
@@ -377,11 +377,16 @@ def _climb(
 
 
 @compiled
-def _rounded(path: np.void, s: float, reach: float) -> tuple[float, float]:
-    """Return the path's height at s, mean over ± reach [m], and its slope there."""
+def _rounded_height(path: np.void, s: float, reach: float) -> float:
+    """Return the path's height at s, the mean over ± reach [m]."""
     total = 0.0
     for k in range(_ROUNDING_SAMPLES):
         share = (2 * k + 1) / _ROUNDING_SAMPLES - 1.0
-        total += point_at(path, s + share * reach).height
-    rise = point_at(path, s + reach).height - point_at(path, s - reach).height
-    return total / _ROUNDING_SAMPLES, rise / (2.0 * reach)
+        total += height_at(path, s + share * reach)
+    return total / _ROUNDING_SAMPLES
+
+
+@compiled
+def _rounded_slope(path: np.void, s: float, reach: float) -> float:
+    """Return the slope of that height at s."""
+    return (height_at(path, s + reach) - height_at(path, s - reach)) / (2.0 * reach)

@@ -57,7 +57,7 @@ class Member:
         self.known["step"] = self.step - 1 if self.step else 0
         if self.step == 0:
             self.known["path_position"] = others
-        now = Progress(self.step, DT, since, self.step * DT, 7, xi - 30.0, SPEED, SPEED)
+        now = Progress(self.step, DT, since, self.step * DT, True, 7, xi - 30.0, SPEED, SPEED)
         self.step += round(TICK / DT)
         return coordinate(
             now, self.known, self.weights, self.signals, self.layout, self.gains, self.state
@@ -98,7 +98,7 @@ def test_a_neighbour_has_gone_on_since_it_told() -> None:
     member = Member()
     member.step = 100
     member.known["path_position"], member.known["step"] = 0.0, 50
-    now = Progress(100, DT, 0.0, 0.1, 7, -30.0 + 50 * DT * SPEED, SPEED, SPEED)
+    now = Progress(100, DT, 0.0, 0.1, True, 7, -30.0 + 50 * DT * SPEED, SPEED, SPEED)
     result = coordinate(
         now, member.known, member.weights, member.signals, member.layout, member.gains, member.state
     )
@@ -131,7 +131,7 @@ def test_one_slow_member_slows_all() -> None:
     member.update(0.0, 0.0, 0.0, since=0.0)
     member.known["path_rate"] = 0.8 * SPEED
     enter(member.state["table"], 2, 4 * LOST + SLOW)
-    now = Progress(20, DT, TICK, 0.02, 7, -30.0, SPEED, SPEED)
+    now = Progress(20, DT, TICK, 0.02, True, 7, -30.0, SPEED, SPEED)
     member.known["path_position"], member.known["step"] = 0.0, 20
     result = coordinate(
         now, member.known, member.weights, member.signals, member.layout, member.gains, member.state
@@ -202,3 +202,13 @@ def test_planned_changes_come_on_the_missions_clock() -> None:
     member.wait(40.0, 0.0, 0.0, 0.0)
     slot = member.update(0.0, 0.0, 0.0).slot
     assert slot == pytest.approx((-30.0, 40.0, 0.0), abs=1e-3)
+
+
+def test_who_flies_elsewhere_by_itself_has_no_slot() -> None:
+    member = Member()
+    now = Progress(0, DT, 0.0, 0.0, False, 9, 500.0, SPEED, SPEED)
+    result = coordinate(
+        now, member.known, member.weights, member.signals, member.layout, member.gains, member.state
+    )
+    assert result == Coordination((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+    assert member.state["xi"] == 500.0
