@@ -17,8 +17,8 @@ Examples:
 - gcs export runs/first --to csv
 - gcs export runs/first --to kml --out /tmp
 
-csv and parquet: trajectory and events, as in the recording. kml: tracks for Google Earth. mcap:
-states, places and events for Foxglove and PlotJuggler.
+csv and parquet: trajectory and events, as in the recording. kml: tracks, home and the path of a
+mission for Google Earth. mcap: states, places and events for Foxglove and PlotJuggler.
 
 Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
 written, 2 bad input.

@@ -97,9 +97,10 @@ def fly(
 ) -> None:
     """Fly a scenario to its end and record it.
 
-    Starts one plant and one autopilot process per UAV, uploads the profiles, sets the faults,
+    Starts one plant and one autopilot process per UAV, uploads profile or mission, sets the faults,
     starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,
-    flight.tlog (the GCS link), events.arrows, trajectory.arrows and flight.png.
+    flight.tlog (the GCS link), events.arrows, trajectory.arrows and flight.png; with a mission
+    mission.png and mission.svg, too.
 
     The figures of summary.json are those of every step, whatever is recorded.
 

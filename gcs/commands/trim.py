@@ -21,6 +21,7 @@ from gcs.errors import BadInput
 from mavlink_defs.constants import Actuator
 
 if TYPE_CHECKING:
+    from gcs.scenario.model import Scenario
     from gcs.theory.trim import Trim
     from sitl_plant.config import Aircraft
 
@@ -66,8 +67,7 @@ def trim(
 
     loaded = changed_scenario(scenario, additions, settings)
     aircraft = true_aircraft(loaded.aircraft, loaded.uncertainty)
-    flown = [segment.airspeed_m_s for segment in loaded.profile] or [loaded.guidance.cruise_m_s]
-    airspeeds = sorted({*(airspeed or flown)})
+    airspeeds = sorted({*(airspeed or _airspeeds(loaded))})
     low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
     for wanted in airspeeds:
         if not low <= wanted <= high:
@@ -85,6 +85,15 @@ def trim(
         return
     _print(console, "Aileron or rudder stuck: level flight that turns", kept)
     _print(console, "Elevator or throttle stuck: straight, level flight", given_up)
+
+
+def _airspeeds(scenario: "Scenario") -> list[float]:
+    """Return the airspeeds of a scenario's profile, or of the path of its mission [m/s]."""
+    from gcs.results.mission_path import paths_of
+
+    if (paths := paths_of(scenario)) is None:
+        return [segment.airspeed_m_s for segment in scenario.profile]
+    return [float(v) for path in paths for v in path["airspeed"][: path["count"]]]
 
 
 def _kept(

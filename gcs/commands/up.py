@@ -180,6 +180,12 @@ def _announce(
     console: Console,
 ) -> None:
     addresses = _addresses(scenario, folder, hub)
+    mission = scenario.mission
+    flown = (
+        f"profile of {_count(scenario.profile, 'segment')}"
+        if mission is None
+        else f"mission of {_count(mission.items, 'item')}"
+    )
     pace = "lockstep" if speed is None else f"{speed:g}× real time"
     state = "mission started, armed" if start else "not armed"
     connect = "" if hub.port == HUB_PORT else f" --connect {addresses['hub']}"
@@ -187,7 +193,7 @@ def _announce(
     if not start:
         then[:0] = ["gcs start" + connect, "gcs arm" + connect]
     lines = [
-        f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), {_references(scenario)}, "
+        f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), {flown}, "
         f"{_count(scenario.faults, 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
         f"  logs of the processes: {folder / 'processes'}",
@@ -196,13 +202,6 @@ def _announce(
     ]
     for line in lines:
         console.print(line, soft_wrap=True)
-
-
-def _references(scenario: Scenario) -> str:
-    """Return what the fleet is to fly, in words."""
-    if scenario.mission is not None:
-        return f"mission of {_count(scenario.mission.items, 'item')}"
-    return f"profile of {_count(scenario.profile, 'segment')}"
 
 
 def _count(things: Sequence[object], name: str) -> str:

@@ -71,7 +71,9 @@ def draw_tracking(axes: Sequence["Axes"], flight: PlottedFlight) -> None:
     """Draw the responses of all UAVs, and the reference, into four panels."""
     t = flight.recording.time_s
     responses = [_Curves(name, t, flight.response(i)) for i, name in enumerate(flight.names)]
-    _draw_responses(axes, responses, _Curves("reference", t, flight.reference()))
+    # on a path each UAV has a reference of its own
+    name = "reference" if flight.scenario.mission is None else f"reference of {flight.names[0]}"
+    _draw_responses(axes, responses, _Curves(name, t, flight.reference()))
 
 
 def fig10(flights: Sequence[PlottedFlight], uav_id: int = 3) -> "Figure":

@@ -54,8 +54,7 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
     if not data.keys() <= ProfileFile.model_fields.keys():
         segments = scenario_of(path, data).segments()
         if not segments:
-            text = "holds a mission, not a profile; see `gcs mission upload`"
-            raise ConfigError(path, [Problem(("mission",), text)])
+            raise ConfigError(path, [Problem((), "has a mission, no profile; see gcs mission")])
         return segments
     file = validate(path, data, ProfileFile)
     segments = tuple(segment.segment() for segment in file.profile)

@@ -54,9 +54,10 @@ PRIVATE_INTERVALS_S = {
     dialect.MAVLINK_MSG_ID_FTC_FORMATION: 0.2,
     dialect.MAVLINK_MSG_ID_FTC_DROPS: 2.0,
     dialect.MAVLINK_MSG_ID_WIND_COV: 1.0,
+    dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: 0.5,
     dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: once it arrives, all do
 }
-"""Messages that vehicles stream on demand, private ones and the wind; their intervals [s]."""
+"""Messages that vehicles stream on demand, private ones, wind and way; their intervals [s]."""
 
 
 E = TypeVar("E")  # events of a machine

@@ -4,12 +4,13 @@ import math
 from typing import Any
 
 import pytest
-from vehicle_bench import ACCEPTED, DENIED, Bench, of_type
+from vehicle_bench import ACCEPTED, ARM, DENIED, Bench, of_type
 
-from ftc_autopilot.control.controllers import begin_path
+from ftc_autopilot.control.controllers import Source, begin_path
 from ftc_autopilot.guidance.members import LEAVE, LOST, SILENT, STAY, enter
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
+from mavlink_defs.constants import RTL
 
 SET_SLOT = dialect.MAV_CMD_FTC_SET_SLOT
 REQUEST, FORMATION = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_FTC_FORMATION
@@ -133,6 +134,7 @@ def test_slots_are_of_the_mission_only(bench: Bench) -> None:
     """A member that is ordered elsewhere flies there itself, not beside it."""
     guidance = bench.controllers.guidance[0]
     assert guidance["in_slot"] == 1
-    loiter = dialect.MAV_CMD_DO_SET_MODE, 1.0, 12.0
-    assert bench.command(*loiter) == ACCEPTED
+    assert bench.command(ARM, 1.0) == ACCEPTED
+    assert bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, RTL) == ACCEPTED
+    assert guidance["follows"] == Source.PATH
     assert guidance["in_slot"] == 0

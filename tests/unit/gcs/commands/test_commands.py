@@ -66,6 +66,10 @@ def complaint(*arguments: str) -> str:
         (("trim", SCENARIO_1, "--airspeed", "5"), "expected [20, 80] m/s"),
         (("trim", SCENARIO_1, "--roll", "90"), "--roll"),
         (("profile", "check", "none.yaml"), "none.yaml"),
+        (("profile", "check", "missions/hexagon"), "has a mission, no profile; see gcs mission"),
+        (("mission", "show", "none.plan"), "none.plan"),
+        (("mission", "upload", "none.yaml", *NOWHERE), "none.yaml"),
+        (("mission", "download", "--out", "held.txt", *NOWHERE), ".plan nor .waypoints"),
     ],
 )
 def test_bad_input_names_what_is_wrong(arguments: tuple[str, ...], named: str) -> None:

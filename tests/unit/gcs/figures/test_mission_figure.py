@@ -1,13 +1,16 @@
 """The figure of a mission, and the path in a KML file, from a short flight in formation."""
 
 import xml.etree.ElementTree as ET
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from gcs.figures.mission import draw_mission
 from gcs.fleet.in_process import fly_in_steps
+from gcs.reports.flight import flight_tables
 from gcs.results.convert import convert
 from gcs.results.format import Format
 from gcs.results.mission_path import leaders_of, paths_of
@@ -54,6 +57,20 @@ def test_the_summary_tells_the_truth_about_the_path(
         assert uav.path.slot_max_m is not None
         assert 0.0 < uav.path.slot_max_m < 5.0
     assert FlightSummary.from_json(summary.to_json()) == summary
+
+
+def test_the_tables_tell_of_path_and_separation(
+    flown: tuple[Path, FlightSummary, Recording], scenario: Scenario
+) -> None:
+    printed = StringIO()
+    console = Console(width=100, file=printed)
+    console.print(*flight_tables(flown[1], scenario), sep="\n")
+    lines = printed.getvalue().splitlines()
+    (begin,) = (i for i, line in enumerate(lines) if "Path: largest errors" in line)
+    table = "\n".join(lines[begin:])
+    assert all(f"│ {name}" in table for name in ("1 leader", "2 right", "3 left"))
+    assert table.count("33.33 %") == 3  # the last 5 of 15 s
+    assert "least separation 2" in table
 
 
 def test_a_figure_is_drawn_with_the_formation(

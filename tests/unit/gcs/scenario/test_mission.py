@@ -142,7 +142,7 @@ def test_a_mission_file_can_hold_a_profile(scenario1: Scenario, tmp_path: Path) 
 
 def test_a_path_is_no_profile(tree: Any, tmp_path: Path) -> None:
     mine = written(tmp_path, tree, {"items": ITEMS})
-    with pytest.raises(ConfigError, match="mission: holds a mission, not a profile"):
+    with pytest.raises(ConfigError, match="has a mission, no profile; see gcs mission"):
         load_profile(mine)
     scenario = load_scenario(mine)
     path = tmp_path / "path.plan"

@@ -88,7 +88,7 @@ def compare(
             for name, pressed in keys.items():
                 await pilot.press(*pressed)
                 stored = DATA / f"{name}-{suffix}.svg"
-                wanted = stored.read_text() if stored.exists() else ""
+                wanted = stored.read_text() if stored.exists() else None
                 picture, end = "", time.monotonic() + _PATIENCE_S
                 while picture != wanted and time.monotonic() < end:
                     picture = await settle(app, pilot)
@@ -109,6 +109,7 @@ ALL = {
     "profiles": ["4"],
     "parameters": ["5"],
     "events": ["6"],
+    "map": ["7"],
     "help": ["question_mark"],
 }
 

@@ -1,0 +1,70 @@
+"""`gcs formation` against a fleet that flies a mission in formation."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import yaml
+from flying import SCENARIO_1, wait_until
+from station import ALL, BAD_INPUT, REFUSED, Up, failed, up
+
+from gcs.scenario.bundled import SCENARIOS
+
+pytestmark = pytest.mark.sitl
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+    """Three UAVs in V formation, waiting to be armed; in lockstep they fly well on any machine."""
+    tree = yaml.safe_load((SCENARIOS / "missions" / "hexagon.yaml").read_text())
+    tree |= {"extends": str(SCENARIO_1)}
+    with up(tmp_path_factory.mktemp("fleet"), "--lockstep", tree=tree) as fleet:
+        yield fleet
+
+
+def shown(fleet: Up) -> dict[int, dict[str, Any]]:
+    return {told["uav"]: told for told in fleet.gcs_json("formation", "show", *ALL)}
+
+
+def is_slot(fleet: Up, uav: int, *slot: float) -> bool:
+    return bool(shown(fleet)[uav]["slot_m"] == pytest.approx(slot, abs=0.2))
+
+
+def test_the_formation_is_shown_and_a_slot_is_changed(fleet: Up) -> None:
+    assert not shown(fleet)[1]["flies_in_formation"]
+    assert fleet.gcs("start", *ALL).returncode == 0
+    assert fleet.gcs("arm", *ALL).returncode == 0
+    wait_until(lambda: all(t["flies_in_formation"] for t in shown(fleet).values()), "a formation")
+    before = shown(fleet)
+    assert before[2]["slot_m"] == [-20.0, 20.0, 0.0]
+    assert before[1]["nearest"] in {2, 3}
+    assert 25.0 < before[1]["distance_m"] < 30.0
+    assert (before[3]["cause"], before[3]["policy"]) == ("well", "stay")
+
+    words = fleet.gcs("formation", "slot", "--uav", "3", "-50", "-20", "8").stdout
+    assert words == "UAV 3 takes slot -50 m ahead, -20 m right, 8 m up\n"
+    wait_until(lambda: is_slot(fleet, 3, -50.0, -20.0, 8.0), "the slot that was ordered")
+    assert is_slot(fleet, 2, -20.0, 20.0, 0.0)
+    assert fleet.gcs("formation", "slot", "--uav", "3", "--planned").returncode == 0
+    wait_until(lambda: is_slot(fleet, 3, -20.0, -20.0, 0.0), "the planned slot")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("--uav", "3", "-50", "-20"), "expected three distances AHEAD RIGHT UP [m], or --planned"),
+        (("--uav", "3"), "expected three distances"),
+        (("-50", "-20", "8"), "expected --uav: two UAVs cannot have one slot"),
+        (("--planned", "1", "2", "3"), "expected three distances"),
+    ],
+)
+def test_a_slot_that_is_not_understood_is_refused(
+    fleet: Up, arguments: tuple[str, ...], told: str
+) -> None:
+    assert told in failed(fleet.gcs("formation", "slot", *arguments), BAD_INPUT)
+
+
+def test_a_slot_that_is_too_far_is_refused_by_the_vehicle(fleet: Up) -> None:
+    done = fleet.gcs("formation", "slot", "--uav", "2", "--", "-5000", "0", "0")
+    assert done.returncode == REFUSED
+    assert "Slot: ahead is -5000 m, must be -1000 to 1000 m" in done.stderr
