@@ -24,6 +24,9 @@ from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import Formation, FormationParameters, Slot
+from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
+from ftc_autopilot.guidance.laws.base import GuidanceParameters
+from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
 from gcs.campaigns import distributions
 from gcs.campaigns.model import Campaign, DrawnFault, Factor, Kept
@@ -59,6 +62,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     **TRIGGERS,
     "uavs": ScenarioUav,
     "network": Network,
+    "guidance": PathFollowing,
     "formation": Formation,
     "slot": Slot,
     "profile": ProfileSegment,
@@ -211,7 +215,7 @@ def meaning(field: FieldInfo, part: type[BaseModel] | None) -> str:
 
 
 def parameters() -> str:
-    """Return the tables of the parameters: of triggers, of laws, of a formation."""
+    """Return the tables of the parameters: of triggers, laws, guidance, formation."""
     records = np.zeros(1, PARAMETERS)
     groups = {"Every trigger": trigger_tunables(records)}
     for mode in TRIGGERS:
@@ -219,6 +223,9 @@ def parameters() -> str:
     groups["Every law"] = tunables(LawParameters, records["common"])
     for kind, law in LAWS.items():
         groups[f"`{kind}`"] = tunables(law, records[kind], base=LawParameters)
+    for kind, guidance in GUIDANCE_LAWS.items():
+        gains = records["guidance"][kind]
+        groups[f"Guidance `{kind}`"] = tunables(guidance, gains, "GUID_", GuidanceParameters)
     groups["Formation"] = tunables(FormationParameters, records["formation"], "FORM_")
     own = {group: list(found) for group, found in groups.items()}
     head = ("parameter", "expected", "key", "meaning")

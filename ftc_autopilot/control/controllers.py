@@ -29,7 +29,7 @@ from ftc_autopilot.control.neighbour_messages import (
 )
 from ftc_autopilot.control.reference import PROFILE, profile_value
 from ftc_autopilot.guidance.coordination import FORMATION, new_formation, no_coordination
-from ftc_autopilot.guidance.formation import LAYOUT, MAX_MEMBERS, layout_record
+from ftc_autopilot.guidance.formation import LAYOUT, layout_record
 from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guide
 from ftc_autopilot.guidance.laws.base import Situation
@@ -363,7 +363,7 @@ def _record_guidance(controllers: Controllers, i: int, on_path: bool) -> None:
     signals["path_position"] = controllers.guidance[i]["path_position"] if on_path else math.nan
     for k in range(3):
         signals["slot"][k] = formation["slot"]["place"][k] if on_path else math.nan
-    size = MAX_MEMBERS if on_path else 0
+    size = controllers.layouts[i]["count"] if on_path else 0
     while size > 0 and formation["table"][size - 1] == 0:
         size -= 1
     signals["report_size"] = size

@@ -24,6 +24,8 @@ from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
+from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
+from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
@@ -105,7 +107,7 @@ class Tunable:
 def parameters_of(
     config: AutopilotConfig, hot: HotState, controllers: Controllers
 ) -> list[Parameter]:
-    """Return all parameters of a vehicle: of its trigger, its law, its formation, its identity."""
+    """Return all parameters of a vehicle: of trigger, law, guidance, formation, identity."""
     records, kind = controllers.parameters, config.controller.kind
     found = [
         *trigger_tunables(records),
@@ -113,6 +115,9 @@ def parameters_of(
         *tunables(LawParameters, records["common"]),
         *tunables(LAWS[kind], records[kind], base=LawParameters),
     ]
+    guidance = config.guidance.kind  # its gains; limits belong to the path, which is made once
+    gains = records["guidance"][guidance]
+    found += tunables(GUIDANCE_LAWS[guidance], gains, "GUID_", base=GuidanceParameters)
     if config.formation is not None:
         found += tunables(FormationParameters, records["formation"], "FORM_")
 

@@ -181,7 +181,8 @@ def run_steps(
             states[k, i] = fleet.states[i]
             wind[k, i] = fleet.air[i, :3]
             copy_record(signals[k, i], controllers.signals[i])
-        _deliver(controllers, sources, first + k)
+        if first + k > 0:  # before the second step none looks for another message of the first
+            _deliver(controllers, sources, first + k)
         lost = fly(fleet, first + k, step_us)
         applied[k] = fleet.applied
         k += 1

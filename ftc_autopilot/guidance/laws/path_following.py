@@ -181,10 +181,14 @@ def path_law(
 @compiled
 def path_pace(now: Situation, path: np.void, near: float, ahead: float, state: np.void) -> Pace:
     """Return how a UAV whose slot lies ahead [m] gets on; other arguments as of `path_law`."""
+    return _pace(now, path, _place(now, path, near, no_coordination()), ahead, state)
+
+
+@compiled
+def _pace(now: Situation, path: np.void, place: _Place, ahead: float, state: np.void) -> Pace:
     wind = state["wind"][0], state["wind"][1]
     if state["started"] == 0:
         wind = now.velocity[0] - now.air_velocity[0], now.velocity[1] - now.air_velocity[1]
-    place = _place(now, path, near, no_coordination())
     formation = point_at(path, place.s - ahead)
     speed = _ground_speed(formation.course, formation.airspeed, wind)
     return Pace(place.s, place.s_dot, speed)
@@ -201,7 +205,7 @@ def path_intention(
 ) -> Intention:
     """Return the velocity that `path_law` asks for with the same arguments, nobody evaded."""
     place = _place(now, path, near, coordination)
-    pace = path_pace(now, path, near, coordination.slot[0], state)
+    pace = _pace(now, path, place, coordination.slot[0], state)
     along = pace.speed + coordination.speed
     along *= max(1.0 - coordination.slot[1] * place.here.curvature, 0.2)
     speed = max(place.ground_speed, 1.0)

@@ -8,7 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.kept_state import KeptState, keep, map_array, no_kept_state, open_kept_state
+from ftc_autopilot.kept_state import (
+    N_PARTS,
+    KeptState,
+    keep,
+    map_array,
+    no_kept_state,
+    open_kept_state,
+)
 from ftc_autopilot.kept_state import take_up as take_up_state
 
 RECORD = np.dtype([("step", "i8"), ("value", "f8", (3,)), ("flag", "u1")])
@@ -18,7 +25,7 @@ class Life:
     """The records of one process, and its file."""
 
     def __init__(self, path: Path, configuration: str = "uav 1") -> None:
-        self.records = [np.zeros(1, RECORD) for _ in range(8)]
+        self.records = [np.zeros(1, RECORD) for _ in range(N_PARTS)]
         self.kept: KeptState = open_kept_state(path, self.records, configuration)
         self.resumes = take_up_state(self.kept)
 

@@ -216,6 +216,12 @@ def test_shipped_campaigns_can_be_flown(name: str) -> None:
     assert plan(short, path).draws.num_rows == 16 * len(campaign.variants)
 
 
+def test_the_campaign_of_guidance_can_be_flown() -> None:
+    path = SCENARIOS / "campaigns" / "guidance.yaml"
+    campaign = load_campaign(path)
+    assert plan(campaign, path).draws.num_rows == 2 * len(campaign.variants)
+
+
 def test_the_autopilots_of_a_campaign_are_those_of_its_variants() -> None:
     """What a variant leaves open, as the servos that a diagnosis models, its flights know, too."""
     path = SCENARIOS / "campaigns" / "stuck_surface.yaml"
