@@ -82,7 +82,8 @@ def test_signing(mavproxy: MavProxy) -> None:
 def test_modes_and_arming(mavproxy: MavProxy) -> None:
     mavproxy.say("mode GUIDED", r"Got COMMAND_ACK: DO_SET_MODE: ACCEPTED")
     mavproxy.say("mode LOITER", r"AP: mode LOITER")
-    mavproxy.say("mode RTL", r"Got COMMAND_ACK: DO_SET_MODE: DENIED")
+    mavproxy.say("mode RTL", r"AP: mode RTL")
+    mavproxy.say("mode TAKEOFF", r"Got COMMAND_ACK: DO_SET_MODE: DENIED")
     mavproxy.say("arm throttle", r"ARMED")
     mavproxy.say("disarm", r"DISARMED")
 

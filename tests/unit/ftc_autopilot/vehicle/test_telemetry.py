@@ -303,7 +303,7 @@ def test_no_stream_starves_when_there_is_room_for_less_than_all(bench: Bench) ->
     made = [m.get_msgId() for ms in range(2000) for m in bench.telemetry.due(ms * STEP_US, 1)]
     counts = [made.count(message_id) for message_id in streams]
     assert len(made) == 2000
-    assert max(counts) - min(counts) <= 0.05 * max(counts)
+    assert max(counts) - min(counts) <= 0.1 * max(counts)
 
 
 def test_after_a_standstill_all_are_made_in_turn_and_none_is_made_up_for(bench: Bench) -> None:
