@@ -18,9 +18,17 @@ from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
 from sitl_plant.vec3 import Vec3, add, scale, sub, vec3
 
-__all__ = ["DELAY", "interpolate", "lost_states", "note_commands", "note_state", "predicted"]
+__all__ = [
+    "DELAY",
+    "LONGEST_S",
+    "interpolate",
+    "lost_states",
+    "note_commands",
+    "note_state",
+    "predicted",
+]
 
-_LONGEST_S = 0.1
+LONGEST_S = 0.1
 """Longest delay that is predicted over, and longest gap that is made up for [s]."""
 _MEMORY = 128  # periods whose commands are remembered
 
@@ -50,7 +58,7 @@ def lost_states(delay: np.void, measured: np.void, step_us: int) -> int:
     if delay["begun"] == 0:
         return 0
     lost = np.int64(measured["step"]) - delay["step"] - 1
-    return lost if lost <= _periods(_LONGEST_S, step_us) else 0
+    return lost if lost <= _periods(LONGEST_S, step_us) else 0
 
 
 @compiled
@@ -135,7 +143,7 @@ def predicted(
         step_us: Control period [µs].
         aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
     """
-    longest = min(_periods(_LONGEST_S, step_us), _MEMORY - 1)
+    longest = min(_periods(LONGEST_S, step_us), _MEMORY - 1)
     ahead = min(delay["periods"] + _periods(known_s, step_us), longest)
     if ahead <= 0 or delay["begun"] == 0:
         return measured

@@ -5,10 +5,11 @@ own, so that an error shows in the equation in which it occurs.
 """
 
 from functools import partial
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 import numpy as np
 
+from ftc_autopilot.control.delay import LONGEST_S
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
 from gcs.theory.dwell import WIRE_ROUNDING, in_force
@@ -274,15 +275,27 @@ def _basis(known: Known, law: Proposed) -> np.ndarray:
     """ςᵀς of (23), (24), with δ_0 behind its filter; (n,)."""
     s, rbf, share = known.signals, law.rbf, known.period_s / law.tau_delta_s
     delta = np.full((len(s), 3), np.nan)
+    made = _made(known)
+    last = np.maximum.accumulate(np.where(known.present, np.arange(len(s)), 0))
     for channel in _SURFACES:  # held over the period that ends at the step, 0 before the first
-        held = [0.0, *s["held"][known.present, channel][:-1].tolist()]
+        held = [0.0, *s["held"][last[made], channel][:-1].tolist()]
         filtered = accumulate(held, lambda y, x: y + share * (x - y))
-        delta[known.present, channel] = list(filtered)[: np.count_nonzero(known.present)]
+        delta[made, channel] = list(filtered)[: np.count_nonzero(made)]
     inputs = np.hstack([rbf.speed_scale * known.v, known.attitude, known.omega, delta])
     centres = np.linspace(-rbf.span, rbf.span, rbf.neurons)
     squares = sum(np.square(inputs[:, [j]] - centres) for j in range(inputs.shape[1]))
     norm: np.ndarray = np.exp(-2.0 * squares / rbf.width**2).sum(axis=1)
     return norm
+
+
+def _made(known: Known) -> np.ndarray:
+    """Return a mask of the present steps and of those that the law made up for, (n,)."""
+    made = known.present.copy()
+    steps = np.flatnonzero(known.present)
+    for before, after in pairwise(steps):
+        if (after - before - 1) * known.period_s <= LONGEST_S:
+            made[before:after] = True
+    return made
 
 
 def _consecutive(present: np.ndarray) -> np.ndarray:
