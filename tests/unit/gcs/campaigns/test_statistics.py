@@ -257,3 +257,12 @@ def test_bootstrap_intervals_cover_roughly(estimate: Callable[..., Any]) -> None
         found = estimate(old, old + random.normal(1.0, 0.5, 60), 0.9)
         inside += found.low <= 1.0 <= found.high
     assert plausible(inside, rounds, 0.85)  # the bootstrap promises its level for many flights
+
+
+def test_medians_of_very_many_pairs_are_those_of_a_part_of_them() -> None:
+    """It is spread over all: a change half-way is seen by half of the part."""
+    old = np.random.default_rng(4).normal(size=50_000)
+    new = old + np.where(np.arange(50_000) < 25_000, 0.0, 1.0)
+    found = median_difference(old, new)
+    assert found.low < 0.5 < found.high
+    assert found.high - found.low < 0.1
