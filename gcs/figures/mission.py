@@ -115,7 +115,7 @@ def _draw_map(axis: "Axes", flight: PlottedFlight, paths: np.ndarray) -> None:
         axis.plot(*_thinned(tracks[:, i]).T, label=name, **style(i).line | {"lw": 0.9})
     axis.plot(0.0, 0.0, "+", color="black", ms=9.0, mew=1.2, label="origin")
     axis.set_aspect("equal", adjustable="datalim")
-    axis.margins(0.1)
+    axis.margins(0.15)
     axis.set_xlabel("east [m]")
     axis.set_ylabel("north [m]")
     tidy(axis)
@@ -199,11 +199,11 @@ def _draw_formations(axis: "Axes", flight: PlottedFlight, tracks: np.ndarray) ->
 
 
 def _round_factor(factor: float) -> float:
-    """Return the largest of 1, 2, 5, 10, 20, … that is not larger, at least 1."""
+    """Return the largest of 1, 2, 3, 5, 10, 20, … that is not larger, at least 1."""
     if not factor >= 1.0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(factor))
-    return float(max(m * power for m in (1.0, 2.0, 5.0) if m * power <= factor))
+    return float(max(m * power for m in (1.0, 2.0, 3.0, 5.0) if m * power <= factor))
 
 
 def _aircraft(place: np.ndarray, yaw: float, size: float) -> np.ndarray:
