@@ -19,6 +19,7 @@ from mavlink_defs.framing import codec
 
 __all__ = [
     "AIRCRAFT",
+    "ClockSender",
     "Combination",
     "Survival",
     "combinations",
@@ -48,6 +49,21 @@ class Survival:
 
 
 @dataclass(frozen=True)
+class ClockSender:
+    """A law that sends every channel by the clock.
+
+    Attributes:
+        law: Kind of law.
+        period_s: Of every channel [s].
+        transmissions: Of single channels, of the UAV that is compared; 0 before the flight.
+    """
+
+    law: str
+    period_s: float
+    transmissions: int = 0
+
+
+@dataclass(frozen=True)
 class Combination:
     """A law with a trigger on an aircraft.
 
@@ -58,6 +74,8 @@ class Combination:
         scenario: What is flown.
         summary: Of the flight; None before it.
         survival: On the fault files; None if they were not flown.
+        slowest_equal: What transmits least of the senders by the clock that track no worse; None
+            if none does, or none was flown.
     """
 
     aircraft: str
@@ -66,6 +84,7 @@ class Combination:
     scenario: Scenario
     summary: FlightSummary | None = None
     survival: Survival | None = None
+    slowest_equal: ClockSender | None = None
 
     def uav(self, uav_id: int) -> UavSummary | None:
         """Return a UAV's part of the flight; None unless all attitudes and headings were kept."""

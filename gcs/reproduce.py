@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gcs.baselines.rivals import fly_rivals, rivals, with_slowest_equal
 from gcs.combinations import combinations, fly_all, fly_faults
 from gcs.errors import BadInput
 from gcs.figures.combinations import draw_combinations
@@ -56,7 +57,8 @@ _FOLLOWER_2 = 3
 
 def steps(scenarios: Mapping[str, Scenario]) -> int:
     """Return how often a reproduction calls `on_step`."""
-    return len(FILES) + len(_CAPTIONS) + len(combinations(scenarios["scenario1"])) + 3
+    listed = combinations(scenarios["scenario1"])
+    return len(FILES) + len(_CAPTIONS) + len(listed) + len(rivals(listed)) + 3
 
 
 def load_all(folder: Path) -> dict[str, Scenario]:
@@ -139,10 +141,15 @@ def _second_chapter(
     faults: bool,
 ) -> str:
     """Fly every law with every trigger in process, and return the section of the report."""
-    flown = []
+    flown, by_clock = [], []
+    listed = combinations(scenarios["scenario1"])
     with ThreadPoolExecutor(jobs) as pool:
-        for one in fly_all(combinations(scenarios["scenario1"]), _summary_of, pool):
-            flown.append(fly_faults(one, _summary_of, pool) if faults else one)
+        for rival in fly_rivals(rivals(listed), _summary_of, pool):
+            by_clock.append(rival)
+            on_step(f"flew {rival.sender.law} every {rival.sender.period_s * 1e3:g} ms")
+        for one in fly_all(listed, _summary_of, pool):
+            compared = with_slowest_equal(one, by_clock, _FOLLOWER_2)
+            flown.append(fly_faults(compared, _summary_of, pool) if faults else compared)
             on_step(f"flew {one.law}, {one.trigger}, {one.aircraft}")
     write_text(out / "data" / "combinations.csv", combinations_csv(flown))
     save(draw_combinations(flown, _FOLLOWER_2), out / "figures", "combinations")

@@ -4,6 +4,7 @@ The autopilot process holds the controller of one UAV, the flight in one process
 """
 
 from collections.abc import Sequence
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ from ftc_autopilot.control.neighbour_messages import (
     refer_to_reference,
 )
 from ftc_autopilot.control.reference import PROFILE, profile_value
+from ftc_autopilot.guidance.path import PATH
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from mavlink_defs.runtime.jit import compiled
@@ -44,6 +46,7 @@ __all__ = [
     "GUIDANCE",
     "NOT_STARTED",
     "Controllers",
+    "Source",
     "announce",
     "controller_step",
     "new_controllers",
@@ -55,10 +58,22 @@ NOT_STARTED = -(2**62)
 
 _NO_SIGNALS = no_signals(1)
 
+
+class Source(IntEnum):
+    """Where the unfiltered reference comes from."""
+
+    COMMAND = 0
+    """It stays as it is."""
+    PROFILE = 1
+    """From the profile, by the mission's clock."""
+    PATH = 2
+    """From guidance along the path."""
+
+
 GUIDANCE = np.dtype(
     [
         ("active", "i8"),  # 1: armed, the controller runs
-        ("auto", "i8"),  # 1: fly the profile; 0: fly `command`
+        ("follows", "i8"),  # a `Source`
         ("start_step", "i8"),  # step at which the mission's clock is 0, or NOT_STARTED
         ("command", "f8", (4,)),  # airspeed [m/s], roll, pitch, yaw [rad]
     ]
@@ -73,6 +88,7 @@ class Controllers(NamedTuple):
     states: np.ndarray  # (n,), dtype CONTROLLER
     guidance: np.ndarray  # (n,), dtype GUIDANCE
     profiles: np.ndarray  # (n,), dtype PROFILE
+    paths: np.ndarray  # (n,), dtype PATH
     neighbour_states: np.ndarray  # (n, degree), dtype NEIGHBOUR: last messages, by neighbour
     extrapolated: np.ndarray  # (n, degree + 1), the same now; last, what neighbours make of `told`
     weights: np.ndarray  # (n, degree), a_ij; 0 while a neighbour is silent
@@ -93,6 +109,7 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
         np.zeros(n, CONTROLLER),
         np.zeros(n, GUIDANCE),
         np.zeros(n, PROFILE),
+        np.zeros(n, PATH),
         np.zeros((n, degree), NEIGHBOUR),
         np.zeros((n, degree + 1), NEIGHBOUR),
         np.zeros((n, degree)),
@@ -114,7 +131,7 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
 
 
 def reset_controllers(controllers: Controllers) -> None:
-    """Return to before the first step, not active; parameters and profiles stay."""
+    """Return to before the first step, not active; parameters, profiles and paths stay."""
     for array in (
         controllers.guidance,
         controllers.neighbour_states,
@@ -240,7 +257,7 @@ def _control(
     clock = 0.0  # schedules belong to the profile, so they run on the mission's clock
     if guidance["start_step"] != NOT_STARTED:
         clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
-    if guidance["auto"] != 0:
+    if guidance["follows"] == Source.PROFILE:
         profile_value(controllers.profiles[i], clock, guidance["command"])
     dt = step_us / 1e6
     mask = control_step(

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controller import restart_law
-from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
+from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
@@ -71,7 +71,7 @@ class Modes:
     @property
     def flies_profile(self) -> bool:
         """Whether the profile gives the references now."""
-        return bool(self._guidance["auto"]) and self.running
+        return bool(self._guidance["follows"] == Source.PROFILE) and self.running
 
     def heartbeat(self) -> dialect.MAVLink_heartbeat_message:
         """Return a HEARTBEAT with mode, arming and state."""
@@ -167,7 +167,7 @@ class Modes:
 
     def change_speed(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_DO_CHANGE_SPEED: param 2 is the airspeed [m/s]."""
-        if self._guidance["auto"]:
+        if self._guidance["follows"] == Source.PROFILE:
             return self._refuse("Change speed: not while a profile is flown")
         low, high = self.airspeeds.min_m_s, self.airspeeds.max_m_s
         if not low <= params[1] <= high:
@@ -220,8 +220,9 @@ class Modes:
 
     def _enter(self, mode: int) -> None:
         """Change the mode; a mode that does not fly the profile continues straight and level."""
-        self._guidance["auto"] = int(mode == AUTO and self.started)
-        if not self._guidance["auto"]:
+        flies_profile = mode == AUTO and self.started
+        self._guidance["follows"] = Source.PROFILE if flies_profile else Source.COMMAND
+        if not flies_profile:
             state = self._hot.measured
             speed = math.hypot(*map(float, state["velocity"] - state["wind"]))
             airspeed = min(max(speed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)

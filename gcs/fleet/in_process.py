@@ -11,6 +11,7 @@ import numpy as np
 
 from ftc_autopilot.control.controllers import (
     Controllers,
+    Source,
     announce,
     controller_step,
     new_controllers,
@@ -130,7 +131,7 @@ def _brief(
     items = segments_to_items(scenario.segments(), 0, 0)
     controllers.profiles[:] = profile_record(items_to_segments(items, aircraft.airspeed_limits))
     controllers.guidance["active"] = 1
-    controllers.guidance["auto"] = 1
+    controllers.guidance["follows"] = Source.PROFILE
     controllers.guidance["start_step"] = 0
     for uav_id, fault in scenario.fault_commands():
         received = fault_from_params(fault_to_params(fault), aircraft.fault_limits)

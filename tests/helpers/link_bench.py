@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.control.controllers import Source, new_controllers
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.link import new_link, run
 from gcs.scenario.model import Scenario
@@ -40,7 +40,7 @@ class Rig:
         others = tuple(n.model_copy(update={"address": address}) for n in config.neighbours)
         self.controllers = new_controllers([config])
         self.controllers.profiles[0] = profile_record(scenario.segments())
-        for key, value in (("active", 1), ("auto", 1), ("start_step", 0)):
+        for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
             self.controllers.guidance[0][key] = value
         self.link = new_link(UAV, others, 1000, TIMEOUT_STEPS / 1000, 0)
 

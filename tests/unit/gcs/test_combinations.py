@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import MODES
+from gcs.baselines.rivals import Rival, rivals, with_slowest_equal
 from gcs.combinations import (
     AIRCRAFT,
+    ClockSender,
     Combination,
     combinations,
     fault_files,
@@ -134,3 +136,50 @@ def test_the_table_has_a_line_for_each_uav(scenario1: Scenario, pool: Executor) 
 def test_a_message_is_as_long_as_on_the_wire() -> None:
     """Header 10, time and flags 16, four commands 16, checksum 2; zeros at the end are cut."""
     assert message_bytes() == 10 + 16 + 16 + 2
+
+
+def test_every_law_that_can_send_by_the_clock_is_a_rival(scenario1: Scenario) -> None:
+    found = rivals(combinations(scenario1))
+    laws = {kind for kind, law in LAWS.items() if not law.CHOOSES}
+    for aircraft in AIRCRAFT:
+        own = [one.sender for one in found if one.aircraft == aircraft]
+        assert {one.law for one in own} == laws
+        for law in laws:
+            periods = [one.period_s for one in own if one.law == law]
+            assert periods == sorted(set(periods))
+            assert (periods[0], periods[-1]) == (0.001, 0.1)
+    for one in found:
+        assert one.scenario.controller.kind == one.sender.law
+        assert one.scenario.trigger.mode == "periodic"
+
+
+def test_the_slowest_equal_sender_is_as_good_and_sends_least(
+    scenario1: Scenario, flown: FlightSummary
+) -> None:
+    def rival(law: str, events: int, iae: float, aircraft: str = "ideal") -> Rival:
+        summary = with_iae(flown, iae)
+        uavs = [
+            replace(
+                uav,
+                channels={
+                    name: replace(channel, events=events // 4)
+                    for name, channel in uav.channels.items()
+                },
+            )
+            for uav in summary.uavs
+        ]
+        sent = replace(summary, uavs=tuple(uavs))
+        return Rival(aircraft, ClockSender(law, 0.01), scenario1, sent)
+
+    one = Combination("ideal", "tube", "consequence", scenario1, with_iae(flown, 2.0))
+    as_good = [rival("pid", 400, 2.015), rival("surviving", 800, 1.0)]
+    worse = [rival("proposed", 40, 2.03), rival("pid", 80, 1.0, "realistic")]
+    lost = rival("backstepping", 40, 1.0)
+    assert lost.summary is not None
+    lost = replace(lost, summary=replace(lost.summary, completed=False))
+    compared = with_slowest_equal(one, [*worse, *as_good, lost], 3)
+    assert compared.slowest_equal == ClockSender("pid", 0.01, 400)
+    assert "| pid, every 10 ms: 400 |" in section([compared])[2]
+    alone = with_slowest_equal(one, [*worse, lost], 3)
+    assert alone.slowest_equal is None
+    assert "| none | - |" in section([alone])[2]

@@ -1,0 +1,211 @@
+"""A path in space: straight lines and arcs, one after the other, each tangent to the one before.
+
+The path parameter s counts metres along the ground track from the start of the first leg.
+Positions are north and east of the origin and height above it [m], courses are from north by
+east [rad], and a positive curvature turns right [1/m].
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["MAX_LEGS", "NO_LOOP", "PATH", "Leg", "PathPoint", "locate", "path_record", "point_at"]
+
+MAX_LEGS = 256
+"""Most legs that a path can have."""
+NO_LOOP = -1
+"""`loop` of a path that does not return to an earlier leg."""
+_LEGS_PER_CALL = 8
+"""Most legs that `locate` passes in one call; an aircraft passes one in many calls."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A straight line or an arc.
+
+    Attributes:
+        north_m: Start, north of the origin [m].
+        east_m: Start, east of the origin [m].
+        course_rad: Course at the start [rad].
+        curvature_1_m: 0 for a line; positive turns right [1/m].
+        length_m: Length along the ground, infinite for the last leg of a path [m].
+        height_m: Height above the origin at the start [m].
+        climb: Height gained per metre of length.
+        airspeed_m_s: Commanded airspeed [m/s].
+        item: Number of the mission item that the leg leads to.
+    """
+
+    north_m: float
+    east_m: float
+    course_rad: float
+    curvature_1_m: float
+    length_m: float
+    height_m: float
+    climb: float
+    airspeed_m_s: float
+    item: int
+
+
+PATH = np.dtype(
+    [
+        ("count", "i8"),  # legs in use, 0: no path
+        ("id", "i8"),  # from the mission: who follows another one flies another path
+        ("loop", "i8"),  # leg that follows the last one, or NO_LOOP
+        ("start", "f8", (MAX_LEGS + 1,)),  # s at the start of each leg, and at the end [m]
+        ("north", "f8", (MAX_LEGS,)),
+        ("east", "f8", (MAX_LEGS,)),
+        ("course", "f8", (MAX_LEGS,)),
+        ("curvature", "f8", (MAX_LEGS,)),
+        ("height", "f8", (MAX_LEGS,)),
+        ("climb", "f8", (MAX_LEGS,)),
+        ("airspeed", "f8", (MAX_LEGS,)),
+        ("item", "i8", (MAX_LEGS,)),
+    ]
+)
+
+
+class PathPoint(NamedTuple):
+    """The path at one value of its parameter."""
+
+    north: float  # [m]
+    east: float  # [m]
+    course: float  # [rad]
+    curvature: float  # [1/m]
+    height: float  # [m]
+    climb: float  # height per length
+    airspeed: float  # [m/s]
+    leg: int
+
+
+def path_record(legs: Sequence[Leg], path_id: int, loop: int = NO_LOOP) -> np.void:
+    """Return a path as a record of dtype `PATH`.
+
+    Args:
+        legs: At most `MAX_LEGS`; only the last one may be infinite, and then nothing follows it.
+        path_id: Number that tells this path from others.
+        loop: Leg that follows the last one, or `NO_LOOP`.
+    """
+    record: np.void = np.zeros(1, PATH)[0]
+    record["count"], record["id"], record["loop"] = len(legs), path_id, loop
+    for k, leg in enumerate(legs):
+        record["north"][k], record["east"][k] = leg.north_m, leg.east_m
+        record["course"][k], record["curvature"][k] = leg.course_rad, leg.curvature_1_m
+        record["height"][k], record["climb"][k] = leg.height_m, leg.climb
+        record["airspeed"][k], record["item"][k] = leg.airspeed_m_s, leg.item
+        record["start"][k + 1] = record["start"][k] + leg.length_m
+    return record
+
+
+@compiled
+def point_at(path: np.void, s: float) -> PathPoint:
+    """Return the path at s [m]; before its start and after its end it goes on as there."""
+    k, distance = _leg_at(path, s)
+    course, curvature = path["course"][k], path["curvature"][k]
+    sin_c, cos_c = math.sin(course), math.cos(course)
+    turned = curvature * distance
+    if abs(turned) < 1e-9:
+        forward, right = distance, 0.5 * turned * distance
+    else:
+        forward, right = math.sin(turned) / curvature, (1.0 - math.cos(turned)) / curvature
+    return PathPoint(
+        path["north"][k] + cos_c * forward - sin_c * right,
+        path["east"][k] + sin_c * forward + cos_c * right,
+        course + turned,
+        curvature,
+        path["height"][k] + path["climb"][k] * distance,
+        path["climb"][k],
+        path["airspeed"][k],
+        k,
+    )
+
+
+@compiled
+def locate(path: np.void, north: float, east: float, near: float) -> tuple[float, float]:
+    """Project a position on the path.
+
+    Args:
+        path: Record of dtype `PATH` with at least one leg.
+        north: [m].
+        east: [m].
+        near: s of the position a short time ago; of several projections the nearest one counts [m].
+
+    Returns:
+        s [m], and the distance from the path, positive to its right [m].
+    """
+    k, along = _leg_at(path, near)
+    begin, right, moved = near - along, 0.0, 0
+    for _ in range(_LEGS_PER_CALL):
+        along, right = _project(path, k, north, east, along)
+        following, preceding = _following(path, k), _preceding(path, k, begin)
+        if along > _length(path, k) and moved >= 0 and following >= 0:
+            begin += _length(path, k)
+            k, along, moved = following, 0.0, 1
+        elif along < 0.0 and moved <= 0 and preceding >= 0:
+            k, moved = preceding, -1
+            along = _length(path, k)
+            begin -= along
+        else:
+            break
+    if moved > 0:
+        along = max(along, 0.0)
+    elif moved < 0:
+        along = min(along, _length(path, k))
+    return begin + along, right
+
+
+@compiled
+def _length(path: np.void, k: int) -> float:
+    """Return the length of leg k [m]."""
+    return float(path["start"][k + 1] - path["start"][k])
+
+
+@compiled
+def _following(path: np.void, k: int) -> int:
+    """Return the leg after leg k, or -1."""
+    return k + 1 if k + 1 < path["count"] else int(path["loop"])
+
+
+@compiled
+def _preceding(path: np.void, k: int, begin: float) -> int:
+    """Return the leg before leg k, which begins at s = `begin`, or -1."""
+    if k == path["loop"] and begin > path["start"][k] + 0.5 * _length(path, k):
+        return int(path["count"] - 1)
+    return k - 1
+
+
+@compiled
+def _leg_at(path: np.void, s: float) -> tuple[int, float]:
+    """Return the leg at s, and the distance from its start [m]."""
+    last = path["count"] - 1
+    end = path["start"][last + 1]
+    if path["loop"] != NO_LOOP and s >= end:
+        again = path["start"][path["loop"]]
+        s = again + (s - again) % (end - again)
+    k = 0
+    while k < last and s >= path["start"][k + 1]:
+        k += 1
+    return k, s - path["start"][k]
+
+
+@compiled
+def _project(path: np.void, k: int, north: float, east: float, along: float) -> tuple[float, float]:
+    """Project a position on leg k, extended; of the turns of an arc the one nearest `along`."""
+    course, curvature = path["course"][k], path["curvature"][k]
+    sin_c, cos_c = math.sin(course), math.cos(course)
+    d_north, d_east = north - path["north"][k], east - path["east"][k]
+    forward = cos_c * d_north + sin_c * d_east
+    right = cos_c * d_east - sin_c * d_north
+    if curvature == 0.0:
+        return forward, right
+    side = math.copysign(1.0, curvature)
+    radius = 1.0 / abs(curvature)
+    inward = radius - side * right  # from the centre, against the first radius
+    angle = math.atan2(forward, inward)
+    turn = 2.0 * math.pi
+    angle += turn * round((along / radius - angle) / turn)
+    return angle * radius, side * (radius - math.hypot(forward, inward))
