@@ -17,6 +17,7 @@ import numpy as np
 from ftc_autopilot.acknowledgement import note_delay, note_events
 from ftc_autopilot.control.controller import no_signals
 from ftc_autopilot.control.controllers import (
+    Source,
     announce,
     controller_step,
     new_controllers,
@@ -75,7 +76,7 @@ class _Autopilot:
         self.controllers = new_controllers([config])
         self.controllers.weights[0] = [neighbour.weight for neighbour in config.neighbours]
         self.controllers.profiles[0] = profile_record(scenario.segments())
-        for key, value in (("active", 1), ("auto", 1), ("start_step", 0)):
+        for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
             self.controllers.guidance[0][key] = value
         self.link = new_link(uav, config.neighbours, scenario.step_us, 1.0, 0).state[0]
         self.states = _Direction(impairment, f"states {uav}")

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.control.controllers import (
     Controllers,
+    Source,
     controller_step,
     new_controllers,
 )
@@ -136,7 +137,7 @@ def test_commands_stay_in_force_until_the_next_ones(steps: list[int], values: li
 def new_controller_of(scenario: Scenario) -> Controllers:
     controllers = new_controllers([scenario.autopilot_config(2)])
     controllers.profiles[0] = profile_record(scenario.segments())
-    for key, value in (("active", 1), ("auto", 1), ("start_step", 0)):
+    for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
         controllers.guidance[0][key] = value
     return controllers
 
