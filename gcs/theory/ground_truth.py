@@ -165,12 +165,12 @@ def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
 def present_steps(recording: Recording, i: int) -> np.ndarray:
     """Return a mask of the steps of UAV index i in which every recorded number is finite, (n,).
 
-    Predictions do not count: the paper's law makes none, and leaves them NaN.
+    Predictions and places on a path do not count: the paper's flights have none.
     """
     signals = recording.signals[:, i]
     present: np.ndarray = np.isfinite(recording.states[:, i]).all(axis=1)
     present &= np.isfinite(recording.applied[:, i]).all(axis=1)
-    for name in set(signals.dtype.names or ()) - {"predicted_exit"}:
+    for name in set(signals.dtype.names or ()) - {"predicted_exit", "path_position", "slot"}:
         finite = np.isfinite(signals[name])
         present &= finite if finite.ndim == 1 else finite.all(axis=1)
     return present

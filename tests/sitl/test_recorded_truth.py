@@ -38,8 +38,8 @@ def impaired(folder: Path, duration_s: float, **plant: Any) -> Path:
 def computed(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the signals of the autopilots as floats, steps and UAVs first."""
     of_the_plant = {"uav", "time_s", "state", "wind", "applied"}
-    whole = {"events", "phase", "neighbour_message"}  # numbers that cannot be NaN
-    others = of_the_plant | whole | {"predicted_exit"}  # this law predicts none
+    whole = {"events", "phase", "neighbour_message", "report_size"}  # numbers that cannot be NaN
+    others = of_the_plant | whole | {"predicted_exit", "path_position", "slot"}  # there are none
     return {name: values for name, values in arrays.items() if name not in others}
 
 
@@ -56,7 +56,9 @@ def assert_nothing_is_made_up(folder: Path) -> None:
     assert not arrays["phase"][missing].any()
     assert not arrays["neighbour_message"][missing].any()
     airspeed = np.linalg.norm(arrays["state"][:, :, 3:6], axis=2)
-    assert airspeed[~missing] == pytest.approx(arrays["V"][~missing], abs=1e-9)
+    off = np.abs(airspeed[~missing] - arrays["V"][~missing])
+    assert off.max() < 0.02  # after a loss the law uses what it predicts over the delay
+    assert np.median(off) < 1e-9
     for i, uav in enumerate(summary["uavs"]):
         assert uav["missing_steps"] == np.count_nonzero(missing[:, i]) > 0
         assert uav["active_steps"] == steps - uav["missing_steps"]
