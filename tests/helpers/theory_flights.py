@@ -48,6 +48,7 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = (
         (in_process, "run_steps"),
         (in_process, "controller_step"),
+        (controllers, "_step"),
         (controllers, "_control"),
         (controllers, "control_step"),
         (controller, "evaluate"),

@@ -9,7 +9,7 @@ import yaml
 from flying import SCENARIO_1, run
 from operating import drive, make_fly, operator
 from station import BAD_INPUT, REFUSED, Up, failed, up
-from textual.widgets import Input
+from textual.widgets import DataTable, Input
 from waiting import until_focused
 
 from gcs.scenario.bundled import SCENARIOS
@@ -75,9 +75,9 @@ def test_the_dashboard_shows_the_flight_and_changes_the_mission(fleet: Up) -> No
         async with operator(fleet) as someone:
             await make_fly(someone)
             await someone.sees(lambda: "AUTO" in someone.row(1), "AUTO")
-            table = someone.app.query_one("#fleet-table")
+            table = someone.app.query_one("#fleet-table", DataTable)
             await someone.press("c")  # at this width another group of columns follows
-            await someone.sees(lambda: "sep m" in str(table.columns), "separation")  # type: ignore[attr-defined]
+            await someone.sees(lambda: "sep m" in str(table.columns), "separation")
             await someone.press("7")
             await until_focused(someone.pilot, "mission-list")
             items = someone.app.query_one(MissionList)

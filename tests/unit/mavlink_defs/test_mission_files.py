@@ -92,7 +92,7 @@ def test_pymavlink_reads_what_we_write(tmp_path: Path) -> None:
     assert contents(again)[1] == pytest.approx(contents(mission)[1], abs=1e-4)
 
 
-PLAN = {
+PLAN: dict[str, Any] = {
     "fileType": "Plan",
     "geoFence": {"circles": [], "polygons": [], "version": 2},
     "groundStation": "QGroundControl",
@@ -131,7 +131,7 @@ def test_a_plan_of_qgroundcontrol(tmp_path: Path) -> None:
 
 
 def plan(**changes: Any) -> str:
-    return json.dumps({**PLAN, "mission": {**PLAN["mission"], **changes}})  # type: ignore[dict-item]
+    return json.dumps({**PLAN, "mission": {**PLAN["mission"], **changes}})
 
 
 LINE = "0\t1\t0\t16\t0\t0\t0\t0\t-35.3\t149.1\t584\t1\n"
