@@ -188,8 +188,13 @@ class FlightPath:
         return start_of(self._hot.measured, self.airspeed)
 
     def _begin(self, path: np.void, near: float = 0.0, *, in_slot: bool = False) -> None:
+        """Put a path in force; one whose writing a death cuts short has no legs."""
         self.number += 1
-        self._paths[0] = path
+        whole = path.copy()
+        whole["count"] = 0
+        self._paths[0]["count"] = 0
+        self._paths[0] = whole
+        self._paths[0]["count"] = path["count"]
         begin_path(self._guidance, near, in_slot=in_slot)
 
     def _within(self, path: np.void) -> float:

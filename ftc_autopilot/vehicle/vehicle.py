@@ -91,8 +91,7 @@ class Vehicle:
         self._next_heartbeat = self._next_registration = -math.inf
         self._reported = (-1, False, -1)
         self._texts = 0
-        self._edges = hot.edges.copy()
-        self._edge_changes = 0
+        self._edges, self._edge_changes = hot.edges.copy(), 0
         self._resumed_us: int | None = None  # simulated time of what was taken up, until told
 
         self._home = VehicleHome(config.origin)
