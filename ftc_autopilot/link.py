@@ -15,12 +15,8 @@ import numpy as np
 from ftc_autopilot.acknowledgement import ACKNOWLEDGEMENT, NONE, note_delay, note_events
 from ftc_autopilot.config import Neighbour
 from ftc_autopilot.control.controller import SIGNALS
-from ftc_autopilot.control.controllers import (
-    Controllers,
-    announce,
-    controller_step,
-    tell_neighbours,
-)
+from ftc_autopilot.control.controllers import Controllers
+from ftc_autopilot.control.stepping import announce, controller_step, tell_neighbours
 from ftc_autopilot.formation_link import (
     FormationLink,
     collect_neighbour_states,

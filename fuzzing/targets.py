@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ftc_autopilot import link as autopilot_link
-from ftc_autopilot.control.controllers import controller_step
+from ftc_autopilot.control.stepping import controller_step
 from ftc_autopilot.formation_link import receive_neighbour_states
 from ftc_autopilot.process import Autopilot
 from gcs.scenario.model import Scenario

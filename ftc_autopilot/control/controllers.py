@@ -1,9 +1,8 @@
-"""Controllers of one or more UAVs: from a measured state to the messages that it causes.
+"""Controllers of one or more UAVs: their records, before and between flights.
 
 The autopilot process holds the controller of one UAV, the flight in one process those of all.
 """
 
-import math
 from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
@@ -15,59 +14,31 @@ from ftc_autopilot.control.controller import (
     CONTROLLER,
     PARAMETERS,
     SIGNALS,
-    control_step,
-    count_events,
     new_controller,
-    no_signals,
     parameter_record,
 )
 from ftc_autopilot.control.delay import (
     DELAY,
-    interpolate,
-    lost_states,
-    note_commands,
-    note_state,
-    predicted,
 )
-from ftc_autopilot.control.motion import Motion, fill_neighbour_state, motion_of
-from ftc_autopilot.control.neighbour_messages import (
-    extrapolate,
-    is_message_due,
-    refer_to_reference,
-)
-from ftc_autopilot.control.reference import PROFILE, profile_value
-from ftc_autopilot.guidance.coordination import FORMATION, new_formation, no_coordination
+from ftc_autopilot.control.reference import PROFILE
+from ftc_autopilot.guidance.coordination import FORMATION, new_formation
 from ftc_autopilot.guidance.formation import LAYOUT, layout_record
-from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
-from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guide
-from ftc_autopilot.guidance.laws.base import Situation
+from ftc_autopilot.guidance.laws import GUIDANCE_STATE
 from ftc_autopilot.guidance.path import PATH
-from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
-from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
-from sitl_plant.rigid_body import R1
-from sitl_plant.vec3 import mul, vec3
 
 __all__ = [
     "GUIDANCE",
     "NOT_STARTED",
     "Controllers",
     "Source",
-    "announce",
     "begin_path",
-    "controller_step",
     "new_controllers",
     "reset_controllers",
-    "tell_neighbours",
 ]
 
 NOT_STARTED = -(2**62)
-
-_NO_SIGNALS = no_signals(1)
-_LONGEST_UPDATE_S = 0.1
-"""Longest time that counts as passed between two updates of guidance [s]."""
 
 
 class Source(IntEnum):
@@ -190,236 +161,3 @@ def begin_path(guidance: np.void, near: float = 0.0, *, in_slot: bool = True) ->
     guidance["guided_step"] = NOT_STARTED
     guidance["path_position"] = near
     guidance["law"] = np.zeros((), GUIDANCE_STATE)
-
-
-@compiled
-def announce(controllers: Controllers, i: int, measured: np.void) -> None:
-    """Set the message that UAV i sends to its neighbours before the first step.
-
-    Args:
-        controllers: The controllers.
-        i: Index of the UAV.
-        measured: FTC_SIM_STATE payload.
-    """
-    fill_neighbour_state(
-        motion_of(measured, controllers.aircraft[i]), measured["step"], controllers.own_states[i]
-    )
-    controllers.told[i] = controllers.own_states[i]
-
-
-@compiled
-def controller_step(controllers: Controllers, i: int, measured: np.void, step_us: int) -> int:
-    """Make one step from a measured state: own state, guidance, control, actuator message.
-
-    Of states lost before it the law makes the steps, too, but sends nothing.
-
-    Args:
-        controllers: Arrays over UAVs; own state, controller state, actuator message and signals of
-            UAV i are updated.
-        i: Index of the UAV.
-        measured: FTC_SIM_STATE payload.
-        step_us: Control period [µs].
-
-    Returns:
-        Bit mask of the channels that had an event; the actuator message is due unless it is 0.
-    """
-    delay = controllers.delays[i]
-    if controllers.states[i]["started"] != 0:
-        for _ in range(lost_states(delay, measured, step_us)):
-            _step(controllers, i, interpolate(delay, measured), step_us, False)
-    mask = _step(controllers, i, measured, step_us, True)
-    note_state(delay, measured)
-    if mask != 0:
-        count_events(mask, int(measured["step"]), controllers.states[i])
-        controllers.actuators[i]["time_usec"] = measured["time_usec"]
-    return mask
-
-
-@compiled
-def _step(controllers: Controllers, i: int, measured: np.void, step_us: int, may_send: bool) -> int:
-    """Make one step of UAV i; return the mask of events, which are made only if it may send."""
-    known_s = controllers.parameters[i]["common"]["delay_s"]
-    delay, aircraft = controllers.delays[i], controllers.aircraft[i]
-    motion = motion_of(predicted(delay, measured, known_s, step_us, aircraft), aircraft)
-    fill_neighbour_state(motion, measured["step"], controllers.own_states[i])
-    mask = 0
-    if controllers.guidance[i]["active"] != 0:
-        mask = _control(controllers, i, measured, motion, step_us, may_send)
-    elif may_send:
-        mask = _cut_thrust(controllers, i, motion)
-    note_commands(delay, int(np.int64(measured["step"])), controllers.states[i]["held"])
-    return mask
-
-
-@compiled
-def tell_neighbours(controllers: Controllers, i: int, step: int, step_us: int) -> bool:
-    """Return whether UAV i sends `own_states` to its neighbours after a step; it is noted then.
-
-    Args:
-        controllers: Arrays over UAVs; message told, counter and signals of UAV i are updated.
-        i: Index of the UAV.
-        step: The step, which `controller_step` has made.
-        step_us: Control period [µs].
-    """
-    parameters, own, told = controllers.parameters[i], controllers.own_states[i], controllers.told
-    if parameters["formation_triggered"] != 0:
-        dt, extrapolated = step_us / 1e6, controllers.extrapolated[i, -1]
-        extrapolate(told[i], step, dt, extrapolated)
-        if not is_message_due(own, told[i], extrapolated, dt, parameters["formation_trigger"]):
-            controllers.signals[i]["neighbour_message"] = 0
-            return False
-    told[i] = own
-    counted = 1 if step > 0 else 0  # the first message is known before the start
-    controllers.signals[i]["neighbour_message"] = counted
-    controllers.states[i]["neighbour_messages"] += counted
-    return True
-
-
-@compiled
-def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> np.ndarray:
-    """Return what UAV i knows of its neighbours in a step, dtype NEIGHBOUR, shape (degree,)."""
-    known: np.ndarray = controllers.neighbour_states[i]
-    if controllers.parameters[i]["formation_triggered"] != 0:
-        messages, known = known, controllers.extrapolated[i, : len(known)]
-        for d in range(len(messages)):  # a step uses neighbour states of the step before
-            told = int(np.int64(messages[d]["step"]))
-            extrapolate(messages[d], max(step - 1, told), dt, known[d])
-    return known
-
-
-@compiled
-def _control(
-    controllers: Controllers,
-    i: int,
-    measured: np.void,
-    motion: Motion,
-    step_us: int,
-    may_send: bool,
-) -> int:
-    """Follow profile, path or command; the UAV is armed."""
-    guidance = controllers.guidance[i]
-    clock = 0.0  # schedules belong to the profile, so they run on the mission's clock
-    if guidance["start_step"] != NOT_STARTED:
-        clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
-    dt = step_us / 1e6
-    on_path = guidance["follows"] == Source.PATH
-    neighbours = _neighbours_now(controllers, i, int(np.int64(measured["step"])), dt)
-    if guidance["follows"] == Source.PROFILE:
-        profile_value(controllers.profiles[i], clock, guidance["command"])
-    elif on_path:
-        _guide(controllers, i, measured, motion, neighbours, clock, dt)
-    mask = control_step(
-        clock,
-        dt,
-        motion,
-        guidance["command"],
-        neighbours,
-        controllers.weights[i],
-        controllers.aircraft[i],
-        controllers.parameters[i],
-        controllers.states[i],
-        controllers.actuators[i]["controls"],
-        controllers.signals[i],
-        may_send,
-    )
-    _record_guidance(controllers, i, on_path)
-    if on_path and controllers.layouts[i]["count"] > 0:
-        own, path = controllers.own_states[i], controllers.paths[i]
-        tell_place(own, path["id"], measured, motion, dt, controllers.formations[i])
-    if on_path or controllers.parameters[i]["formation_triggered"] != 0:
-        # on a path each UAV has a reference of its own
-        refer_to_reference(controllers.own_states[i], controllers.signals[i])
-    return mask
-
-
-@compiled
-def _guide(
-    controllers: Controllers,
-    i: int,
-    measured: np.void,
-    motion: Motion,
-    neighbours: np.ndarray,
-    clock: float,
-    dt: float,
-) -> None:
-    """Update the command by the guidance law, if its period is over."""
-    guidance, parameters = controllers.guidance[i], controllers.parameters[i]
-    step, since = int(np.int64(measured["step"])), 0.0
-    if guidance["guided_step"] != NOT_STARTED:
-        period = parameters["guidance"]["common"]["period_s"]
-        since = (step - guidance["guided_step"]) * dt
-        if since < period - 0.5 * dt:
-            return
-    to_ned = R1(motion.phi)
-    situation = Situation(
-        min(since, _LONGEST_UPDATE_S),
-        vec3(measured["position"]),
-        mul(to_ned, vec3(measured["velocity"])),
-        mul(to_ned, motion.v),
-        motion,
-        controllers.states[i]["reference"],
-        parameters["common"]["reference_bandwidth_rad_s"],
-    )
-    coordination = no_coordination()
-    if controllers.layouts[i]["count"] > 0:
-        coordination = fly_in_formation(
-            situation,
-            step,
-            dt,
-            clock,
-            guidance["in_slot"] != 0,
-            controllers.paths[i],
-            guidance["path_position"],
-            neighbours,
-            controllers.weights[i],
-            controllers.signals[i],
-            controllers.layouts[i],
-            parameters,
-            guidance["law"],
-            controllers.formations[i],
-        )
-    guidance["path_position"] = guide(
-        situation,
-        controllers.paths[i],
-        guidance["path_position"],
-        coordination,
-        controllers.aircraft[i],
-        parameters["guidance"],
-        guidance["law"],
-        guidance["command"],
-    )
-    guidance["guided_step"] = step
-
-
-@compiled
-def _record_guidance(controllers: Controllers, i: int, on_path: bool) -> None:
-    """Write where on the path UAV i is, and its slot; NaN off a path."""
-    signals, formation = controllers.signals[i], controllers.formations[i]
-    signals["path_position"] = controllers.guidance[i]["path_position"] if on_path else math.nan
-    for k in range(3):
-        signals["slot"][k] = formation["slot"]["place"][k] if on_path else math.nan
-    size = controllers.layouts[i]["count"] if on_path else 0
-    while size > 0 and formation["table"][size - 1] == 0:
-        size -= 1
-    signals["report_size"] = size
-
-
-@compiled
-def _cut_thrust(controllers: Controllers, i: int, motion: Motion) -> int:
-    """Set the thrust to zero, an event of the throttle; the surfaces stay. The UAV is disarmed.
-
-    Only measured and held signals are recorded; no law is evaluated.
-    """
-    held, signals = controllers.states[i]["held"], controllers.signals[i]
-    mask = 0
-    if held[THROTTLE] != 0.0:
-        controllers.actuators[i]["controls"][THROTTLE] = 0.0
-        held[THROTTLE] = 0.0
-        mask = 1 << THROTTLE
-    copy_record(signals, _NO_SIGNALS[0])
-    signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
-    for k in range(3):
-        signals["attitude"][k] = motion.phi[k]
-    for c in range(N_CHANNELS):
-        signals["held"][c] = held[c]
-    return mask

@@ -9,16 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ftc_autopilot.control.controllers import (
-    Controllers,
-    Source,
-    announce,
-    begin_path,
-    controller_step,
-    new_controllers,
-    tell_neighbours,
-)
+from ftc_autopilot.control.controllers import Controllers, Source, begin_path, new_controllers
 from ftc_autopilot.control.reference import profile_record
+from ftc_autopilot.control.stepping import announce, controller_step, tell_neighbours
 from gcs.results.mission_path import paths_of
 from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ftc_autopilot.control.laws as all_laws
-from ftc_autopilot.control import controller, controllers
+from ftc_autopilot.control import controller, stepping
 from ftc_autopilot.control.controller import SIGNALS
 from gcs.fleet import in_process
 from gcs.results.recording import Recording
@@ -48,9 +48,9 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = (
         (in_process, "run_steps"),
         (in_process, "controller_step"),
-        (controllers, "_step"),
-        (controllers, "_control"),
-        (controllers, "control_step"),
+        (stepping, "_step"),
+        (stepping, "_control"),
+        (stepping, "control_step"),
         (controller, "evaluate"),
         (all_laws, "proposed_law"),
     )

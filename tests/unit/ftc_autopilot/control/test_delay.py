@@ -7,12 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.control.controllers import (
-    Controllers,
-    Source,
-    controller_step,
-    new_controllers,
-)
+from ftc_autopilot.control.controllers import Controllers, Source, new_controllers
 from ftc_autopilot.control.delay import (
     DELAY,
     interpolate,
@@ -22,6 +17,7 @@ from ftc_autopilot.control.delay import (
     predicted,
 )
 from ftc_autopilot.control.reference import profile_record
+from ftc_autopilot.control.stepping import controller_step
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.framing.codec import SIM_STATE
