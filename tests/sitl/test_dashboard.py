@@ -198,7 +198,7 @@ def test_parameters_and_disarming_in_flight(fleet: Up) -> None:
             await someone.answer("enter")
             await someone.sees_event("1 action", "refused MAV_CMD_COMPONENT_ARM_DISARM")
             await someone.press("m")
-            await someone.answer("right", "enter")
+            await someone.answer("right", "right", "enter")
             await someone.sees(lambda: "LOITER" in someone.row(1), "LOITER")
             await someone.press("m")
             await someone.answer("enter")

@@ -216,7 +216,7 @@ def test_a_new_scenario_never_overwrites(programs: Path, folder: Path) -> None:
 def test_a_bundled_scenario_flies_by_its_name(programs: Path, folder: Path) -> None:
     values = ("--set", "duration_s=0.02", "--quiet", "--out", "swept")
     run_well(programs, folder, "gcs", "sweep", "paper/scenario1", *values)
-    assert len(list((folder / "swept" / "runs").glob("*.json"))) == 1
+    assert len((folder / "swept" / "table.csv").read_text().splitlines()) == 1 + 3  # one row a UAV
     done = run(programs, folder, "gcs", "fly", "paper/scenario11")
     assert done.returncode == 2
     assert_one_message(done.stderr)
