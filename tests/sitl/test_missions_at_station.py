@@ -9,11 +9,12 @@ import yaml
 from flying import SCENARIO_1, run
 from operating import drive, make_fly, operator
 from station import BAD_INPUT, REFUSED, Up, failed, up
-from textual.widgets import DataTable, Input
+from textual.widgets import Input
 from waiting import until_focused
 
 from gcs.scenario.bundled import SCENARIOS
 from gcs.station.mission import is_same
+from gcs.tui.fleet_table import FleetTable
 from gcs.tui.mission_list import MissionList
 from gcs.tui.missions import MapView, MissionsPanel
 from mavlink_defs import dialect
@@ -75,7 +76,7 @@ def test_the_dashboard_shows_the_flight_and_changes_the_mission(fleet: Up) -> No
         async with operator(fleet) as someone:
             await make_fly(someone)
             await someone.sees(lambda: "AUTO" in someone.row(1), "AUTO")
-            table = someone.app.query_one("#fleet-table", DataTable)
+            table = someone.app.query_one("#fleet-table", FleetTable)
             await someone.press("c")  # at this width another group of columns follows
             await someone.sees(lambda: "sep m" in str(table.columns), "separation")
             await someone.press("7")
