@@ -23,6 +23,7 @@ __all__ = [
     "INT32_MAX",
     "LAST_SYSTEM",
     "LOITER",
+    "MAX_DATAGRAM",
     "MAX_MISSION_ITEMS",
     "MODE_NAMES",
     "N_CHANNELS",
@@ -65,6 +66,9 @@ FORMATION_BASE_PORT = 14600
 AUTO, RTL, LOITER, GUIDED = 10, 11, 12, 15
 """custom_mode numbers of ArduPlane."""
 MODE_NAMES = {AUTO: "AUTO", RTL: "RTL", LOITER: "LOITER", GUIDED: "GUIDED"}
+
+MAX_DATAGRAM = 65535
+"""Size of the longest UDP payload, rounded up [bytes]."""
 
 MAX_MISSION_ITEMS = 200
 """Most items of a mission, without home."""

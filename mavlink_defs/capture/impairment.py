@@ -8,21 +8,18 @@ before the start depends on the wall clock, loses the same control messages in e
 bursts go by the order of datagrams, and jitter by the times between them.
 """
 
-import math
 from dataclasses import dataclass
-from hashlib import blake2b
-from random import Random
-from typing import Annotated
+from typing import Annotated, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from mavlink_defs import dialect
+from mavlink_defs.capture.impairing import COPIES, new_directions, put
 from mavlink_defs.config.models import Model, Problems
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.constants import MAX_DATAGRAM
 
 __all__ = ["Bursts", "Fate", "Impairer", "Impairment", "Outage"]
-
-_MEMORY = 4096  # contents that are remembered, to recognise repetitions
 
 Share = Annotated[float, quantity("", ge=0.0, le=1.0, doc="Share of the datagrams.")]
 
@@ -81,6 +78,12 @@ class Impairment(Model):
         default=(), description="Times during which every datagram is lost [s]."
     )
 
+    @property
+    def is_identity(self) -> bool:
+        """Whether every datagram arrives at once, as it is."""
+        shares = (self.loss, self.duplicate, self.reorder, self.bit_errors)
+        return not (any(shares) or self.delay_ms or self.jitter_ms or self.bursts or self.outages)
+
 
 @dataclass
 class Fate:
@@ -98,6 +101,11 @@ class Fate:
         """Datagrams delivered; each duplicate counts."""
         return self.taken - self.outage - self.lost + self.duplicated
 
+    @classmethod
+    def of(cls, counts: np.ndarray) -> Self:
+        """Return the counts in an array of the order of `FATES`."""
+        return cls(*map(int, counts))
+
 
 class Impairer:
     """One direction of a link.
@@ -108,13 +116,15 @@ class Impairer:
     """
 
     def __init__(self, impairment: Impairment, path: str) -> None:
-        self.fate = Fate()
-        self._impairment = impairment
-        self._key = blake2b(f"{impairment.seed}/{path}".encode(), digest_size=32).digest()
-        self._random = Random()
-        self._seen: dict[int, int] = {}
-        self._in_burst = False
-        self._newest_s = -math.inf
+        self._directions = new_directions([(impairment, path)])
+        self._due_s = np.zeros(COPIES)
+        self._data = np.zeros(MAX_DATAGRAM, np.uint8)
+        self._copies = np.zeros((COPIES, MAX_DATAGRAM), np.uint8)
+
+    @property
+    def fate(self) -> Fate:
+        """What became of the datagrams so far."""
+        return Fate.of(self._directions.fates[0])
 
     def send(
         self, datagram: bytes, now_s: float, schedule_s: float | None = None
@@ -129,65 +139,18 @@ class Impairer:
         Returns:
             Times of arrival at the other end [s], and datagrams: none, one or two.
         """
-        impairment, fate, random = self._impairment, self.fate, self._random
-        fate.taken += 1
-        random.seed(self._number(datagram))
-        lost = self._is_lost(random)
-        twice = random.random() < impairment.duplicate
-        at_s = now_s if schedule_s is None else schedule_s
-        if any(outage.from_s <= at_s < outage.to_s for outage in impairment.outages):
-            fate.outage += 1
-            return []
-        if lost:
-            fate.lost += 1
-            return []
-        fate.duplicated += twice
-        return [self._arrival(datagram, now_s, random) for _ in range(1 + twice)]
-
-    def _is_lost(self, random: Random) -> bool:
-        change, loss = random.random(), random.random()
-        bursts = self._impairment.bursts
-        if bursts is not None:
-            self._in_burst = change >= bursts.end if self._in_burst else change < bursts.begin
-            if self._in_burst:
-                return loss < bursts.loss
-        return loss < self._impairment.loss
-
-    def _arrival(self, datagram: bytes, now_s: float, random: Random) -> tuple[float, bytes]:
-        impairment = self._impairment
-        overtaken = random.random() < impairment.reorder
-        due_s = now_s + (impairment.delay_ms + impairment.jitter_ms * random.random()) / 1e3
-        if overtaken:
-            self.fate.reordered += 1
-            due_s += impairment.reorder_ms / 1e3
-        else:
-            due_s = self._newest_s = max(due_s, self._newest_s)
-        return due_s, self._damaged(datagram, random)
-
-    def _damaged(self, datagram: bytes, random: Random) -> bytes:
-        share = self._impairment.bit_errors
-        if share == 0.0:
-            return datagram
-        bits = bytearray(datagram)
-        i = _gap(share, random)
-        while i < 8 * len(bits):
-            bits[i // 8] ^= 1 << i % 8
-            i += 1 + _gap(share, random)
-        self.fate.damaged += bits != datagram
-        return bytes(bits)
-
-    def _number(self, datagram: bytes) -> int:
-        """Return a number derived from the content and from how often it has come."""
-        content = datagram
-        if len(datagram) > dialect.HEADER_LEN_V2 and datagram[0] == dialect.PROTOCOL_MARKER_V2:
-            content = datagram[5 : dialect.HEADER_LEN_V2 + datagram[1]]  # from the system id on
-        number = int.from_bytes(blake2b(content, key=self._key, digest_size=8).digest())
-        if len(self._seen) >= _MEMORY:
-            self._seen.clear()
-        times = self._seen[number] = self._seen.get(number, -1) + 1
-        return number + times
-
-
-def _gap(share: float, random: Random) -> int:
-    """Return the number of good bits before the next bad one."""
-    return int(min(math.log(1.0 - random.random()) / math.log1p(-share), 1e9))
+        length, at_s = len(datagram), now_s if schedule_s is None else schedule_s
+        self._data[:length] = np.frombuffer(datagram, np.uint8)
+        arrivals = put(
+            self._directions,
+            0,
+            self._data,
+            length,
+            float(now_s),
+            float(at_s),
+            self._due_s,
+            self._copies,
+        )
+        return [
+            (float(self._due_s[k]), self._copies[k, :length].tobytes()) for k in range(arrivals)
+        ]

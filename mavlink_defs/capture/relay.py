@@ -6,31 +6,51 @@ of its own towards the fixed end, so that the fixed end can distinguish and answ
 that is a fixed end itself, as autopilots are to their neighbours, needs none: its datagrams come
 from the port where the relay listens in its place, which is where the receiver would answer.
 Datagrams are counted as they come in, before anything happens to them.
+
+A compiled loop (`mavlink_defs.capture.relay_loop`) passes them on, on a thread that has the
+interpreter only when a peer is new, a table is full, or a gate is asked.
 """
 
 import contextlib
-import heapq
-import itertools
-import selectors
 import socket
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
-from mavlink_defs.capture.impairment import Impairer, Impairment
+from mavlink_defs.capture.impairing import new_directions
+from mavlink_defs.capture.impairment import Fate, Impairment
+from mavlink_defs.capture.relay_loop import (
+    FIRST_FRONT,
+    Need,
+    RelayState,
+    add_peer,
+    forget_peer,
+    free_row,
+    make_room,
+    new_relay_state,
+    pause,
+    peers_of,
+    run,
+)
 from mavlink_defs.capture.tap import Tap
 from mavlink_defs.capture.tap_report import OutcomeReport, TapReport
-from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, resolve
+from mavlink_defs.endpoint import (
+    EndpointError,
+    UdpAddress,
+    bind_udp,
+    connect_udp,
+    resolve,
+    sockaddr,
+)
 
 __all__ = ["Relay", "Route"]
 
-_LOOK_S = 0.05
 _MAX_PEERS = 256  # of one route; of more, the one without traffic for longest is forgotten
-_LONGEST_DATAGRAM = 65535
+_DIRECTIONS = ("to", "from")
 
 
 @dataclass(frozen=True)
@@ -48,28 +68,6 @@ class Route:
     listen: UdpAddress
     target: UdpAddress
     impairment: Impairment | None = None
-
-
-class _Way:
-    """One direction of a route."""
-
-    def __init__(self, route: Route, number: int, direction: str) -> None:
-        self.link, self.direction = route.link, direction
-        self.undeliverable = 0
-        path = f"{route.link}/{number}/{direction}"
-        self.impairer = Impairer(route.impairment, path) if route.impairment else None
-
-
-@dataclass(frozen=True)
-class _Front:
-    """Address that peers send to."""
-
-    sock: socket.socket
-    route: Route
-    target: tuple[str, int]
-    to: _Way
-    back: _Way
-    peers: dict[tuple[str, int], socket.socket]  # in order of their last datagram
 
 
 class Relay:
@@ -94,15 +92,16 @@ class Relay:
         self._routes, self._simulated = routes, simulated
         self._tap = tap or Tap()
         self._gate = gate
-        self._lock = threading.Lock()
-        self._selector = selectors.DefaultSelector()
-        self._fronts: list[_Front] = []
-        self._in_place_of: dict[tuple[str, int], _Front] = {}
-        self._queue: list[tuple[float, int, _Way, socket.socket, Any, bytes]] = []
-        self._order = itertools.count()
+        self._targets: list[UdpAddress] = []
+        self._fronts: list[socket.socket] = []
+        self._upstream: dict[int, socket.socket] = {}  # by row of the peer
+        self._wakers: tuple[socket.socket, ...] = ()  # what the first sends wakes the loop
+        self._start_s = 0.0
+        self._lock = threading.Lock()  # held while the loop runs, or somebody looks at its state
+        self._one_at_a_time = threading.Lock()
+        self._may_run = threading.Event()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="relay", daemon=True)
-        self._start_s = 0.0
 
     def __enter__(self) -> Self:
         """Open the ports and start.
@@ -111,22 +110,18 @@ class Relay:
             EndpointError: A port or a target is unavailable; nothing is open then.
         """
         try:
-            for i, route in enumerate(self._routes):
+            for route in self._routes:
                 target = resolve(route.target)
                 connect_udp(target).close()  # fails now if it cannot be reached
                 sock = bind_udp(route.listen, f"relay of the {route.link} link")
                 sock.setblocking(False)
-                ways = _Way(route, i, "to"), _Way(route, i, "from")
-                front = _Front(sock, route, (target.host, target.port), *ways, {})
-                self._fronts.append(front)
-                self._in_place_of[front.target] = front
-                self._selector.register(sock, selectors.EVENT_READ, (front, None))
+                self._targets.append(target)
+                self._fronts.append(sock)
+            if self._routes:
+                self._start()
         except BaseException:
             self._close()
             raise
-        self._start_s = time.monotonic()
-        if self._routes:
-            self._thread.start()
         return self
 
     def __exit__(
@@ -138,122 +133,132 @@ class Relay:
         """Stop; datagrams still in transit are lost."""
         self._closing.set()
         if self._routes:
+            self._pause()
             self._thread.join()
         self._close()
 
     @property
     def via(self) -> dict[str, str]:
         """Addresses to send to, as host:port, in place of each target."""
-        listening = (UdpAddress(*front.sock.getsockname()) for front in self._fronts)
-        return {str(f.route.target): str(at) for f, at in zip(self._fronts, listening, strict=True)}
+        listening = (UdpAddress(*sock.getsockname()) for sock in self._fronts)
+        return {str(r.target): str(at) for r, at in zip(self._routes, listening, strict=True)}
 
     def report(self) -> TapReport:
         """Return the tap's report, with what became of each direction's datagrams."""
-        with self._lock:
-            report = self._tap.report(time.monotonic() - self._start_s)
+        with self.counting() as tap:
+            report = tap.report(time.monotonic() - self._start_s)
             return replace(report, fates=self._fates())
 
     @contextlib.contextmanager
     def counting(self) -> Iterator[Tap]:
         """Lend the tap, which counts nothing while the context lasts; so keep it short."""
-        with self._lock:
-            yield self._tap
+        with self._one_at_a_time:
+            self._may_run.clear()
+            if self._routes:
+                self._pause()
+            try:
+                with self._lock:
+                    yield self._tap
+            finally:
+                self._may_run.set()
+
+    def _start(self) -> None:
+        self._wakers = socket.socketpair()
+        for sock in self._wakers:
+            sock.setblocking(False)
+        self._state = self._new_state()
+        pause(self._state)
+        run(self._state, self._tap.counts)  # compiled before anything arrives
+        self._start_s = self._state.state[0]["start_s"] = time.monotonic()
+        self._may_run.set()
+        self._thread.start()
+
+    def _new_state(self) -> RelayState:
+        ways = [
+            (route, f"{route.link}/{i}/{direction}", direction)
+            for i, route in enumerate(self._routes)
+            for direction in _DIRECTIONS
+        ]
+        fronts = zip(self._fronts, self._targets, strict=True)
+        state = new_relay_state(
+            self._wakers[1].fileno(),
+            [(sock.fileno(), sockaddr(target)) for sock, target in fronts],
+            [self._tap.flow(route.link, direction) for route, _, direction in ways],
+            [route.impairment is not None for route, _, _ in ways],
+            new_directions([(route.impairment or Impairment(), path) for route, path, _ in ways]),
+        )
+        state.state[0]["simulated"] = self._simulated
+        state.state[0]["gated"] = self._gate is not None
+        return state
 
     def _fates(self) -> tuple[OutcomeReport, ...]:
         fates: dict[tuple[str, str], Counter[str]] = {}
-        for way in (way for front in self._fronts for way in (front.to, front.back)):
-            fate = fates.setdefault((way.link, way.direction), Counter())
-            fate["undeliverable"] += way.undeliverable
-            if way.impairer is not None:
-                fate.update(vars(way.impairer.fate), delivered=way.impairer.fate.delivered)
-        return tuple(OutcomeReport(*key, dict(fate)) for key, fate in sorted(fates.items()))
+        for number, way in enumerate(self._state.ways if self._routes else ()):
+            route, direction = self._routes[number // 2], _DIRECTIONS[number % 2]
+            counts = fates.setdefault((route.link, direction), Counter())
+            counts["undeliverable"] += int(way["undeliverable"])
+            if route.impairment is not None:
+                fate = Fate.of(self._state.directions.fates[number])
+                counts.update(asdict(fate), delivered=fate.delivered)
+        return tuple(OutcomeReport(*key, dict(counts)) for key, counts in sorted(fates.items()))
 
     def _run(self) -> None:
         while not self._closing.is_set():
-            wait_s = _LOOK_S
-            if self._queue:
-                wait_s = min(max(self._queue[0][0] - time.monotonic(), 0.0), _LOOK_S)
-            for key, _ in self._selector.select(wait_s):
-                front, peer = key.data
-                if peer is None:
-                    self._hear_peer(front)
-                else:
-                    self._hear_target(front, peer)
-            now = time.monotonic()
-            while self._queue and self._queue[0][0] <= now:
-                _, _, way, sock, address, datagram = heapq.heappop(self._queue)
-                _deliver(way, sock, address, datagram)
+            self._may_run.wait()
+            with self._lock:
+                need = run(self._state, self._tap.counts)
+                if need == Need.PEER:
+                    self._meet_peer()
+                elif need == Need.ROOM:
+                    self._tap.make_room(int(self._state.state[0]["length"]))
+                    self._state = make_room(self._state)
+            if need == Need.PAUSE:
+                with contextlib.suppress(BlockingIOError):
+                    self._wakers[1].recv(4096)
+            elif need == Need.GATE:
+                self._ask_gate()
 
-    def _hear_peer(self, front: _Front) -> None:
+    def _pause(self) -> None:
+        """Make the loop return."""
+        with contextlib.suppress(OSError):  # it has been told so often that it must, or is closed
+            self._wakers[0].send(b"!")
+
+    def _ask_gate(self) -> None:
+        assert self._gate is not None
+        state = self._state.state[0]
+        way = self._way(int(state["from_row"]))
+        datagram = self._state.received[: state["length"]].tobytes()
+        if self._gate(self._routes[way // 2].link, _DIRECTIONS[way % 2], datagram):
+            state["allowed"] = 1
+        else:
+            state["length"] = -1
+
+    def _way(self, row: int) -> int:
+        """Return the way of a datagram, by the row of the socket from which it came."""
+        front = row - FIRST_FRONT
+        if front < len(self._fronts):
+            return 2 * front
+        return 2 * int(self._state.peers[front - len(self._fronts)]["front"]) + 1
+
+    def _meet_peer(self) -> None:
+        """Open a socket for the sender of the datagram that was received."""
+        state = self._state.state[0]
+        front = int(state["from_row"]) - FIRST_FRONT
+        rows = peers_of(self._state, front)
+        if len(rows) >= _MAX_PEERS:
+            self._state = forget_peer(self._state, int(rows[0]))
+            self._upstream.pop(int(rows[0])).close()
         try:
-            datagram, peer = front.sock.recvfrom(_LONGEST_DATAGRAM)
-        except OSError:
+            sock = connect_udp(self._targets[front])
+        except (EndpointError, OSError):  # no route any more, too many open files
+            self._state.ways[2 * front]["undeliverable"] += 1
+            state["length"], state["allowed"] = -1, 0
             return
-        behind = self._in_place_of.get(peer)
-        if behind is not None:
-            self._pass_on(front.to, behind.sock, front.target, datagram)
-            return
-        upstream = front.peers.pop(peer, None) or self._new_peer(front, peer)
-        front.peers[peer] = upstream
-        self._pass_on(front.to, upstream, None, datagram)
-
-    def _hear_target(self, front: _Front, peer: tuple[str, int]) -> None:
-        try:
-            datagram = front.peers[peer].recv(_LONGEST_DATAGRAM)
-        except (OSError, KeyError):  # refused: the fixed end is not there
-            return
-        self._pass_on(front.back, front.sock, peer, datagram)
-
-    def _new_peer(self, front: _Front, peer: tuple[str, int]) -> socket.socket:
-        if len(front.peers) >= _MAX_PEERS:
-            forgotten = front.peers.pop(next(iter(front.peers)))
-            self._selector.unregister(forgotten)
-            forgotten.close()
-        upstream = connect_udp(UdpAddress(*front.target))
-        upstream.setblocking(False)
-        self._selector.register(upstream, selectors.EVENT_READ, (front, peer))
-        return upstream
-
-    def _pass_on(
-        self, way: _Way, sock: socket.socket, address: tuple[str, int] | None, datagram: bytes
-    ) -> None:
-        if self._gate is not None and not self._gate(way.link, way.direction, datagram):
-            return
-        now = time.monotonic()
-        with self._lock:
-            self._tap.count(now - self._start_s, way.link, way.direction, datagram)
-            arrivals = [(now, datagram)]
-            if way.impairer is not None:
-                arrivals = way.impairer.send(datagram, now, self._schedule_s(now))
-        for due_s, arriving in arrivals:
-            if due_s <= now and not self._queue:
-                _deliver(way, sock, address, arriving)
-            else:
-                entry = (due_s, next(self._order), way, sock, address, arriving)
-                heapq.heappush(self._queue, entry)
-
-    def _schedule_s(self, now: float) -> float:
-        if not self._simulated:
-            return now - self._start_s
-        return -1.0 if self._tap.simulated_s is None else self._tap.simulated_s
+        sock.setblocking(False)
+        self._state, row = free_row(self._state)
+        self._upstream[row] = sock
+        self._state = add_peer(self._state, row, front, sock.fileno())
 
     def _close(self) -> None:
-        for front in self._fronts:
-            for sock in (front.sock, *front.peers.values()):
-                sock.close()
-        self._selector.close()
-
-
-def _deliver(
-    way: _Way, sock: socket.socket, address: tuple[str, int] | None, datagram: bytes
-) -> None:
-    for _ in range(2):  # an error may be about the datagram before
-        try:
-            if address is None:
-                sock.send(datagram)
-            else:
-                sock.sendto(datagram, address)
-            return
-        except OSError:
-            continue
-    way.undeliverable += 1
+        for sock in (*self._fronts, *self._upstream.values(), *self._wakers):
+            sock.close()

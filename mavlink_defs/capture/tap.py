@@ -7,20 +7,40 @@ the reason. Directions are seen from the fixed end of a link: "to" the plant, "f
 
 Control transmissions (`mavlink_defs.capture.transmissions`) are compared with periodic sending:
 one per channel and control period, and FTC_SIM_STATE gives the number of periods.
+
+Counting itself is compiled (`mavlink_defs.capture.tap_counts`), so that a relay can do it without
+the interpreter.
 """
 
-from collections import Counter, deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from mavlink_defs import dialect
+from mavlink_defs.capture.tap_counts import (
+    EMPTY,
+    OLDER_VERSION,
+    add_flow,
+    count,
+    forget,
+    new_counts,
+    with_room,
+)
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport, UavReport
-from mavlink_defs.capture.transmissions import Transmissions, reported, saving
-from mavlink_defs.constants import ACTUATORS, FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
+from mavlink_defs.capture.transmissions import counted, min_intervals_s, reported, saving
+from mavlink_defs.constants import (
+    ACTUATORS,
+    FORMATION_BASE_PORT,
+    GCS_PORT,
+    LAST_SYSTEM,
+    MAX_DATAGRAM,
+    PLANT_PORT,
+)
 from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.framing.drop_reason import DropReason
-from mavlink_defs.framing.frames import frame_size, parse
+from mavlink_defs.framing.frames import parse
 
 __all__ = ["DEFAULT_PORTS", "LinkNames", "Stream", "Tap"]
 
@@ -31,10 +51,12 @@ DEFAULT_PORTS: Mapping[int, str] = {
 }
 """Default ports of fixed ends, and their links."""
 
-_ACTUATORS = dialect.MAVLink_hil_actuator_controls_message
-_STATE = dialect.MAVLink_ftc_sim_state_message
-_EVENTS = dialect.MAVLink_ftc_events_message
-_STEP = 17  # number of FTC_SIM_STATE.step among its numbers: behind two times and five vectors
+_DROPPED = {
+    EMPTY: "empty",
+    OLDER_VERSION: "MAVLink 1",
+    **{-reason: reason.words for reason in DropReason},
+}
+"""Why a datagram is dropped, in words, by column of `Counts.dropped`."""
 
 
 class Stream(NamedTuple):
@@ -47,51 +69,6 @@ class Stream(NamedTuple):
     message_id: int
 
 
-class Rate:
-    """Traffic within the last `window_s` seconds."""
-
-    def __init__(self, window_s: float) -> None:
-        self._window_s = window_s
-        self._recent: deque[tuple[float, int]] = deque()
-        self._bytes = 0
-
-    def add(self, time_s: float, size: int) -> None:
-        """Take in one frame of `size` bytes."""
-        self._recent.append((time_s, size))
-        self._bytes += size
-        self._forget(time_s)
-
-    def at(self, now_s: float) -> tuple[float, float]:
-        """Return frames and bytes per second at a time not before the last one added."""
-        self._forget(now_s)
-        return len(self._recent) / self._window_s, self._bytes / self._window_s
-
-    def _forget(self, now_s: float) -> None:
-        recent, begin_s = self._recent, now_s - self._window_s
-        while recent and recent[0][0] <= begin_s:
-            self._bytes -= recent.popleft()[1]
-
-
-@dataclass
-class Count:
-    """Frames of one stream."""
-
-    rate: Rate
-    frames: int = 0
-    bytes: int = 0
-    signed: int = 0
-
-
-@dataclass
-class Flow:
-    """Datagrams in one direction of one link; `dropped` by reason: no frames of the dialect."""
-
-    rate: Rate
-    datagrams: int = 0
-    bytes: int = 0
-    dropped: Counter[str] = field(default_factory=Counter)
-
-
 class Tap:
     """Counts datagrams; no socket, no clock.
 
@@ -102,14 +79,30 @@ class Tap:
 
     def __init__(self, window_s: float = 1.0, period_us: int | None = None) -> None:
         self._window_s, self._period_us = window_s, period_us
-        self._flows: dict[tuple[str, str], Flow] = {}
-        self._counts: dict[Stream, Count] = {}
-        self._uavs: dict[tuple[str, int], Transmissions] = {}
-        self._reports: dict[tuple[str, int], dialect.MAVLink_ftc_events_message] = {}
-        self._first_s: float | None = None
-        self._last_s = 0.0
-        self.simulated_s: float | None = None
+        self._flows: dict[tuple[str, str], int] = {}
+        self._links: dict[str, int] = {}
+        self._data = np.zeros(MAX_DATAGRAM, np.uint8)
+        self.counts = new_counts(window_s)
+        """For compiled code, which counts as `count` does; `make_room` replaces them."""
+
+    @property
+    def simulated_s(self) -> float | None:
         """Simulation time of the newest running FTC_SIM_STATE [s]; None before the first."""
+        time_s = float(self.counts.state[0]["simulated_s"])
+        return None if math.isnan(time_s) else time_s
+
+    def flow(self, link: str, direction: str) -> int:
+        """Return the number of a link's direction in `counts`."""
+        number = self._flows.get((link, direction))
+        if number is None:
+            of_link = self._links.setdefault(link, len(self._links))
+            self.counts, number = add_flow(self.counts, of_link)
+            self._flows[link, direction] = number
+        return number
+
+    def make_room(self, length: int) -> None:
+        """Make room in `counts` for a datagram of some length [bytes]."""
+        self.counts = with_room(self.counts, length)
 
     def count(self, time_s: float, link: str, direction: str, datagram: bytes) -> None:
         """Count one datagram.
@@ -120,25 +113,10 @@ class Tap:
             direction: "to" or "from" the fixed end of the link.
             datagram: Its UDP payload.
         """
-        if self._first_s is None:
-            self._first_s = self._last_s = time_s
-        self._last_s = max(self._last_s, time_s)
-        flow = self._flows.get((link, direction))
-        if flow is None:
-            flow = self._flows[link, direction] = Flow(Rate(self._window_s))
-        flow.datagrams += 1
-        flow.bytes += len(datagram)
-        flow.rate.add(time_s, len(datagram))
-        rest = datagram
-        while True:
-            size, wrong = frame_size(rest)
-            if wrong is not None:
-                flow.dropped[_words(rest, wrong)] += 1
-                return
-            self._count_frame(time_s, link, direction, rest[:size])
-            if size == len(rest):
-                return
-            rest = rest[size:]
+        flow, length = self.flow(link, direction), len(datagram)
+        self._data[:length] = np.frombuffer(datagram, np.uint8)
+        while not count(self.counts, float(time_s), flow, self._data, length):
+            self.make_room(length)
 
     def frames(self, message: str | None = None, **where: str | int) -> int:
         """Return the number of frames of the streams whose fields have these values.
@@ -146,22 +124,21 @@ class Tap:
         For example ``tap.frames("HIL_ACTUATOR_CONTROLS", link="plant", system=3)``.
         """
         return sum(
-            count.frames
-            for stream, count in self._counts.items()
+            int(row["frames"])
+            for stream, row in self._streams()
             if message in {None, _name(stream.message_id)}
             and all(getattr(stream, key) == value for key, value in where.items())
         )
 
     def events(self, system: int, channel: str, link: str = "plant") -> int:
         """Return the number of transmissions of one actuator channel ("rudder") of one UAV."""
-        uav = self._uavs.get((link, system))
-        return 0 if uav is None else uav.events[ACTUATORS.index(channel)]
+        uav = self._uav(link, system)
+        return 0 if uav is None else int(uav["events"][ACTUATORS.index(channel)])
 
     def min_interval_s(self, system: int, channel: str, link: str = "plant") -> float | None:
         """Return the shortest interval of a channel [s, simulated]; None with fewer than two."""
-        uav = self._uavs.get((link, system))
-        shortest = None if uav is None else uav.min_interval_us[ACTUATORS.index(channel)]
-        return None if shortest is None else shortest / 1e6
+        uav = self._uav(link, system)
+        return None if uav is None else min_intervals_s(uav)[ACTUATORS.index(channel)]
 
     def report(self, now_s: float | None = None) -> TapReport:
         """Return everything counted.
@@ -169,61 +146,85 @@ class Tap:
         Args:
             now_s: Time of the rates, not before the last datagram [s]; None: that datagram's.
         """
-        now = self._last_s if now_s is None else now_s
-        span_s = self._last_s - (self._first_s or 0.0) if self._flows else 0.0
+        state = self.counts.state[0]
+        forget(self.counts, float(state["last_s"] if now_s is None else now_s))
+        first_s, last_s = float(state["first_s"]), float(state["last_s"])
+        span_s = 0.0 if math.isnan(first_s) else last_s - first_s
         uavs = self._uav_reports()
         return TapReport(
             span_s=span_s,
-            links=tuple(_flow(key, flow, now) for key, flow in sorted(self._flows.items())),
+            links=tuple(
+                self._link(key, flow)
+                for key, flow in sorted(self._flows.items())
+                if self.counts.flows[flow]["datagrams"]
+            ),
             messages=tuple(
-                _count(key, count, now, span_s) for key, count in sorted(self._counts.items())
+                self._message(stream, row, span_s)
+                for stream, row in sorted(self._streams(), key=lambda entry: entry[0])
             ),
             uavs=uavs,
             saving=_total_saving(uavs),
         )
 
+    def _streams(self) -> Iterator[tuple[Stream, np.void]]:
+        flows = list(self._flows)
+        for row in self.counts.streams[: self.counts.state[0]["streams"]]:
+            key = int(row["key"])
+            link, direction = flows[(key >> 40) - 1]
+            sender = (key >> 32) & 0xFF, (key >> 24) & 0xFF
+            yield Stream(link, direction, *sender, key & 0xFFFFFF), row
+
+    def _uavs(self) -> Iterator[tuple[str, int, np.void, bytes]]:
+        """Return link, system, counts and last FTC_EVENTS of each UAV."""
+        links = list(self._links)
+        for i in range(self.counts.state[0]["uavs"]):
+            row = self.counts.uavs[i]
+            link, system = divmod(int(row["key"]) - 1, 256)
+            yield links[link], system, row, self.counts.reports[i, : row["report_size"]].tobytes()
+
+    def _uav(self, link: str, system: int) -> np.void | None:
+        return next((u for at, i, u, _ in self._uavs() if (at, i) == (link, system)), None)
+
     def _uav_reports(self) -> tuple[UavReport, ...]:
         """Return the counts; for UAVs whose transmissions were not captured, their own reports."""
+        uavs = list(self._uavs())
         found = [
-            uav.report(link, system, self._period_us) for (link, system), uav in self._uavs.items()
+            counted(link, system, row, self._period_us)
+            for link, system, row, _ in uavs
+            if row["messages"]
         ]
-        counted = {uav.system for uav in found if uav.messages}
+        known = {uav.system for uav in found}
         found += [
             reported(link, message)
-            for (link, system), message in self._reports.items()
-            if system not in counted
+            for link, system, _, frame in uavs
+            if system not in known
+            and isinstance(message := parse(frame), dialect.MAVLink_ftc_events_message)
         ]
         found.sort(key=lambda uav: (uav.link, uav.system))
         return tuple(uav for uav in found if uav.messages)
 
-    def _count_frame(self, time_s: float, link: str, direction: str, frame: bytes) -> None:
-        system, component = frame[5], frame[6]
-        message_id = int.from_bytes(frame[7:10], "little")
-        stream = Stream(link, direction, system, component, message_id)
-        count = self._counts.get(stream)
-        if count is None:
-            count = self._counts[stream] = Count(Rate(self._window_s))
-        count.frames += 1
-        count.bytes += len(frame)
-        count.signed += frame[2] & dialect.MAVLINK_IFLAG_SIGNED
-        count.rate.add(time_s, len(frame))
-        if message_id == _EVENTS.id and isinstance(report := parse(frame), _EVENTS):
-            self._reports[link, system] = report
-        elif message_id in {_ACTUATORS.id, _STATE.id}:
-            uav = self._uavs.setdefault((link, system), Transmissions())
-            self._read_payload(frame, message_id, uav)
+    def _link(self, key: tuple[str, str], flow: int) -> LinkReport:
+        row, dropped = self.counts.flows[flow], self.counts.dropped[flow]
+        return LinkReport(
+            *key,
+            datagrams=int(row["datagrams"]),
+            bytes=int(row["bytes"]),
+            rate_hz=int(row["recent"]) / self._window_s,
+            bytes_per_s=int(row["recent_bytes"]) / self._window_s,
+            dropped={words: int(dropped[i]) for i, words in _DROPPED.items() if dropped[i]},
+        )
 
-    def _read_payload(self, frame: bytes, message_id: int, uav: Transmissions) -> None:
-        payload = frame[dialect.HEADER_LEN_V2 : dialect.HEADER_LEN_V2 + frame[1]]
-        unpacker = (_ACTUATORS if message_id == _ACTUATORS.id else _STATE).unpacker
-        fields = unpacker.unpack(payload[: unpacker.size].ljust(unpacker.size, b"\0"))
-        if message_id == _ACTUATORS.id:  # time_usec, flags, controls[16], mode
-            uav.transmission(fields[0], fields[2 : 2 + len(ACTUATORS)])
-            return
-        step, flags, run = fields[_STEP : _STEP + 3]
-        if flags & dialect.FTC_SIM_FLAGS_RUNNING:
-            uav.step(step, run)
-            self.simulated_s = fields[0] / 1e6
+    def _message(self, stream: Stream, row: np.void, span_s: float) -> StreamReport:
+        frames = int(row["frames"])
+        return StreamReport(
+            *stream,
+            message=_name(stream.message_id),
+            frames=frames,
+            bytes=int(row["bytes"]),
+            signed=int(row["signed"]),
+            rate_hz=int(row["recent"]) / self._window_s,
+            mean_hz=frames / span_s if span_s > 0.0 else None,
+        )
 
 
 class LinkNames:
@@ -252,34 +253,3 @@ def _total_saving(uavs: Sequence[UavReport]) -> float | None:
     counted = [uav for uav in known if not uav.reported] or known
     periods = sum(uav.periods or 0 for uav in counted)
     return saving(sum(uav.events for uav in counted), periods)
-
-
-def _flow(key: tuple[str, str], flow: Flow, now_s: float) -> LinkReport:
-    rate_hz, bytes_per_s = flow.rate.at(now_s)
-    return LinkReport(
-        *key,
-        datagrams=flow.datagrams,
-        bytes=flow.bytes,
-        rate_hz=rate_hz,
-        bytes_per_s=bytes_per_s,
-        dropped=dict(flow.dropped),
-    )
-
-
-def _count(stream: Stream, count: Count, now_s: float, span_s: float) -> StreamReport:
-    return StreamReport(
-        *stream,
-        message=_name(stream.message_id),
-        frames=count.frames,
-        bytes=count.bytes,
-        signed=count.signed,
-        rate_hz=count.rate.at(now_s)[0],
-        mean_hz=count.frames / span_s if span_s > 0.0 else None,
-    )
-
-
-def _words(data: bytes, reason: DropReason) -> str:
-    """Return why bytes are no frame; other protocols on a port are distinguished from damage."""
-    if not data:
-        return "empty"
-    return "MAVLink 1" if data[0] == dialect.PROTOCOL_MARKER_V1 else reason.words

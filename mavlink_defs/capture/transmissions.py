@@ -5,94 +5,55 @@ in the first, all had one. A message in which no channel had one is a repeat.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
+import numpy as np
+
+from mavlink_defs.capture.tap_counts import NEVER
 from mavlink_defs.capture.tap_report import ChannelReport, UavReport
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_events_message
 
-__all__ = ["Transmissions", "reported", "saving"]
+__all__ = ["counted", "min_intervals_s", "reported", "saving"]
 
 
-@dataclass
-class Transmissions:
-    """Counts of one UAV on one link; lists are per channel, in the order of ACTUATORS."""
+def counted(link: str, system: int, row: np.void, period_us: int | None) -> UavReport:
+    """Return the transmissions of a UAV, compared with periodic sending.
 
-    messages: int = 0
-    repeats: int = 0
-    events: list[int] = field(default_factory=lambda: [0] * len(ACTUATORS))
-    min_interval_us: list[int | None] = field(default_factory=lambda: [None] * len(ACTUATORS))
-    _controls: tuple[float, ...] | None = None
-    _event_us: list[int | None] = field(default_factory=lambda: [None] * len(ACTUATORS))
-    _span_us: tuple[int, int] | None = None
-    _run: int | None = None
-    _steps: tuple[int, int] | None = None
-    _steps_before: int = 0  # of flights that are over
+    Args:
+        link: Where they were counted.
+        system: System id of the UAV.
+        row: The counts, dtype `tap_counts.UAV`.
+        period_us: The control period, for links without FTC_SIM_STATE [µs].
+    """
+    periods, events = _periods(row, period_us), [int(n) for n in row["events"]]
+    return UavReport(
+        link=link,
+        system=system,
+        reported=False,
+        periods=periods,
+        saving=saving(sum(events), periods),
+        messages=int(row["messages"]),
+        repeats=int(row["repeats"]),
+        channels=_channels(periods, events, min_intervals_s(row)),
+    )
 
-    def step(self, step: int, run: int) -> None:
-        """Note a control period, by its FTC_SIM_STATE; another run is another flight."""
-        if self._steps is None or run != self._run:
-            self._run, self._steps_before = run, self._counted_steps
-            self._steps = (step, step)
-            self._controls = None
-            self._event_us = [None] * len(ACTUATORS)
-        else:
-            first, last = self._steps
-            self._steps = (min(first, step), max(last, step))
 
-    def transmission(self, time_us: int, controls: tuple[float, ...]) -> None:
-        """Count one HIL_ACTUATOR_CONTROLS."""
-        before = self._controls
-        changed = [c for c, x in enumerate(controls) if before is None or x != before[c]]
-        for c in changed:
-            self.events[c] += 1
-            last_us, self._event_us[c] = self._event_us[c], time_us
-            if last_us is not None:
-                shortest = self.min_interval_us[c]
-                interval = time_us - last_us
-                self.min_interval_us[c] = interval if shortest is None else min(shortest, interval)
-        self.messages += 1
-        self.repeats += not changed
-        self._controls = controls
-        first, last = self._span_us or (time_us, time_us)
-        self._span_us = (min(first, time_us), max(last, time_us))
+def min_intervals_s(row: np.void) -> list[float | None]:
+    """Return the shortest interval of each channel [s, simulated]; None with fewer than two.
 
-    def periods(self, period_us: int | None) -> int | None:
-        """Return the control periods that passed; None if unknown.
+    Args:
+        row: The counts of a UAV, dtype `tap_counts.UAV`.
+    """
+    return [None if us == NEVER else int(us) / 1e6 for us in row["min_interval_us"]]
 
-        Args:
-            period_us: The control period, for links without FTC_SIM_STATE [µs].
-        """
-        if self._steps is not None:
-            return self._counted_steps
-        if period_us is None or self._span_us is None:
-            return None
-        return (self._span_us[1] - self._span_us[0]) // period_us + 1
 
-    def report(self, link: str, system: int, period_us: int | None) -> UavReport:
-        """Return everything counted, compared with periodic sending.
-
-        Args:
-            link: Where it was counted.
-            system: System id of the UAV.
-            period_us: As of `periods`.
-        """
-        periods = self.periods(period_us)
-        return UavReport(
-            link=link,
-            system=system,
-            reported=False,
-            periods=periods,
-            saving=saving(sum(self.events), periods),
-            messages=self.messages,
-            repeats=self.repeats,
-            channels=_channels(periods, self.events, self.min_interval_us),
-        )
-
-    @property
-    def _counted_steps(self) -> int:
-        first, last = self._steps or (0, -1)
-        return self._steps_before + last - first + 1
+def _periods(row: np.void, period_us: int | None) -> int | None:
+    """Return the control periods that passed; None if unknown."""
+    if row["has_steps"]:
+        return int(row["steps_before"] + row["last_step"] - row["first_step"] + 1)
+    if period_us is None or not row["messages"]:
+        return None
+    return int(row["last_us"] - row["first_us"]) // period_us + 1
 
 
 def reported(link: str, message: MAVLink_ftc_events_message) -> UavReport:
@@ -102,7 +63,8 @@ def reported(link: str, message: MAVLink_ftc_events_message) -> UavReport:
     they are counted.
     """
     shortest = [
-        us if n > 1 else None for us, n in zip(message.min_interval_us, message.events, strict=True)
+        us / 1e6 if n > 1 else None
+        for us, n in zip(message.min_interval_us, message.events, strict=True)
     ]
     return UavReport(
         link=link,
@@ -131,13 +93,13 @@ def saving(events: int, periods: int | None, channels: int = len(ACTUATORS)) -> 
 
 
 def _channels(
-    periods: int | None, events: Sequence[int], min_interval_us: Sequence[int | None]
+    periods: int | None, events: Sequence[int], min_interval_s: Sequence[float | None]
 ) -> dict[str, ChannelReport]:
     return {
         name: ChannelReport(
             events=n,
             saving=saving(n, periods, channels=1),
-            min_interval_s=None if us is None else us / 1e6,
+            min_interval_s=shortest_s,
         )
-        for name, n, us in zip(ACTUATORS, events, min_interval_us, strict=True)
+        for name, n, shortest_s in zip(ACTUATORS, events, min_interval_s, strict=True)
     }

@@ -63,9 +63,11 @@ __all__ = [
     "MessageId",
     "add_checksum",
     "check",
+    "checksum",
     "drop_counts",
     "expand",
     "identify",
+    "message_id_of",
     "new_buffer",
     "pack",
     "payload_dtype",
@@ -207,7 +209,7 @@ def pack(
 def add_checksum(datagram: np.ndarray) -> None:
     """Write the checksum of a hot message that stands in a datagram buffer."""
     end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
-    crc = _checksum(datagram, end, _crc_extra(_message_id(datagram)))
+    crc = checksum(datagram, end, _crc_extra(message_id_of(datagram)))
     datagram[end] = crc & 0xFF
     datagram[end + 1] = crc >> 8
 
@@ -250,11 +252,11 @@ def identify(datagram: np.ndarray) -> int:
     For frames whose signature has been checked; `check` does it for unsigned ones.
     """
     end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
-    message_id = _message_id(datagram)
+    message_id = message_id_of(datagram)
     extra = _crc_extra(message_id)
     if extra < 0:
         return FOREIGN
-    crc = _checksum(datagram, end, extra)
+    crc = checksum(datagram, end, extra)
     if datagram[end] != crc & 0xFF or datagram[end + 1] != crc >> 8:
         return DropReason.BAD_CRC
     return message_id
@@ -286,7 +288,8 @@ def _byte(datagram: np.ndarray, i: int) -> int:
 
 
 @compiled
-def _message_id(datagram: np.ndarray) -> int:
+def message_id_of(datagram: np.ndarray) -> int:
+    """Return the message id in the header of a frame."""
     low, middle = _byte(datagram, MESSAGE_ID), _byte(datagram, MESSAGE_ID + 1)
     return low + (middle << 8) + (_byte(datagram, MESSAGE_ID + 2) << 16)
 
@@ -305,7 +308,7 @@ def _crc_extra(message_id: int) -> int:
 
 
 @compiled
-def _checksum(b: np.ndarray, end: int, extra: int) -> int:
+def checksum(b: np.ndarray, end: int, extra: int) -> int:
     """Return CRC-16/MCRF4XX of b[1:end] and the message's CRC_EXTRA, eight bytes at a time."""
     crc = 0xFFFF
     i = 1

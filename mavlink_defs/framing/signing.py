@@ -47,6 +47,7 @@ __all__ = [
     "flagged",
     "former_file",
     "is_ahead",
+    "key_exists",
     "make_key",
     "new_time",
     "open_time",
@@ -91,10 +92,14 @@ def make_key(path: Path, key: bytes | None = None) -> None:
         write_key(path, secrets.token_bytes(KEY_SIZE) if key is None else key)
         former_file(path).unlink(missing_ok=True)  # of another key of this name
     except FileExistsError:
-        text = "exists already; a key is never overwritten, but for --replace"
-        raise SigningError(f"{path} {text}") from None
+        raise key_exists(path) from None
     except OSError as problem:
         raise SigningError(f"{path}: cannot be written: {problem.strerror}") from None
+
+
+def key_exists(path: Path) -> SigningError:
+    """Return the error of a new key whose file exists."""
+    return SigningError(f"{path} exists already; only --replace overwrites a key")
 
 
 def write_key(path: Path, key: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Memory in compiled loops: arrays that nobody counts references to, records copied as a block."""
+"""Memory in compiled loops: arrays that nobody counts references to, copies of blocks."""
 
 from typing import Any, TypeVar, cast
 
@@ -7,7 +7,9 @@ import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-__all__ = ["borrowed", "copy_record"]
+from mavlink_defs.runtime.jit import compiled
+
+__all__ = ["borrowed", "copy_bytes", "copy_record"]
 
 _T = TypeVar("_T")
 _tools = cast("Any", cgutils)  # without annotations
@@ -73,3 +75,20 @@ copy_record = _assign if _plain else cast("Any", _copy_record)
 
 An assignment to an element of an array copies a record byte by byte.
 """
+
+
+@compiled
+def copy_bytes(target: np.ndarray, at: int, source: np.ndarray, begin: int, size: int) -> None:
+    """Copy source[begin : begin + size] to target[at : at + size].
+
+    An assignment to a slice takes as long to compile as a whole function, for its error messages.
+
+    Args:
+        target: Bytes, uint8.
+        at: Where to copy to.
+        source: Bytes, uint8.
+        begin: Where to copy from.
+        size: How many.
+    """
+    for k in range(size):
+        target[at + k] = source[begin + k]

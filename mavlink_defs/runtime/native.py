@@ -13,6 +13,7 @@ returns -1 long before its timeout, so that a caller must look at the clock, not
 """
 
 import ctypes
+import select
 import socket
 import time
 from collections.abc import Callable
@@ -26,6 +27,8 @@ from mavlink_defs.runtime.jit import compiled
 
 __all__ = [
     "ADDRESS_SIZE",
+    "POLLED",
+    "READABLE",
     "monotonic_s",
     "receive",
     "receive_from",
@@ -37,12 +40,19 @@ __all__ = [
     "send_to",
     "sleep_until",
     "unix_s",
+    "wait_for_any",
+    "waits",
 ]
 
 ADDRESS_SIZE = 16  # struct sockaddr_in
 
+POLLED = np.dtype([("fd", "i4"), ("events", "i2"), ("found", "i2")])
+"""struct pollfd; a negative file descriptor is passed over."""
+READABLE = int(select.POLLIN)
+
 _MONOTONIC, _UNIX = int(time.CLOCK_MONOTONIC), int(time.CLOCK_REALTIME)
 _NOW = int(socket.MSG_DONTWAIT)
+_LOOK = _NOW | int(socket.MSG_PEEK)
 _SPIN_S = 1e-4
 """Longest wait that keeps the processor, offered to others [s].
 
@@ -72,6 +82,7 @@ _recvfrom = _libc("recvfrom", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _PO
 _send = _libc("send", _SSIZE, _INT, _POINTER, _SIZE, _INT)
 _sendto = _libc("sendto", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _INT)
 _clock_gettime = _libc("clock_gettime", _INT, _INT, _POINTER)
+_poll = _libc("poll", _INT, _POINTER, _SIZE, _INT)
 _sched_yield = _libc("sched_yield", _INT)
 _nanosleep = _libc("nanosleep", _INT, _POINTER, _POINTER)
 
@@ -144,6 +155,32 @@ def receive_from_soon(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
 def receive_from_now(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
     """Take one datagram and its sender if one is there; otherwise as `receive_from`."""
     return _receive_from(fd, buffer, address, np.full(1, ADDRESS_SIZE, np.uint32), _NOW)
+
+
+@compiled
+def waits(fd: int, buffer: np.ndarray) -> bool:
+    """Return whether a datagram waits in a socket; it stays there.
+
+    Args:
+        fd: File descriptor of a socket.
+        buffer: A buffer, uint8, whose first byte is lost.
+    """
+    return _recv(fd, buffer.ctypes.data, 1, _LOOK) >= 0
+
+
+@compiled
+def wait_for_any(polled: np.ndarray, timeout_s: float) -> int:
+    """Wait until a socket has a datagram or an error.
+
+    Args:
+        polled: Sockets and events, dtype POLLED; `found` is written.
+        timeout_s: Longest wait [s], rounded up to milliseconds; negative: no limit.
+
+    Returns:
+        The number of sockets with something found, 0 after the timeout, -1 on a signal or error.
+    """
+    timeout_ms = -1 if timeout_s < 0.0 else int(np.ceil(timeout_s * 1e3))
+    return _poll(polled.ctypes.data, len(polled), timeout_ms)
 
 
 @compiled

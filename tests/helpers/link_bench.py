@@ -25,10 +25,10 @@ class Rig:
     """The link, over real loopback sockets."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self.plant, self.neighbour, self.own, self.formation = (
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(4)
+        self.plant, self.neighbour, self.own, self.formation, self.gcs = (
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(5)
         )
-        for sock in (self.plant, self.neighbour, self.own, self.formation):
+        for sock in (self.plant, self.neighbour, self.own, self.formation, self.gcs):
             sock.bind(("127.0.0.1", 0))
         self.own.connect(self.plant.getsockname())
         set_receive_timeout(self.own, 0.05)
@@ -45,7 +45,7 @@ class Rig:
         self.link = new_link(UAV, others, 1000, TIMEOUT_STEPS / 1000, 0)
 
     def close(self) -> None:
-        for sock in (self.plant, self.neighbour, self.own, self.formation):
+        for sock in (self.plant, self.neighbour, self.own, self.formation, self.gcs):
             sock.close()
 
     def state(
@@ -72,9 +72,10 @@ class Rig:
         self.plant.sendto(datagram[:length].tobytes(), self.own.getsockname())
         return self.run()
 
-    def run(self) -> Outcome:
-        fds = self.own.fileno(), self.formation.fileno()
-        return run(*fds, self.link, self.controllers, time.monotonic(), 2**62)
+    def run(self, until_s: float | None = None) -> Outcome:
+        fds = self.own.fileno(), self.formation.fileno(), self.gcs.fileno()
+        until_s = time.monotonic() if until_s is None else until_s
+        return run(*fds, self.link, self.controllers, until_s, 2**62)
 
     def no_more_events(self) -> None:
         thresholds = self.controllers.parameters["trigger"]

@@ -2,6 +2,7 @@
 
 import contextlib
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -31,8 +32,9 @@ def address_of(sock: socket.socket) -> UdpAddress:
     return UdpAddress(*sock.getsockname())
 
 
-def front_of(relay: Relay, target: socket.socket) -> tuple[str, int]:
-    at = parse_address(relay.via[str(address_of(target))])
+def front_of(relay: Relay, target: socket.socket | UdpAddress) -> tuple[str, int]:
+    address = target if isinstance(target, UdpAddress) else address_of(target)
+    at = parse_address(relay.via[str(address)])
     return at.host, at.port
 
 
@@ -58,6 +60,10 @@ def nothing_more(sock: socket.socket) -> bool:
 def fate_of(relay: Relay) -> dict[str, Any]:
     (fate,) = [f for f in relay.report().to_json()["fates"] if f["direction"] == "to"]
     return dict(fate)
+
+
+def has_counted_more(relay: Relay, frames: int) -> bool:
+    return sum(row.frames for row in relay.report().messages) > frames
 
 
 def is_in_outage(relay: Relay) -> bool:
@@ -159,25 +165,95 @@ def test_a_fixed_end_that_is_not_there_yet_loses_nothing_later() -> None:
                 pass
 
 
-def test_an_error_about_the_datagram_before_loses_none(monkeypatch) -> None:
-    errors = [ConnectionRefusedError()]
+def test_an_error_about_the_datagram_before_loses_none() -> None:
+    with udp() as end:
+        target = address_of(end)
+    with udp() as peer, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
 
-    def refuse_once(sock: socket.socket, datagram: bytes) -> int:
-        if errors:
-            raise errors.pop()
-        return original(sock, datagram)
+        def gate(_: str, __: str, datagram: bytes) -> bool:
+            if datagram == b"refused":  # the next one waits before the relay hears of the error
+                peer.sendto(b"x", front_of(relay, target))
+            else:
+                end.bind((target.host, target.port))
+            return True
 
-    class Socket(socket.socket):
-        send: Any = refuse_once
+        relay = Relay([Route("plant", ANY, target)], gate=gate)
+        with relay:
+            peer.sendto(b"refused", front_of(relay, target))
+            end.settimeout(PATIENCE_S)
+            wait_until(lambda: end.getsockname()[1] != 0)
+            assert end.recv(4096) == b"x"
+            assert [fate["undeliverable"] for fate in relay.report().to_json()["fates"]] == [0, 0]
 
-    original = socket.socket.send
-    monkeypatch.setattr("mavlink_defs.endpoint.socket.socket", Socket)
-    with udp() as end, udp() as peer, Relay([Route("plant", ANY, address_of(end))]) as relay:
-        peer.sendto(b"x", front_of(relay, end))
-        assert end.recv(4096) == b"x"
+
+def test_counting_lends_the_tap_soon_however_much_is_sent() -> None:
+    with udp() as end, udp() as peer, Relay([Route("gcs", ANY, address_of(end))]) as relay:
+        stop = threading.Event()
+
+        def send_all_the_time() -> None:
+            while not stop.is_set():
+                peer.sendto(heartbeat(1), front_of(relay, end))
+
+        sender = threading.Thread(target=send_all_the_time)
+        sender.start()
+        try:
+            waits = []
+            for _ in range(20):
+                begin = time.monotonic()
+                with relay.counting() as tap:
+                    waits.append(time.monotonic() - begin)
+                    before = tap.frames()
+                    time.sleep(0.002)
+                    assert tap.frames() == before  # nothing is counted meanwhile
+                wait_until(partial(has_counted_more, relay, before))
+            assert sorted(waits)[10] < 0.05
+        finally:
+            stop.set()
+            sender.join()
+
+
+def test_of_many_peers_the_one_without_traffic_for_longest_is_forgotten(monkeypatch) -> None:
+    monkeypatch.setattr("mavlink_defs.capture.relay._MAX_PEERS", 20)
+    with contextlib.ExitStack() as stack:
+        end = stack.enter_context(udp())
+        relay = stack.enter_context(Relay([Route("plant", ANY, address_of(end))]))
+        peers = [stack.enter_context(udp()) for _ in range(21)]
+        seen = []
+        for peer in (*peers[:20], peers[0], peers[20]):
+            peer.sendto(b"hello", front_of(relay, end))
+            seen.append(end.recvfrom(4096)[1])
+        assert seen[20] == seen[0]
+        assert len(set(seen)) == 21
+        end.sendto(b"for 2", seen[1])  # forgotten: nobody has this port now
+        for number in (0, *range(2, 20)):
+            end.sendto(b"for %d" % number, seen[number])
+            assert peers[number].recv(4096) == b"for %d" % number
+        end.sendto(b"for the last", seen[21])
+        assert peers[20].recv(4096) == b"for the last"
+        assert nothing_more(peers[1])
+
+
+def test_what_was_in_transit_from_a_forgotten_peer_goes_nowhere(monkeypatch) -> None:
+    monkeypatch.setattr("mavlink_defs.capture.relay._MAX_PEERS", 1)
+    with udp() as end, udp() as a, udp() as b:
+        slow = Route("gcs", ANY, address_of(end), Impairment(delay_ms=50.0))
+        with Relay([slow]) as relay:
+            a.sendto(b"a", front_of(relay, end))
+            wait_until(lambda: fate_of(relay)["taken"] == 1)
+            b.sendto(b"b", front_of(relay, end))
+            assert end.recv(4096) == b"b"
+            assert nothing_more(end)
+            assert fate_of(relay)["undeliverable"] == 1
+
+
+def test_many_long_datagrams_in_transit_arrive_unchanged_and_in_order() -> None:
+    sent = [bytes([k]) * (14 * k) for k in range(60)]  # which fit into a socket's buffer together
+    slow = Impairment(delay_ms=200.0)
+    with udp() as end, udp() as peer, Relay([Route("gcs", ANY, address_of(end), slow)]) as relay:
+        for datagram in sent:
+            peer.sendto(datagram, front_of(relay, end))
+        assert [end.recv(4096) for _ in sent] == sent
         assert nothing_more(end)
-        assert not errors
-        assert [fate["undeliverable"] for fate in relay.report().to_json()["fates"]] == [0, 0]
 
 
 def test_a_port_in_use_is_refused_and_nothing_stays_open() -> None:

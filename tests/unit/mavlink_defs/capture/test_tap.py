@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
+from mavlink_defs.capture.tap_counts import new_counts
 from mavlink_defs.capture.tap_report import OutcomeReport, TapReport
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.endpoint import UdpAddress
@@ -238,10 +239,81 @@ def test_frame_size_agrees_with_pymavlink(message, sender) -> None:
 def test_memory_does_not_grow_with_the_number_of_frames() -> None:
     tap = Tap(window_s=0.1)
     frame = FramePacker(1, 1).pack(HEARTBEAT)
-    for k in range(5000):
+    tap.count(0.0, "gcs", "to", frame)
+    room = [table.nbytes for table in tap.counts]
+    for k in range(1, 5000):
         tap.count(k * 1e-2, "gcs", "to", frame)
-    (count,) = tap._counts.values()
-    assert len(count.rate._recent) <= 11
+    assert [table.nbytes for table in tap.counts] == room
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.0, 3.0), ways, senders, messages), max_size=60),
+    st.lists(st.floats(0.0, 4.0), min_size=1, max_size=4),
+)
+def test_rates_are_those_of_the_datagrams_within_the_window(sent, asked) -> None:
+    sent.sort(key=lambda entry: entry[0])
+    tap, sizes = Tap(window_s=0.5), []
+    for time_s, (link, direction), sender, message in sent:
+        datagram = FramePacker(*sender).pack(message)
+        tap.count(time_s, link, direction, datagram)
+        sizes.append((time_s, link, direction, sender, message.get_msgId(), len(datagram)))
+    last_s = sent[-1][0] if sent else 0.0
+    for now_s in sorted(max(time_s, last_s) for time_s in asked):
+        report = tap.report(now_s)
+        recent = [entry for entry in sizes if entry[0] > now_s - 0.5]
+        for row in report.links:
+            mine = [n for _, *way, _, _, n in recent if way == [row.link, row.direction]]
+            assert (row.rate_hz, row.bytes_per_s) == (len(mine) / 0.5, sum(mine) / 0.5)
+        for stream in report.messages:
+            key = [stream.link, stream.direction, (stream.system, stream.component)]
+            mine = [n for _, *of, n in recent if of == [*key, stream.message_id]]
+            assert stream.rate_hz == len(mine) / 0.5
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["plant", "gcs", "a", "b"]),
+            st.lists(st.tuples(senders, messages) | st.binary(max_size=20), max_size=8),
+        ),
+        max_size=20,
+    ),
+    st.sets(st.integers(0, 19)),
+)
+def test_reports_in_between_and_tables_that_grow_change_no_count(sent, pauses) -> None:
+    at_once, in_pieces = Tap(), Tap()
+    in_pieces.counts = new_counts(1.0, room=1)
+    for k, (link, parts) in enumerate(sent):
+        datagram = b"".join(
+            part if isinstance(part, bytes) else FramePacker(*part[0]).pack(part[1])
+            for part in parts
+        )
+        for tap in (at_once, in_pieces):
+            tap.count(k * 0.1, link, "to", datagram)
+        if k in pauses:
+            in_pieces.report()
+    assert in_pieces.report() == at_once.report()
+
+
+def test_rates_of_bursts_that_become_longer() -> None:
+    tap, frame = Tap(), FramePacker(1, 1).pack(HEARTBEAT)
+    tap.counts = new_counts(1.0, room=4)
+    for n in range(200):
+        for _ in range(n):
+            tap.count(0.4 * n, "gcs", "to", frame)
+        if n > 2:
+            assert tap.report().messages[0].rate_hz == n + (n - 1) + (n - 2)
+
+
+def test_a_datagram_of_very_many_senders_is_counted() -> None:
+    packers = [FramePacker(system, 1) for system in range(1, 256)]
+    datagram = b"".join(packer.pack(HEARTBEAT) for packer in packers)
+    tap = Tap()
+    for _ in range(2):
+        tap.count(0.0, "gcs", "to", datagram * 3)
+    assert tap.frames() == 6 * 255
+    assert {row.frames for row in tap.report().messages} == {6}
+    assert tap.report().links[0].rate_hz == 2.0
 
 
 def test_links_are_named_by_the_port_of_their_fixed_end() -> None:
