@@ -1,7 +1,9 @@
 """Decisions about one actuator: suspect, lost, back in service.
 
 Suspect: the residual r = y - u jumped from its slow mean, or crept away without any excitation.
-Lost: the command moved enough and the actuator did not follow. Back: it follows again.
+Most of the gyro's noise in r is fast, since y has the rates' derivative in it; smoothed over 15 ms,
+r shows jumps that are several times smaller. Lost: the command moved enough and the actuator did
+not follow; if it did, the suspicion ends. Back: a lost one follows again.
 """
 
 import math
@@ -22,14 +24,16 @@ _DECIDE_S = 0.5  # no loss is declared earlier
 _CREEP_S = 1.5
 _CENTRE_S, _OLD_CENTRE_S, _NOISE_S = 0.15, 4.0, 5.0  # memories
 _FIRST_NOISE_S = 0.1  # that of the noise begins with this, and grows
-_BLANK = 2.5  # of the measurement's filters: a step has passed it
+_SMOOTH_S = 0.015  # filter of the smoothed residual
+_BLANK = 1.5  # of the measurement's filters: most of a step has passed it
 _LOCK_S = 0.25
 _REST_S = 2.0
 _CREPT = 1.6  # of the threshold of a jump
 _KEPT = 0.1  # of the longer memory, after a jump
 _MORE_EXCITATION = 2.1  # of the noise
 _UNFOLLOWED = 0.4  # var_y by var_u below which an actuator does not follow
-_MARGIN = 0.2  # of ρ + 1.5 σ_ρ above the limit of a lost actuator
+_MARGIN = 0.4  # of ρ + 1.5 σ_ρ above the limit of a lost actuator
+_FOLLOWING = 0.5  # ρ - σ_ρ above which a suspect actuator follows
 _FEW_S = 0.006  # shortest window
 _LONG_SETTLE_S = 0.3  # before the longer memory may tell that the throttle is back
 _SETTLE_S = 0.1  # after a loss, before a return can be seen
@@ -48,7 +52,13 @@ def phase_of(actuator: np.void) -> int:
 
 @compiled
 def watch(
-    actuator: np.void, limits: Thresholds, age: float, dt: float, filter_s: float, sigmas: float
+    actuator: np.void,
+    limits: Thresholds,
+    age: float,
+    dt: float,
+    filter_s: float,
+    sigmas: float,
+    smooth_sigmas: float,
 ) -> None:
     """Look for jumps and creeping of the residual; learn from it in between.
 
@@ -63,26 +73,36 @@ def watch(
         dt: Control period [s].
         filter_s: Filter of the measurement [s].
         sigmas: Least jump, in standard deviations of the residual's noise.
+        smooth_sigmas: The same of the smoothed residual.
     """
     in_service = actuator["lost"] == 0
     r = actuator["measured"] - actuator["commanded"]
     away = r - actuator["centre"]
     jump = max(limits.jump, sigmas * math.sqrt(actuator["noise"]))
+    actuator["smooth"] += dt / _SMOOTH_S * (r - actuator["smooth"])
+    smooth_away = actuator["smooth"] - actuator["centre"]
+    smooth_jump = max(limits.smooth_jump, smooth_sigmas * math.sqrt(actuator["smooth_noise"]))
     if actuator["blank"] > 0.0:
         actuator["blank"] -= dt
         restart(actuator)
         if actuator["blank"] <= 0.0:
-            actuator["centre"] = r
+            actuator["centre"], actuator["smooth"] = r, r
     else:
-        if in_service and abs(away) > jump and age > _START_S and actuator["lock"] <= 0.0:
+        jumped = abs(away) > jump or abs(smooth_away) > smooth_jump
+        if in_service and jumped and age > _START_S and actuator["lock"] <= 0.0:
             actuator["blank"], actuator["lock"] = _BLANK * filter_s, _LOCK_S
-            _suspect(actuator, limits)
+            _suspect(actuator, limits, smooth_away)
             actuator["long_var_u"] *= _KEPT
             actuator["long_cov"] *= _KEPT
         actuator["centre"] += dt / _CENTRE_S * away
         if actuator["suspect"] == 0.0:  # else r moves because the commands do
             share = dt / min(max(age, _FIRST_NOISE_S), _NOISE_S)  # at first the mean so far
-            actuator["noise"] += share * (min(away * away, jump * jump) - actuator["noise"])
+            square, smooth_square = (
+                min(abs(away), jump) ** 2,
+                min(abs(smooth_away), smooth_jump) ** 2,
+            )
+            actuator["noise"] += share * (square - actuator["noise"])
+            actuator["smooth_noise"] += share * (smooth_square - actuator["smooth_noise"])
         learn(actuator, limits.window, dt)
     actuator["suspect"] = max(actuator["suspect"] - dt, 0.0)
     actuator["lock"] = max(actuator["lock"] - dt, 0.0)
@@ -92,13 +112,17 @@ def watch(
     crept = r - actuator["old_centre"]
     actuator["old_centre"] += dt / _OLD_CENTRE_S * crept
     if in_service and abs(crept) > _CREPT * jump and age > _CREEP_S:
-        _suspect(actuator, limits)
+        _suspect(actuator, limits, crept)
 
 
 @compiled
-def _suspect(actuator: np.void, limits: Thresholds) -> None:
-    """Suspect an actuator, unless it was lately: its movements would renew the suspicion."""
+def _suspect(actuator: np.void, limits: Thresholds, away: float) -> None:
+    """Suspect an actuator, unless it was lately: its movements would renew the suspicion.
+
+    It will be moved against the change of its residual, as the law's own answer moves it.
+    """
     if actuator["rest"] <= 0.0:
+        actuator["way"], actuator["followed"] = -math.copysign(1.0, away), 0.0
         actuator["suspect"], actuator["rest"] = limits.suspicion, limits.suspicion + _REST_S
 
 
@@ -112,7 +136,7 @@ def decide(
     lost_effectiveness: float,
     is_throttle: bool,
 ) -> None:
-    """Declare an actuator lost, or back in service, and write its confidence.
+    """Declare an actuator lost, not suspect any more, or back in service; write its confidence.
 
     Args:
         actuator: Record of dtype `ACTUATOR`, updated in place.
@@ -128,10 +152,14 @@ def decide(
     actuator["since"] += dt
     if actuator["lost"] == 0:
         enough = max(limits.excitation, _MORE_EXCITATION * math.sqrt(actuator["noise"]))
+        moved = actuator["samples"] * dt > _FEW_S and actuator["var_u"] > enough * enough
+        follows = moved and effectiveness - error > _FOLLOWING
+        actuator["followed"] = actuator["followed"] + dt if follows else 0.0
+        if actuator["followed"] > limits.confirm:
+            actuator["suspect"] = 0.0
         seen = (
             age > _DECIDE_S
-            and actuator["samples"] * dt > _FEW_S
-            and actuator["var_u"] > enough * enough
+            and moved
             and effectiveness < lost_effectiveness
             and effectiveness + 1.5 * error < lost_effectiveness + _MARGIN
             and actuator["var_y"] < _UNFOLLOWED * actuator["var_u"]

@@ -56,7 +56,15 @@ def diagnose(
         if first:
             actuator["effectiveness"] = 1.0
             actuator["noise"] = (_QUIET * limits.jump) ** 2
-        watch(actuator, limits, state["age"], dt, filter_s, gains["jump_sigma"])
+        watch(
+            actuator,
+            limits,
+            state["age"],
+            dt,
+            filter_s,
+            gains["jump_sigma"],
+            gains["smooth_jump_sigma"],
+        )
         decide(
             actuator,
             limits,

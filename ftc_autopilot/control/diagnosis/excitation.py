@@ -1,7 +1,8 @@
 """Small movements of a command that tell whether an actuator follows.
 
 A rudder at its stop, or an elevator stuck near its trim, moves nothing that the flight would
-show: a suspect surface is moved toward zero and back, a lost one about where it stands.
+show: a suspect surface is moved to one side and back until it is seen to follow or not, a lost one
+about where it stands.
 """
 
 import math
@@ -14,13 +15,15 @@ from mavlink_defs.runtime.jit import compiled
 
 __all__ = ["dithered", "probe", "probed"]
 
-_HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.05, 0.07
-_AFTER_S, _RUDDER_AFTER_S = 0.1, 0.03  # an aileron or elevator that is lost mostly shows by itself
+_HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.035, 0.05
+_AFTER_S, _RUDDER_AFTER_S = 0.01, 0.0  # most of the movement comes after the measurement's blank
 
 
 @compiled
 def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) -> float:
     """Return the command of surface j [rad], moved to and fro if the surface is suspect.
+
+    The side is that of the law's own answer to the jump, or toward zero where the stop is near.
 
     Args:
         delta: Command of the law [rad].
@@ -34,14 +37,16 @@ def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) 
     if j == RUDDER:
         half, after = _RUDDER_HALF_PERIOD_S, _RUDDER_AFTER_S
     limits = thresholds_of(gains, j)
-    away = abs(actuator["measured"] - actuator["commanded"]) > limits.jump
     since = limits.suspicion - after - actuator["suspect"]
     due = actuator["suspect"] > 0.0 and since > 0.0
-    if actuator["lost"] != 0 or not due or not away:
+    if actuator["lost"] != 0 or not due:
         return delta
     delta = min(max(delta, -stop), stop)
+    size, way = gains["dither_rad"][j], actuator["way"]
+    if abs(delta + way * size) > stop:
+        way = -math.copysign(1.0, delta)
     if since % (2.0 * half) < half:
-        delta -= math.copysign(gains["dither_rad"][j], delta)
+        delta += way * size
     return delta
 
 

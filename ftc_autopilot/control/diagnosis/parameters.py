@@ -51,6 +51,10 @@ class Diagnosis(Model):
         default=(1.5, 2.0, 3.0), description="Jumps of the residual that raise suspicion [deg]."
     )
     jump_n: float = quantity("N", gt=0.0, default=120.0, doc="The throttle's.")
+    smooth_jump_deg: _Angles = Field(
+        default=(0.6, 0.15, 3.0),
+        description="Jumps of the smoothed residual that raise suspicion [deg].",
+    )
     excitation_deg: _Angles = Field(
         default=(1.0, 1.2, 2.0),
         description="Standard deviations of the command that a decision needs [deg].",
@@ -67,6 +71,9 @@ class Diagnosis(Model):
     throttle_confirm_s: float = quantity("s", gt=0.0, default=0.008, doc="The throttle's.")
     jump_sigma: float = quantity(
         "", ge=0.0, default=5.0, doc="Jumps are at least this many standard deviations of noise."
+    )
+    smooth_jump_sigma: float = quantity(
+        "", ge=0.0, default=3.5, doc="The same of the smoothed residual."
     )
     lost_effectiveness: float = quantity(
         "", gt=0.0, lt=0.5, default=0.2, doc="An actuator with less is lost."
@@ -98,6 +105,7 @@ class Thresholds(NamedTuple):
     """The numbers of one actuator, in rad or N and s."""
 
     jump: float
+    smooth_jump: float
     excitation: float
     prior: float
     window: float
@@ -117,6 +125,7 @@ def thresholds_of(gains: np.void, j: int) -> Thresholds:
     if j == THROTTLE:
         return Thresholds(
             gains["jump_n"],
+            math.inf,
             gains["excitation_n"],
             gains["prior_n"],
             gains["throttle_window_s"],
@@ -127,6 +136,7 @@ def thresholds_of(gains: np.void, j: int) -> Thresholds:
         )
     return Thresholds(
         gains["jump_rad"][j],
+        gains["smooth_jump_rad"][j],
         gains["excitation_rad"][j],
         gains["prior_rad"][j],
         gains["window_s"][j],

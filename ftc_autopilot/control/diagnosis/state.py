@@ -14,6 +14,8 @@ ACTUATOR = np.dtype(
         ("measured", "f8"),  # y: what the actuator does, through the same filter
         ("centre", "f8"),  # slow mean of the residual r = y - u
         ("noise", "f8"),  # variance of r about its centre
+        ("smooth", "f8"),  # r through another filter
+        ("smooth_noise", "f8"),  # variance of that about the centre
         ("old_centre", "f8"),  # slower mean of r, of which r may creep away
         # regression y = ρ u + f over the window
         ("samples", "f8"),
@@ -29,8 +31,10 @@ ACTUATOR = np.dtype(
         ("blank", "f8"),  # left until the window starts anew after a jump
         ("lock", "f8"),  # left until the next jump counts
         ("suspect", "f8"),  # left of a suspicion
+        ("way", "f8"),  # sign of the movements of a suspect surface
         ("rest", "f8"),  # left until r may be found to creep again
         ("agreed", "f8"),  # for which the condition of a decision has held
+        ("followed", "f8"),  # for which a suspect actuator has been seen to follow
         ("since", "f8"),  # since the last decision
         ("quiet", "f8"),  # for which the residual has been small
         # results

@@ -24,7 +24,7 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import mat3, mul, sub
 
-__all__ = ["surviving_law"]
+__all__ = ["at_stop", "surviving_law"]
 
 _LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
 
@@ -86,14 +86,29 @@ def surviving_law(
             thrust = thrust_for_pitch(now, level, gains, state)
     else:
         state["gave_up_speed"], state["pitch_integral"] = 0, 0.0
+    near = now.b[0] * stop + now.b[1]
     return Demand(
         (
-            dithered(aileron, AILERON, stop, gains["diagnosis"], diagnosis),
-            dithered(elevator, ELEVATOR, stop, gains["diagnosis"], diagnosis),
-            dithered(rudder, RUDDER, stop, gains["diagnosis"], diagnosis),
+            at_stop(dithered(aileron, AILERON, stop, gains["diagnosis"], diagnosis), stop, near),
+            at_stop(dithered(elevator, ELEVATOR, stop, gains["diagnosis"], diagnosis), stop, near),
+            at_stop(dithered(rudder, RUDDER, stop, gains["diagnosis"], diagnosis), stop, near),
         ),
         thrust,
     )
+
+
+@compiled
+def at_stop(delta: float, stop: float, near: float) -> float:
+    """Return the stop for a command that is nearer to it than the trigger's threshold.
+
+    Else a surface that is held there would never be sent the rest: it is less than the threshold.
+
+    Args:
+        delta: The command, before saturation [rad].
+        stop: Largest deflection [rad].
+        near: Threshold (29) at the stop [rad].
+    """
+    return math.copysign(stop, delta) if abs(delta) > stop - near else delta
 
 
 @compiled

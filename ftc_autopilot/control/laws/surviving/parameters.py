@@ -58,8 +58,8 @@ class Surviving(LawParameters):
         "deg/s", gt=0.0, default=20.0, doc="Largest angle rate of a neighbour's error that counts."
     )
 
-    K1: Gains = Field(default=(10.0, 10.0, 5.0), description="Gains of the attitude errors [1/s].")
-    K2: Gains = Field(default=(24.0, 24.0, 18.0), description="Gains of the rate errors [1/s].")
+    K1: Gains = Field(default=(11.5, 10.5, 5.2), description="Gains of the attitude errors [1/s].")
+    K2: Gains = Field(default=(25.0, 24.0, 18.0), description="Gains of the rate errors [1/s].")
     rate_limit_deg_s: tuple[_RateLimit, _RateLimit, _RateLimit] = Field(
         default=(60.0, 40.0, 12.0),  # wings level, 60 deg/s of yaw would be -50 deg of sideslip
         description="Limits of the Euler angle rates that errors ask for [deg/s].",
@@ -68,7 +68,7 @@ class Surviving(LawParameters):
         "m/s", gt=0.0, default=37.0, doc="Airspeed below which the gains decrease."
     )
     tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of the wanted rates.")
-    c_v: float = quantity("1/s", gt=0.0, default=10.0, doc="Gain of the speed error.")
+    c_v: float = quantity("1/s", gt=0.0, default=10.5, doc="Gain of the speed error.")
     alpha_limit_deg: float = quantity(
         "deg", gt=0.0, lt=90.0, default=33.0, doc="Angle of attack above which the nose is lowered."
     )

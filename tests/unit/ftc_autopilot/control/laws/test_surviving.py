@@ -5,9 +5,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.laws.surviving import Surviving
+from ftc_autopilot.control.laws.surviving.law import at_stop
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
@@ -20,11 +23,10 @@ pytestmark = pytest.mark.slow  # a hundred flights
 
 FILES = sorted(path.stem for path in (SCENARIOS / "faults").glob("*.yaml"))
 SEEN_LATER = {  # it stands where the flight wants it: nothing shows until something moves it
-    "stuck_at_aileron": 0.25,
-    "stuck_at_elevator": 0.75,
+    "stuck_at_aileron": 0.15,
+    "stuck_at_elevator": 0.12,
     "stuck_oscillating_aileron": 0.25,
-    "stuck_oscillating_rudder": 0.5,
-    "stuck_trim_aileron_for_good": 2.0,
+    "stuck_trim_aileron_for_good": 1.2,
 }
 
 
@@ -87,7 +89,7 @@ def test_every_fault_is_survived_and_found(name: str, hardware: str) -> None:
     for change in found:
         fault = next(f for f in scenario.faults if f.actuator == change.actuator)
         if change.lost:
-            soon = 0.25 if change.actuator == "rudder" else 0.12
+            soon = 0.15 if change.actuator == "rudder" else 0.08
             assert 0.0 < change.time_s - fault.start_s < SEEN_LATER.get(name, soon)
         else:
             assert fault.end_s is not None
@@ -99,6 +101,21 @@ def _faulty(scenario: Scenario) -> set[int]:
     return {fault.uav for fault in scenario.faults}
 
 
+@given(delta=st.floats(0.5, 1.0), held=st.floats(0.5, 0.61), near=st.floats(0.01, 0.1))
+def test_no_command_is_held_short_of_a_stop_that_is_asked_for(
+    delta: float, held: float, near: float
+) -> None:
+    stop = 0.61
+    for sign in (-1.0, 1.0):
+        wanted = sign * min(sign * at_stop(sign * delta, stop, near), stop)
+        in_force = at_stop(sign * held, stop, near)  # as an event has set it
+        if abs(wanted - in_force) >= near:
+            in_force = wanted
+        assert abs(in_force - sign * min(delta, stop)) <= near
+        if delta >= stop:
+            assert in_force == sign * stop
+
+
 def test_without_reconfiguration_the_aircraft_is_lost() -> None:
     """The test above can fail, and it is the reconfiguration that saves."""
     flight = fly_in_process(scenario_with("faults/stuck_zero_aileron", {"reconfigure": False}))
@@ -106,7 +123,7 @@ def test_without_reconfiguration_the_aircraft_is_lost() -> None:
     flight = fly_in_process(
         scenario_with(
             "faults/stuck_zero_aileron",
-            {"diagnosis": {"jump_deg": [30.0, 30.0, 30.0], "excitation_deg": [30.0] * 3}},
+            {"diagnosis": {"jump_deg": [30.0] * 3, "excitation_deg": [30.0] * 3}},
         )
     )
     assert changes(flight) == []
@@ -114,19 +131,22 @@ def test_without_reconfiguration_the_aircraft_is_lost() -> None:
 
 
 @pytest.mark.parametrize(
-    ("hardware", "limits", "events"),
-    [("ideal", (12.5, 14.7, 14.4, 13.8), 560), ("realistic", (12.6, 14.4, 13.2, 13.7), 600)],
+    ("hardware", "seeds", "limits"),
+    [("ideal", 1, (560, 12.5, 14.7, 14.4, 13.8)), ("realistic", 10, (600, 12.5, 14.1, 13.2, 13.7))],
 )
-def test_the_flight_without_faults_stays_within_its_budget(
-    hardware: str, limits: tuple[float, ...], events: int
+@pytest.mark.parametrize("faults", [{}, {"faults": []}])
+def test_scenario_1_stays_within_its_budget(
+    hardware: str, seeds: int, limits: tuple[float, ...], faults: dict[str, Any]
 ) -> None:
-    scenario = scenario_with("paper/scenario1", hardware=hardware, faults=[])
-    flight = fly_in_process(scenario)
-    assert changes(flight) == []
-    for uav in summarise(flight, scenario).uavs:
-        assert uav.events <= events
-        for quantity, limit in zip(uav.iae, limits, strict=True):
-            assert (uav.iae[quantity] or 0.0) <= limit, quantity
+    """Events and IAEs of every UAV, in the mean over the seeds of the gyro's noise."""
+    found = []
+    for seed in range(1, seeds + 1):
+        scenario = scenario_with("paper/scenario1", hardware=hardware, seed=seed, **faults)
+        flight = fly_in_process(scenario)
+        assert changes(flight) == []
+        for uav in summarise(flight, scenario).uavs:
+            found.append((uav.events, *(error or 0.0 for error in uav.iae.values())))
+    assert np.all(np.mean(np.reshape(found, (seeds, -1, 5)), axis=0) <= limits)
 
 
 @pytest.mark.parametrize("hardware", ["ideal", "realistic"])
