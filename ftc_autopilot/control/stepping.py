@@ -28,7 +28,7 @@ from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
 from ftc_autopilot.guidance.laws import guide
 from ftc_autopilot.guidance.laws.base import Situation
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
@@ -52,10 +52,10 @@ def announce(controllers: Controllers, i: int, measured: np.void) -> None:
     fill_neighbour_state(
         motion_of(measured, controllers.aircraft[i]), measured["step"], controllers.own_states[i]
     )
-    controllers.told[i] = controllers.own_states[i]
+    copy_record(controllers.told[i], controllers.own_states[i])
 
 
-@compiled
+@inlined
 def controller_step(controllers: Controllers, i: int, measured: np.void, step_us: int) -> int:
     """Make one step from a measured state: own state, guidance, control, actuator message.
 
@@ -83,7 +83,7 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
     return mask
 
 
-@compiled
+@inlined
 def _step(controllers: Controllers, i: int, measured: np.void, step_us: int, may_send: bool) -> int:
     """Make one step of UAV i; return the mask of events, which are made only if it may send."""
     known_s = controllers.parameters[i]["common"]["delay_s"]
@@ -99,7 +99,7 @@ def _step(controllers: Controllers, i: int, measured: np.void, step_us: int, may
     return mask
 
 
-@compiled
+@inlined
 def tell_neighbours(controllers: Controllers, i: int, step: int, step_us: int) -> bool:
     """Return whether UAV i sends `own_states` to its neighbours after a step; it is noted then.
 
@@ -116,14 +116,14 @@ def tell_neighbours(controllers: Controllers, i: int, step: int, step_us: int) -
         if not is_message_due(own, told[i], extrapolated, dt, parameters["formation_trigger"]):
             controllers.signals[i]["neighbour_message"] = 0
             return False
-    told[i] = own
+    copy_record(told[i], own)
     counted = 1 if step > 0 else 0  # the first message is known before the start
     controllers.signals[i]["neighbour_message"] = counted
     controllers.states[i]["neighbour_messages"] += counted
     return True
 
 
-@compiled
+@inlined
 def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> np.ndarray:
     """Return what UAV i knows of its neighbours in a step, dtype NEIGHBOUR, shape (degree,)."""
     known: np.ndarray = controllers.neighbour_states[i]
@@ -135,7 +135,7 @@ def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> n
     return known
 
 
-@compiled
+@inlined
 def _control(
     controllers: Controllers,
     i: int,
@@ -239,7 +239,7 @@ def _guide(
     guidance["guided_step"] = step
 
 
-@compiled
+@inlined
 def _record_guidance(controllers: Controllers, i: int, on_path: bool) -> None:
     """Write where on the path UAV i is, and its slot; NaN off a path."""
     signals, formation = controllers.signals[i], controllers.formations[i]

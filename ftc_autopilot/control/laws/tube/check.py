@@ -11,7 +11,7 @@ from ftc_autopilot.control.laws.tube.plan import best_change, first_exit
 from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
 from ftc_autopilot.control.laws.tube.tube import deviate, lay_tube
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import mat3, mul, scale, vec3
 
@@ -25,7 +25,7 @@ _NO_CHANGE = 1e-12
 _ROUNDING_S = 1e-9
 
 
-@compiled
+@inlined
 def check(
     now: Instant,
     positions: np.ndarray,

@@ -6,17 +6,23 @@ import numpy as np
 
 from ftc_autopilot.control.laws.base import Demand, Instant
 from ftc_autopilot.control.laws.surviving import surviving_law
+from ftc_autopilot.control.laws.tube.adaptation import adapt
 from ftc_autopilot.control.laws.tube.check import check
 from ftc_autopilot.control.laws.tube.observer import observe
-from ftc_autopilot.control.laws.tube.takeover import only_rudder_lost, take_over, triggered
+from ftc_autopilot.control.laws.tube.takeover import (
+    only_rudder_lost,
+    take_over,
+    triggered,
+    with_coarser_thresholds,
+)
 from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import inlined
 
 __all__ = ["tube_law"]
 
 
-@compiled
+@inlined
 def tube_law(
     now: Instant,
     aircraft: np.void,
@@ -38,6 +44,7 @@ def tube_law(
         signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; the diagnosis and
             the predicted exits are written.
     """
+    now = with_coarser_thresholds(now, gains["takeover_threshold"])
     surviving = surviving_law(now, aircraft, gains, state, signals)
     no_rudder = only_rudder_lost(gains, state)
     positions, commands = np.empty(N_CHANNELS), np.empty(N_CHANNELS)
@@ -45,7 +52,11 @@ def tube_law(
         positions[j], commands[j] = state["diagnosis"]["actuators"][j]["position"], now.held[j]
     if no_rudder:
         positions[RUDDER] = state["diagnosis"]["actuators"][RUDDER]["stuck"]
-    observe(now, positions, aircraft, gains, state)
+    checked = state["step"] % in_steps(gains["check_s"], now.dt) == 0
+    if checked:
+        adapt(now, aircraft, gains, state)
+    model = state["model"]
+    observe(now, positions, model, gains, state)
     mask = 0
     if take_over(now, gains, state):
         for j in range(N_CHANNELS):
@@ -55,12 +66,12 @@ def tube_law(
     else:
         if no_rudder and triggered(now, RUDDER, surviving, aircraft, commands):
             mask |= 1 << RUDDER
-        if state["step"] % in_steps(gains["check_s"], now.dt) == 0:
+        if checked:
             rudder = commands[RUDDER]
             if no_rudder:
                 commands[RUDDER] = positions[RUDDER]
             mask |= check(
-                now, positions, no_rudder, aircraft, gains, state, reference, bandwidth, commands
+                now, positions, no_rudder, model, gains, state, reference, bandwidth, commands
             )
             if no_rudder:
                 commands[RUDDER] = rudder

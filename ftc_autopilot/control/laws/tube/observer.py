@@ -10,7 +10,7 @@ import numpy as np
 
 from ftc_autopilot.control.laws.base import Instant
 from mavlink_defs.constants import THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import inlined
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import add, mat3, mul, vec3
@@ -18,7 +18,7 @@ from sitl_plant.vec3 import add, mat3, mul, vec3
 __all__ = ["observe"]
 
 
-@compiled
+@inlined
 def observe(
     now: Instant, positions: np.ndarray, aircraft: np.void, gains: np.void, state: np.void
 ) -> None:

@@ -9,6 +9,7 @@ from ftc_autopilot.control.laws.gains import Gains
 from ftc_autopilot.control.laws.surviving import Surviving
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import N_CHANNELS
+from sitl_plant.aircraft import AIRCRAFT
 
 __all__ = ["OUTPUTS", "Tube"]
 
@@ -38,6 +39,12 @@ class Tube(Surviving):
             ("omega", "f8", (3,)),  # estimate of the angular velocity [rad/s]
             ("disturbance", "f8", (6,)),  # of v̇ [m/s²] and ω̇ [rad/s²]
             ("disturbance_slope", "f8", (6,)),  # per s
+            # adaptation
+            ("model", AIRCRAFT),  # the nominal aircraft with the derivatives found
+            ("means", "f8", (3, 2, 3)),  # of the band-pass filter [rad/s²]
+            ("information", "f8", (2, 2, 2)),  # ∑ x xᵀ dt of every axis [rad²/s³]
+            ("evidence", "f8", (2, 2)),  # ∑ x y dt [rad²/s³]
+            ("derivative_error", "f8", (2, 2)),  # by the nominal derivative
             # events
             ("step", "i8"),  # steps made
             ("sent", "i8", (N_CHANNELS,)),  # step of a channel's last event
@@ -129,8 +136,29 @@ class Tube(Surviving):
         doc="Time for which a disturbance is expected to go on changing.",
     )
 
+    adapt: bool = Field(
+        default=True,
+        description="Whether the strength of aileron and elevator and the damping of pitch are "
+        "identified in flight; false: those of the nominal aircraft.",
+    )
+    adaptation_memory_s: float = quantity(
+        "s", gt=0.0, default=20.0, doc="Memory of the identification."
+    )
+    adaptation_prior: float = quantity(
+        "rad^2/s^3",
+        gt=0.0,
+        default=0.1,
+        doc="Integral of the squared excitation at which half of an error is believed.",
+    )
+
     takeover_s: float = quantity(
         "s", gt=0.0, default=0.5, doc="Time for which the surviving law flies after the last loss."
+    )
+    takeover_threshold: float = quantity(
+        "",
+        gt=0.0,
+        default=2.0,
+        doc="Thresholds of (25) and (29) while the surviving law flies, relative to the trigger's.",
     )
     rescue_deg: float = quantity(
         "deg", gt=0.0, default=15.0, doc="Roll or pitch error at which it takes over as well."

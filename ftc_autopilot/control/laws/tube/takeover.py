@@ -4,14 +4,14 @@ import numpy as np
 
 from ftc_autopilot.control.laws.base import Demand, Instant
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 
-__all__ = ["only_rudder_lost", "take_over", "triggered"]
+__all__ = ["only_rudder_lost", "take_over", "triggered", "with_coarser_thresholds"]
 
 _MOST_DOUBLINGS = 4
 
 
-@compiled
+@inlined
 def only_rudder_lost(gains: np.void, state: np.void) -> bool:
     """Return whether the rudder alone is lost: the tube law flies on without yaw."""
     if gains["survive"] == 0:
@@ -21,7 +21,7 @@ def only_rudder_lost(gains: np.void, state: np.void) -> bool:
     return bool(actuators[RUDDER]["lost"] != 0 and others == 0)
 
 
-@compiled
+@inlined
 def take_over(now: Instant, gains: np.void, state: np.void) -> bool:
     """Return whether the surviving law flies this step; advance the time that it has left."""
     if gains["survive"] == 0:
@@ -45,7 +45,7 @@ def take_over(now: Instant, gains: np.void, state: np.void) -> bool:
     return bool(state["taken_over"] > 0.0 and not now.first)
 
 
-@compiled
+@inlined
 def triggered(
     now: Instant, j: int, demand: Demand, aircraft: np.void, commands: np.ndarray
 ) -> bool:
@@ -69,3 +69,20 @@ def triggered(
     if fired:
         commands[j] = wanted
     return fired
+
+
+@compiled
+def with_coarser_thresholds(now: Instant, factor: float) -> Instant:
+    """Return the present step with the thresholds of (25) and (29) multiplied by a factor."""
+    return Instant(
+        now.t,
+        now.dt,
+        now.first,
+        now.motion,
+        now.command,
+        now.reference,
+        now.errors,
+        now.held,
+        (factor * now.a[0], factor * now.a[1]),
+        (factor * now.b[0], factor * now.b[1]),
+    )

@@ -54,6 +54,10 @@ def lay_tube(
     e = errors.e_prime
     weighted = (errors.V_tilde_prime / errors.lambda_v, e[0] / lam, e[1] / lam, e[2] / lam)
     h, tau, scale = gains["prediction_step_s"], gains["funnel_s"], gains["tube_scale"]
+    filter_decay, funnel_decay = np.empty(rows), np.empty(rows)  # the same for all outputs
+    for i in range(rows):
+        s = (i + 1) * h
+        filter_decay[i], funnel_decay[i] = math.exp(-bandwidth * s), math.exp(-s / tau)
     for o in range(OUTPUTS):
         z, slope, bend = reference[o, 0] - command[o], reference[o, 1], reference[o, 2]
         error, neighbours = weighted[o], own[o] - weighted[o]
@@ -69,10 +73,10 @@ def lay_tube(
         slope, bend = slope + bandwidth * z, bend + 2.0 * bandwidth * slope + bandwidth**2 * z
         for i in range(rows):
             s = (i + 1) * h
-            ahead = math.exp(-bandwidth * s) * (z + slope * s + 0.5 * bend * s * s)
+            ahead = filter_decay[i] * (z + slope * s + 0.5 * bend * s * s)
             left = math.copysign(max(beyond - rate * s, 0.0), error)
             path[o, i] = command[o] + ahead + neighbours + left
-            width[o, i] = d + k * abs(ahead) + outside * math.exp(-s / tau)
+            width[o, i] = d + k * abs(ahead) + outside * funnel_decay[i]
 
 
 @compiled

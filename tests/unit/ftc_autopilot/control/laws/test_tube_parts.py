@@ -17,7 +17,12 @@ from ftc_autopilot.control.laws.tube.check import trim
 from ftc_autopilot.control.laws.tube.observer import observe
 from ftc_autopilot.control.laws.tube.plan import best_change, first_exit
 from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
-from ftc_autopilot.control.laws.tube.takeover import only_rudder_lost, take_over, triggered
+from ftc_autopilot.control.laws.tube.takeover import (
+    only_rudder_lost,
+    take_over,
+    triggered,
+    with_coarser_thresholds,
+)
 from ftc_autopilot.control.laws.tube.tube import deviate, lay_tube
 from ftc_autopilot.control.motion import motion_of
 from ftc_autopilot.control.reference import Reference, filter_reference
@@ -330,18 +335,18 @@ def test_a_large_error_and_a_storm_of_events_are_reasons_too(nominal: np.void) -
         assert state["taken_over"] == longer
 
 
-@given(rudder=st.floats(-0.7, 0.7), thrust=st.floats(-100.0, 2200.0))
+@given(rudder=st.floats(-0.7, 0.7), thrust=st.floats(-100.0, 2200.0), factor=st.floats(0.5, 4.0))
 def test_its_commands_are_sent_by_the_papers_triggers(
-    rudder: float, thrust: float, nominal: np.void
+    rudder: float, thrust: float, factor: float, nominal: np.void
 ) -> None:
-    now, demand = instant(measured(nominal)), Demand((0.0, 0.0, rudder), thrust)
-    commands = COMMANDS.copy()
+    now = with_coarser_thresholds(instant(measured(nominal)), factor)
+    demand, commands = Demand((0.0, 0.0, rudder), thrust), COMMANDS.copy()
     stop = nominal["surface_limit"]
     wanted = min(max(rudder, -stop), stop)
-    due = abs(wanted - 0.3) >= 0.01 * 0.3 + math.radians(1.0)
+    due = abs(wanted - 0.3) >= factor * (0.01 * 0.3 + math.radians(1.0))
     assert triggered(now, 2, demand, nominal, commands) == due
     assert commands[2] == (wanted if due else 0.3)
     wanted = min(max(thrust, 0.0), nominal["thrust_limit"])
-    due = abs(wanted - 900.0) >= 0.01 * 900.0 + 1.0
+    due = abs(wanted - 900.0) >= factor * (0.01 * 900.0 + 1.0)
     assert triggered(now, 3, demand, nominal, commands) == due
     assert commands[3] == (wanted if due else 900.0)

@@ -1,0 +1,141 @@
+"""Adaptation: the strength of aileron and elevator, and the damping of pitch, from the flight.
+
+The moment that the nominal aircraft does not explain, as the diagnosis measures it, is a
+disturbance and the errors θ of the derivatives, relative to the nominal ones:
+
+    y_i = θ_i1 x_i1 + θ_i2 x_i2 + d_i
+
+with x_1 the nominal angular acceleration by damping and x_2 that by the axis' own surface. The
+commands are steps, the disturbance is slow and the gyro's noise fast: a band-pass filter keeps d_i
+from being taken for an error of the surface that counteracts it. θ is the regularised least-squares
+solution with exponential forgetting, and Huber's weights against faults. The damping of roll is
+estimated so that its error is not taken for one of the aileron, but not used; yaw is left alone.
+Neither costs messages, and adapting them does in a narrow tube.
+"""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.control.laws.base import Instant
+from ftc_autopilot.control.motion import Motion
+from mavlink_defs.constants import THROTTLE
+from mavlink_defs.runtime.jit import compiled, inlined
+from mavlink_defs.runtime.memory import copy_record
+from sitl_plant.vec3 import Vec3, mul
+
+__all__ = ["AXES", "DERIVATIVES", "adapt"]
+
+AXES = 2
+"""Roll and pitch."""
+DERIVATIVES = 2
+"""Of each axis: damping, and by its own surface."""
+
+_REST = DERIVATIVES  # column of what the nominal aircraft does not explain
+_SMOOTH_S, _SLOW_S = 0.03, 0.09  # band-pass filter: memories of its low pass and of its means
+_SETTLED = 4.0  # filters of the diagnosis, in their time constants, before anything is learnt
+_LARGE = 0.15  # residual from which on Huber's weights decrease [rad/s²]
+_LARGEST_ERROR = 0.4  # relative
+
+
+@inlined
+def adapt(now: Instant, aircraft: np.void, gains: np.void, state: np.void) -> None:
+    """Learn from the last check period, and write the adapted aircraft to `state["model"]`.
+
+    Nothing is learnt while a surface is suspect or lost: it does not do what it was told to.
+
+    Args:
+        now: The present step.
+        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        gains: Parameters, record made of `Tube`.
+        state: Record of dtype `Tube.STATE`, updated in place.
+    """
+    if now.first:
+        copy_record(state["model"], aircraft)
+    diagnosis = state["diagnosis"]
+    settled = diagnosis["age"] - _SETTLED * gains["diagnosis"]["filter_s"]
+    if gains["adapt"] == 0 or settled < 0.0:
+        return
+    period = gains["check_s"]
+    signals = np.empty((AXES, DERIVATIVES + 1))
+    _explain(now.motion, aircraft, diagnosis, signals)
+    _band_pass(signals, state["means"], period, settled < period)
+    for j in range(THROTTLE):
+        actuator = diagnosis["actuators"][j]
+        if actuator["lost"] != 0 or actuator["suspect"] > 0.0:
+            return
+    keep = math.exp(-period / gains["adaptation_memory_s"])
+    for i in range(AXES):
+        x, y, theta = signals[i], signals[i, _REST], state["derivative_error"][i]
+        residual = abs(y - theta[0] * x[0] - theta[1] * x[1])
+        weight = period * min(1.0, _LARGE / max(residual, _LARGE))
+        G, g = state["information"][i], state["evidence"][i]
+        for k in range(DERIVATIVES):
+            for n in range(DERIVATIVES):
+                G[k, n] = keep * G[k, n] + weight * x[k] * x[n]
+            g[k] = keep * g[k] + weight * x[k] * y
+        a, b, c = G[0, 0] + gains["adaptation_prior"], G[0, 1], G[1, 1] + gains["adaptation_prior"]
+        determinant = a * c - b * b
+        found = (c * g[0] - b * g[1]) / determinant, (a * g[1] - b * g[0]) / determinant
+        for k in range(DERIVATIVES):
+            theta[k] = min(max(found[k], -_LARGEST_ERROR), _LARGEST_ERROR)
+    _write(aircraft, state["derivative_error"], state["model"])
+
+
+@inlined
+def _explain(motion: Motion, aircraft: np.void, diagnosis: np.void, signals: np.ndarray) -> None:
+    """Write nominal angular accelerations by damping and by the own surface, and what is left.
+
+    All have passed the filter of the diagnosis.
+
+    Args:
+        motion: Own motion.
+        aircraft: Nominal aircraft.
+        diagnosis: State of the diagnosis.
+        signals: Written [rad/s²], shape (2, 3): x_1, x_2, y of roll and pitch.
+    """
+    air, V, omega = motion.air, motion.V, diagnosis["omega_filtered"]
+    qS = 0.5 * aircraft["rho"] * V * V * aircraft["S"]
+    lengths, damping = (aircraft["b"], aircraft["c_bar"]), (aircraft["cl_p"], aircraft["cm_q"])
+    one, two, three = (
+        diagnosis["actuators"][0],
+        diagnosis["actuators"][1],
+        diagnosis["actuators"][2],
+    )
+    u: Vec3 = one["commanded"], two["commanded"], three["commanded"]
+    y: Vec3 = one["measured"], two["measured"], three["measured"]
+    rest = mul(air.C, (y[0] - u[0], y[1] - u[1], y[2] - u[2]))
+    for i in range(AXES):
+        per_rate = 1.0 if aircraft["per_rad_s"] else lengths[i] / (2.0 * V)
+        J = aircraft["J"][i, i]
+        signals[i, 0] = qS * lengths[i] * damping[i] * per_rate * omega[i] / J
+        signals[i, 1] = air.C[i][i] * u[i] / J
+        signals[i, _REST] = rest[i] / J
+
+
+@compiled
+def _band_pass(signals: np.ndarray, means: np.ndarray, period: float, first: bool) -> None:
+    """Smooth the signals, and subtract slower means twice.
+
+    Args:
+        signals: Filtered in place, shape (2, 3).
+        means: Of the three stages, updated in place, shape (3, 2, 3).
+        period: Since the last call [s].
+        first: Whether the means begin with the present values.
+    """
+    for stage in range(3):
+        share = 1.0 - math.exp(-period / (_SMOOTH_S if stage == 0 else _SLOW_S))
+        for i in range(AXES):
+            for k in range(DERIVATIVES + 1):
+                mean = means[stage, i, k]
+                mean = signals[i, k] if first else mean + share * (signals[i, k] - mean)
+                means[stage, i, k] = mean
+                signals[i, k] = mean if stage == 0 else signals[i, k] - mean
+
+
+@compiled
+def _write(aircraft: np.void, error: np.ndarray, model: np.void) -> None:
+    """Write nominal derivatives with their errors, shape (2, 2), to the model."""
+    model["cl_da"] = aircraft["cl_da"] * (1.0 + error[0, 1])
+    model["cm_q"] = aircraft["cm_q"] * (1.0 + error[1, 0])
+    model["cm_de"] = aircraft["cm_de"] * (1.0 + error[1, 1])
