@@ -10,7 +10,7 @@ import numpy as np
 
 from ftc_autopilot.control.controllers import Controllers
 from mavlink_defs.constants import N_CHANNELS
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 
 __all__ = ["ACKNOWLEDGEMENT", "NONE", "note_delay", "note_events"]
 
@@ -50,7 +50,7 @@ def note_delay(state: np.void, sim_state: np.void) -> int:
     return int(max(state["delay"], 0.0) + 0.5)
 
 
-@compiled
+@inlined
 def note_events(
     state: np.void, sim_state: np.void, controllers: Controllers, mask: int, lockstep: bool
 ) -> bool:

@@ -25,7 +25,8 @@ from mavlink_defs.framing.codec import (
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, take
 from mavlink_defs.framing.hot_signing import LinkSigner, sign_frame
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
+from mavlink_defs.runtime.memory import copy_record
 from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
     monotonic_s,
@@ -138,7 +139,7 @@ def reset_formation_link(link: FormationLink) -> None:
     link.edges[:] = link.silent[:] = link.misses[:] = 0
 
 
-@compiled
+@inlined
 def send_own_state(fd: int, link: FormationLink, controllers: Controllers) -> None:
     """Send the own state, as `announce` or `controller_step` left it, to every neighbour.
 
@@ -164,7 +165,7 @@ def send_own_state(fd: int, link: FormationLink, controllers: Controllers) -> No
         send_to(fd, link.sent, length, link.addresses[d])
 
 
-@compiled
+@inlined
 def note_silent_neighbours(link: FormationLink, silent: np.ndarray) -> None:
     """Note which neighbours sent nothing in the step before, by FTC_SIM_STATE.silent."""
     for d in range(len(link.neighbours)):
@@ -172,7 +173,7 @@ def note_silent_neighbours(link: FormationLink, silent: np.ndarray) -> None:
         link.silent[d] = (np.int64(silent[system >> 3]) >> (system & 7)) & 1
 
 
-@compiled
+@inlined
 def collect_neighbour_states(
     fd: int, link: FormationLink, controllers: Controllers, step: int, lockstep: bool
 ) -> None:
@@ -190,7 +191,7 @@ def collect_neighbour_states(
     newest = max(step - 1, 0)  # the first step uses the states before the start
     for d in range(len(link.neighbours)):
         if link.heard_step[d] < link.pending_step[d] <= newest:
-            controllers.neighbour_states[0, d] = link.pending[d]
+            copy_record(controllers.neighbour_states[0, d], link.pending[d])
             link.heard_step[d] = link.pending_step[d]
     if not lockstep or _some_given_up(link):
         receive_neighbour_states(fd, link, controllers, newest)
@@ -227,7 +228,7 @@ def receive_neighbour_states(
         _take_neighbour_state(link, controllers, length, newest)
 
 
-@compiled
+@inlined
 def _update_edges(link: FormationLink, controllers: Controllers, step: int) -> None:
     """Drop a neighbour after `timeout_steps` of silence, and restore one that is heard again.
 
@@ -251,7 +252,7 @@ def _update_edges(link: FormationLink, controllers: Controllers, step: int) -> N
         controllers.weights[0, d] = weight
 
 
-@compiled
+@inlined
 def _some_missing(link: FormationLink, newest: int) -> bool:
     for d in range(len(link.neighbours)):
         if link.misses[d] < _NEIGHBOUR_MISSES and _is_missing(link, d, newest):
@@ -259,13 +260,13 @@ def _some_missing(link: FormationLink, newest: int) -> bool:
     return False
 
 
-@compiled
+@inlined
 def _is_missing(link: FormationLink, d: int, newest: int) -> bool:
     """Return whether neighbour d has sent a state that has not arrived."""
     return bool(link.heard_step[d] < newest and link.silent[d] == 0)
 
 
-@compiled
+@inlined
 def _some_given_up(link: FormationLink) -> bool:
     for d in range(len(link.neighbours)):
         if link.misses[d] >= _NEIGHBOUR_MISSES:
@@ -273,7 +274,7 @@ def _some_given_up(link: FormationLink) -> bool:
     return False
 
 
-@compiled
+@inlined
 def _take_neighbour_state(
     link: FormationLink, controllers: Controllers, length: int, newest: int
 ) -> None:
@@ -288,7 +289,7 @@ def _take_neighbour_state(
         link.drops[-problem] += 1
 
 
-@compiled
+@inlined
 def _keep_neighbour_state(link: FormationLink, controllers: Controllers, newest: int) -> int:
     """Keep the received state: in use if its step is over here, pending if not.
 
@@ -306,17 +307,17 @@ def _keep_neighbour_state(link: FormationLink, controllers: Controllers, newest:
         return DropReason.OUT_OF_RANGE
     link.misses[d] = 0
     if step > newest:
-        link.pending[d] = received
+        copy_record(link.pending[d], received)
         link.pending_step[d] = step
         return 0
     if step < link.heard_step[d]:
         return DropReason.NOT_NEWER
-    controllers.neighbour_states[0, d] = received
+    copy_record(controllers.neighbour_states[0, d], received)
     link.heard_step[d] = step
     return 0
 
 
-@compiled
+@inlined
 def _index_of_sender(link: FormationLink) -> int:
     """Return the index of the neighbour that sent the datagram from its own address, or -1."""
     system = system_of(link.received)

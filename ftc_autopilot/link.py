@@ -45,9 +45,9 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record
-from mavlink_defs.runtime.native import monotonic_s, receive, receive_soon, send
+from mavlink_defs.runtime.native import monotonic_s, receive, receive_soon, send, waits
 
 __all__ = [
     "FORMATION",
@@ -65,6 +65,8 @@ __all__ = [
 # rows of `AutopilotLink.drops`; the last holds the plant's own counts, as it reports them
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
 
+_LOOK_S = 0.002
+"""Lockstep: time between two looks for a datagram of a ground station [s]."""
 _EDGE_FADE_S = 0.5
 """Simulated time in which a dropped neighbour's weight goes to 0, and back [s]."""
 
@@ -205,6 +207,7 @@ def reset_link(link: AutopilotLink) -> None:
 def run(
     plant_fd: int,
     formation_fd: int,
+    gcs_fd: int,
     link: AutopilotLink,
     controllers: Controllers,
     until_s: float,
@@ -216,6 +219,7 @@ def run(
         plant_fd: Socket connected to the plant; its receive timeout bounds how late `until_s`
             is noticed.
         formation_fd: Socket bound to the own formation port, with a short receive timeout.
+        gcs_fd: Socket of the ground stations; in lockstep a datagram there ends the work.
         link: The link.
         controllers: The controllers of one UAV.
         until_s: Wall-clock time, as `monotonic_s` gives it, at which to return [s].
@@ -227,8 +231,10 @@ def run(
     """
     link, controllers = borrowed(link), borrowed(controllers)
     state, simulator = link.state[0], link.simulator
+    look_s = monotonic_s() + _LOOK_S
     while True:
-        if state["flags"] == FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP:
+        lockstep = state["flags"] == FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
+        if lockstep:
             length = receive_soon(plant_fd, simulator.received)
         else:
             length = receive(plant_fd, simulator.received)
@@ -250,11 +256,16 @@ def run(
                     if state["flags"] & FTC_SIM_FLAGS_ENDED:
                         return Outcome.OVER
         full = 0 < len(link.record.steps) == state["recorded"]
-        if full or state["step"] >= until_step or monotonic_s() >= until_s:
+        now_s = monotonic_s()
+        if full or state["step"] >= until_step or now_s >= until_s:
             return Outcome.TICK
+        if lockstep and now_s >= look_s:
+            look_s = now_s + _LOOK_S
+            if waits(gcs_fd, simulator.received):
+                return Outcome.TICK
 
 
-@compiled
+@inlined
 def _check_state(link: SimulatorLink) -> int:
     """Return 0 if the received state is valid, otherwise a `DropReason`.
 
@@ -273,7 +284,7 @@ def _check_state(link: SimulatorLink) -> int:
     return 0 if np.isfinite(total) else DropReason.OUT_OF_RANGE
 
 
-@compiled
+@inlined
 def _is_of_another_run(link: AutopilotLink) -> bool:
     """Keep the received state; return whether another plant process than before has sent it."""
     state, sim_state = link.state[0], link.simulator.sim_state[0]
@@ -285,7 +296,7 @@ def _is_of_another_run(link: AutopilotLink) -> bool:
     return bool(before >= 0 and before != run)
 
 
-@compiled
+@inlined
 def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers) -> None:
     """Answer one received state; in lockstep nothing is left to send after FTC_STEP_DONE.
 
@@ -336,7 +347,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         _send(plant_fd, link, link.simulator.step_done, MessageId.STEP_DONE)
 
 
-@compiled
+@inlined
 def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: int) -> None:
     state, simulator = link.state[0], link.simulator
     length = pack(

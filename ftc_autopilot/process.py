@@ -6,32 +6,13 @@ a signal stopped it, 1 the plant fell silent, 2 bad input.
 """
 
 import argparse
-import os
-import signal
-import socket
 import sys
-import time
-from collections import Counter
-from functools import partial
 from pathlib import Path
 
-import numpy as np
-
+from ftc_autopilot.autopilot import Autopilot, log
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controller import SIGNALS
-from ftc_autopilot.control.controllers import new_controllers
-from ftc_autopilot.guidance.path import PATH
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.kept_mission import read_kept_mission, write_kept_mission
-from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
-from ftc_autopilot.link import GCS, PLANT, SIMULATOR, Record, new_link, records_to_keep, run
-from ftc_autopilot.recorder import RECORD_ROWS, Recorder
-from ftc_autopilot.vehicle.gcs_signing import GcsSigning
-from ftc_autopilot.vehicle.vehicle import Vehicle
-from mavlink_defs import dialect
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.endpoint import (
     EndpointError,
     UdpAddress,
@@ -41,297 +22,11 @@ from mavlink_defs.endpoint import (
     is_loopback,
     open_udp,
     parse_address,
-    resolve,
-    set_receive_timeout,
 )
-from mavlink_defs.framing.drop_reason import DropReason
-from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
-from mavlink_defs.framing.header import MAX_FRAME_SIZE
-from mavlink_defs.framing.hot_link import Outcome
-from mavlink_defs.framing.hot_signing import sign_bytes
-from mavlink_defs.framing.key_file import KeyFile, load_link_signer
-from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, SigningError, words_of
+from mavlink_defs.framing.signing import SigningError, words_of
 from mavlink_defs.runtime.shutdown import on_stop
 
 __all__ = ["main"]
-
-_NEVER = 2**62
-_MISSION_SUFFIX = ".mission"
-_TICK_S = 0.02
-_MAX_GCS_DATAGRAMS = 8
-"""Most datagrams of ground stations handled at a time while no control step can be late."""
-_AWAY_S = 1.0
-"""Lockstep: time that passes without control after a restart [s, simulated]."""
-_TURN_US = 20_000
-"""Lockstep: messages are handled at multiples of this simulated time [µs]."""
-
-
-class Autopilot:
-    """Sockets and wall clock around the compiled loop and the services."""
-
-    def __init__(
-        self,
-        config: AutopilotConfig,
-        plant: socket.socket,
-        formation: socket.socket,
-        gcs: socket.socket,
-        record: Path | None,
-        keep_in: Path | None = None,
-    ) -> None:
-        """Boot, and take up the flight of a life before, if its file is there.
-
-        Args:
-            config: The configuration.
-            plant: Connected to the plant.
-            formation: Bound to the own formation port.
-            gcs: Sends to the ground stations.
-            record: Folder for the recorded signals; None: nothing is recorded.
-            keep_in: File for what a restart takes up; None: nothing is kept.
-
-        Raises:
-            OSError: A file cannot be made; it is named.
-        """
-        self._config = config
-        self._plant, self._formation, self._gcs = plant, formation, gcs
-        set_receive_timeout(plant, _TICK_S)
-        set_receive_timeout(formation, _TICK_S)
-        gcs.setblocking(False)
-        addresses = [resolve(parse_address(text)) for text in config.gcs]
-        self._ground_stations = [(address.host, address.port) for address in addresses]
-        self._simulator = (config.id, SIMULATOR_COMPONENT)
-        self._key_file = None
-        if config.signing_key:
-            self._key_file = KeyFile(config.signing_key, partial(_log, config.id))
-        self._controllers = new_controllers([config])
-        self._link = new_link(
-            config.id,
-            config.neighbours,
-            config.step_us,
-            config.neighbour_timeout_s,
-            0 if record is None else RECORD_ROWS,
-            load_link_signer(self._key_file, PLANT_LINK),
-            load_link_signer(self._key_file, FORMATION_LINK),
-        )
-        self._kept = np.zeros(1, VEHICLE)
-        resumes = keep_in is not None and self._keep_in(keep_in)
-        self._recorder = None if record is None else Recorder(self._link, record, resumes)
-        self._hot = HotState(self._link)
-        self._vehicle = Vehicle(config, self._hot, self._controllers, time.time())
-        if resumes and keep_in is not None:
-            mission = read_kept_mission(keep_in.with_suffix(_MISSION_SUFFIX))
-            self._vehicle.resume(self._kept[0], mission)
-        self._keep_mission_in = keep_in and keep_in.with_suffix(_MISSION_SUFFIX)
-        self._kept_mission: int | None = None
-        component = dialect.MAV_COMP_ID_AUTOPILOT1
-        # each has its own sequence numbers: not all get the same messages
-        self._to_gcs = [FramePacker(config.id, component) for _ in config.gcs]
-        self._most_per_step = self._vehicle.most_per_step(config.step_us)
-        self._more_to_do = False
-        self._gcs_signing = GcsSigning(config.id, config.signing_key)
-        self._to_plant = FramePacker(config.id, component, self._next_sequence)
-        self.stopping = False
-        self.crash_at = _NEVER
-
-    def _keep_in(self, path: Path) -> bool:
-        """Keep the state in a file, path and signals beside it; return whether one was there.
-
-        In lockstep, control begins again when a fixed simulated time has passed, so that the flight
-        is the same however long the restart took; in real time, with the next state.
-        """
-        link = self._link
-        records = records_to_keep(link, self._controllers, self._kept)
-        kept = open_kept_state(path, records, self._config.model_dump_json())
-        resumes = take_up(kept)
-        paths = map_array(path.with_suffix(".path"), PATH, 1)  # large, and seldom changed
-        if not resumes:
-            paths[:] = np.zeros((), PATH)
-        self._controllers = self._controllers._replace(paths=paths)
-        rows = len(link.record.steps)
-        record = Record(
-            map_array(path.with_suffix(".steps"), np.dtype(np.int64), rows),
-            map_array(path.with_suffix(".signals"), SIGNALS, rows),
-        )
-        self._link = link._replace(kept=kept, record=record)
-        if resumes:
-            state = link.state[0]
-            state["heard_s"] = 0.0
-            state["away"] = round(_AWAY_S * 1e6 / self._config.step_us)
-        return resumes
-
-    def fly(self) -> str | None:
-        """Serve all links until the simulation is over; return the reason if it ended otherwise."""
-        loss = None
-        plant_fd, formation_fd = self._plant.fileno(), self._formation.fileno()
-        while not self.stopping:
-            until_s = min(time.monotonic() + _TICK_S, self._vehicle.deadline())
-            outcome = run(
-                plant_fd, formation_fd, self._link, self._controllers, until_s, self._until_step()
-            )
-            if self._hot.step >= self.crash_at:
-                os.kill(os.getpid(), signal.SIGKILL)
-            if (loss := self._keep_record(outcome == Outcome.RESTARTED)) is not None:
-                self._vehicle.farewell(loss)
-                break
-            if outcome == Outcome.SERVICE:
-                self._receive_from_simulator()
-            elif outcome == Outcome.RESTARTED:
-                self._vehicle.restart()
-            elif outcome == Outcome.OVER:
-                lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
-                how = "lost" if lost else "over"
-                self._vehicle.farewell(f"simulation {how} at {self._vehicle.time_s:.3f} s")
-                break
-            loss = self._silence()
-            if loss is not None:
-                self._vehicle.farewell(loss)
-                break
-            self._handle_messages()
-        self._send_messages()
-        return loss
-
-    def finish_record(self, loss: str | None) -> str | None:
-        """Write the end of the record; return `loss`, or why it cannot be written."""
-        heard_end = bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED)
-        try:
-            if self._recorder is not None:
-                self._recorder.finish(loss, self._hot.repeated, heard_end)
-        except OSError as problem:
-            return f"cannot write {problem.filename}: {problem.strerror}"
-        return loss
-
-    def _keep_record(self, restarted: bool) -> str | None:
-        """Write the record if it is full; return why it cannot be written."""
-        try:
-            if self._recorder is not None and restarted:
-                self._recorder.restart()
-            elif self._recorder is not None:
-                self._recorder.keep()
-        except OSError as problem:
-            return f"cannot write {problem.filename}: {problem.strerror}"
-        return None
-
-    def refused(self) -> Counter[str]:
-        """Return the datagrams dropped on all links, by reason."""
-        drops = self._hot.drops[:PLANT].sum(axis=0)
-        return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
-
-    def _next_sequence(self) -> int:
-        self._hot.sequence += 1
-        return self._hot.sequence - 1
-
-    def _handle_messages(self) -> None:
-        """Receive from ground stations and answer; in real time a few messages between steps."""
-        if self._key_file is not None:
-            self._key_file.refresh(self._link.simulator.signer, self._link.formation.signer)
-        most = self._most_per_step if self._in_real_time else None
-        more = True
-        if not self._vehicle.has_gcs_messages:  # answer earlier requests first
-            more = self._receive_from_ground_stations(most or _MAX_GCS_DATAGRAMS)
-        self._vehicle.handle_timer(time.monotonic(), most)
-        self._keep_mission()
-        self._vehicle.note(self._kept[0])
-        keep(self._link.kept)
-        self._send_messages(most)
-        self._more_to_do = more or self._vehicle.has_gcs_messages
-
-    def _keep_mission(self) -> None:
-        """Write the mission if it has changed; the flight goes on if it cannot be written."""
-        if self._keep_mission_in is None:
-            return
-        number, mission = self._vehicle.mission_to_keep()
-        if number == self._kept_mission:
-            return
-        self._kept_mission = number
-        try:
-            write_kept_mission(self._keep_mission_in, mission)
-        except OSError as problem:
-            text = f"cannot keep the mission for a restart: {problem.strerror}"
-            self._vehicle.say(dialect.MAV_SEVERITY_WARNING, text)
-
-    def _until_step(self) -> int:
-        """Return the step after which messages are to be handled."""
-        if not self._vehicle.running:
-            return self.crash_at
-        if self._more_to_do:
-            return self._hot.step + 1
-        if self._vehicle.telemetry_clock.is_slower_of_both:
-            return self.crash_at  # turns come by the wall clock
-        due_us = self._vehicle.next_telemetry_us()
-        if not self._in_real_time:  # no deadline in lockstep: fewer turns
-            due_us = -(-due_us // _TURN_US) * _TURN_US
-        return min(-(-due_us // self._config.step_us), self.crash_at)
-
-    @property
-    def _in_real_time(self) -> bool:
-        """Whether simulated time runs by the clock, so that a control step can be late."""
-        running, lockstep = dialect.FTC_SIM_FLAGS_RUNNING, dialect.FTC_SIM_FLAGS_LOCKSTEP
-        return bool(self._hot.flags & (running | lockstep) == running)
-
-    def _silence(self) -> str | None:
-        heard_s = self._hot.heard_s
-        limit_s = self._config.silence_timeout_s
-        if heard_s > 0.0 and time.monotonic() - heard_s > limit_s:
-            return f"the plant has been silent for {limit_s:g} s at {self._vehicle.time_s:.3f} s"
-        return None
-
-    def _receive_from_simulator(self) -> None:
-        datagram = self._hot.received()
-        message = parse(datagram)
-        if message is None:
-            self._hot.drops[SIMULATOR, -drop_reason(datagram)] += 1
-        elif (message.get_srcSystem(), message.get_srcComponent()) != self._simulator:
-            self._hot.drops[SIMULATOR, -DropReason.STRANGER] += 1
-        else:
-            if self._hot.heard_s > 0.0:  # in lockstep there is no state while others restart
-                self._hot.heard_s = time.monotonic()
-            self._vehicle.receive_from_simulator(message, time.monotonic())
-
-    def _receive_from_ground_stations(self, most: int) -> bool:
-        """Handle at most `most` datagrams of ground stations; return whether more may wait."""
-        for _ in range(most):
-            try:
-                datagram, sender = self._gcs.recvfrom(MAX_FRAME_SIZE + 1)
-            except (BlockingIOError, ConnectionRefusedError):
-                return False
-            if sender not in self._ground_stations:
-                self._hot.drops[GCS, -DropReason.STRANGER] += 1
-                continue
-            message = self._gcs_signing.accept(datagram)
-            if isinstance(message, DropReason):
-                self._hot.drops[GCS, -message] += 1
-            elif isinstance(message, dialect.MAVLink_setup_signing_message):
-                words = self._gcs_signing.set_key(message, sender[0], self._vehicle.modes.armed)
-                if words is not None:
-                    self._vehicle.say(dialect.MAV_SEVERITY_WARNING, words)
-            else:
-                station = self._ground_stations.index(sender)
-                self._vehicle.receive(message, time.monotonic(), station)
-        return True
-
-    def _send_messages(self, most: int | None = None) -> None:
-        for message in self._vehicle.simulator_messages():
-            _send(
-                self._plant, sign_bytes(self._link.simulator.signer, self._to_plant.pack(message))
-            )
-        for station, address in enumerate(self._ground_stations):
-            for message in self._vehicle.gcs_messages(station, most):
-                frame = self._gcs_signing.sign(self._to_gcs[station].pack(message))
-                _send(self._gcs, frame, address)
-
-
-def _send(sock: socket.socket, frame: bytes, address: tuple[str, int] | None = None) -> None:
-    """Send a frame if the link takes it now; the microservices make up for losses."""
-    try:
-        if address is None:
-            sock.send(frame, socket.MSG_DONTWAIT)
-        else:
-            sock.sendto(frame, address)
-    except OSError:
-        pass
-
-
-def _log(system: int, text: str) -> None:
-    print(f"ftc-autopilot {system}: {text}", file=sys.stderr)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -371,7 +66,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(2)
     for at in (address, UdpAddress(*gcs.getsockname())):
         if not is_loopback(at):
-            _log(config.id, exposed(at, bool(config.signing_key)))
+            log(config.id, exposed(at, bool(config.signing_key)))
     try:
         autopilot = Autopilot(config, plant, formation, gcs, options.record, options.keep)
     except (EndpointError, SigningError) as problem:
@@ -391,7 +86,7 @@ def main(arguments: list[str] | None = None) -> None:
         loss = autopilot.fly()
     loss = autopilot.finish_record(loss)
     if refused := autopilot.refused():
-        _log(config.id, f"frames dropped: {words_of(refused)}")
+        log(config.id, f"frames dropped: {words_of(refused)}")
     if loss is not None:
-        _log(config.id, loss)
+        log(config.id, loss)
     sys.exit(0 if loss is None else 1)

@@ -28,7 +28,8 @@ def call_everything(config: AutopilotConfig) -> None:
     link = autopilot_link.new_link(config.id, config.neighbours, config.step_us, 1.0, 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         set_receive_timeout(sock, 1e-3)
-        autopilot_link.run(sock.fileno(), sock.fileno(), link, controllers, 0.0, 0)
+        fd = sock.fileno()
+        autopilot_link.run(fd, fd, fd, link, controllers, 0.0, 0)
     (telemetry, *_) = Vehicle(config, HotState(link), controllers).telemetry
     for message_id in telemetry.available:
         telemetry.make(message_id)

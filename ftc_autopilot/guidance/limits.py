@@ -13,6 +13,8 @@ _RESERVE = math.radians(5.0)
 """Bank kept for corrections [rad]."""
 _FASTEST = 200
 """Airspeeds looked at are below this [m/s]."""
+_LEAST_ROOM_M_S = 1.0
+"""Change of the airspeed that a turn may take at the end of the range of airspeeds [m/s]."""
 _LEAST_BANK = math.radians(1.0)
 """Bank that is left for turns when the airspeed is too low for any [rad]."""
 
@@ -28,6 +30,8 @@ class FlightLimits(NamedTuple):
         wind_m_s: Wind that turns must allow for.
         offset_m: Farthest slot of the formation to the side of the path.
         gravity_m_s2: Acceleration of gravity.
+        slowest_m_s: Lowest airspeed, also of who flies on the inside of a turn.
+        fastest_m_s: Highest airspeed, also of who flies on the outside of a turn.
     """
 
     cruise_m_s: float
@@ -37,6 +41,8 @@ class FlightLimits(NamedTuple):
     wind_m_s: float
     offset_m: float
     gravity_m_s2: float
+    slowest_m_s: float = 0.0
+    fastest_m_s: float = math.inf
 
 
 def level_airspeed(aircraft: Aircraft, incidence_rad: float) -> float:
@@ -61,12 +67,14 @@ def tightest_turn(airspeed: float, limits: FlightLimits) -> float:
 
     With the wind from behind, and for who flies on the outside, (V + w)² (1 + d/R) / R must be
     within g tan(bank), with 5° of bank kept for corrections. The bank is also limited by the angle
-    of attack that it takes: at V it may be acos((V_level/V)²).
+    of attack that it takes: at V it may be acos((V_level/V)²). Who flies on the inside is slower by
+    (V + w) d/R, and who flies on the outside faster; both must have that airspeed.
     """
     ground, acceleration = airspeed + limits.wind_m_s, _acceleration(airspeed, limits)
-    return (ground**2 + math.sqrt(ground**4 + 4.0 * acceleration * ground**2 * limits.offset_m)) / (
-        2.0 * acceleration
-    )
+    by_bank = ground**2 + math.sqrt(ground**4 + 4.0 * acceleration * ground**2 * limits.offset_m)
+    room = min(airspeed - limits.slowest_m_s, limits.fastest_m_s - airspeed)
+    by_speed = ground * limits.offset_m / max(room, _LEAST_ROOM_M_S)
+    return max(by_bank / (2.0 * acceleration), by_speed)
 
 
 def airspeeds_for(radius: float, limits: FlightLimits) -> tuple[int, int] | None:

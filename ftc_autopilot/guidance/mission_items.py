@@ -17,6 +17,9 @@ from mavlink_defs.profile import AirspeedLimits, ItemError
 from mavlink_defs.services.mission import MissionItem
 
 __all__ = [
+    "ABSOLUTE_FRAMES",
+    "ANYWHERE_M",
+    "RELATIVE_FRAMES",
     "Delay",
     "Home",
     "Jump",
@@ -27,16 +30,22 @@ __all__ = [
     "Task",
     "Waypoint",
     "decode_items",
+    "has_place",
     "is_path",
     "refusal",
 ]
 
-_ANYWHERE_M = 100_000.0
+ANYWHERE_M = 100_000.0
 """Farthest place from the origin; the simulation's world is flat [m]."""
+RELATIVE_FRAMES = {
+    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+}
+"""MAV_FRAMEs whose altitudes count from home."""
+ABSOLUTE_FRAMES = {dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT}
+"""MAV_FRAMEs whose altitudes are above mean sea level."""
 _MOST_TURNS = 1000
 _LONGEST_S = 86_400
-_RELATIVE = (dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
-_ABSOLUTE = (dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT)
 
 _FLIES_ONLY = "flights begin and end in the air"
 _REASONS = {
@@ -163,6 +172,11 @@ def is_path(items: Sequence[MissionItem]) -> bool:
     return len(items) > 1 and items[1].command != dialect.MAV_CMD_FTC_REFERENCE_SEGMENT
 
 
+def has_place(item: MissionItem) -> bool:
+    """Return whether an item names a place: some clients write 0 for none, others no value."""
+    return INT32_MAX not in (abs(item.x), abs(item.y)) and (item.x, item.y) != (0, 0)
+
+
 def refusal(command: int) -> str:
     """Return why a command cannot be part of a path."""
     reason = _REASONS.get(command)
@@ -211,7 +225,7 @@ class _Fields:
     ) -> None:
         self.seq = item.seq
         self.airspeeds, self.count = airspeeds, count
-        self._item, self._origin, self._home = item, origin, home
+        self.item, self._origin, self._home = item, origin, home
         params = (item.param1, item.param2, item.param3, item.param4)
         self._params = [decimal_of_float32(param) for param in params]
 
@@ -228,39 +242,41 @@ class _Fields:
             raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
         return self.param(number)
 
-    @property
-    def has_place(self) -> bool:
-        """Whether it has a place of its own: some clients write 0, others no value."""
-        x, y = self._item.x, self._item.y
-        return INT32_MAX not in (abs(x), abs(y)) and (x, y) != (0, 0)
-
     def position(self) -> tuple[float, float]:
         """Return north and east of its place [m]."""
-        x, y = self._item.x, self._item.y
+        x, y = self.item.x, self.item.y
+        if INT32_MAX in (abs(x), abs(y)):
+            text = "latitude or longitude is not given"
+            raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
         for value, limit, name, number in ((x, 90.0, "latitude", 5), (y, 180.0, "longitude", 6)):
             if abs(value) > limit * 1e7:
                 text = f"{name} {value / 1e7:g}, must be -{limit:g} to {limit:g} deg"
                 raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
         north, east = position_of(self._origin, x, y)
         away = math.hypot(north, east)
-        if away > _ANYWHERE_M:
-            text = f"{away / 1e3:.0f} km from the origin, must be <= {_ANYWHERE_M / 1e3:g} km"
+        if away > ANYWHERE_M:
+            text = f"{away / 1e3:.0f} km from the origin, must be <= {ANYWHERE_M / 1e3:g} km"
             raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
         return north, east
 
     def radius(self) -> float:
         """Return the radius of a circle, positive clockwise [m]: param 3 of whatever has one."""
-        good = abs(self.param(3)) <= _ANYWHERE_M
-        return self.check(3, "radius", good, f"at most {_ANYWHERE_M:g} m")
+        good = abs(self.param(3)) <= ANYWHERE_M
+        return self.check(3, "radius", good, f"at most {ANYWHERE_M:g} m")
 
     def height(self) -> float:
         """Return its height above the origin [m]."""
-        frame, z = self._item.frame, decimal_of_float32(self._item.z)
-        if frame not in _RELATIVE + _ABSOLUTE:
+        frame, z = self.item.frame, decimal_of_float32(self.item.z)
+        if frame not in RELATIVE_FRAMES | ABSOLUTE_FRAMES:
             text = f"frame {frame} is not supported, must be global, absolute or relative"
             raise ItemError(self.seq, dialect.MAV_MISSION_UNSUPPORTED_FRAME, text)
-        height = z + self._home.height_m if frame in _RELATIVE else z - self._origin.altitude_m
-        if not abs(height) <= _ANYWHERE_M:
+        if math.isnan(z):
+            text = "altitude is not given"
+            raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
+        height = (
+            z + self._home.height_m if frame in RELATIVE_FRAMES else z - self._origin.altitude_m
+        )
+        if not abs(height) <= ANYWHERE_M:
             text = f"altitude {z:g} m cannot be flown"
             raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
         return height
@@ -277,7 +293,7 @@ def _waypoint(fields: _Fields) -> Task:
 
 
 def _circle(fields: _Fields, turns: float = math.inf, seconds: float = 0.0) -> Loiter:
-    centre = fields.position() if fields.has_place else None
+    centre = fields.position() if has_place(fields.item) else None
     return Loiter(fields.seq, centre, fields.height(), fields.radius(), turns, seconds)
 
 

@@ -64,6 +64,8 @@ class Planner:
             wind_m_s=guidance.wind_max_m_s,
             offset_m=0.0 if formation is None else _farthest_right(formation),
             gravity_m_s2=aircraft.gravity_m_s2,
+            slowest_m_s=self.airspeeds.min_m_s,
+            fastest_m_s=self.airspeeds.max_m_s,
         )
 
     def tasks(

@@ -77,10 +77,7 @@ def move(target: Vec3, speed: float, dt: float, begins: bool, motion: np.void) -
         motion: Record of dtype `SLOT_MOTION`, updated in place.
     """
     point, place, rate = motion["point"], motion["place"], motion["rate"]
-    distance = 0.0
-    for k in range(3):
-        distance += (target[k] - point[k]) ** 2
-    distance = math.sqrt(distance)
+    distance = norm(sub(target, vec3(point)))
     share = min(speed * dt / distance, 1.0) if distance > 0.0 else 1.0
     for k in range(3):
         if begins:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from ftc_autopilot.control.controllers import Controllers, Source
 from ftc_autopilot.geography import Origin, position_of
+from ftc_autopilot.guidance.mission_items import ABSOLUTE_FRAMES, ANYWHERE_M, RELATIVE_FRAMES
 from ftc_autopilot.vehicle.home import VehicleHome
 from ftc_autopilot.vehicle.modes import Modes, Say
 from mavlink_defs import dialect
@@ -17,15 +18,11 @@ from mavlink_defs.services.mission import MissionItem
 __all__ = ["Guided"]
 
 _ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
-_RELATIVE = {dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
-_ABSOLUTE = {dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT}
 _NO_POSITION = (
     dialect.POSITION_TARGET_TYPEMASK_X_IGNORE
     | dialect.POSITION_TARGET_TYPEMASK_Y_IGNORE
     | dialect.POSITION_TARGET_TYPEMASK_Z_IGNORE
 )
-_ANYWHERE_M = 100_000.0
-"""Farthest target [m]."""
 
 
 class _Place(NamedTuple):
@@ -94,7 +91,7 @@ class Guided:
             return self._refuse("Reposition: not in GUIDED, and no flag to change to it")
         if self._modes.mode != GUIDED and self._modes.set_mode(GUIDED) != _ACCEPTED:
             return _DENIED
-        radius = 0.0 if math.isnan(message.param3) else min(abs(message.param3), _ANYWHERE_M)
+        radius = 0.0 if math.isnan(message.param3) else min(abs(message.param3), ANYWHERE_M)
         side = -1.0 if message.param4 == 1.0 else 1.0
         path = self._modes.path
         low, high = path.planner.airspeeds.min_m_s, path.planner.airspeeds.max_m_s
@@ -140,15 +137,15 @@ class Guided:
                 raise ValueError(f"there is no place {latitude:g}, {longitude:g} deg")
             north, east = position_of(self._origin, place.latitude, place.longitude)
         if not math.isnan(place.altitude):
-            if place.frame in _RELATIVE:
+            if place.frame in RELATIVE_FRAMES:
                 height = self._home.at.height_m + place.altitude
-            elif place.frame in _ABSOLUTE:
+            elif place.frame in ABSOLUTE_FRAMES:
                 height = place.altitude - self._origin.altitude_m
             else:
                 raise ValueError(f"frame {place.frame} is not supported, must be global")
         away = math.hypot(north, east, height)
-        if not away <= _ANYWHERE_M:
-            raise ValueError(f"{away / 1e3:.4g} km away, must be <= {_ANYWHERE_M / 1e3:g} km")
+        if not away <= ANYWHERE_M:
+            raise ValueError(f"{away / 1e3:.4g} km away, must be <= {ANYWHERE_M / 1e3:g} km")
         return north, east, height
 
     def _refuse(self, text: str) -> int:

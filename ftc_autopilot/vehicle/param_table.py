@@ -55,6 +55,16 @@ _SHORTER = {  # with an axis or a prefix, these would be too long
     "degraded_below": "DEGRADED",
     "leave_ahead_m": "LEAVE_AHEAD",
     "leave_right_m": "LEAVE_RIGHT",
+    "cross_track_1_s": "XTRACK_P",
+    "cross_track_lead_s": "XTRACK_LEAD",
+    "cross_track_integral_1_s2": "XTRACK_I",
+    "course_1_s": "COURSE_P",
+    "bank_feedback": "BANK_P",
+    "height_1_s": "HEIGHT_P",
+    "height_integral_1_s2": "HEIGHT_I",
+    "climb_feedback": "CLIMB_P",
+    "rounding_s": "ROUNDING",
+    "wind_time_s": "WIND_TIME",
 }
 _AT_THE_START = {"phi_v0", "g_v0", "beta_v0", "phi_omega0", "beta_omega0"}
 """Fields that a law reads in its first step only."""

@@ -170,6 +170,10 @@ class Telemetry:
         """Return when the next message is due, on the clock of `due` [µs]; far away if none is."""
         return min((self._due_us.get(i, 0) for i in self._intervals_us), default=2**62)
 
+    def shortest_interval_us(self) -> int:
+        """Return the shortest interval of a stream [µs]; far away if there is none."""
+        return min(self._intervals_us.values(), default=2**62)
+
     def most_per_step(self, step_us: int) -> int:
         """Return messages per control period [µs] that exceed all of them at the shortest interval.
 

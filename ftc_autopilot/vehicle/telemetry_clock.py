@@ -11,6 +11,8 @@ from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP
 
 __all__ = ["TelemetryClock"]
 
+_LEAST_PACE = 1e-3
+
 
 class TelemetryClock:
     """Counts wall time until simulated time runs, then simulated time.
@@ -22,6 +24,7 @@ class TelemetryClock:
     def __init__(self, kind: TelemetryClockKind, hot: HotState) -> None:
         self._kind, self._hot = kind, hot
         self._wall_us = self._simulated_us = self._slower_us = 0
+        self._pace = 1.0  # of this clock, by the wall clock
 
     def read_us(self, now: float) -> int:
         """Return the time on this clock [µs].
@@ -36,8 +39,15 @@ class TelemetryClock:
         if not self._hot.running:
             self._slower_us = wall_us
             return wall_us
-        self._slower_us += min(wall_passed_us, simulated_passed_us)
+        passed_us = min(wall_passed_us, simulated_passed_us)
+        self._slower_us += passed_us
+        if wall_passed_us > 0:
+            self._pace = passed_us / wall_passed_us
         return self._slower_us if self.is_slower_of_both else simulated_us
+
+    def wait_s(self, us: int) -> float:
+        """Return the expected wall time until the slower of both clocks shows a time [µs]."""
+        return max(us - self._slower_us, 0) * 1e-6 / max(self._pace, _LEAST_PACE)
 
     @property
     def is_slower_of_both(self) -> bool:

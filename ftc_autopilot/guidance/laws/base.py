@@ -3,10 +3,10 @@
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ftc_autopilot.control.motion import Motion
-from mavlink_defs.config.models import Model
+from mavlink_defs.config.models import Model, Problems
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.vec3 import Vec3
 
@@ -58,6 +58,14 @@ class GuidanceParameters(Model):
     acceleration_max_m_s2: float = quantity(
         "m/s^2", gt=0.0, default=20.0, doc="Fastest change of the commanded airspeed."
     )
+
+    @model_validator(mode="after")
+    def _airspeeds_in_order(self) -> "GuidanceParameters":
+        low, high = self.airspeed_min_m_s, self.airspeed_max_m_s
+        if low > high:
+            text = f"expected <= {high:g} m/s, airspeed_max_m_s, got {low!r}"
+            raise Problems([(("airspeed_min_m_s",), text)])
+        return self
 
 
 class Situation(NamedTuple):

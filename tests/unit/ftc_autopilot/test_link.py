@@ -1,6 +1,7 @@
 """The autopilot's link to the plant over real loopback sockets, one state at a time."""
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -291,6 +292,15 @@ def test_a_frame_that_only_python_parses_asks_for_service(rig: Rig) -> None:
     assert rig.run() == Outcome.SERVICE
     assert rig.link.state[0]["step"] == -1
     assert not rig.link.drops.any()
+
+
+def test_in_lockstep_a_message_of_a_ground_station_is_not_kept_waiting(rig: Rig) -> None:
+    rig.state(1)
+    rig.plant.sendto(b"request", rig.gcs.getsockname())
+    until_s = time.monotonic() + 3600.0
+    assert rig.run(until_s) == Outcome.TICK
+    assert time.monotonic() < until_s
+    assert rig.gcs.recv(100) == b"request"
 
 
 def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:

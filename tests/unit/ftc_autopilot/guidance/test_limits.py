@@ -24,6 +24,8 @@ LIMITS = st.builds(
     wind_m_s=st.floats(0.0, 15.0),
     offset_m=st.floats(0.0, 100.0),
     gravity_m_s2=st.just(9.8),
+    slowest_m_s=st.just(0.0),
+    fastest_m_s=st.just(math.inf),
 )
 
 
@@ -41,6 +43,23 @@ def test_the_tightest_turn_takes_the_bank_that_there_is(
     by_lift = math.degrees(math.acos((limits.level_m_s / airspeed) ** 2))
     most = max(min(math.degrees(limits.bank_rad), by_lift) - 5.0, 1.0)
     assert bank_deg(airspeed, tightest_turn(airspeed, limits), limits) == pytest.approx(most)
+
+
+@given(LIMITS, st.floats(32.0, 58.0))
+def test_in_the_tightest_turn_every_slot_has_an_airspeed_that_can_be_flown(
+    limits: FlightLimits, airspeed: float
+) -> None:
+    limits = limits._replace(slowest_m_s=30.0, fastest_m_s=60.0)
+    radius = tightest_turn(airspeed, limits)
+    for offset in (-limits.offset_m, limits.offset_m):
+        for wind in (0.0, limits.wind_m_s):
+            at_slot = (airspeed + wind) * (1.0 + offset / radius) - wind
+            assert 30.0 - 1e-9 <= at_slot <= 60.0 + 1e-9
+
+
+def test_at_the_end_of_the_airspeeds_a_turn_remains() -> None:
+    limits = FlightLimits(40.0, math.radians(40.0), 25.0, 0.2, 0.0, 20.0, 9.8, 30.0, 60.0)
+    assert tightest_turn(30.0, limits) == pytest.approx(600.0)  # the inner one needs 29 m/s
 
 
 @given(LIMITS, st.floats(50.0, 2000.0))

@@ -120,9 +120,14 @@ def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
         (item(178, 3.0, 40.0), "INVALID_PARAM1", "speed type 3, must be 0"),
         (item(177, 2.0, -1.0), "INVALID_PARAM1", "jump to item 2, must be 1 to 1"),
         (item(177, 1.0, 0.5), "INVALID_PARAM2", "jumps 0.5, must be -1"),
-        (item(16, z=math.nan), "INVALID_PARAM7", "altitude nan m cannot be flown"),
+        (item(16, z=math.nan), "INVALID_PARAM7", "altitude is not given"),
         (mission_item(2, 16, (), *HERE), "INVALID_SEQUENCE", "stands at place 1, but has number 2"),
         (mission_item(1, 16, (), 0, 0, 1.0), "INVALID_PARAM5_X", "km from the origin, must be <="),
+        (
+            mission_item(1, 16, (), INT32_MAX, INT32_MAX, 1.0, RELATIVE),
+            "INVALID_PARAM5_X",
+            "latitude or longitude is not given",
+        ),
         (mission_item(1, 16, (), 95 * 10**7, 0), "INVALID_PARAM5_X", "latitude 95, must be -90"),
     ],
 )

@@ -78,3 +78,18 @@ def test_a_fast_flight_sends_no_more_than_a_slow_one(scenario1: Scenario) -> Non
         bench.vehicle.handle_timer(0.02 * turn)
         count += len(of_type(bench.vehicle.gcs_messages(), "ATTITUDE"))
     assert count == 10
+
+
+@pytest.mark.parametrize(("speed", "expected_s"), [(20.0, 0.1), (1.0, 0.1), (0.25, 0.4)])
+def test_it_expects_to_go_on_as_fast_as_it_went(
+    speed: float, expected_s: float, scenario1: Scenario
+) -> None:
+    bench = Bench(scenario1)
+    clock = TelemetryClock("wall", bench.hot)
+    bench.run(LOCKSTEP)
+    bench.hot.measured["time_usec"] = 0
+    clock.read_us(1000.0)
+    bench.hot.measured["time_usec"] = round(speed * 1e6)
+    read_us = clock.read_us(1001.0)
+    assert clock.wait_s(read_us + 100_000) == pytest.approx(expected_s)
+    assert clock.wait_s(read_us - 1) == 0.0
