@@ -7,7 +7,7 @@ import numpy as np
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.framing.drop_reason import DropReason
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.config import InitialState, PlantConfig
@@ -93,7 +93,7 @@ def _initial_state(initial: InitialState) -> np.ndarray:
     return np.array([*position, initial.airspeed_m_s, 0.0, 0.0, *angles, 0.0, 0.0, 0.0])
 
 
-@compiled
+@inlined
 def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
     """Put an HIL_ACTUATOR_CONTROLS payload in force if it is newer than the last one.
 
@@ -127,7 +127,7 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
     return 0
 
 
-@compiled
+@inlined
 def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     """Write what aircraft i measures at a step into its FTC_SIM_STATE payload.
 
@@ -156,7 +156,7 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     measure(fleet.sensors[i], fleet.truth[i], step, message)
 
 
-@compiled
+@inlined
 def fly(fleet: PlantState, step: int, step_us: int) -> int:
     """Advance every aircraft from a step to the next.
 
@@ -188,7 +188,7 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
     return lost
 
 
-@compiled
+@inlined
 def _disturbances_at(fleet: PlantState, step: int, step_us: int) -> Disturbances:
     """Return the disturbances at a step, which all aircraft share: evaluated for the first one."""
     memory = fleet.disturbed

@@ -28,7 +28,7 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import PLANT_LINK
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed
 from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
@@ -224,7 +224,7 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
             return Outcome.TICK
 
 
-@compiled
+@inlined
 def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
     """Receive until the step is ready (NONE), or Python is needed (SERVICE, TICK)."""
     state = link.state[0]
@@ -270,7 +270,7 @@ def due_time_s(link: PlantLink) -> float:
     return value
 
 
-@compiled
+@inlined
 def _all_done(link: PlantLink) -> bool:
     step = link.state[0]["step"]
     for i in range(len(link.done)):
@@ -279,7 +279,7 @@ def _all_done(link: PlantLink) -> bool:
     return True
 
 
-@compiled
+@inlined
 def _receive(link: PlantLink, fleet: PlantState, length: int) -> int:
     """Work on a received datagram if it is hot; return the result of `take`."""
     message_id = take(link.signer, link.received, length, link.drops)
@@ -290,7 +290,7 @@ def _receive(link: PlantLink, fleet: PlantState, length: int) -> int:
     return message_id
 
 
-@compiled
+@inlined
 def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
     """Follow a checked hot message; return 0, or the `DropReason` if it is refused."""
     i = _index_of_sender(link)
@@ -312,7 +312,7 @@ def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
     return DropReason.UNEXPECTED
 
 
-@compiled
+@inlined
 def _index_of_sender(link: PlantLink) -> int:
     """Return the index of the aircraft whose registered autopilot sent the datagram, or -1."""
     system = system_of(link.received)

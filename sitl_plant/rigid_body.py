@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, mul_t, scale, sub, vec3
 
@@ -101,7 +101,7 @@ def angular_acceleration(omega: Vec3, moment: Vec3, J: Mat3, J_inv: Mat3) -> Vec
     return mul(J_inv, sub(moment, cross(omega, mul(J, omega))))
 
 
-@compiled
+@inlined
 def state_derivative(
     state: State,
     thrust: float,
@@ -139,7 +139,7 @@ def state_derivative(
     return p_dot, v_dot, phi_dot, omega_dot
 
 
-@compiled
+@inlined
 def advance(state: State, h: float, derivative: State) -> State:
     """Return state + h · derivative: one explicit Euler step, the building block of RK4; h in s."""
     return (
