@@ -15,7 +15,7 @@ from gcs.scenario.model import Scenario
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["capacity", "cluster_elsewhere", "local_cluster", "prepare"]
+__all__ = ["capacity", "check_scheduler", "cluster_elsewhere", "local_cluster", "prepare"]
 
 _CONNECT_S = 10.0
 _QUIET = {
@@ -27,6 +27,7 @@ _QUIET = {
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": False,
     "distributed.comm.timeouts.connect": f"{_CONNECT_S:g}s",
+    "distributed.deploy.lost-worker-timeout": "1h",  # else one that starts slowly is given up
     "distributed.admin.low-level-log-length": 10,  # else the last 1000 messages are kept
     "distributed.admin.tick.limit": "1h",  # a machine under load is no news
 }
@@ -53,6 +54,16 @@ def local_cluster(workers: int) -> Iterator["Client"]:
         yield client
 
 
+def check_scheduler(address: str) -> None:
+    """Check how the address of a dask scheduler is written.
+
+    Raises:
+        BadInput: It is no address.
+    """
+    if not re.fullmatch(r"(tcp|tls)://[^/]+:\d+", address):
+        raise BadInput(f"--scheduler is {address!r}, expected tcp://HOST:PORT or tls://HOST:PORT")
+
+
 @contextlib.contextmanager
 def cluster_elsewhere(address: str) -> Iterator["Client"]:
     """Connect to a dask scheduler that somebody else started; it and its workers stay.
@@ -66,8 +77,7 @@ def cluster_elsewhere(address: str) -> Iterator["Client"]:
     import dask
     from distributed import Client
 
-    if not re.fullmatch(r"(tcp|tls)://[^/]+:\d+", address):
-        raise BadInput(f"--scheduler is {address!r}, expected tcp://HOST:PORT or tls://HOST:PORT")
+    check_scheduler(address)
     with dask.config.set(_QUIET), _silent(), contextlib.ExitStack() as stack:
         try:
             client = Client(address, timeout=_CONNECT_S, set_as_default=False)
