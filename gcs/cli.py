@@ -5,7 +5,7 @@ import errno
 import os
 import resource
 import sys
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -57,7 +57,6 @@ _NOT_WRITABLE = {
 _SPACE = "free some space, or choose a writable folder; files written so far are kept"
 
 app = typer.Typer(
-    help="Ground station of ftc-sitl: fly a UAV formation over real MAVLink.",
     invoke_without_command=True,
     add_completion=True,
     rich_markup_mode="markdown",
@@ -133,12 +132,25 @@ app.command(epilog=wire.EPILOG)(wire.wire)
 app.command(epilog=wireshark.EPILOG)(wireshark.wireshark)
 
 
+def _command() -> Any:
+    """Return the command line, whose help texts show no type beside flags: they take no value."""
+    command = typer.main.get_command(app)
+    commands: list[Any] = [command]
+    while commands:
+        one = commands.pop()
+        commands += getattr(one, "commands", {}).values()
+        for parameter in one.get_params(typer.Context(one)):
+            if getattr(parameter, "is_flag", False):
+                parameter.metavar = ""
+    return command
+
+
 def main() -> None:
     """Run the command line; turn exceptions into one plain message and an exit status."""
     stop_as_ctrl_c()
     try:
         try:
-            app()
+            _command()()
         finally:
             sys.stdout.flush()  # here and not at exit, where an error could not be reported
     except ConfigError as problem:

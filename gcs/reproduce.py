@@ -53,6 +53,7 @@ _COMBINATIONS = (
     "no other combination beats in both numbers."
 )
 _FOLLOWER_2 = 3
+_BUNDLED = "name the folder with --scenarios, or leave it out for the bundled ones"
 
 
 def steps(scenarios: Mapping[str, Scenario]) -> int:
@@ -65,14 +66,17 @@ def load_all(folder: Path) -> dict[str, Scenario]:
     """Load the scenarios, by file name.
 
     Raises:
-        BadInput: The folder does not exist.
-        ConfigError: A file is missing or wrong.
+        BadInput: The folder or a file does not exist.
+        ConfigError: A file is wrong.
     """
     if not folder.is_dir():
         raise BadInput(
             f"there is no folder {folder}, expected the paper's scenario files there",
-            "name the folder with --scenarios, or leave it out for the bundled ones",
+            _BUNDLED,
         )
+    for file in FILES:
+        if not (folder / f"{file}.yaml").is_file():
+            raise BadInput(f"there is no file {folder / file}.yaml", _BUNDLED)
     return {file: load_scenario(folder / f"{file}.yaml") for file in FILES}
 
 

@@ -7,12 +7,12 @@ mission protocol, home included as item 0.
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mavlink_defs import dialect
-from mavlink_defs.config.models import ConfigError, Problem
+from mavlink_defs.config.models import ConfigError, Problem, shown
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.mission import MissionItem
@@ -27,6 +27,8 @@ __all__ = [
 
 _WAYPOINTS_HEAD = "QGC WPL 110"
 _COLUMNS = 12
+_LARGEST = 1e38  # a float32 field holds a little more
+_Number = TypeVar("_Number", int, float)
 _FRAME = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT
 
 
@@ -174,11 +176,8 @@ def _of_waypoints(text: str) -> tuple[MissionItem, ...]:
         where, fields = f"item {seq}", line.split()
         if len(fields) != _COLUMNS:
             raise _NotOneError(f"{where}: expected {_COLUMNS} columns, got {len(fields)}")
-        try:
-            number, frame, command = int(fields[0]), int(fields[2]), int(fields[3])
-            numbers = _numbers([float(field) for field in fields[4:11]], where, 7)
-        except ValueError as error:
-            raise _NotOneError(f"{where}: {error}") from error
+        number, frame, command = (_number_in(int, fields[i], where) for i in (0, 2, 3))
+        numbers = _numbers([_number_in(float, field, where) for field in fields[4:11]], where, 7)
         if number != seq:
             raise _NotOneError(f"{where}: expected the number {seq}, got {number}")
         items.append(_item(seq, command, frame, numbers, where))
@@ -207,11 +206,18 @@ def _numbers(values: Sequence[Any], where: str, count: int) -> list[float]:
     for value in values:
         if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise _NotOneError(f"{where}: expected numbers, got {value!r}")
-        number = math.nan if value is None else float(value)
-        if abs(number) > 1e38:
-            raise _NotOneError(f"{where}: expected numbers within 1e38, got {number:g}")
-        numbers.append(number)
+        if value is not None and abs(value) > _LARGEST:  # a whole number may be too large for %g
+            raise _NotOneError(f"{where}: expected numbers within {_LARGEST:g}, got {shown(value)}")
+        numbers.append(math.nan if value is None else float(value))
     return numbers
+
+
+def _number_in(kind: Callable[[str], _Number], field: str, where: str) -> _Number:
+    try:
+        return kind(field)
+    except ValueError:
+        words = "whole number" if kind is int else "number"
+        raise _NotOneError(f"{where}: expected a {words}, got {shown(field)}") from None
 
 
 def _whole(entry: dict[str, Any], key: str, where: str) -> int:

@@ -58,12 +58,14 @@ def baseline(
     ] = None,
     tolerance: Annotated[
         float,
-        typer.Option(help="How much larger than the triggered flight's an IAE may be.", min=0.0),
+        typer.Option(
+            help="By how much an IAE may exceed that of the triggered flight [%].", min=0.0
+        ),
     ] = 1.0,
     longest: Annotated[
         float | None,
         typer.Option(
-            help="Longest period that is flown, 500 by default; at most the whole flight.",
+            help="Longest period that is flown [ms], 500 by default; at most the whole flight.",
             metavar="MILLISECONDS",
         ),
     ] = None,
@@ -71,19 +73,20 @@ def baseline(
         bool, typer.Option(help="Search for a period for each channel, too.")
     ] = True,
     aircraft: Annotated[
-        int, typer.Option(min=0, help="Uncertain aircraft to keep; 0: none are flown.")
+        int, typer.Option(min=0, help="Uncertain aircraft that are flown, too.")
     ] = 0,
     campaign: Annotated[
-        Path, typer.Option(help="Campaign that draws them: a file, or a bundled one.")
+        Path, typer.Option(help="Campaign that draws those aircraft: a file, or a bundled one.")
     ] = Path("campaigns/uncertainty"),
     keep: Annotated[
-        float, typer.Option(help="Share of them that must be kept [%].", min=0.0, max=100.0)
+        float,
+        typer.Option(help="Share of those aircraft that must be kept [%].", min=0.0, max=100.0),
     ] = 95.0,
     within: Annotated[
         float,
         typer.Option(
-            help="Largest IAE of an aircraft that is kept, by that of the triggered flight of the "
-            "nominal one.",
+            help="An aircraft is kept if no IAE is larger than this multiple of that of the "
+            "nominal aircraft's triggered flight.",
             min=1.0,
         ),
     ] = 1.5,

@@ -69,6 +69,7 @@ def campaign(
     All draws are checked before the first flight. The folder gets a table in Parquet, one row a
     flight, stored every few seconds: after any interruption, the same command continues there.
     """
+    from gcs.campaigns.cluster import check_scheduler
     from gcs.campaigns.folder import default_folder
     from gcs.campaigns.plan import load_plan
     from gcs.campaigns.run import begin_campaign
@@ -77,6 +78,8 @@ def campaign(
 
     if jobs is not None and scheduler is not None:
         raise BadInput("--jobs starts workers here; --scheduler has its own", "leave one out")
+    if scheduler is not None:
+        check_scheduler(scheduler)
     console = console_of(quiet=quiet)
     path = find_scenario(file)
     with console.status("checking every draw"):

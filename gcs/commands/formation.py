@@ -30,7 +30,16 @@ Examples:
 {EXIT_STATUS}"""
 
 _Message = dialect.MAVLink_ftc_formation_message
-_Distance = Annotated[float | None, typer.Argument(help="[m]")]
+_Ahead = Annotated[
+    float | None, typer.Argument(metavar="AHEAD", help="Along the path, negative behind [m].")
+]
+_Right = Annotated[
+    float | None,
+    typer.Argument(metavar="RIGHT", help="To the right of the path, negative to the left [m]."),
+]
+_Up = Annotated[
+    float | None, typer.Argument(metavar="UP", help="Above the path, negative below [m].")
+]
 
 
 @app.command(epilog=_SHOW_EPILOG)
@@ -52,9 +61,9 @@ def show(station: Station) -> None:
 @station_command
 def slot(
     station: Station,
-    ahead: _Distance = None,
-    right: _Distance = None,
-    up: _Distance = None,
+    ahead: _Ahead = None,
+    right: _Right = None,
+    up: _Up = None,
     planned: Annotated[
         bool, typer.Option("--planned", help="Take the slot that the scenario has planned.")
     ] = False,
@@ -63,8 +72,13 @@ def slot(
     given = [distance for distance in (ahead, right, up) if distance is not None]
     if planned == bool(given) or (given and len(given) != 3):
         raise BadInput("expected three distances AHEAD RIGHT UP [m], or --planned")
-    if not planned and station.uavs is None:
-        raise BadInput("expected --uav: two UAVs cannot have one slot")
+    if not all(map(math.isfinite, given)):  # NaN means the planned slot
+        text = " ".join(f"{distance:g}" for distance in given)
+        raise BadInput(f"slot is {text}, expected finite distances [m]")
+    systems = station.systems
+    if not planned and (systems is None or len(systems) != 1):
+        got = "none" if systems is None else ", ".join(map(str, sorted(systems)))
+        raise BadInput(f"expected --uav with one UAV, as two cannot have one slot, got {got}")
     place = (math.nan,) * 3 if planned else (given[0], given[1], given[2])
 
     async def action(vehicle: Vehicle) -> str:

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from gcs.errors import BadInput
+from gcs.errors import BadInput, Interrupted
 from mavlink_defs.framing.key_file import ANNOUNCED_S, GRACE_S, replace_key
-from mavlink_defs.framing.signing import SigningError, make_key
+from mavlink_defs.framing.signing import SigningError, key_exists, make_key, read_key
 
 __all__ = ["EPILOG", "key"]
 
@@ -21,12 +21,14 @@ Examples:
 
 Then `signing_key: PATH` in the links section of a scenario, or `--signing-key PATH`.
 
-Exit status: 0 written, 2 bad input.
+Exit status: 0 written, 2 bad input, 130 Ctrl-C.
 """
 
 
 def key(
-    file: Annotated[Path, typer.Argument(help="New file.", metavar="FILE")],
+    file: Annotated[
+        Path, typer.Argument(help="Key file; a new one, but for --replace.", metavar="FILE")
+    ],
     passphrase: Annotated[
         bool, typer.Option("--passphrase", help="Derive it from a passphrase instead of at random.")
     ] = False,
@@ -38,11 +40,12 @@ def key(
 
     With --replace, whatever uses the file goes over to the new key by itself.
     """
-    content = None
-    if passphrase:
-        text = typer.prompt("Passphrase", hide_input=True, confirmation_prompt=True, err=True)
-        content = hashlib.sha256(text.encode()).digest()
     try:
+        if replace:
+            read_key(file)
+        elif file.exists():
+            raise key_exists(file)
+        content = _derived_key() if passphrase else None
         if replace:
             replace_key(file, content)
         else:
@@ -56,3 +59,19 @@ def key(
         )
     else:
         typer.echo(f"key written to {file}")
+
+
+def _derived_key() -> bytes:
+    """Ask for a passphrase, and return the 32 bytes that it gives.
+
+    Raises:
+        BadInput: There was nobody to ask.
+        Interrupted: Ctrl-C.
+    """
+    try:
+        text = typer.prompt("Passphrase", hide_input=True, confirmation_prompt=True, err=True)
+    except typer.Abort as problem:
+        if isinstance(problem.__context__, KeyboardInterrupt):
+            raise Interrupted("interrupted") from None
+        raise BadInput("no passphrase was given", "type it twice, or feed it in twice") from None
+    return hashlib.sha256(text.encode()).digest()

@@ -6,16 +6,18 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import Progress, TaskID
 from rich.table import Table
 
+from gcs.commands import transfer
 from gcs.commands.common import console_of
 from gcs.commands.station import EXIT_STATUS, Station, print_json, station_command
+from gcs.commands.transfer import Note
 from gcs.errors import BadInput
 from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
 from gcs.scenario.model import load_scenario
 from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
+from mavlink_defs.config.models import counted
 from mavlink_defs.mission_files import is_mission_file, plan_text, waypoints_text
 
 __all__ = ["app"]
@@ -135,22 +137,16 @@ def download(
         station.act(action, data)
     finally:
         if out is not None and held:
-            _write(out, held)
+            transfer.write_held(out, held, "mission", is_same, partial(_text_of, out))
 
 
 def _send(station: Station, file: Path, start: bool) -> None:
-    """Upload a mission, with a bar for each vehicle, and start it if wanted."""
+    """Upload a mission, and start it if wanted."""
     items = load_mission(file)
-    console = console_of()
-    quiet = station.as_json or not console.is_terminal
-    progress = Progress(console=console, transient=True, disable=quiet)
-    tasks: dict[int, TaskID] = {}
+    if start and len(items) < 2:
+        raise BadInput(f"{file} has no item to fly", "an upload of it clears a mission")
 
-    async def action(vehicle: Vehicle) -> str:
-        def note(done: int, total: int) -> None:
-            progress.update(tasks[vehicle.system], completed=done, total=total)
-
-        tasks[vehicle.system] = progress.add_task(f"UAV {vehicle.system}", total=None)
+    async def send(vehicle: Vehicle, note: Note) -> str:
         await vehicle.upload_mission(items, note)
         if not start:
             return f"UAV {vehicle.system} holds {_count(items)} of {file}"
@@ -159,27 +155,17 @@ def _send(station: Station, file: Path, start: bool) -> None:
             await vehicle.arm()
         return f"UAV {vehicle.system} flies {_count(items)} of {file}"
 
-    with progress:
-        station.act(action, lambda _: {"items": len(items) - 1})
+    transfer.upload(station, send, {"items": len(items) - 1})
 
 
-def _write(out: Path, held: dict[int, Mission]) -> None:
-    first, *others = held.values()
-    if not all(is_same(first, other) for other in others):
-        names = ", ".join(map(str, held))
-        raise BadInput(f"UAV {names} hold different missions", "choose one with --uav")
-    if not first:
-        raise BadInput(f"UAV {', '.join(map(str, held))} holds no mission", "upload one first")
-    text = plan_text(first) if out.suffix.lower() == ".plan" else waypoints_text(first)
-    try:
-        out.write_text(text)
-    except OSError as problem:
-        raise BadInput(f"cannot write {out}: {problem.strerror}") from problem
+def _text_of(out: Path, mission: Mission) -> str:
+    if len(mission) < 2:
+        raise BadInput(f"no mission to write to {out}: the vehicles hold none", "upload one first")
+    return plan_text(mission) if out.suffix.lower() == ".plan" else waypoints_text(mission)
 
 
 def _count(mission: Mission) -> str:
-    count = max(len(mission) - 1, 0)
-    return f"{count} item" + ("" if count == 1 else "s")
+    return counted(max(len(mission) - 1, 0), "item")
 
 
 def _plain(item: Any) -> dict[str, Any]:

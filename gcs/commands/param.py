@@ -6,9 +6,11 @@ from typing import Annotated, Any
 import typer
 
 from gcs.commands.station import EXIT_STATUS, Station, station_command
+from gcs.errors import CommandRefused
 from gcs.station.notifications import enum_name
 from gcs.station.param_metadata import known_quantity
 from gcs.station.vehicle import Vehicle
+from mavlink_defs import dialect
 from mavlink_defs.services.param import Param
 
 __all__ = ["app"]
@@ -78,13 +80,21 @@ def get(
 def set_(
     station: Station,
     name: _Name,
-    value: Annotated[float, typer.Argument(metavar="VALUE")],
+    value: Annotated[
+        float, typer.Argument(metavar="VALUE", help="New value, in the unit of the parameter.")
+    ],
 ) -> None:
     """Set one parameter; the vehicle checks its range."""
     found: dict[int, Param] = {}
 
     async def action(vehicle: Vehicle) -> str:
-        found[vehicle.system] = await vehicle.set_param(name, value)
+        try:
+            found[vehicle.system] = await vehicle.set_param(name, value)
+        except CommandRefused as problem:
+            known = known_quantity(name)
+            if problem.result != dialect.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE or known is None:
+                raise
+            raise CommandRefused(f"{problem}: expected {known.range()}", problem.result) from None
         return _words(vehicle, found[vehicle.system])
 
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))

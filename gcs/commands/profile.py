@@ -1,20 +1,23 @@
 """``gcs profile upload|download|check``: reference profiles of vehicles and of files."""
 
+import operator
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import Progress, TaskID
 from rich.table import Table
 
+from gcs.commands import transfer
 from gcs.commands.common import console_of
 from gcs.commands.station import EXIT_STATUS, Station, print_json, station_command
-from gcs.errors import BadInput, CommandRefused
+from gcs.commands.transfer import Note
+from gcs.errors import CommandRefused
 from gcs.scenario.profile_file import load_profile, profile_yaml
 from gcs.station.status import segment_dict
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
+from mavlink_defs.config.models import counted
 from mavlink_defs.profile import Segment
 
 __all__ = ["app"]
@@ -61,22 +64,12 @@ def upload(
 ) -> None:
     """Upload a profile. It takes effect at once; if it is refused, the old one stays active."""
     segments = load_profile(file)
-    console = console_of()
-    progress = Progress(
-        console=console, transient=True, disable=station.as_json or not console.is_terminal
-    )
-    tasks: dict[int, TaskID] = {}
 
-    async def action(vehicle: Vehicle) -> str:
-        def show(done: int, total: int) -> None:
-            progress.update(tasks[vehicle.system], completed=done, total=total)
-
-        tasks[vehicle.system] = progress.add_task(f"UAV {vehicle.system}", total=None)
-        await vehicle.upload(segments, show)
+    async def send(vehicle: Vehicle, note: Note) -> str:
+        await vehicle.upload(segments, note)
         return f"UAV {vehicle.system} holds {_count(segments)} of {file}"
 
-    with progress:
-        station.act(action, lambda _: {"segments": len(segments)})
+    transfer.upload(station, send, {"segments": len(segments)})
 
 
 @app.command(epilog=_DOWNLOAD_EPILOG)
@@ -102,7 +95,7 @@ def download(
         station.act(action, data)
     finally:
         if out is not None and held:
-            _write(out, held)
+            transfer.write_held(out, held, "profile", operator.eq, profile_yaml)
         elif held and not station.as_json:
             print("---\n".join(map(profile_yaml, dict.fromkeys(held.values()))), end="")
 
@@ -136,18 +129,7 @@ def check(
 
 
 def _count(segments: tuple[Segment, ...]) -> str:
-    return f"{len(segments)} segment" + ("" if len(segments) == 1 else "s")
-
-
-def _write(out: Path, held: dict[int, tuple[Segment, ...]]) -> None:
-    first, *others = dict.fromkeys(held.values())
-    if others:
-        names = ", ".join(map(str, held))
-        raise BadInput(f"UAV {names} hold different profiles", "choose one with --uav")
-    try:
-        out.write_text(profile_yaml(first))
-    except OSError as problem:
-        raise BadInput(f"cannot write {out}: {problem.strerror}") from problem
+    return counted(len(segments), "segment")
 
 
 def _difference(ours: tuple[Segment, ...], theirs: tuple[Segment, ...]) -> str:

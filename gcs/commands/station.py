@@ -34,8 +34,8 @@ __all__ = [
 ]
 
 EXIT_STATUS = """
-Exit status: 0 accepted by all, 2 bad input, 3 refused by one, 4 no answer from one (or no
-vehicle heard).
+Exit status: 0 accepted or answered by all, 2 bad input, 3 refused by one, 4 no answer from one
+(or no vehicle heard).
 """
 
 SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
@@ -107,6 +107,15 @@ class Station:
     as_json: bool
     signing_key: str | None
 
+    @property
+    def systems(self) -> set[int] | None:
+        """System ids of the chosen vehicles; None: all that are heard.
+
+        Raises:
+            BadInput: The option is no list of ids.
+        """
+        return None if self.uavs is None else _systems(self.uavs)
+
     def act(
         self,
         action: Callable[[Vehicle], Awaitable[str]],
@@ -149,7 +158,7 @@ class Station:
             BadInput: An option cannot be used.
             NoAnswer: No vehicle was heard, or one of the chosen was not.
         """
-        systems, connection = _systems(self.uavs), choose_connection(self.connect, self.signing_key)
+        systems, connection = self.systems, choose_connection(self.connect, self.signing_key)
 
         async def connected() -> T:
             async with Client(
@@ -242,9 +251,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def _systems(text: str | None) -> set[int] | None:
-    if text is None:
-        return None
+def _systems(text: str) -> set[int]:
     parts = text.split(",")
     if not all(part.strip().isdecimal() and 1 <= int(part) <= 255 for part in parts):
         raise BadInput(f"--uav: expected system ids 1 to 255 such as 1,3, got '{text}'")

@@ -47,7 +47,10 @@ def trim(
     scenario: ScenarioArgument,
     airspeed: Annotated[
         list[float] | None,
-        typer.Option(help="Airspeed [m/s]; may be repeated. By default those of the profile."),
+        typer.Option(
+            help="Airspeed [m/s]; may be repeated. By default those of profile or mission.",
+            metavar="M/S",
+        ),
     ] = None,
     roll: Annotated[float, typer.Option(help="Roll angle [deg].", min=-80.0, max=80.0)] = 0.0,
     additions: WithOption = None,
@@ -83,8 +86,9 @@ def trim(
         found = [{"position": t.position} | asdict(t) for t in (*kept, *given_up)]
         print(json.dumps(found, indent=2))
         return
-    _print(console, "Aileron or rudder stuck: level flight that turns", kept)
-    _print(console, "Elevator or throttle stuck: straight, level flight", given_up)
+    tables = console_of(stderr=False, quiet=quiet)
+    _print(tables, "Aileron or rudder stuck: level flight that turns", kept)
+    _print(tables, "Elevator or throttle stuck: straight, level flight", given_up)
 
 
 def _airspeeds(scenario: "Scenario") -> list[float]:

@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import json
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,6 +28,7 @@ from gcs.errors import BadInput, Interrupted
 from gcs.scenario.model import Scenario
 from gcs.station.signing_key import refuse_unsigned, signed, warn_if_exposed
 from gcs.stopping import stop_signals
+from mavlink_defs.config.models import counted
 from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
 
@@ -80,9 +81,9 @@ def up(
 ) -> None:
     """Start a fleet that flies until it is stopped (Ctrl-C).
 
-    The vehicles get profile and faults of the scenario and wait: time begins when all are
-    armed. The duration of the scenario is ignored. One ground station can bind the GCS
-    port (14550); any number can connect to the hub, as gcs's own commands do. Links that
+    The vehicles get the profile or the mission and the faults of the scenario and wait: time
+    begins when all are armed. The duration of the scenario is ignored. One ground station can bind
+    the GCS port (14550); any number can connect to the hub, as gcs's own commands do. Links that
     other machines can reach must be signed, unless --insecure is given.
     """
     if speed is not None and not 0.0 < speed < float("inf"):
@@ -182,9 +183,9 @@ def _announce(
     addresses = _addresses(scenario, folder, hub)
     mission = scenario.mission
     flown = (
-        f"profile of {_count(scenario.profile, 'segment')}"
+        f"profile of {counted(len(scenario.profile), 'segment')}"
         if mission is None
-        else f"mission of {_count(mission.items, 'item')}"
+        else f"mission of {counted(len(mission.items), 'item')}"
     )
     pace = "lockstep" if speed is None else f"{speed:g}× real time"
     state = "mission started, armed" if start else "not armed"
@@ -194,7 +195,7 @@ def _announce(
         then[:0] = ["gcs start" + connect, "gcs arm" + connect]
     lines = [
         f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), {flown}, "
-        f"{_count(scenario.faults, 'fault')} set, {state}",
+        f"{counted(len(scenario.faults), 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
         f"  logs of the processes: {folder / 'processes'}",
         *(f"  {'then:' if i == 0 else '     '} {words}" for i, words in enumerate(then)),
@@ -202,7 +203,3 @@ def _announce(
     ]
     for line in lines:
         console.print(line, soft_wrap=True)
-
-
-def _count(things: Sequence[object], name: str) -> str:
-    return f"{len(things)} {name}" + ("" if len(things) == 1 else "s")

@@ -49,7 +49,9 @@ Exit status: 0 counted, 1 no MAVLink 2 frame in the file, 2 bad input.
 def wire(
     file: Annotated[
         Path | None,
-        typer.Argument(help="Capture (pcap, pcapng), telemetry log (tlog) or wire.json."),
+        typer.Argument(
+            help="Capture (pcap, pcapng), telemetry log (tlog) or wire.json.", metavar="FILE"
+        ),
     ] = None,
     relay: Annotated[
         list[str] | None,
@@ -83,7 +85,7 @@ def wire(
         ),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop relaying after this time.")
+        float | None, typer.Option(min=0.0, help="Stop relaying after this time [s].")
     ] = None,
     csv: Annotated[
         Path | None, typer.Option(help="Also write the counts as CSV.", metavar="FILE")

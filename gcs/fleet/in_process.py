@@ -19,7 +19,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params, fault_to_params
 from mavlink_defs.profile import items_to_segments
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
@@ -182,7 +182,7 @@ def run_steps(
     return k, lost
 
 
-@compiled
+@inlined
 def _deliver(controllers: Controllers, sources: np.ndarray, step: int) -> None:
     """Deliver the neighbour messages that were sent in a step."""
     for i in range(sources.shape[0]):

@@ -18,6 +18,9 @@ from gcs.results.path_following import PathFollowing
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
 from gcs.theory import check_theory
+from mavlink_defs.capture import relay_loop
+from mavlink_defs.capture.impairing import new_directions
+from mavlink_defs.capture.tap_counts import new_counts
 from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.runtime.jit import mark_cache_warm, not_cached
 from sitl_plant import link as plant_link
@@ -51,6 +54,7 @@ def _call_everything(scenario: Scenario) -> None:
     with _other_process(plant):
         call_everything(short.autopilot_config(short.uavs[0].id))
     _call_plant(plant)
+    _call_relay()
     flight = fly_in_process(short)
     summarise(flight, short)
     check_theory(flight, short)
@@ -61,7 +65,7 @@ def _call_everything(scenario: Scenario) -> None:
 
 @contextlib.contextmanager
 def _other_process(plant: PlantConfig) -> Iterator[None]:
-    """Compile the plant in another process meanwhile; what fails there is left to the caller."""
+    """Compile plant and relay in another process meanwhile; what fails is left to the caller."""
     command = [sys.executable, "-m", __spec__.name if __spec__ else __name__]
     quiet = subprocess.DEVNULL
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as child:
@@ -85,6 +89,12 @@ def _call_plant(plant: PlantConfig) -> None:
         plant_link.send_states(fd, link, fleet, False)
 
 
+def _call_relay() -> None:
+    relay = relay_loop.new_relay_state(-1, [], [], [], new_directions([]))
+    relay_loop.pause(relay)
+    relay_loop.run(relay, new_counts(window_s=1.0))
+
+
 @contextlib.contextmanager
 def _socket() -> Iterator[int]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -101,3 +111,4 @@ if __name__ == "__main__":
     given = PlantConfig.model_validate_json(sys.stdin.buffer.readline())
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _call_plant(given)
+    _call_relay()

@@ -90,13 +90,13 @@ class Traffic:
         rows = np.flatnonzero(steps.signals["neighbour_message"][:, i])
         messages = np.zeros(len(rows), NEIGHBOUR)
         messages["step"] = steps.first + rows
-        signals = steps.signals[rows, i]
-        on_path = np.isfinite(signals["path_position"])
+        signals = steps.signals[:, i]
+        on_path = np.isfinite(signals["path_position"][rows])
         refers = on_path | (_active(steps, i, rows) & self._triggered)
         messages["frame"] = np.where(refers, FTC_NEIGHBOUR_FRAME_REFERENCE, 0)
         if self._scenario.formation is not None:
-            velocities = steps.states[rows, i, 3:6]
-            fill_places(messages, on_path, signals["attitude"], velocities, signals["report_size"])
+            attitudes, sizes = signals["attitude"][rows], signals["report_size"][rows]
+            fill_places(messages, on_path, attitudes, steps.states[rows, i, 3:6], sizes)
         return messages
 
 

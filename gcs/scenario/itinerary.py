@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ftc_autopilot.guidance.mission_items import is_path
 from ftc_autopilot.guidance.path import NO_LOOP, point_at
 from gcs.scenario.bundled import find_scenario
 from gcs.scenario.model import Scenario, load_scenario
@@ -88,6 +89,10 @@ def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> 
     Raises:
         ConfigError: They would refuse it; the item and the reason are named.
     """
+    if len(items) < 2:
+        raise ConfigError(name, [Problem((), "expected a waypoint or a circle, got no item")])
+    if not is_path(items):
+        raise ConfigError(name, [Problem((), "a profile, not a path; see gcs profile")])
     planner = fleet.planner()
     try:
         path = planner.path(planner.tasks(items))

@@ -159,7 +159,7 @@ def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     """Return the tree of a scenario with the items of the mission file that it names.
 
     Args:
-        path: The scenario; the mission file lies beside it.
+        path: The file that the tree is of; the mission file lies beside it.
         tree: Plain data read from it.
 
     Raises:
@@ -170,7 +170,8 @@ def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
         return tree
     name, *others = (mission["file"], *(key for key in mission if key != "file"))
     if not isinstance(name, str) or others:
-        text = f"expected the name of a mission file, and no key beside it, got {shown(name)}"
+        got = " and ".join([shown(name), *map(str, others)])
+        text = f"expected the name of a mission file, and no key beside it, got {got}"
         raise ConfigError(path, [Problem(("mission", "file"), text)])
     try:
         items = read_mission_file(Path(path).parent / name)

@@ -40,8 +40,8 @@ from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
 from mavlink_defs.config.models import ConfigError, Loc, Model, Problem, Problems, repeated
 from mavlink_defs.config.quantity import quantity, whole
-from mavlink_defs.endpoint import parse_address
 from mavlink_defs.faults import MAX_FAULTS, Fault
+from mavlink_defs.mission_files import is_mission_file
 from mavlink_defs.profile import MAX_SEGMENTS, ItemError, Segment, segments_to_items
 from mavlink_defs.services.mission import MissionItem
 from sitl_plant.atmosphere import Wind
@@ -218,7 +218,7 @@ class Scenario(Model):
             self._profile_problems,
             self._mission_problems,
             self._fault_problems,
-            self._port_problems,
+            lambda: self.links.port_problems(self._ids),
         )
         Problems.check(problem for check in checks for problem in check())
         return self
@@ -255,8 +255,13 @@ class Scenario(Model):
     def _mission_problems(self) -> Found:
         if self.mission is None:
             return
+        planner = self.planner()
+        low, high = planner.airspeeds.min_m_s, planner.airspeeds.max_m_s
+        if not low <= (cruise := self.guidance.cruise_m_s) <= high:
+            text = f"expected [{low:g}, {high:g}] m/s, the limits of guidance and aircraft"
+            yield ("guidance", "cruise_m_s"), f"{text}, got {cruise!r}"
         try:
-            self.planner().tasks(self.mission_items())
+            planner.tasks(self.mission_items())
         except ItemError as error:
             yield ("mission", "items", error.seq - 1), error.reason
 
@@ -326,31 +331,6 @@ class Scenario(Model):
                     )
                     yield ("faults", i), text
 
-    def _port_problems(self) -> Found:
-        links = self.links
-        taken = {links.gcs_port: "gcs_port"}
-        if links.plant_port in taken:
-            yield (
-                ("links", "plant_port"),
-                f"expected another port than gcs_port, got {links.plant_port}",
-            )
-        taken[links.plant_port] = "plant_port"
-        base = links.formation_base_port
-        for uav_id in dict.fromkeys(self._ids):
-            port = base + uav_id
-            if port > 65535:
-                text = f"expected at most 65535 with the UAV's id added, got {base} + {uav_id}"
-                yield ("links", "formation_base_port"), text
-            elif port in taken:
-                text = f"clashes with {taken[port]}: UAV {uav_id} would bind {base} + {uav_id} too"
-                yield ("links", "formation_base_port"), text
-            taken.setdefault(port, f"the formation link of UAV {uav_id}")
-        if links.plant_relay is not None:
-            relay = parse_address(links.plant_relay)
-            if relay.host == links.host and relay.port in taken:
-                text = f"clashes with {taken[relay.port]}, got '{relay}'"
-                yield ("links", "plant_relay"), text
-
     @property
     def steps(self) -> int:
         """Control periods of the whole flight."""
@@ -383,7 +363,10 @@ def scenario_tree(name: Path | str) -> dict[Any, Any]:
     Raises:
         ConfigError: A file cannot be read, is not a YAML mapping, or extends itself.
     """
-    return read_inherited(find_scenario(name), base_of)
+    path = find_scenario(name)
+    if is_mission_file(path):
+        raise ConfigError(path, [Problem((), "a mission, not a scenario; see gcs mission")])
+    return read_inherited(path, base_of, with_mission_file)
 
 
 def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from ftc_autopilot.guidance.mission_items import is_path
 from gcs.scenario.bundled import base_of, find_scenario
+from gcs.scenario.mission import with_mission_file
 from gcs.scenario.model import scenario_of
 from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
@@ -50,7 +51,7 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
     path = find_scenario(name)
     if is_mission_file(path):
         return _segments_of(path, read_mission_file(path))
-    data = read_inherited(path, base_of)
+    data = read_inherited(path, base_of, with_mission_file)
     if not data.keys() <= ProfileFile.model_fields.keys():
         segments = scenario_of(path, data).segments()
         if not segments:

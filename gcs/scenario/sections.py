@@ -178,3 +178,26 @@ class Links(Model):
     def address(self, port: int) -> str:
         """Return a port of this host as host:port."""
         return f"{self.host}:{port}"
+
+    def port_problems(self, uav_ids: list[int]) -> Found:
+        """Yield place in a scenario and text where two sockets would share a port."""
+        taken = {self.gcs_port: "gcs_port"}
+        if self.plant_port in taken:
+            text = f"expected another port than gcs_port, got {self.plant_port}"
+            yield ("links", "plant_port"), text
+        taken[self.plant_port] = "plant_port"
+        base = self.formation_base_port
+        for uav_id in dict.fromkeys(uav_ids):
+            port = base + uav_id
+            if port > 65535:
+                text = f"expected at most 65535 with the UAV's id added, got {base} + {uav_id}"
+                yield ("links", "formation_base_port"), text
+            elif port in taken:
+                text = f"clashes with {taken[port]}: UAV {uav_id} would bind {base} + {uav_id} too"
+                yield ("links", "formation_base_port"), text
+            taken.setdefault(port, f"the formation link of UAV {uav_id}")
+        if self.plant_relay is not None:
+            relay = parse_address(self.plant_relay)
+            if relay.host == self.host and relay.port in taken:
+                text = f"clashes with {taken[relay.port]}, got '{relay}'"
+                yield ("links", "plant_relay"), text

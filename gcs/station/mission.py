@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from mavlink_defs import dialect
+from mavlink_defs.config.models import counted
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, Segment, items_to_segments
 from mavlink_defs.services.mission import MissionItem
@@ -64,7 +65,7 @@ def item_text(item: MissionItem) -> str:
         case dialect.MAV_CMD_NAV_LOITER_UNLIM:
             return f"loiter{_radius(p3)}"
         case dialect.MAV_CMD_NAV_LOITER_TURNS:
-            return f"loiter {p1:g} turns{_radius(p3)}"
+            return f"loiter {counted(p1, 'turn')}{_radius(p3)}"
         case dialect.MAV_CMD_NAV_LOITER_TIME:
             return f"loiter {p1:g} s{_radius(p3)}"
         case dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
@@ -72,7 +73,7 @@ def item_text(item: MissionItem) -> str:
         case dialect.MAV_CMD_DO_CHANGE_SPEED:
             return f"speed {p2:g} m/s"
         case dialect.MAV_CMD_DO_JUMP:
-            return f"jump to {p1:g}, " + ("always" if p2 < 0.0 else f"{p2:g} times")
+            return f"jump to {p1:g}, " + ("always" if p2 < 0.0 else counted(p2, "time"))
         case dialect.MAV_CMD_CONDITION_DELAY:
             return f"wait {p1:g} s"
         case dialect.MAV_CMD_DO_SET_HOME:

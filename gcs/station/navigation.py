@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from ftc_autopilot.geography import Origin, place_of, position_of
+from ftc_autopilot.guidance.mission_items import RELATIVE_FRAMES, has_place
 from gcs.station.mission import HAS_PLACE
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
-from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.services.mission import MissionItem
 
 __all__ = [
@@ -29,10 +29,6 @@ __all__ = [
 
 _DEG_E7 = 1e7
 _LOCAL_POSITION = dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED
-_RELATIVE = {
-    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-}
 
 
 @dataclass(frozen=True)
@@ -51,8 +47,7 @@ class Home:
 
     def place_of(self, item: MissionItem) -> tuple[float, float] | None:
         """Return north and east of an item [m]; None if it leads to no place of its own."""
-        beyond = INT32_MAX in {abs(item.x), abs(item.y)} or (item.x, item.y) == (0, 0)
-        if item.command not in HAS_PLACE or beyond:
+        if item.command not in HAS_PLACE or not has_place(item):
             return None
         north, east = position_of(self.origin, item.x, item.y)
         return self.north_m + north, self.east_m + east
@@ -84,11 +79,11 @@ class Home:
 
     def height_of(self, item: MissionItem) -> float:
         """Return the height of an item above home [m]."""
-        return float(item.z) - (0.0 if item.frame in _RELATIVE else self.origin.altitude_m)
+        return float(item.z) - (0.0 if item.frame in RELATIVE_FRAMES else self.origin.altitude_m)
 
     def altitude_of(self, item: MissionItem, height_m: float) -> float:
         """Return the altitude that an item has at a height above home [m], in its own frame."""
-        return height_m + (0.0 if item.frame in _RELATIVE else self.origin.altitude_m)
+        return height_m + (0.0 if item.frame in RELATIVE_FRAMES else self.origin.altitude_m)
 
 
 def home_of(state: VehicleState) -> Home | None:

@@ -9,6 +9,8 @@ from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.guidance.formation import FormationParameters
+from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
+from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
 from mavlink_defs.config.quantity import Quantity
 
@@ -36,6 +38,8 @@ def _known() -> dict[str, Quantity]:
         *tunables(LawParameters, records["common"]),
     ]
     found += tunables(FormationParameters, records["formation"], "FORM_")
+    for kind, guidance in GUIDANCE_LAWS.items():
+        found += tunables(guidance, records["guidance"][kind], "GUID_", base=GuidanceParameters)
     for mode in MODES:
         found += trigger_tunables(records, mode)
     for kind, law in LAWS.items():

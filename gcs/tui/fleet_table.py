@@ -13,6 +13,7 @@ from gcs.tui.formatting import Cell, number, seconds
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView
+from mavlink_defs.config.models import counted
 
 __all__ = ["FleetTable"]
 
@@ -74,7 +75,7 @@ class FleetTable(Grid):
         if self.key != view.selected:
             self.move_to(view.selected)
         marked = f" · {len(view.marked)} marked" if view.marked else ""
-        self.border_title = f"Fleet · {len(rows)} UAV{'' if len(rows) == 1 else 's'}{marked}"
+        self.border_title = f"Fleet · {counted(len(rows), 'UAV')}{marked}"
 
     def action_mark(self) -> None:
         """Mark the vehicle of the cursor, or no longer."""

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from gcs.station.mission import Mission
+from gcs.station.mission import HAS_PLACE, Mission
 from gcs.station.navigation import Home, home_of, slot_place_of, wind_of
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.curves import Colour, Palette, arrow, arrow_to, latest, ticks
@@ -23,11 +23,6 @@ _LEAST_REACH_M = 30.0
 _TRAIL_S = 120.0
 _CIRCLE_POINTS = 60
 _FRAME = (8, 3)  # columns and lines of a plot that its axes take
-_LOITERS = {
-    dialect.MAV_CMD_NAV_LOITER_UNLIM,
-    dialect.MAV_CMD_NAV_LOITER_TURNS,
-    dialect.MAV_CMD_NAV_LOITER_TIME,
-}
 
 
 @dataclass(frozen=True)
@@ -137,7 +132,7 @@ def _route(
         if place is None:
             continue
         route.append((item.seq, place))
-        if item.command in _LOITERS and math.isfinite(item.param3) and item.param3 != 0.0:
+        if item.command in HAS_PLACE and math.isfinite(item.param3) and item.param3 != 0.0:
             circles.append((place, abs(item.param3)))
     return route, circles
 

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from ftc_autopilot.guidance.mission_items import ANYWHERE_M
 from gcs.station.mission import Mission, item_text
 from gcs.station.navigation import Home, current_item, distance_to_item
 from gcs.station.vehicle_state import VehicleState
@@ -118,4 +119,6 @@ def read_place(text: str) -> tuple[float, float, float]:
         raise PlaceError(f"{text}; such as 800 -200 500") from None
     if not all(map(math.isfinite, (north, east, height))):
         raise PlaceError(f"expected finite numbers, got {text!r}")
+    if not max(abs(north), abs(east), abs(height)) <= ANYWHERE_M:
+        raise PlaceError(f"expected at most {ANYWHERE_M:g} m, got {text!r}")
     return north, east, height

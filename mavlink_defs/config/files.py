@@ -21,7 +21,15 @@ from pydantic import BaseModel, RootModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from mavlink_defs.config.models import ConfigError, Loc, Problem, Problems, shown, unknown_key
+from mavlink_defs.config.models import (
+    ConfigError,
+    Loc,
+    Problem,
+    Problems,
+    counted,
+    shown,
+    unknown_key,
+)
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
 from mavlink_defs.runtime.files import write_text
@@ -137,12 +145,8 @@ def _text(place: "_Place", error: ErrorDetails) -> str:
         word = "entry" if kind.startswith("too") else "character"
         bound = error["ctx"].get("min_length", error["ctx"].get("max_length"))
         which = "at least" if kind.endswith("short") else "at most"
-        return f"expected {which} {_count(int(bound or 0), word)}, got {got}"
+        return f"expected {which} {counted(int(bound or 0), word)}, got {got}"
     return f"expected {place.expected}, got {got}"
-
-
-def _count(n: int, word: str) -> str:
-    return f"{n} {word}" if n == 1 else f"{n} {word.replace('entry', 'entrie')}s"
 
 
 class _Place:

@@ -42,33 +42,49 @@ def _beside(folder: Path, name: str) -> Path:
     return folder / name
 
 
-def read_inherited(path: Path | str, find: Callable[[Path, str], Path] = _beside) -> dict[Any, Any]:
+def _as_it_is(_: Path, tree: dict[Any, Any]) -> dict[Any, Any]:
+    return tree
+
+
+def read_inherited(
+    path: Path | str,
+    find: Callable[[Path, str], Path] = _beside,
+    complete: Callable[[Path, dict[Any, Any]], dict[Any, Any]] = _as_it_is,
+) -> dict[Any, Any]:
     """Read a YAML file and what it extends, as one tree without `extends`.
 
     Args:
         path: The file.
         find: Gives the file that a name means, for the folder of the file that extends it.
+        complete: Gives the tree to merge, for each file and its tree: what the file takes from
+            other files beside it.
 
     Raises:
         ConfigError: A file cannot be read, holds something else, or extends itself.
     """
-    return _read(Path(path), find, [])
+    return _read(Path(path), find, complete, [])
 
 
-def _read(path: Path, find: Callable[[Path, str], Path], above: list[Path]) -> dict[Any, Any]:
+def _read(
+    path: Path,
+    find: Callable[[Path, str], Path],
+    complete: Callable[[Path, dict[Any, Any]], dict[Any, Any]],
+    above: list[Path],
+) -> dict[Any, Any]:
     """Read a file that the ones `above` extend."""
     if path.resolve() in above:
         raise ConfigError(path, [Problem((), "extends itself")])
-    tree = read(path)
+    tree = complete(path, read(path))
     if "extends" not in tree:
         return tree
-    given = tree.pop("extends")
+    given, tree = tree["extends"], {key: tree[key] for key in tree if key != "extends"}
     names = given if isinstance(given, list) else [given]
     if not names or not all(isinstance(name, str) and name for name in names):
         text = f"expected the path of a file, or a list of them, got {shown(given)}"
         raise ConfigError(path, [Problem(("extends",), text)])
     try:
-        bases = [_read(find(path.parent, name), find, [*above, path.resolve()]) for name in names]
+        files = [find(path.parent, name) for name in names]
+        bases = [_read(file, find, complete, [*above, path.resolve()]) for file in files]
         return dict(functools.reduce(merged, [*bases, tree]))
     except ConfigError as exc:
         problems = [Problem(("extends",), f"{exc.path}: {problem}") for problem in exc.problems]

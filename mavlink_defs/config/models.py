@@ -29,6 +29,7 @@ __all__ = [
     "ProblemKind",
     "Problems",
     "SystemId",
+    "counted",
     "repeated",
     "shown",
     "unknown_key",
@@ -144,6 +145,13 @@ def repeated(values: Sequence[object]) -> list[tuple[int, str]]:
         for i, value in enumerate(values)
         if value in values[:i]
     ]
+
+
+def counted(count: float, noun: str) -> str:
+    """Return a number of things as a text shows it: "1 entry", "2 entries"."""
+    several = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    number = f"{count:g}" if isinstance(count, float) else str(count)
+    return f"{number} {noun if count == 1 else several}"
 
 
 def shown(value: object) -> str:

@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from mavlink_defs.framing.signing import make_key
 
 SCENARIO_1 = str(Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml")
 NOWHERE = ("--connect", "udpout:127.0.0.1:1")
+SLOT = ("formation", "slot", *NOWHERE, "1", "2", "3")
 RUDDER = ("fault", "set", "rudder", "--effectiveness", "0.5", *NOWHERE)
 
 
@@ -68,6 +71,15 @@ def complaint(*arguments: str) -> str:
         (("profile", "check", "none.yaml"), "none.yaml"),
         (("profile", "check", "missions/hexagon"), "has a mission, no profile; see gcs mission"),
         (("mission", "show", "none.plan"), "none.plan"),
+        (("mission", "show", "paper/scenario1"), "a profile, not a path; see gcs profile"),
+        (("fly", "my.plan"), "my.plan: no such file"),
+        (("formation", "slot", "1", "2", *NOWHERE), "three distances AHEAD RIGHT UP [m]"),
+        (("formation", "slot", "1", "2", "3", *NOWHERE), "one UAV, as two cannot have one slot"),
+        (
+            (*SLOT, "--uav", "1,2"),
+            "expected --uav with one UAV, as two cannot have one slot, got 1, 2",
+        ),
+        ((*SLOT[:-1], "nan", "--uav", "1"), "slot is 1 2 nan, expected finite distances [m]"),
         (("mission", "upload", "none.yaml", *NOWHERE), "none.yaml"),
         (("mission", "download", "--out", "held.txt", *NOWHERE), ".plan nor .waypoints"),
     ],
@@ -83,6 +95,57 @@ def test_bad_profile_files(tmp_path: Path, command: str) -> None:
     said = complaint("profile", command, str(bad))
     assert str(bad) in said
     assert "profile[0]" in said
+
+
+@pytest.mark.parametrize("command", [("fly",), ("mission", "show", "--fleet")])
+def test_a_mission_is_no_scenario(tmp_path: Path, command: tuple[str, ...]) -> None:
+    (tmp_path / "my.plan").write_text("{}")
+    fly = [*command, str(tmp_path / "my.plan")]
+    fly += [] if command == ("fly",) else ["missions/hexagon"]
+    assert "a mission, not a scenario; see gcs mission" in complaint(*fly)
+
+
+def test_a_mission_without_items_is_not_flown(tmp_path: Path) -> None:
+    (tmp_path / "my.waypoints").write_text("QGC WPL 110\n0 1 0 16 0 0 0 0 -35.3 149.1 584 1\n")
+    said = complaint("mission", "fly", str(tmp_path / "my.waypoints"), *NOWHERE)
+    assert "has no item to fly" in said
+
+
+def test_a_wrong_scheduler_leaves_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = complaint("campaign", "campaigns/uncertainty", "--scheduler", "cluster")
+    assert "expected tcp://HOST:PORT" in text
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_passphrase_is_not_asked_for_in_vain(tmp_path: Path) -> None:
+    make_key(tmp_path / "key")
+    text = complaint("key", str(tmp_path / "key"), "--passphrase")
+    assert "key exists already; only --replace overwrites a key" in text
+    result = CliRunner().invoke(app, ["key", str(tmp_path / "new"), "--passphrase"], input="")
+    assert str(result.exception) == "no passphrase was given"
+    assert not (tmp_path / "new").exists()
+
+
+def help_of(*command: str) -> str:
+    shown = subprocess.run(
+        [sys.executable, "-c", "from gcs.cli import main; main()", *command, "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "COLUMNS": "120", "NO_COLOR": "1"},
+    )
+    return shown.stdout
+
+
+def test_help_names_values_and_none_of_flags() -> None:
+    assert "Without a command: the operator's dashboard." in help_of()
+    text = help_of("formation", "slot")
+    assert "[AHEAD] [RIGHT] [UP]" in text
+    assert "--planned" in text
+    assert "<bool>" not in text
 
 
 def commands(typer_app: Any) -> Iterator[Any]:
@@ -135,7 +198,7 @@ def test_trim_prints_steady_flights_as_tables_and_as_json() -> None:
         "uncertainty.coefficients={cn0: 1.4}",
     ]
     shown = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, options)
-    assert "level flight that turns" in shown.output
+    assert "level flight that turns" in shown.stdout
     trims = json.loads(CliRunner().invoke(app, [*options, "--json"]).stdout)
     assert {trim["stuck"] for trim in trims} == {"aileron", "elevator", "rudder", "throttle"}
     lowest = min(trim["position"] for trim in trims if trim["stuck"] == "aileron")

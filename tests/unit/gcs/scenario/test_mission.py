@@ -78,6 +78,47 @@ def test_a_mission_file_beside_the_scenario(
     assert contents(again) == contents(scenario)
 
 
+def test_a_mission_file_is_that_of_the_file_that_names_it(tree: Any, tmp_path: Path) -> None:
+    """It replaces the items of what the file extends, and lies beside it, not beside others."""
+    far = tmp_path / "far"
+    far.mkdir()
+    scenario = load_scenario(written(tmp_path, tree, {"items": ITEMS}))
+    (far / "a.waypoints").write_text(waypoints_text(scenario.mission_items()))
+    (far / "middle.yaml").write_text("extends: missions/hexagon\nmission: {file: a.waypoints}\n")
+    (tmp_path / "top.yaml").write_text("extends: far/middle.yaml\nduration_s: 5\n")
+    assert contents(load_scenario(tmp_path / "top.yaml")) == contents(scenario)
+    (far / "a.waypoints").unlink()
+    with pytest.raises(ConfigError, match=r"extends: .*mission\.file: .*a\.waypoints: cannot be"):
+        load_scenario(tmp_path / "top.yaml")
+
+
+def test_what_stands_beside_a_mission_file_is_named(tree: Any, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"no key beside it, got 'a\.plan' and items"):
+        load_scenario(written(tmp_path, tree, {"file": "a.plan", "items": []}))
+
+
+@pytest.mark.parametrize(
+    ("guidance", "problem"),
+    [
+        (
+            {"cruise_m_s": 80.0},
+            "guidance.cruise_m_s: expected [30, 60] m/s, the limits of guidance and aircraft, "
+            "got 80.0",
+        ),
+        (
+            {"airspeed_min_m_s": 50.0, "airspeed_max_m_s": 45.0},
+            "guidance.airspeed_min_m_s: expected <= 45 m/s, airspeed_max_m_s, got 50.0",
+        ),
+    ],
+)
+def test_airspeeds_of_guidance(
+    tree: Any, tmp_path: Path, guidance: dict[str, float], problem: str
+) -> None:
+    with pytest.raises(ConfigError) as error:
+        load_scenario(written(tmp_path, {**tree, "guidance": guidance}, {"items": ITEMS}))
+    assert [str(p) for p in error.value.problems] == [problem]
+
+
 def test_a_profile_is_replaced_by_a_mission(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     changes = {"profile": None, "faults": None, "mission": {"items": ITEMS[:1]}}

@@ -128,6 +128,7 @@ def test_a_mission_is_a_profile_or_not() -> None:
         (item(dialect.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, -50.0), "waypoint, pass by -50 m"),
         (item(dialect.MAV_CMD_NAV_LOITER_UNLIM, 0.0, 0.0, math.nan), "loiter"),
         (item(dialect.MAV_CMD_NAV_LOITER_TURNS, 2.0, 0.0, 300.0), "loiter 2 turns, radius 300 m"),
+        (item(dialect.MAV_CMD_NAV_LOITER_TURNS, 1.0), "loiter 1 turn"),
         (item(dialect.MAV_CMD_NAV_LOITER_TIME, 60.0), "loiter 60 s"),
         (item(dialect.MAV_CMD_DO_JUMP, 2.0, -1.0), "jump to 2, always"),
         (item(dialect.MAV_CMD_DO_JUMP, 2.0, 5.0), "jump to 2, 5 times"),

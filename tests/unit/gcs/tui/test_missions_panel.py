@@ -222,6 +222,10 @@ def test_the_scene_has_all_that_was_told() -> None:
     assert [seq for seq, _ in scene.route] == [1, 2, 3, 1]  # and back by the jump
     assert scene_of([], None, triangle(), 100) == Scene([], [])
     assert wind_text(None) == "wind –"
+    passed_by = at(1, 800.0, 0.0)
+    passed_by.param3 = -300.0
+    ((centre, radius),) = scene_of(states, 1, (HOME.item(), passed_by), 100).circles
+    assert (*centre, radius) == pytest.approx((800.0, 0.0, 300.0), abs=0.1)
 
 
 @given(
@@ -264,7 +268,7 @@ def test_items_without_a_place() -> None:
     assert home_of(state) is None
 
 
-@pytest.mark.parametrize("text", ["", "1 2", "1 2 3 4", "a b c", "1 nan 2", "1e999 0 0"])
+@pytest.mark.parametrize("text", ["", "1 2", "1 2 3 4", "a b c", "1 nan 2", "1e999 0 0", "2e5 0 0"])
 def test_what_is_no_place(text: str) -> None:
     with pytest.raises(PlaceError):
         read_place(text)

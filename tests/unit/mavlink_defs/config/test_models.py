@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydantic import Field, model_validator
 
 from mavlink_defs.config.files import dump, load
-from mavlink_defs.config.models import ConfigError, HostPort, Model, Problems, SystemId
+from mavlink_defs.config.models import ConfigError, HostPort, Model, Problems, SystemId, counted
 from mavlink_defs.config.quantity import Quantity, describe, quantity, whole
 
 
@@ -236,3 +236,16 @@ def test_declaration_can_be_read_back() -> None:
     assert declared == Quantity("rad", None, 0.0, None, 0.8, "Symmetric stop.")
     assert declared.range() == "[0, 0.8] rad"
     assert describe(Craft.model_fields["name"]) is None
+
+
+@pytest.mark.parametrize(
+    ("count", "noun", "text"),
+    [
+        (0, "item", "0 items"),
+        (1, "item", "1 item"),
+        (2.5, "turn", "2.5 turns"),
+        (2, "entry", "2 entries"),
+    ],
+)
+def test_things_are_counted_in_words(count: float, noun: str, text: str) -> None:
+    assert counted(count, noun) == text

@@ -1,0 +1,74 @@
+"""Uploads to vehicles, and files of what they hold: missions and profiles alike."""
+
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+from rich.progress import Progress
+
+from gcs.commands.common import console_of
+from gcs.commands.station import Station
+from gcs.errors import BadInput
+from gcs.station.vehicle import Vehicle
+
+__all__ = ["Note", "upload", "write_held"]
+
+Note: TypeAlias = Callable[[int, int], None]
+"""Takes note of how many items of how many a vehicle has got."""
+
+T = TypeVar("T")
+
+
+def upload(
+    station: Station, send: Callable[[Vehicle, Note], Awaitable[str]], data: dict[str, Any]
+) -> None:
+    """Send something to every chosen vehicle, with a bar for each; exit with the status.
+
+    Args:
+        station: Gives the vehicles.
+        send: Sends it to a vehicle, and returns a line for the user.
+        data: Further JSON data of every vehicle that has got it.
+    """
+    console = console_of()
+    quiet = station.as_json or not console.is_terminal
+    progress = Progress(console=console, transient=True, disable=quiet)
+
+    async def action(vehicle: Vehicle) -> str:
+        task = progress.add_task(f"UAV {vehicle.system}", total=None)
+
+        def note(done: int, total: int) -> None:
+            progress.update(task, completed=done, total=total)
+
+        return await send(vehicle, note)
+
+    with progress:
+        station.act(action, lambda _: data)
+
+
+def write_held(
+    out: Path,
+    held: Mapping[int, T],
+    kind: str,
+    same: Callable[[T, T], bool],
+    text_of: Callable[[T], str],
+) -> None:
+    """Write what all vehicles hold to a file.
+
+    Args:
+        out: The file.
+        held: What each vehicle holds, by system id; at least one does.
+        kind: What it is, in the singular, for the error.
+        same: Whether two are the same.
+        text_of: Returns the text of the file.
+
+    Raises:
+        BadInput: They hold different ones, or the file cannot be written.
+    """
+    first, *others = held.values()
+    if not all(same(first, other) for other in others):
+        names = ", ".join(map(str, sorted(held)))
+        raise BadInput(f"UAV {names} hold different {kind}s", "choose one with --uav")
+    try:
+        out.write_text(text_of(first))
+    except OSError as problem:
+        raise BadInput(f"cannot write {out}: {problem.strerror}") from problem
