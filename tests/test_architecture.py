@@ -16,6 +16,7 @@ ALLOWED: dict[str, set[str]] = {
 MODEL = {"aerodynamics", "aircraft", "config", "hardware", "lag", "rigid_body", "vec3"}
 """Modules of `sitl_plant` that an autopilot may import: the aircraft's model, not its process."""
 SHELLS = {
+    "ftc_autopilot.autopilot",
     "ftc_autopilot.fork_server",
     "ftc_autopilot.process",
     "gcs.cli",

@@ -54,7 +54,7 @@ def test_the_formation_is_shown_and_a_slot_is_changed(fleet: Up) -> None:
     [
         (("--uav", "3", "-50", "-20"), "expected three distances AHEAD RIGHT UP [m], or --planned"),
         (("--uav", "3"), "expected three distances"),
-        (("-50", "-20", "8"), "expected --uav: two UAVs cannot have one slot"),
+        (("-50", "-20", "8"), "expected --uav with one UAV, as two cannot have one slot, got none"),
         (("--planned", "1", "2", "3"), "expected three distances"),
     ],
 )

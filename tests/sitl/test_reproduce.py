@@ -141,4 +141,4 @@ def test_a_folder_without_scenarios_is_refused(tmp_path: Path) -> None:
 def test_a_missing_scenario_is_refused(tmp_path: Path) -> None:
     done = run("gcs", "reproduce", "--scenarios", tmp_path, "--out", tmp_path / "out")
     assert done.returncode == 2
-    assert "scenario1.yaml: no such file" in done.stderr
+    assert f"there is no file {tmp_path / 'scenario1.yaml'}" in done.stderr

@@ -33,7 +33,7 @@ def limited(
     )
 
 
-@pytest.mark.parametrize("limit", [6, 11, 17])
+@pytest.mark.parametrize("limit", [6, 11, 16])
 def test_too_few_files_may_be_open(tmp_path: Path, limit: int) -> None:
     """Wherever in its start the flight notices it."""
     folder = tmp_path / "run"

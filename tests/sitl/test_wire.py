@@ -45,16 +45,17 @@ def short_tree(duration_s: float) -> dict[str, Any]:
     return scenario_tree(duration_s=duration_s, profile=profile, faults=[])
 
 
-def short_flight(folder: Path, duration_s: float, impairments: dict[str, Any]) -> Path:
+def short_flight(
+    folder: Path, duration_s: float, impairments: dict[str, Any], **links: Any
+) -> Path:
     folder.mkdir(exist_ok=True)
-    return write_scenario(
-        folder, short_tree(duration_s), links=free_links() | {"impairments": impairments}
-    )
+    links = {**free_links(), "impairments": impairments, **links}
+    return write_scenario(folder, short_tree(duration_s), links=links)
 
 
-def flown(folder: Path, duration_s: float, impairments: dict[str, Any]) -> Path:
+def flown(folder: Path, duration_s: float, impairments: dict[str, Any], **links: Any) -> Path:
     """The run folder of a flight through relays."""
-    scenario = short_flight(folder, duration_s, impairments)
+    scenario = short_flight(folder, duration_s, impairments, **links)
     fly_well(scenario, "--quiet", "--record=npz", "--out", folder / "run")
     return folder / "run"
 
@@ -128,7 +129,7 @@ def test_a_bad_gcs_link_delays_nothing_in_the_air(tmp_path: Path) -> None:
         "reorder": 0.05,
         "outages": [{"from_s": 0.5, "to_s": 0.8}],
     }
-    folder = flown(tmp_path, 1.0, {"gcs": bad})
+    folder = flown(tmp_path, 1.0, {"gcs": bad}, telemetry_clock="simulated")
     wire = wire_of(folder)
     assert_counts_agree(wire, summary_of(folder))
     fates = {(f["link"], f["direction"]): f for f in wire["fates"] if f["link"] == "gcs"}
