@@ -12,7 +12,7 @@ def test_the_distance_is_that_from_the_command_in_force(scenario1: Scenario) -> 
         fault = ScenarioFault(uav=2, actuator="rudder", start_s=0.2, stuck_deg=stuck_deg)
         return what_there_was(scenario1.model_copy(update={"duration_s": 0.4, "faults": (fault,)}))
 
-    (left_deg, _), (right_deg, next_s) = seen(-20.0), seen(20.0)
-    assert left_deg + right_deg == pytest.approx(40.0)
+    (left_deg, _), (right_deg, next_s) = seen(-25.0), seen(25.0)
+    assert left_deg + right_deg == pytest.approx(50.0)
     assert next_s is not None
     assert 0.0 <= next_s < 0.2
