@@ -186,10 +186,7 @@ class Vehicle:
         if now >= self._next_registration and self.modes.status == dialect.MAV_STATE_BOOT:
             self._next_registration = now + _REGISTER_S
             self._simulator_outbox.append(self.modes.heartbeat())
-        self._report_resumption()
-        self._report_edges()
-        for severity, text in (*self._diagnosis.changes(), *self._formation.changes()):
-            self.say(severity, text)
+        self._report_changes()
         if self._hot.heard_s > 0.0:
             clock_us = self.telemetry_clock.read_us(now)
             for station, telemetry in enumerate(self.telemetry):
@@ -239,7 +236,8 @@ class Vehicle:
         return hash((server.revision, airspeed, self._home.at)), kept
 
     def farewell(self, text: str) -> None:
-        """Send a last text and the final counters before the process ends."""
+        """Send what is not yet told, a last text and the final counters before the process ends."""
+        self._report_changes()
         self.say(dialect.MAV_SEVERITY_NOTICE, text)
         for station, telemetry in enumerate(self.telemetry):
             if telemetry.streams(dialect.MAVLINK_MSG_ID_FTC_EVENTS):
@@ -376,6 +374,13 @@ class Vehicle:
         for message, station in self._mission.messages_to_send():
             self._queue([message], station)
         self._simulator_outbox += self._commands.simulator_messages()
+
+    def _report_changes(self) -> None:
+        """Announce what has changed since the last report."""
+        self._report_resumption()
+        self._report_edges()
+        for severity, text in (*self._diagnosis.changes(), *self._formation.changes()):
+            self.say(severity, text)
 
     def _report_resumption(self) -> None:
         """Announce once what was taken up, and how old it is."""

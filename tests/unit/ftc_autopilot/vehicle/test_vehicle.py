@@ -215,13 +215,17 @@ def test_telemetry_keeps_its_interval_in_simulated_time(scenario1: Scenario) -> 
     assert counts == 11
 
 
-def test_a_dropped_neighbour_is_announced(scenario1: Scenario) -> None:
+@pytest.mark.parametrize("over", [False, True])
+def test_a_dropped_neighbour_is_announced(scenario1: Scenario, over: bool) -> None:
     bench = Bench(scenario1)
     bench.hot.edges[:] = 1
     bench.vehicle._edges = bench.hot.edges.copy()
     bench.hot.edges[1] = 0
     bench.hot.edge_changes = 1
-    bench.vehicle.handle_timer(0.0)
+    if over:  # the flight ends before the next turn of the services
+        bench.vehicle.farewell("simulation over")
+    else:
+        bench.vehicle.handle_timer(0.0)
     texts = [m.text for m in of_type(bench.vehicle.gcs_messages(), "STATUSTEXT")]
     assert any("neighbour 3 silent, edge dropped" in str(text) for text in texts)
 
