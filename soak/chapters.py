@@ -10,7 +10,7 @@ from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 __all__ = ["Chapter", "chapter"]
 
 _STEPS_PER_S = 1000
-_LAWS = ("proposed", "surviving", "backstepping", "pid")
+_LAWS = ("proposed", "surviving", "tube", "backstepping", "pid")
 _SURFACES = ("aileron", "elevator", "rudder")
 
 
@@ -44,11 +44,13 @@ def chapter(seed: int, number: int, uavs: int, duration_s: float) -> Chapter:
     first = tree["uavs"][0]
     lossy = random.random() < 0.25
     faults = [_fault(random, ids, duration_s) for _ in range(random.randint(0, 3))]
+    law = random.choice(_LAWS)
     tree |= {
         "name": f"soak, seed {seed}, chapter {number}",
         "duration_s": duration_s,
         "seed": random.randrange(2**31),
-        "controller": {"kind": random.choice(_LAWS)},
+        "controller": {"kind": law},
+        "trigger": {"mode": "consequence"} if law == "tube" else tree["trigger"],
         "uavs": [_uav(first, i, random) for i in ids],
         "network": {
             "leader_access": {1: 1.0},

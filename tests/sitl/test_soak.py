@@ -10,7 +10,7 @@ from flying import TIMEOUT_S, environment
 
 pytestmark = pytest.mark.sitl
 ROOT = Path(__file__).parents[2]
-OPTIONS = ["--seed", "14", "--chapters", "1", "--seconds", "1.5", "--uavs", "4"]
+OPTIONS = ["--seed", "31", "--chapters", "1", "--seconds", "1.5", "--uavs", "4"]
 """A chapter with a fault, a restart and losses on both links."""
 
 

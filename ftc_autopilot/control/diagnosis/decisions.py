@@ -26,8 +26,12 @@ _CENTRE_S, _OLD_CENTRE_S, _NOISE_S = 0.15, 4.0, 5.0  # memories
 _FIRST_NOISE_S = 0.1  # that of the noise begins with this, and grows
 _SMOOTH_S = 0.015  # filter of the smoothed residual
 _BLANK = 1.5  # of the measurement's filters: most of a step has passed it
+_SLIGHT_BLANK = 0.5  # likewise, after a jump that is slight
+_SLIGHT = 2.0  # of the threshold of a smoothed jump
 _LOCK_S = 0.25
-_REST_S = 2.0
+_REST_S = 2.5
+_EARLY_S = 0.5  # before the end of a rest, when a jump counts again that is not slight
+_RETURNS_S = 0.05  # after a suspicion that ended, until the surface is back from its movements
 _CREPT = 1.6  # of the threshold of a jump
 _KEPT = 0.1  # of the longer memory, after a jump
 _MORE_EXCITATION = 2.1  # of the noise
@@ -36,7 +40,7 @@ _MARGIN = 0.4  # of ρ + 1.5 σ_ρ above the limit of a lost actuator
 _FOLLOWING = 0.5  # ρ - σ_ρ above which a suspect actuator follows
 _FEW_S = 0.006  # shortest window
 _LONG_SETTLE_S = 0.3  # before the longer memory may tell that the throttle is back
-_SETTLE_S = 0.1  # after a loss, before a return can be seen
+_SETTLE_S = 0.25  # after a loss, before a return can be seen: the probe has moved
 _BACK_S = 0.05  # for which a return must be seen
 _SMALL = 0.75  # residual, of the threshold of a jump
 _BACK_EFFECTIVENESS, _BACK_R2 = 0.6, 0.6
@@ -64,7 +68,7 @@ def watch(
 
     After a jump the measurement is blanked until its filter has let the step pass, so that a
     step of the offset is not taken for an actuator that does not follow, and the window starts
-    anew.
+    anew. A jump that is still slight after a third of that had mostly passed before it was seen.
 
     Args:
         actuator: Record of dtype `ACTUATOR`, updated in place.
@@ -82,8 +86,12 @@ def watch(
     actuator["smooth"] += dt / _SMOOTH_S * (r - actuator["smooth"])
     smooth_away = actuator["smooth"] - actuator["centre"]
     smooth_jump = max(limits.smooth_jump, smooth_sigmas * math.sqrt(actuator["smooth_noise"]))
+    slight = abs(away) <= jump and abs(smooth_away) < _SLIGHT * smooth_jump < _SLIGHT * jump
+    rest_of_blank = (_BLANK - _SLIGHT_BLANK) * filter_s
     if actuator["blank"] > 0.0:
         actuator["blank"] -= dt
+        if slight and actuator["blank"] <= rest_of_blank:
+            actuator["blank"] = 0.0
         restart(actuator)
         if actuator["blank"] <= 0.0:
             actuator["centre"], actuator["smooth"] = r, r
@@ -91,7 +99,7 @@ def watch(
         jumped = abs(away) > jump or abs(smooth_away) > smooth_jump
         if in_service and jumped and age > _START_S and actuator["lock"] <= 0.0:
             actuator["blank"], actuator["lock"] = _BLANK * filter_s, _LOCK_S
-            _suspect(actuator, limits, smooth_away)
+            _suspect(actuator, limits, smooth_away, 0.0 if slight else _EARLY_S)
             actuator["long_var_u"] *= _KEPT
             actuator["long_cov"] *= _KEPT
         actuator["centre"] += dt / _CENTRE_S * away
@@ -105,6 +113,10 @@ def watch(
             actuator["smooth_noise"] += share * (smooth_square - actuator["smooth_noise"])
         learn(actuator, limits.window, dt)
     actuator["suspect"] = max(actuator["suspect"] - dt, 0.0)
+    if actuator["blank"] <= limits.ahead or (slight and actuator["blank"] > rest_of_blank):
+        actuator["moving"] += dt
+    else:
+        actuator["moving"] = 0.0
     actuator["lock"] = max(actuator["lock"] - dt, 0.0)
     actuator["rest"] = max(actuator["rest"] - dt, 0.0)
     if age < 1.0:
@@ -112,17 +124,18 @@ def watch(
     crept = r - actuator["old_centre"]
     actuator["old_centre"] += dt / _OLD_CENTRE_S * crept
     if in_service and abs(crept) > _CREPT * jump and age > _CREEP_S:
-        _suspect(actuator, limits, crept)
+        _suspect(actuator, limits, crept, 0.0)
 
 
 @compiled
-def _suspect(actuator: np.void, limits: Thresholds, away: float) -> None:
+def _suspect(actuator: np.void, limits: Thresholds, away: float, early_s: float) -> None:
     """Suspect an actuator, unless it was lately: its movements would renew the suspicion.
 
-    It will be moved against the change of its residual, as the law's own answer moves it.
+    It rests for `_REST_S` less `early_s`. It will be moved against the change of its residual, as the law's own answer moves it.
     """
-    if actuator["rest"] <= 0.0:
+    if actuator["rest"] <= early_s:
         actuator["way"], actuator["followed"] = -math.copysign(1.0, away), 0.0
+        actuator["moving"] = 0.0
         actuator["suspect"], actuator["rest"] = limits.suspicion, limits.suspicion + _REST_S
 
 
@@ -155,8 +168,9 @@ def decide(
         moved = actuator["samples"] * dt > _FEW_S and actuator["var_u"] > enough * enough
         follows = moved and effectiveness - error > _FOLLOWING
         actuator["followed"] = actuator["followed"] + dt if follows else 0.0
-        if actuator["followed"] > limits.confirm:
+        if actuator["followed"] > limits.confirm and actuator["suspect"] > 0.0:
             actuator["suspect"] = 0.0
+            actuator["lock"] = min(actuator["lock"], _RETURNS_S)
         seen = (
             age > _DECIDE_S
             and moved

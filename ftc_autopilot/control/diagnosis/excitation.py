@@ -9,14 +9,12 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis.parameters import thresholds_of
 from mavlink_defs.constants import RUDDER
 from mavlink_defs.runtime.jit import compiled
 
 __all__ = ["dithered", "probe", "probed"]
 
 _HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.035, 0.05
-_AFTER_S, _RUDDER_AFTER_S = 0.01, 0.0  # most of the movement comes after the measurement's blank
 
 
 @compiled
@@ -33,19 +31,14 @@ def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) 
         state: Record of dtype `DIAGNOSIS`.
     """
     actuator = state["actuators"][j]
-    half, after = _HALF_PERIOD_S, _AFTER_S
-    if j == RUDDER:
-        half, after = _RUDDER_HALF_PERIOD_S, _RUDDER_AFTER_S
-    limits = thresholds_of(gains, j)
-    since = limits.suspicion - after - actuator["suspect"]
-    due = actuator["suspect"] > 0.0 and since > 0.0
-    if actuator["lost"] != 0 or not due:
+    half = _RUDDER_HALF_PERIOD_S if j == RUDDER else _HALF_PERIOD_S
+    if actuator["lost"] != 0 or actuator["suspect"] == 0.0 or actuator["moving"] == 0.0:
         return delta
     delta = min(max(delta, -stop), stop)
     size, way = gains["dither_rad"][j], actuator["way"]
     if abs(delta + way * size) > stop:
         way = -math.copysign(1.0, delta)
-    if since % (2.0 * half) < half:
+    if actuator["moving"] % (2.0 * half) < half:
         delta += way * size
     return delta
 

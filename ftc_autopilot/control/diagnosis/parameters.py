@@ -66,7 +66,7 @@ class Diagnosis(Model):
     )
     prior_n: float = quantity("N", gt=0.0, default=10.0, doc="The throttle's.")
     confirm_s: _Times = Field(
-        default=(0.008, 0.008, 0.015), description="Times for which a loss must be seen [s]."
+        default=(0.008, 0.005, 0.015), description="Times for which a loss must be seen [s]."
     )
     throttle_confirm_s: float = quantity("s", gt=0.0, default=0.008, doc="The throttle's.")
     jump_sigma: float = quantity(
@@ -81,7 +81,7 @@ class Diagnosis(Model):
     offset_s: float = quantity("s", gt=0.0, default=0.06, doc="Filter of the surfaces' offsets.")
     throttle_offset_s: float = quantity("s", gt=0.0, default=0.3, doc="The throttle's.")
     dither_deg: _Angles = Field(
-        default=(4.0, 8.0, 12.0), description="Movements of a suspect surface [deg]."
+        default=(4.0, 10.0, 12.0), description="Movements of a suspect surface [deg]."
     )
     probe_deg: _Angles = Field(
         default=(2.0, 2.5, 4.0), description="Movements of a lost surface [deg]."
@@ -112,11 +112,13 @@ class Thresholds(NamedTuple):
     confirm: float
     offset: float
     suspicion: float  # how long one lasts
+    ahead: float  # of the end of a blank, when a suspect surface begins to move
     quiet: float  # residual that is small through a movement of the probe, if it lasts this long
 
 
 _MORE_THAN_HALF = 1.04  # a period of the probe
 _SUSPICION_S, _RUDDER_SUSPICION_S = 0.6, 0.9
+_AHEAD_S = 0.005  # most of the movement comes after the blank; the rudder's begins at once
 
 
 @compiled
@@ -132,6 +134,7 @@ def thresholds_of(gains: np.void, j: int) -> Thresholds:
             gains["throttle_confirm_s"],
             gains["throttle_offset_s"],
             _SUSPICION_S,
+            0.0,
             math.inf,
         )
     return Thresholds(
@@ -143,5 +146,6 @@ def thresholds_of(gains: np.void, j: int) -> Thresholds:
         gains["confirm_s"][j],
         gains["offset_s"],
         _RUDDER_SUSPICION_S if j == RUDDER else _SUSPICION_S,
+        math.inf if j == RUDDER else _AHEAD_S,
         _MORE_THAN_HALF * gains["probe_s"],
     )

@@ -31,6 +31,7 @@ ACTUATOR = np.dtype(
         ("blank", "f8"),  # left until the window starts anew after a jump
         ("lock", "f8"),  # left until the next jump counts
         ("suspect", "f8"),  # left of a suspicion
+        ("moving", "f8"),  # since a surface has been moved, if it is suspect
         ("way", "f8"),  # sign of the movements of a suspect surface
         ("rest", "f8"),  # left until r may be found to creep again
         ("agreed", "f8"),  # for which the condition of a decision has held

@@ -58,6 +58,7 @@ def predict(
     da, de, dr = start.positions[AILERON], start.positions[ELEVATOR], start.positions[RUDDER]
     thrust = start.positions[THROTTLE]
     half = 0.5 * h
+    ageing, left = math.exp(-half / start.persistence), 1.0  # e^{-s/τ}, half a step after the other
     for k in range(rows):
         delta = (
             lagged(da, commands[AILERON], servo.lag, servo.limit, half),
@@ -69,10 +70,11 @@ def predict(
         de = lagged(de, commands[ELEVATOR], servo.lag, servo.limit, h)
         dr = lagged(dr, commands[RUDDER], servo.lag, servo.limit, h)
         thrust = lagged(thrust, commands[THROTTLE], servo.throttle_lag, math.inf, h)
-        d_v, d_omega = _disturbance(start, k * h)
+        d_v, d_omega = _disturbance(start, left)
         derivative = state_derivative(state, force, delta, d_v, d_omega, STILL_AIR, aircraft)
         middle = advance(state, half, derivative)
-        d_v, d_omega = _disturbance(start, k * h + half)
+        d_v, d_omega = _disturbance(start, left * ageing)
+        left *= ageing * ageing
         derivative = state_derivative(middle, force, delta, d_v, d_omega, STILL_AIR, aircraft)
         state = advance(state, h, derivative)
         outputs[0, k] = norm(state[1])
@@ -80,10 +82,10 @@ def predict(
 
 
 @compiled
-def _disturbance(start: Start, s: float) -> tuple[Vec3, Vec3]:
-    """Return the disturbances of v̇ and ω̇ after a time s [s]."""
+def _disturbance(start: Start, left: float) -> tuple[Vec3, Vec3]:
+    """Return the disturbances of v̇ and ω̇ when e^{-s/τ} of their slope is left."""
     d, slope = start.disturbance, start.slope
-    share = start.persistence * (1.0 - math.exp(-s / start.persistence))
+    share = start.persistence * (1.0 - left)
     return (
         (d[0] + share * slope[0], d[1] + share * slope[1], d[2] + share * slope[2]),
         (d[3] + share * slope[3], d[4] + share * slope[4], d[5] + share * slope[5]),

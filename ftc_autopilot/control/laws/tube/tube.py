@@ -54,10 +54,7 @@ def lay_tube(
     e = errors.e_prime
     weighted = (errors.V_tilde_prime / errors.lambda_v, e[0] / lam, e[1] / lam, e[2] / lam)
     h, tau, scale = gains["prediction_step_s"], gains["funnel_s"], gains["tube_scale"]
-    filter_decay, funnel_decay = np.empty(rows), np.empty(rows)  # the same for all outputs
-    for i in range(rows):
-        s = (i + 1) * h
-        filter_decay[i], funnel_decay[i] = math.exp(-bandwidth * s), math.exp(-s / tau)
+    filter_step, funnel_step = math.exp(-bandwidth * h), math.exp(-h / tau)
     for o in range(OUTPUTS):
         z, slope, bend = reference[o, 0] - command[o], reference[o, 1], reference[o, 2]
         error, neighbours = weighted[o], own[o] - weighted[o]
@@ -71,12 +68,15 @@ def lay_tube(
         beyond = max(abs(error) - max(rate * tau, inside), 0.0)
         outside = max(abs(error) - beyond - inside, 0.0)
         slope, bend = slope + bandwidth * z, bend + 2.0 * bandwidth * slope + bandwidth**2 * z
+        filter_decay, funnel_decay = 1.0, 1.0
         for i in range(rows):
             s = (i + 1) * h
-            ahead = filter_decay[i] * (z + slope * s + 0.5 * bend * s * s)
+            filter_decay *= filter_step
+            funnel_decay *= funnel_step
+            ahead = filter_decay * (z + slope * s + 0.5 * bend * s * s)
             left = math.copysign(max(beyond - rate * s, 0.0), error)
             path[o, i] = command[o] + ahead + neighbours + left
-            width[o, i] = d + k * abs(ahead) + outside * funnel_decay[i]
+            width[o, i] = d + k * abs(ahead) + outside * funnel_decay
 
 
 @compiled

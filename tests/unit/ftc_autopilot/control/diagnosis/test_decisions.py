@@ -26,6 +26,7 @@ LIMITS = Thresholds(
     confirm=0.008,
     offset=0.06,
     suspicion=0.6,
+    ahead=0.005,
     quiet=0.52,
 )
 
