@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 from ftc_autopilot.control.diagnosis.decisions import (
     HEALTHY,
@@ -70,3 +71,43 @@ def test_a_suspicion_ends_when_the_surface_follows_or_does_not() -> None:
     assert diagnosed(u, y + u)[3080] == HEALTHY
     assert diagnosed(0.0 * u, y)[3080] == SUSPECT
     assert diagnosed(u, y)[3080] == LOST
+
+
+def jump_at_3_s(size_deg: float, steps: int = 4000) -> np.ndarray:
+    """Residual that jumps, as the measurement's filter shows it [rad]."""
+    y = np.zeros(steps)
+    y[3000:] = size_deg * DEGREE * (1.0 - np.exp(-np.arange(steps - 3000) * DT / FILTER_S))
+    return y
+
+
+def first_moved(y: np.ndarray) -> tuple[int, int]:
+    """Steps at which a quiet actuator becomes suspect, and is moved."""
+    actuator = np.zeros(1, ACTUATOR)[0]
+    suspect = -1
+    for k in range(len(y)):
+        actuator["measured"] = y[k]
+        watch(actuator, LIMITS, (k + 1) * DT, DT, FILTER_S, SIGMAS, SMOOTH_SIGMAS)
+        if phase_of(actuator) == SUSPECT:
+            suspect = k if suspect < 0 else suspect
+            if actuator["moving"] > 0.0:
+                return suspect, k
+    return suspect, -1
+
+
+def test_a_slight_jump_moves_the_surface_at_once_and_a_large_one_later() -> None:
+    suspect, moved = first_moved(jump_at_3_s(1.8 * LIMITS.smooth_jump / DEGREE))
+    assert suspect == moved >= 3000
+    suspect, moved = first_moved(jump_at_3_s(9.0 * LIMITS.jump / DEGREE))
+    assert moved * DT == pytest.approx(suspect * DT + 1.5 * FILTER_S - LIMITS.ahead, abs=2 * DT)
+
+
+@pytest.mark.parametrize(("size_deg", "renewed"), [(0.5, False), (5.0, True)])
+def test_a_slight_jump_waits_longer_until_a_suspicion_may_be_renewed(
+    size_deg: float, renewed: bool
+) -> None:
+    y = jump_at_3_s(5.0, 6000)
+    y[5800:] += size_deg * DEGREE  # 2.8 s after the first: within 0.6 + 2.5 s, not within 0.6 + 2
+    phases = diagnosed(np.zeros(6000), y)
+    assert SUSPECT in phases[3000:3100]
+    assert set(phases[3700:5800]) == {HEALTHY}
+    assert (SUSPECT in phases[5800:]) == renewed

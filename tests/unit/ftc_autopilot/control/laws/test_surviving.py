@@ -116,6 +116,15 @@ def test_no_command_is_held_short_of_a_stop_that_is_asked_for(
             assert in_force == sign * stop
 
 
+@pytest.mark.parametrize("yaw_gain", [17.2, 17.5])
+def test_an_oscillating_surface_is_not_taken_for_one_that_follows_its_probe(
+    yaw_gain: float,
+) -> None:
+    """Both are at 2 Hz: what the surface does soon after its loss is like what the probe asks."""
+    scenario = scenario_with("faults/stuck_oscillating_aileron", {"K2": [25.0, 24.0, yaw_gain]})
+    assert [change.lost for change in changes(fly_in_process(scenario))] == [True, False]
+
+
 def test_without_reconfiguration_the_aircraft_is_lost() -> None:
     """The test above can fail, and it is the reconfiguration that saves."""
     flight = fly_in_process(scenario_with("faults/stuck_zero_aileron", {"reconfigure": False}))
