@@ -131,7 +131,8 @@ def watch(
 def _suspect(actuator: np.void, limits: Thresholds, away: float, early_s: float) -> None:
     """Suspect an actuator, unless it was lately: its movements would renew the suspicion.
 
-    It rests for `_REST_S` less `early_s`. It will be moved against the change of its residual, as the law's own answer moves it.
+    It rests for `_REST_S` less `early_s`. It will be moved against the change of its residual, as
+    the law's own answer moves it.
     """
     if actuator["rest"] <= early_s:
         actuator["way"], actuator["followed"] = -math.copysign(1.0, away), 0.0
