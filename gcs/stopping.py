@@ -4,6 +4,7 @@ A flight ended by ``timeout`` or a closed terminal therefore keeps its recording
 """
 
 import signal
+from types import FrameType
 
 from gcs.errors import Interrupted
 
@@ -23,9 +24,9 @@ def stop_as_ctrl_c() -> None:
             signal.signal(number, _interrupt)
 
 
-def _interrupt(number: int, frame: object) -> None:
+def _interrupt(number: int, frame: FrameType | None) -> None:
     Interrupted.exit_status = 128 + number
     on_ctrl_c = signal.getsignal(signal.SIGINT)  # Python's own, or of a running event loop
     if not callable(on_ctrl_c):  # a shell ignores it for what it runs in the background
         raise KeyboardInterrupt
-    on_ctrl_c(signal.SIGINT, None)
+    on_ctrl_c(signal.SIGINT, frame)

@@ -135,11 +135,11 @@ def warm_up(scenario: Scenario, console: Console) -> None:
 
     if not cache_is_cold():
         return
-    from gcs.fleet.precompile import compile_everything
+    from gcs.fleet.precompile import compile_everything, ctrl_c_while_compiling
 
     message = "compiling the numeric core (on the first run after an install only)"
     console.print(message)
-    with console.status(message):
+    with console.status(message), ctrl_c_while_compiling():
         compile_everything(scenario)
 
 

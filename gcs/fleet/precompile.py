@@ -3,12 +3,15 @@
 import contextlib
 import math
 import os
+import signal
 import socket
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from types import FrameType
 
+import llvmlite
 import numpy as np
 
 from ftc_autopilot.guidance.path import Leg, path_record
@@ -27,7 +30,10 @@ from sitl_plant import link as plant_link
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
 
-__all__ = ["compile_everything"]
+__all__ = ["compile_everything", "ctrl_c_while_compiling"]
+
+_COMPILER = os.path.dirname(llvmlite.__file__) + os.sep
+_LATER_S = 0.02
 
 
 def compile_everything(scenario: Scenario) -> None:
@@ -46,6 +52,41 @@ def compile_everything(scenario: Scenario) -> None:
         mark_cache_warm()
     except OSError as problem:
         raise not_cached(problem) from problem
+
+
+@contextlib.contextmanager
+def ctrl_c_while_compiling() -> Iterator[None]:
+    """Let Ctrl-C interrupt the compiler, too.
+
+    LLVM calls Python back, and what is raised in such a call is printed and lost. So an interrupt
+    that finds the compiler's own functions on the stack is sent again a moment later.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if not callable(before):  # ignored
+        yield
+        return
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        if _in_compiler(frame):
+            again = threading.Timer(_LATER_S, signal.pthread_kill, [threading.get_ident(), number])
+            again.daemon = True
+            again.start()
+        else:
+            before(number, frame)
+
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _in_compiler(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith(_COMPILER):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _call_everything(scenario: Scenario) -> None:
