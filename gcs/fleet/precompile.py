@@ -1,6 +1,7 @@
 """Compile the numeric core ahead of its first use, once for all processes."""
 
 import contextlib
+import gc
 import math
 import os
 import signal
@@ -34,6 +35,7 @@ __all__ = ["compile_everything", "ctrl_c_while_compiling"]
 
 _COMPILER = os.path.dirname(llvmlite.__file__) + os.sep
 _LATER_S = 0.02
+_OBJECTS = 200_000
 
 
 def compile_everything(scenario: Scenario) -> None:
@@ -48,10 +50,22 @@ def compile_everything(scenario: Scenario) -> None:
         ConfigError: The cache cannot be written.
     """
     try:
-        _call_everything(scenario)
+        with _seldom_collected():
+            _call_everything(scenario)
         mark_cache_warm()
     except OSError as problem:
         raise not_cached(problem) from problem
+
+
+@contextlib.contextmanager
+def _seldom_collected() -> Iterator[None]:
+    """Let Python look for garbage seldom: the compiler makes millions of objects that stay."""
+    before = gc.get_threshold()
+    gc.set_threshold(_OBJECTS)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 @contextlib.contextmanager
@@ -91,28 +105,25 @@ def _in_compiler(frame: FrameType | None) -> bool:
 
 def _call_everything(scenario: Scenario) -> None:
     short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
-    plant = short.plant_config(speed=None)
-    with _other_process(plant):
+    with _other_process(short):
+        _call_plant(short.plant_config(speed=None))
+        _call_relay()
         call_everything(short.autopilot_config(short.uavs[0].id))
-    _call_plant(plant)
-    _call_relay()
-    flight = fly_in_process(short)
-    summarise(flight, short)
-    check_theory(flight, short)
-    level = Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)
-    paths = np.stack([path_record([level], path_id=1)] * len(short.uavs))
-    PathFollowing(paths, (0,), short.step_us).add(flight.steps)  # without a mission, too
+    _call_in_process(short)
 
 
 @contextlib.contextmanager
-def _other_process(plant: PlantConfig) -> Iterator[None]:
-    """Compile plant and relay in another process meanwhile; what fails is left to the caller."""
+def _other_process(scenario: Scenario) -> Iterator[None]:
+    """Compile the flight in process elsewhere meanwhile; what fails is left to the caller.
+
+    It needs the controller, too, whose parts the caller then finds in the cache.
+    """
     command = [sys.executable, "-m", __spec__.name if __spec__ else __name__]
     quiet = subprocess.DEVNULL
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as child:
         assert child.stdin is not None
         try:
-            child.stdin.write(plant.model_dump_json().encode() + b"\n")
+            child.stdin.write(scenario.model_dump_json().encode() + b"\n")
             child.stdin.flush()
             yield
             child.wait()
@@ -120,6 +131,15 @@ def _other_process(plant: PlantConfig) -> Iterator[None]:
             return
         finally:
             child.kill()
+
+
+def _call_in_process(scenario: Scenario) -> None:
+    flight = fly_in_process(scenario)
+    summarise(flight, scenario)
+    check_theory(flight, scenario)
+    level = Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)
+    paths = np.stack([path_record([level], path_id=1)] * len(scenario.uavs))
+    PathFollowing(paths, (0,), scenario.step_us).add(flight.steps)  # without a mission, too
 
 
 def _call_plant(plant: PlantConfig) -> None:
@@ -149,7 +169,7 @@ def _end_with_parent() -> None:
 
 
 if __name__ == "__main__":
-    given = PlantConfig.model_validate_json(sys.stdin.buffer.readline())
+    given = Scenario.model_validate_json(sys.stdin.buffer.readline())
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _call_plant(given)
-    _call_relay()
+    with _seldom_collected():
+        _call_in_process(given)

@@ -41,6 +41,7 @@ _IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", r
 _KEPT_DAYS = 14
 
 _unliteral: Any = numba.types.unliteral  # which has no types of its own
+_njit: Any = numba.njit  # whose types leave out some of its options
 _settings = vars(numba.config)  # made at run time, so that type checkers see none of them
 
 
@@ -64,29 +65,45 @@ def inlined(function: _F) -> _F:
 
 
 def _compiled(function: _F, inline: bool) -> _F:
-    cached = _obstacle is None
-    if cached:
-        _settings["CACHE_DIR"] = str(_cache_folder / _digest_with_imports(_file_of(function)))
-    dispatcher = numba.njit(cache=cached, error_model="numpy", nogil=True, forceinline=inline)(
-        function
-    )
+    dispatcher = _dispatcher(function, forceinline=inline)
     if not _settings["DISABLE_JIT"]:
-        _ignore_literals(dispatcher)
+        _lend_to_compiled_code(dispatcher, function, forceinline=inline)
     return cast(_F, dispatcher)
 
 
-def _ignore_literals(dispatcher: Any) -> None:
-    """Let calls with constants share the machine code of calls with variables.
+def _dispatcher(function: Callable[..., object], variant: str = "", **options: bool) -> Any:
+    """Return numba's wrapper of a function, whose cache may have a folder for each variant."""
+    cached = _obstacle is None
+    if cached:
+        folder = (
+            _cache_folder / _digest_with_imports(_resolved(function.__code__.co_filename)) / variant
+        )
+        _settings["CACHE_DIR"] = str(folder)
+    return _njit(cache=cached, error_model="numpy", nogil=True, **options)(function)
 
-    Numba would compile a function anew for each constant that it is called with.
+
+def _lend_to_compiled_code(
+    dispatcher: Any, function: Callable[..., object], **options: bool
+) -> None:
+    """Let compiled code call a variant that Python cannot, and that takes half the time to make.
+
+    What unpacks Python's objects is often longer than the function. The variant is one for all
+    calls with the same types: numba would compile a function anew for each constant that it is
+    called with.
     """
-    get_call_template = dispatcher.get_call_template
 
-    def without_literals(arguments: Iterable[Any], keywords: dict[str, Any]) -> Any:
+    @functools.cache
+    def variant() -> Any:
+        return _dispatcher(
+            function, "inner", no_cpython_wrapper=True, no_cfunc_wrapper=True, **options
+        )
+
+    def call_template(arguments: Iterable[Any], keywords: dict[str, Any]) -> Any:
         plain = {name: _unliteral(kind) for name, kind in keywords.items()}
-        return get_call_template(tuple(map(_unliteral, arguments)), plain)
+        return variant().get_call_template(tuple(map(_unliteral, arguments)), plain)
 
-    dispatcher.get_call_template = without_literals
+    dispatcher.get_call_template = call_template
+    dispatcher.get_overload = lambda signature: variant().get_overload(signature)
 
 
 def cache_is_cold() -> bool:
@@ -130,12 +147,18 @@ def source_digest(sources: Iterable[Path], place: str = "") -> str:
     """Return a digest of source files, a place, and the versions of numba and numpy."""
     digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {place}".encode())
     for source in sources:
-        digest.update(source.name.encode() + source.read_bytes())
+        digest.update(_content_digest(source))
     return digest.hexdigest()
 
 
-def _file_of(function: Callable[..., object]) -> Path:
-    return Path(function.__code__.co_filename).resolve()
+@functools.cache
+def _content_digest(source: Path) -> bytes:
+    return hashlib.sha256(source.name.encode() + source.read_bytes()).digest()
+
+
+@functools.cache
+def _resolved(name: str) -> Path:
+    return Path(name).resolve()
 
 
 @functools.cache
@@ -160,11 +183,9 @@ def _imports(source: Path) -> list[Path]:
     for package, members, module in _IMPORT.findall(source.read_text(encoding="utf-8")):
         names += [module or package]
         names += [f"{package}.{name}" for name in re.findall(r"\w+", members)]
-    places = [_ROOT.joinpath(*name.split(".")) for name in names]
-    candidates = [
-        path for place in places for path in (place.with_suffix(".py"), place / "__init__.py")
-    ]
-    return [path for path in candidates if path.is_file()]
+    own = (name.replace(".", "/") for name in names if name.partition(".")[0] in _PACKAGES)
+    files = [f"{_ROOT}/{name}{end}" for name in own for end in (".py", "/__init__.py")]
+    return [Path(file) for file in files if os.path.isfile(file)]
 
 
 @functools.cache

@@ -30,13 +30,15 @@ MODULES = {
     ),
 }
 RUN = """
+import os
+from pathlib import Path
 from mavlink_defs.alone import alone
-from mavlink_defs.inner import scaled
 from mavlink_defs.outer import both
 alone(3)
 value = both(3)
 from_cache = [not f.stats.cache_misses for f in (alone, both)]
-print(value, len(scaled.signatures), *from_cache)
+cached = list(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("inner.scaled*.nbc"))
+print(value, len(cached), *from_cache)
 """
 
 CACHE_VARIABLES = ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "NUMBA_DISABLE_JIT")
@@ -66,7 +68,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def run(project: Path) -> list[str]:
-    """Value, specialisations of the inner function, and whether each came from the cache."""
+    """Value, variants of the inner function in the cache, and whether the others came from it."""
     env = os.environ | {"NUMBA_CACHE_DIR": str(project / "cache"), "NUMBA_DISABLE_JIT": "0"}
     command = [sys.executable, "-c", RUN]
     done = subprocess.run(
@@ -92,4 +94,14 @@ def test_a_change_reaches_callers_and_leaves_the_rest_cached(project: Path) -> N
     assert run(project) == ["24", "1", "False", "False"]
     assert run(project)[0::2] == ["24", "True"]
     (project / "mavlink_defs" / "constant.py").write_text("FACTOR = 3\n")
-    assert run(project) == ["36", "1", "True", "False"]
+    assert run(project) == ["36", "2", "True", "False"]
+
+
+def test_python_calls_a_function_that_compiled_code_has_called(project: Path) -> None:
+    """Compiled code calls a variant that Python cannot: a null pointer if they were mixed up."""
+    calls = "from mavlink_defs.inner import scaled\nprint(both(3), scaled(3, 2), scaled(3, 2.0))"
+    env = os.environ | {"NUMBA_CACHE_DIR": str(project / "cache"), "NUMBA_DISABLE_JIT": "0"}
+    for _ in range(2):  # the second time from the cache
+        command = [sys.executable, "-c", RUN + calls]
+        done = subprocess.run(command, check=True, cwd=project, env=env, capture_output=True)
+        assert done.stdout.split()[-3:] == [b"24", b"18", b"18.0"]
