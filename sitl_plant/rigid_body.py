@@ -10,7 +10,7 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aerodynamics import aerodynamics
-from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, mul_t, scale, sub, vec3
+from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, scale, sub, vec3
 
 __all__ = [
     "R1",
@@ -84,8 +84,10 @@ def R2_inv(phi: Vec3) -> Mat3:
 
 @compiled
 def gravity_body(phi: Vec3, g: float) -> Vec3:
-    """Return gravity in body axes, R1ᵀ [0, 0, g], in the unit of g."""
-    return mul_t(R1(phi), (0.0, 0.0, g))
+    """Return gravity in body axes, R1ᵀ [0, 0, g], in the unit of g; yaw does not matter."""
+    cf, sf = math.cos(phi[0]), math.sin(phi[0])
+    ct, st = math.cos(phi[1]), math.sin(phi[1])
+    return -st * g, ct * sf * g, ct * cf * g
 
 
 @compiled
@@ -125,12 +127,11 @@ def state_derivative(
     _, v, phi, omega = state
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
     m = aircraft["m"]
-    rotation = R1(phi)
     force = scale(1.0 / m, (air.F[0] + thrust, air.F[1], air.F[2]))
-    gravity = mul_t(rotation, (0.0, 0.0, aircraft["g"]))
+    gravity = gravity_body(phi, aircraft["g"])
     moment = add(air.N, mul(air.C, delta))
 
-    p_dot = mul(rotation, v)  # (1)
+    p_dot = mul(R1(phi), v)  # (1)
     v_dot = add(add(sub(force, cross(omega, v)), gravity), d_v)  # (2)
     phi_dot = mul(R2_inv(phi), omega)  # (3)
     omega_dot = add(

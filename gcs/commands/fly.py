@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -140,8 +141,10 @@ def fly(
             warm_up(loaded, console)
             with flight_progress(loaded, console) as on_progress:
                 if in_process:
+                    recorder.load_code()
                     ending = fly_in_steps(loaded, recorder.add, on_progress)
-                else:
+                else:  # while the fleet starts
+                    threading.Thread(target=recorder.load_code, daemon=True).start()
                     ending = _over_udp(
                         loaded, folder, recorder.add, speed, free_ports, again, on_progress
                     )

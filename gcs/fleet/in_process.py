@@ -84,22 +84,17 @@ def _fly(
             controllers.weights[i, d] = neighbour.weight
     _brief(scenario, fleet, controllers, ids)
 
+    def run(step: int, chunk: Steps) -> tuple[int, int]:
+        arrays = chunk.states, chunk.wind, chunk.applied, chunk.signals
+        return run_steps(fleet, controllers, sources, step, scenario.step_us, *arrays)
+
     exchange_initial_states(fleet, controllers, sources, scenario.step_us)
+    run(0, room(0, 0))  # loads the code
     begin = time.perf_counter()
     step, loss = 0, None
     while step < scenario.steps and loss is None:
         chunk = room(step, min(step + _CHUNK_STEPS, scenario.steps))
-        flown, lost = run_steps(
-            fleet,
-            controllers,
-            sources,
-            step,
-            scenario.step_us,
-            chunk.states,
-            chunk.wind,
-            chunk.applied,
-            chunk.signals,
-        )
+        flown, lost = run(step, chunk)
         step += flown
         if lost >= 0:
             t = step * scenario.step_us / 1e6

@@ -30,6 +30,17 @@ def row_size(columns: tuple[Column, ...]) -> int:
     return 10 + sum(column.dtype.itemsize for column in columns)
 
 
+def _arrow(numbers: np.ndarray) -> "pa.Array":
+    """Return numbers as Arrow's, without a copy.
+
+    `pa.array` would load pandas first where that is installed, a third of a second in mid-flight.
+    """
+    import pyarrow as pa
+
+    content = pa.py_buffer(np.ascontiguousarray(numbers))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(numbers.dtype), len(numbers), [None, content])
+
+
 class _Stream:
     """A file of batches of rows; each batch is on its way to the disk when `write` returns."""
 
@@ -52,7 +63,8 @@ class _Stream:
         import pyarrow as pa
 
         with naming(self._path):
-            self._writer.write_batch(pa.record_batch(columns, schema=self._schema))
+            arrays = [_arrow(c) if isinstance(c, np.ndarray) else c for c in columns]
+            self._writer.write_batch(pa.record_batch(arrays, schema=self._schema))
             self._file.flush()
 
     def close(self) -> None:
@@ -151,7 +163,9 @@ class EventStream:
             pa.field("actuator", pa.dictionary(pa.int8(), pa.string()), nullable=False),
             pa.field("value", pa.float64(), nullable=False, metadata={"unit": "rad, throttle N"}),
         ]
-        self._actuators = pa.array(ACTUATORS)
+        names = pa.lib.StringBuilder()  # pa.array would load pandas
+        names.append_values(ACTUATORS)
+        self._actuators = names.finish()
         self._waiting: list[Events] = []
         self._rows = 0
         self._stream = _Stream(path, pa.schema(fields, {"step_us": str(step_us)}), True)
@@ -178,7 +192,7 @@ class EventStream:
             return
         self._rows = 0
         events = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        channel = pa.array(events["channel"].astype(np.int8))
+        channel = _arrow(events["channel"].astype(np.int8))
         self._stream.write(
             [
                 events["time_s"],

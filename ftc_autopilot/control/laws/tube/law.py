@@ -47,8 +47,7 @@ def tube_law(
     now = with_coarser_thresholds(now, gains["takeover_threshold"])
     surviving = surviving_law(now, aircraft, gains, state, signals)
     no_rudder = only_rudder_lost(gains, state)
-    arrays = np.empty((2, N_CHANNELS))
-    positions, commands = arrays[0], arrays[1]
+    positions, commands = state["positions"], state["commands"]
     for j in range(N_CHANNELS):
         positions[j], commands[j] = state["diagnosis"]["actuators"][j]["position"], now.held[j]
     if no_rudder:

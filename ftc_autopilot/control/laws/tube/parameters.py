@@ -46,6 +46,8 @@ class Tube(Surviving):
             ("evidence", "f8", (2, 2)),  # ∑ x y dt [rad²/s³]
             ("derivative_error", "f8", (2, 2)),  # by the nominal derivative
             # events
+            ("positions", "f8", (N_CHANNELS,)),  # of the servos in this step [rad, N]
+            ("commands", "f8", (N_CHANNELS,)),  # in force in this step [rad, N]
             ("step", "i8"),  # steps made
             ("sent", "i8", (N_CHANNELS,)),  # step of a channel's last event
             (
