@@ -120,9 +120,11 @@ class _Autopilot:
             if rows is None:
                 return False
             if self._rows is not None:
-                # after a restart an autopilot may write again what it had written
                 newest = self._rows["step"][-1] if len(self._rows) else self._taken - 1
-                rows = np.concatenate([self._rows, rows[rows["step"] > newest]])
+                if rows["step"][0] <= newest:  # after a restart it may write again what it had
+                    rows = rows[rows["step"] > newest]
+                if len(self._rows):
+                    rows = np.concatenate([self._rows, rows])
             self._rows = rows
         return True
 

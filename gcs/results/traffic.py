@@ -50,7 +50,7 @@ class Traffic:
         for i, system in enumerate(self._ids):
             degree = len(self._scenario.neighbours(system))
             self.bytes[i] += (
-                self._bytes_of(self._states(steps, i, silent)),
+                self._state_bytes(steps, i, silent),
                 self._bytes_of(self._actuator_messages(steps, i)),
                 self._bytes_of(self._neighbour_messages(steps, i)) * degree,
             )
@@ -71,12 +71,15 @@ class Traffic:
             self._silent = silent[-1]
         return silent[:-1]
 
-    def _states(self, steps: Steps, i: int, silent: np.ndarray) -> np.ndarray:
-        messages = np.zeros(steps.length, SIM_STATE)
+    def _state_bytes(self, steps: Steps, i: int, silent: np.ndarray) -> int:
+        wind = steps.wind[:, i]
+        alike = not silent.any() and not (self._exact_air and wind.any())
+        count = min(steps.length, 1) if alike else steps.length
+        messages = np.zeros(count, SIM_STATE)
         messages["run"] = 2**31  # never 0 in its last byte
-        messages["wind"] = steps.wind[:, i] if self._exact_air else 1.0
-        messages["silent"] = silent
-        return messages
+        messages["wind"] = wind[:count] if self._exact_air else 1.0
+        messages["silent"] = silent[:count]
+        return self._bytes_of(messages) * (steps.length if alike else 1)
 
     def _actuator_messages(self, steps: Steps, i: int) -> np.ndarray:
         rows = np.flatnonzero(steps.signals["events"][:, i])

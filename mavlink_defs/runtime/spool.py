@@ -6,6 +6,7 @@ Each is there as a whole or not at all, so that a process that is killed loses o
 written yet. When the process ends, `end.json` says how; without it the recording is torn.
 """
 
+import functools
 import io
 import json
 import shutil
@@ -19,6 +20,7 @@ from mavlink_defs.runtime.files import complete_file, naming, write_text
 __all__ = ["Spool", "SpoolReader"]
 
 _END = "end.json"
+_HEAD = 10  # bytes of a .npy file up to its header: magic string, version 1.0, length of the header
 
 
 class Spool:
@@ -61,6 +63,15 @@ class Spool:
         write_text(self._folder / _END, json.dumps(facts))
 
 
+@functools.cache
+def _dtype_of(header: bytes) -> np.dtype:
+    """Return the type in the header of a .npy file; reading that takes as long as all its rows."""
+    file = io.BytesIO(header)
+    np.lib.format.read_magic(file)
+    dtype: np.dtype = np.lib.format.read_array_header_1_0(file)[2]
+    return dtype
+
+
 class SpoolReader:
     """The reader's side."""
 
@@ -69,13 +80,14 @@ class SpoolReader:
         self._folder = folder
 
     def take(self) -> np.ndarray | None:
-        """Return the next rows and remove their file; None if there is none yet."""
+        """Return the next rows, read-only, and remove their file; None if there is none yet."""
         path = min(self._folder.glob("*.npy"), default=None)
         if path is None:
             return None
-        rows: np.ndarray = np.load(path)
+        content = path.read_bytes()
         path.unlink()
-        return rows
+        begin = _HEAD + int.from_bytes(content[_HEAD - 2 : _HEAD], "little")
+        return np.frombuffer(content, _dtype_of(content[:begin]), offset=begin)
 
     @property
     def facts(self) -> dict[str, Any] | None:

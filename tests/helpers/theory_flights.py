@@ -48,6 +48,8 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = (
         (in_process, "run_steps"),
         (in_process, "controller_step"),
+        (in_process, "tell_neighbours"),
+        (in_process, "_deliver"),
         (stepping, "_step"),
         (stepping, "_control"),
         (stepping, "control_step"),
