@@ -14,7 +14,7 @@ from typing import BinaryIO, Self
 
 from mavlink_defs import dialect
 from mavlink_defs.framing.header import CRC_SIZE, V2_MAGIC, FrameHeader
-from mavlink_defs.runtime.files import naming
+from mavlink_defs.runtime.files import named, naming
 
 __all__ = ["TlogCutOff", "TlogError", "TlogWriter", "read_frames", "read_tlog"]
 
@@ -58,12 +58,14 @@ class TlogWriter:
         Raises:
             OSError: The disk is full, or the like; it names the file.
         """
-        with naming(self._file.name):
+        try:
             self._file.write(_TIME.pack(time_us) + frame)
             now = time.monotonic()
             if now - self._flushed_at >= _FLUSH_PERIOD_S:
                 self._file.flush()
                 self._flushed_at = now
+        except OSError as problem:
+            raise named(problem, self._file.name) from None
 
     def close(self) -> None:
         """Write out what is buffered, and close the file.

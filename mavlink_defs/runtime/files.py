@@ -7,7 +7,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-__all__ = ["complete_file", "naming", "save_arrays", "write_text"]
+__all__ = ["complete_file", "named", "naming", "save_arrays", "write_text"]
 
 
 @contextlib.contextmanager
@@ -20,9 +20,14 @@ def naming(path: Path | str) -> Iterator[None]:
     try:
         yield
     except OSError as problem:
-        if problem.filename is not None:
-            raise
-        raise OSError(problem.errno, problem.strerror, str(path)) from problem
+        raise named(problem, path) from None
+
+
+def named(problem: OSError, path: Path | str) -> OSError:
+    """Return an error with a file's name, unless it has one."""
+    if problem.filename is not None:
+        return problem
+    return OSError(problem.errno, problem.strerror, str(path))
 
 
 def write_text(path: Path, text: str) -> None:

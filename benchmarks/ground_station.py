@@ -1,0 +1,51 @@
+"""Share of one core that the ground station takes while it flies and records a fleet.
+
+``python -m benchmarks.ground_station`` prints it for 30 UAVs in lockstep. Linux only: the times of
+the process are read from /proc.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import yaml
+
+from benchmarks.fleet import star
+
+__all__ = ["share_of_a_core"]
+
+_SETTLING_S, _MEASURED_S = 1.5, 8.0
+_LONG_S = 10.0  # simulated; what is measured must be in flight
+
+
+def share_of_a_core(uavs: int = 30) -> float:
+    """Fly a fleet once; return the processor time of `gcs fly` per wall-clock time in flight."""
+    with tempfile.TemporaryDirectory() as folder:
+        scenario, run = Path(folder) / "star.yaml", Path(folder) / "run"
+        scenario.write_text(yaml.safe_dump(star(uavs, _LONG_S)))
+        command = ["fly", str(scenario), "--quiet", "--free-ports", "--out", str(run)]
+        program = [sys.executable, "-c", "from gcs.cli import main; main()", *command]
+        with subprocess.Popen(program) as process:
+            log = run / "processes" / "plant.log"
+            while not (log.exists() and "simulated time starts" in log.read_text()):
+                time.sleep(0.05)
+            time.sleep(_SETTLING_S)
+            begin_s, before_s = time.monotonic(), _processor_s(process.pid)
+            time.sleep(_MEASURED_S)
+            used_s, passed_s = _processor_s(process.pid) - before_s, time.monotonic() - begin_s
+            if (run / "summary.json").exists():
+                raise RuntimeError("the flight was over before it was measured")
+        return used_s / passed_s
+
+
+def _processor_s(pid: int) -> float:
+    """Return the processor time of a process, without its children's [s]; see proc(5)."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+if __name__ == "__main__":
+    print(f"{100.0 * share_of_a_core():.1f} % of one core")
