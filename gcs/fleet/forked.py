@@ -11,10 +11,23 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-__all__ = ["ForkServer", "Forked"]
+__all__ = ["ForkServer", "Forked", "program", "without_threads"]
 
 _ROOM = " " * 512
 """An argument for the server, which makes room for the command lines of those it forks."""
+
+
+def program(module: str) -> str:
+    """Return the program that calls `main` of a module.
+
+    Python looks for garbage neither while it imports, nor later in what it has imported.
+    """
+    return f"import gc; gc.disable(); from {module} import main; gc.freeze(); gc.enable(); main()"
+
+
+def without_threads() -> dict[str, str]:
+    """Return the environment of a process in which numpy starts no threads."""
+    return {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 
 
 class ForkServer:
@@ -128,7 +141,7 @@ def _start_server(log: Path) -> subprocess.Popen[bytes]:
         sys.executable,
         "-P",  # do not import from the user's current folder
         "-c",
-        "from ftc_autopilot.fork_server import main; main()",
+        program("ftc_autopilot.fork_server"),
         _ROOM,
     ]
     with log.open("ab") as errors:
@@ -138,5 +151,5 @@ def _start_server(log: Path) -> subprocess.Popen[bytes]:
             stdout=subprocess.PIPE,
             stderr=errors,
             start_new_session=True,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # a fork does not copy threads
+            env=without_threads(),  # which a fork does not copy
         )

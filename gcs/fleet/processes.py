@@ -17,7 +17,7 @@ from types import MappingProxyType, TracebackType
 from typing import Self, TypeVar
 
 from gcs.errors import BadInput, FlightLost, PortInUse
-from gcs.fleet.forked import Forked, ForkServer
+from gcs.fleet.forked import Forked, ForkServer, program, without_threads
 from gcs.fleet.relays import through
 from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
@@ -327,7 +327,7 @@ def _started(package: str, arguments: list[str], log: Path) -> subprocess.Popen[
         sys.executable,
         "-P",  # do not import from the user's current folder
         "-c",
-        f"from {package}.process import main; main()",
+        program(f"{package}.process"),
         *arguments,
         "--exit-with-parent",
         str(os.getpid()),
@@ -339,4 +339,5 @@ def _started(package: str, arguments: list[str], log: Path) -> subprocess.Popen[
             stdout=output,
             stderr=subprocess.STDOUT,
             start_new_session=True,
+            env=without_threads(),
         )
