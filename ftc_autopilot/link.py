@@ -47,7 +47,16 @@ from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_f
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record
-from mavlink_defs.runtime.native import monotonic_s, receive, receive_soon, send, waits
+from mavlink_defs.runtime.native import (
+    POLLED,
+    READABLE,
+    monotonic_s,
+    receive,
+    receive_soon,
+    send,
+    wait_for_any,
+    waits,
+)
 
 __all__ = [
     "FORMATION",
@@ -219,7 +228,8 @@ def run(
         plant_fd: Socket connected to the plant; its receive timeout bounds how late `until_s`
             is noticed.
         formation_fd: Socket bound to the own formation port, with a short receive timeout.
-        gcs_fd: Socket of the ground stations; in lockstep a datagram there ends the work.
+        gcs_fd: Socket of the ground stations; a datagram there ends the work, except in real time,
+            where `until_s` is soon enough.
         link: The link.
         controllers: The controllers of one UAV.
         until_s: Wall-clock time, as `monotonic_s` gives it, at which to return [s].
@@ -237,6 +247,9 @@ def run(
         if lockstep:
             length = receive_soon(plant_fd, simulator.received)
         else:
+            frozen = (state["flags"] & FTC_SIM_FLAGS_RUNNING) == 0
+            if frozen and _only_station_waits(plant_fd, gcs_fd, until_s):
+                return Outcome.TICK
             length = receive(plant_fd, simulator.received)
         if length >= 0:
             message_id = take(simulator.signer, simulator.received, length, simulator.drops)
@@ -263,6 +276,16 @@ def run(
             look_s = now_s + _LOOK_S
             if waits(gcs_fd, simulator.received):
                 return Outcome.TICK
+
+
+@compiled
+def _only_station_waits(plant_fd: int, gcs_fd: int, until_s: float) -> bool:
+    """Wait for either link; return whether only that of the ground stations has something."""
+    links = np.zeros(2, POLLED)
+    links[0]["fd"], links[1]["fd"] = plant_fd, gcs_fd
+    links[0]["events"] = links[1]["events"] = READABLE
+    wait_for_any(links, max(until_s - monotonic_s(), 0.0))
+    return bool(links[0]["found"] == 0 and links[1]["found"] != 0)
 
 
 @inlined

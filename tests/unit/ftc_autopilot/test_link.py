@@ -303,6 +303,20 @@ def test_in_lockstep_a_message_of_a_ground_station_is_not_kept_waiting(rig: Rig)
     assert rig.gcs.recv(100) == b"request"
 
 
+def test_before_the_start_a_message_of_a_ground_station_is_not_kept_waiting(rig: Rig) -> None:
+    rig.plant.sendto(b"request", rig.gcs.getsockname())
+    until_s = time.monotonic() + 3600.0
+    assert rig.run(until_s) == Outcome.TICK
+    assert time.monotonic() < until_s
+
+
+def test_before_the_start_a_busy_ground_station_does_not_keep_the_plant_waiting(rig: Rig) -> None:
+    for _ in range(10):
+        rig.plant.sendto(b"request", rig.gcs.getsockname())
+    assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP) == Outcome.TICK
+    assert rig.link.state[0]["heard_s"] > 0.0
+
+
 def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:
     assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED) == Outcome.OVER
     assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
