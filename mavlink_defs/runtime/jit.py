@@ -85,7 +85,7 @@ def _dispatcher(function: Callable[..., object], variant: str = "", **options: b
 def _lend_to_compiled_code(
     dispatcher: Any, function: Callable[..., object], **options: bool
 ) -> None:
-    """Let compiled code call a variant that Python cannot, and that takes half the time to make.
+    """Let compiled code call a variant that Python cannot, and that is made in half the time.
 
     What unpacks Python's objects is often longer than the function. The variant is one for all
     calls with the same types: numba would compile a function anew for each constant that it is
