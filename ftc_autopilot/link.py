@@ -247,7 +247,7 @@ def run(
         if lockstep:
             length = receive_soon(plant_fd, simulator.received)
         else:
-            frozen = (state["flags"] & FTC_SIM_FLAGS_RUNNING) == 0
+            frozen = state["run"] != NONE and (state["flags"] & FTC_SIM_FLAGS_RUNNING) == 0
             if frozen and _only_station_waits(plant_fd, gcs_fd, until_s):
                 return Outcome.TICK
             length = receive(plant_fd, simulator.received)

@@ -304,6 +304,7 @@ def test_in_lockstep_a_message_of_a_ground_station_is_not_kept_waiting(rig: Rig)
 
 
 def test_before_the_start_a_message_of_a_ground_station_is_not_kept_waiting(rig: Rig) -> None:
+    rig.state(0, FTC_SIM_FLAGS_LOCKSTEP)
     rig.plant.sendto(b"request", rig.gcs.getsockname())
     until_s = time.monotonic() + 3600.0
     assert rig.run(until_s) == Outcome.TICK
