@@ -143,8 +143,8 @@ def fly(
                 if in_process:
                     recorder.load_code()
                     ending = fly_in_steps(loaded, recorder.add, on_progress)
-                else:  # while the fleet starts
-                    threading.Thread(target=recorder.load_code, daemon=True).start()
+                else:
+                    threading.Thread(target=_load_ahead, args=(recorder,), daemon=True).start()
                     ending = _over_udp(
                         loaded, folder, recorder.add, speed, free_ports, again, on_progress
                     )
@@ -174,6 +174,12 @@ def _of_campaign(
     from gcs.campaigns.again import scenario_of_row
 
     return scenario_of_row(campaign, row)
+
+
+def _load_ahead(recorder: "FlightRecorder") -> None:
+    """Load the recorder's code while the fleet starts; what fails is told when it is needed."""
+    with contextlib.suppress(Exception):
+        recorder.load_code()
 
 
 def _over_udp(
