@@ -10,12 +10,12 @@ import platform
 import shutil
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 from benchmarks import codec, dashboard, fleet, ground_station, recording
+from benchmarks.fleet import gcs
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
 ROUNDS = 5
@@ -81,10 +81,6 @@ def reproduction_s(folder: Path) -> float:
     subprocess.run(gcs("reproduce", "--quiet", "--out", str(folder)), check=True)
     shutil.rmtree(folder)
     return time.time() - begin
-
-
-def gcs(*arguments: str) -> list[str]:
-    return [sys.executable, "-c", "from gcs.cli import main; main()", *arguments]
 
 
 def row(name: str, values: list[float], unit: str, wanted: str = "") -> None:

@@ -20,7 +20,7 @@ import yaml
 from benchmarks.bare_loop import bare_us_per_step
 from gcs.scenario.model import scenario_tree
 
-__all__ = ["Fleet", "main", "measure"]
+__all__ = ["Fleet", "gcs", "main", "measure", "star"]
 
 STEPS = {1: 24_000, 3: 24_000, 10: 6_000, 30: 2_000, 100: 500}
 """Steps of a flight, by the number of UAVs; a step is 1 ms."""
@@ -79,11 +79,15 @@ def flown_us_per_step(scenario: Path) -> float:
     """Fly a scenario once; return the wall time of a step [µs]."""
     folder = scenario.with_name("run")
     command = ["fly", str(scenario), "--json", "--free-ports", "--out", str(folder)]
-    program = [sys.executable, "-c", "from gcs.cli import main; main()", *command]
-    output = subprocess.run(program, check=True, capture_output=True).stdout
+    output = subprocess.run(gcs(*command), check=True, capture_output=True).stdout
     shutil.rmtree(folder)
     summary = json.loads(output)
     return float(summary["wall_s"]) / int(summary["steps"]) * 1e6
+
+
+def gcs(*arguments: str) -> list[str]:
+    """Return the command line of `gcs` in this environment."""
+    return [sys.executable, "-c", "from gcs.cli import main; main()", *arguments]
 
 
 def print_table(fleets: list[Fleet]) -> None:

@@ -6,14 +6,13 @@ the process are read from /proc.
 
 import os
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import yaml
 
-from benchmarks.fleet import star
+from benchmarks.fleet import gcs, star
 
 __all__ = ["share_of_a_core"]
 
@@ -27,10 +26,11 @@ def share_of_a_core(uavs: int = 30) -> float:
         scenario, run = Path(folder) / "star.yaml", Path(folder) / "run"
         scenario.write_text(yaml.safe_dump(star(uavs, _LONG_S)))
         command = ["fly", str(scenario), "--quiet", "--free-ports", "--out", str(run)]
-        program = [sys.executable, "-c", "from gcs.cli import main; main()", *command]
-        with subprocess.Popen(program) as process:
+        with subprocess.Popen(gcs(*command)) as process:
             log = run / "processes" / "plant.log"
             while not (log.exists() and "simulated time starts" in log.read_text()):
+                if process.poll() is not None:
+                    raise RuntimeError("the flight did not start")
                 time.sleep(0.05)
             time.sleep(_SETTLING_S)
             begin_s, before_s = time.monotonic(), _processor_s(process.pid)

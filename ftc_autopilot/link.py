@@ -228,8 +228,8 @@ def run(
         plant_fd: Socket connected to the plant; its receive timeout bounds how late `until_s`
             is noticed.
         formation_fd: Socket bound to the own formation port, with a short receive timeout.
-        gcs_fd: Socket of the ground stations; a datagram there ends the work, except in real time,
-            where `until_s` is soon enough.
+        gcs_fd: Socket of the ground stations; a datagram there ends the work, except in real time
+            and before the plant was heard, where `until_s` is soon enough.
         link: The link.
         controllers: The controllers of one UAV.
         until_s: Wall-clock time, as `monotonic_s` gives it, at which to return [s].
@@ -248,7 +248,7 @@ def run(
             length = receive_soon(plant_fd, simulator.received)
         else:
             frozen = state["run"] != NONE and (state["flags"] & FTC_SIM_FLAGS_RUNNING) == 0
-            if frozen and _only_station_waits(plant_fd, gcs_fd, until_s):
+            if frozen and not _plant_is_first(plant_fd, gcs_fd, until_s):
                 return Outcome.TICK
             length = receive(plant_fd, simulator.received)
         if length >= 0:
@@ -279,13 +279,13 @@ def run(
 
 
 @compiled
-def _only_station_waits(plant_fd: int, gcs_fd: int, until_s: float) -> bool:
-    """Wait for either link; return whether only that of the ground stations has something."""
+def _plant_is_first(plant_fd: int, gcs_fd: int, until_s: float) -> bool:
+    """Wait for plant or ground station until a time [s]; return whether the plant has sent."""
     links = np.zeros(2, POLLED)
     links[0]["fd"], links[1]["fd"] = plant_fd, gcs_fd
     links[0]["events"] = links[1]["events"] = READABLE
     wait_for_any(links, max(until_s - monotonic_s(), 0.0))
-    return bool(links[0]["found"] == 0 and links[1]["found"] != 0)
+    return bool(links[0]["found"] != 0)
 
 
 @inlined

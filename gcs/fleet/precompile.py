@@ -35,7 +35,7 @@ __all__ = ["compile_everything", "ctrl_c_while_compiling"]
 
 _COMPILER = os.path.dirname(llvmlite.__file__) + os.sep
 _LATER_S = 0.02
-_OBJECTS = 200_000
+_OBJECTS = 200_000  # made between two searches for garbage
 
 
 def compile_everything(scenario: Scenario) -> None:

@@ -45,9 +45,10 @@ class Tube(Surviving):
             ("information", "f8", (2, 2, 2)),  # ∑ x xᵀ dt of every axis [rad²/s³]
             ("evidence", "f8", (2, 2)),  # ∑ x y dt [rad²/s³]
             ("derivative_error", "f8", (2, 2)),  # by the nominal derivative
+            # of one step; kept here, since an array made in each takes time
+            ("positions", "f8", (N_CHANNELS,)),  # of the servos [rad, N]
+            ("commands", "f8", (N_CHANNELS,)),  # in force [rad, N]
             # events
-            ("positions", "f8", (N_CHANNELS,)),  # of the servos in this step [rad, N]
-            ("commands", "f8", (N_CHANNELS,)),  # in force in this step [rad, N]
             ("step", "i8"),  # steps made
             ("sent", "i8", (N_CHANNELS,)),  # step of a channel's last event
             (
