@@ -83,14 +83,14 @@ class Tube(Surviving):
         "m/s", gt=0.0, default=0.22, doc="Half the width of the airspeed's tube."
     )
     width_deg: tuple[_Width, _Width, _Width] = Field(
-        default=(0.40, 0.13, 1.2), description="Half the widths of the angles' tubes [deg]."
+        default=(0.40, 0.13, 1.22), description="Half the widths of the angles' tubes [deg]."
     )
     widening: _Shares = Field(
         default=(0.18, 0.135, 0.06, 0.07),
         description="Widening of a tube by the distance of reference from command.",
     )
     funnel_s: float = quantity(
-        "s", gt=0.0, default=0.34, doc="Time in which an error outside its tube must shrink to 1/e."
+        "s", gt=0.0, default=0.37, doc="Time in which an error outside its tube must shrink to 1/e."
     )
     return_m_s2: float = quantity(
         "m/s^2", gt=0.0, default=100.0, doc="Fastest return of the airspeed from outside."
@@ -101,7 +101,7 @@ class Tube(Surviving):
 
     check_s: float = quantity("s", gt=0.0, le=0.1, default=0.004, doc="Time between two checks.")
     lead_s: _Times = Field(
-        default=(0.105, 0.06, 0.09, 0.135),
+        default=(0.105, 0.06, 0.09, 0.15),
         description="Times before the predicted exit at which a channel is sent [s]; the servos' "
         "lag comes on top.",
     )
@@ -119,7 +119,7 @@ class Tube(Surviving):
         "steps", ge=2, le=400, default=40, doc="Steps of the prediction that plans a command."
     )
     settle_s: _Times = Field(
-        default=(0.195, 0.075, 0.075, 0.367),
+        default=(0.195, 0.075, 0.075, 0.435),
         description="Times after an event from which on the plan keeps an error in its tube [s].",
     )
     plan_share: _Shares = Field(
@@ -135,7 +135,7 @@ class Tube(Surviving):
     persistence_s: float = quantity(
         "s",
         gt=0.0,
-        default=0.135,
+        default=0.13,
         doc="Time for which a disturbance is expected to go on changing.",
     )
 

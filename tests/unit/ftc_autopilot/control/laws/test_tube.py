@@ -92,7 +92,7 @@ def test_a_channel_is_sent_only_when_it_would_leave_its_tube() -> None:
     """At each event the exit predicted a check before was near, and the plan moved it away."""
     flight = fly_in_process(scenario_with(duration_s=6.0))
     exits = flight.signals["predicted_exit"]
-    for channel, lead_s in enumerate((0.06, 0.09, 0.135, 0.105)):
+    for channel, lead_s in enumerate((0.06, 0.09, 0.15, 0.105)):
         for i in range(3):
             events = np.flatnonzero(sent(flight, channel)[:, i])[1:]
             before, after = exits[events - 1, i, channel], exits[events, i, channel]

@@ -180,7 +180,7 @@ def test_the_path_is_the_reference_that_will_be() -> None:
 
 def test_the_width_of_the_tube_by_hand() -> None:
     """At rest it is d; outside there is a funnel; on the way it is wider by k |z|."""
-    gains = gains_of(tube_scale=0.5)
+    gains = gains_of(tube_scale=0.5, funnel_s=0.34)
     command = np.array([45.0, 0.0, 0.0, 0.0])
     reference = np.zeros((4, 3))
     reference[:, 0] = (45.0, 0.0, 0.2, 0.0)
@@ -198,7 +198,8 @@ def test_a_large_error_returns_no_faster_than_it_may() -> None:
     """Yaw is 0.6 rad off; 12 deg/s bring it back, of which 12·0.34 deg are the funnel's."""
     reference, command = np.zeros((4, 3)), np.zeros(4)
     path, width = np.empty((4, 40)), np.empty((4, 40))
-    lay_tube(errors_with(0.0, 0.6, 0.6), command, reference, 2.5, 40, gains_of(), path, width)
+    gains = gains_of(funnel_s=0.34, width_deg=(0.4, 0.13, 1.2))
+    lay_tube(errors_with(0.0, 0.6, 0.6), command, reference, 2.5, 40, gains, path, width)
     rate = math.radians(12.0)
     s = 0.015 * np.arange(1, 41)
     assert path[3] == pytest.approx(0.6 - rate * 0.34 - rate * s)
