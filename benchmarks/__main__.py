@@ -55,7 +55,7 @@ def main() -> None:
 def real_time_factor(folder: Path, *options: str) -> float:
     """Fly scenario 1 once; return the ratio of simulated to wall-clock time that it reports."""
     command = ["fly", str(SCENARIO), "--json", "--free-ports", "--out", str(folder), *options]
-    output = subprocess.run(gcs(*command), check=True, capture_output=True).stdout
+    output = subprocess.run(gcs(*command), check=True, stdout=subprocess.PIPE).stdout
     shutil.rmtree(folder)
     return float(json.loads(output)["real_time_factor"])
 

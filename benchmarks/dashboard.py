@@ -149,7 +149,7 @@ class Terminal:
         self.pid, self.master = pty.fork()
         if self.pid == 0:  # the child becomes the dashboard
             os.environ.update(TERM="xterm-256color", COLORTERM="truecolor")
-            code = "from gcs.cli import main; main()"
+            code = "from gcs.__main__ import main; main()"
             arguments = ["-c", code, "--connect", f"udpin:127.0.0.1:{port}"]
             os.execv(sys.executable, [sys.executable, *arguments])
         size = struct.pack("HHHH", LINES, COLUMNS, 0, 0)

@@ -79,7 +79,7 @@ def flown_us_per_step(scenario: Path) -> float:
     """Fly a scenario once; return the wall time of a step [µs]."""
     folder = scenario.with_name("run")
     command = ["fly", str(scenario), "--json", "--free-ports", "--out", str(folder)]
-    output = subprocess.run(gcs(*command), check=True, capture_output=True).stdout
+    output = subprocess.run(gcs(*command), check=True, stdout=subprocess.PIPE).stdout
     shutil.rmtree(folder)
     summary = json.loads(output)
     return float(summary["wall_s"]) / int(summary["steps"]) * 1e6
@@ -87,7 +87,7 @@ def flown_us_per_step(scenario: Path) -> float:
 
 def gcs(*arguments: str) -> list[str]:
     """Return the command line of `gcs` in this environment."""
-    return [sys.executable, "-c", "from gcs.cli import main; main()", *arguments]
+    return [sys.executable, "-c", "from gcs.__main__ import main; main()", *arguments]
 
 
 def print_table(fleets: list[Fleet]) -> None:

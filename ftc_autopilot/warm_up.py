@@ -1,19 +1,25 @@
 """Call all that an autopilot calls in flight once, so that it is compiled, or loaded if it was."""
 
 import contextlib
+import math
 import socket
 from pathlib import Path
+
+import numpy as np
 
 from ftc_autopilot import link as autopilot_link
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
+from ftc_autopilot.guidance.path import Leg, locate, path_record, point_at
 from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.kept_state import keep
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import set_receive_timeout
 
-__all__ = ["call_everything", "warm_up_with"]
+__all__ = ["call_everything", "endless_path", "warm_up_with"]
 
 
 def warm_up_with(config_file: Path) -> None:
@@ -30,6 +36,17 @@ def call_everything(config: AutopilotConfig) -> None:
         set_receive_timeout(sock, 1e-3)
         fd = sock.fileno()
         autopilot_link.run(fd, fd, fd, link, controllers, 0.0, 0)
+    keep(link.kept)
+    path = endless_path()
+    locate(path, 0.0, 0.0, 0.0)
+    point_at(path, 0.0)
+    for part_of in (state_of, cause_of, policy_of):
+        part_of(0)
     (telemetry, *_) = Vehicle(config, HotState(link), controllers).telemetry
     for message_id in telemetry.available:
         telemetry.make(message_id)
+
+
+def endless_path() -> np.void:
+    """Return a straight and level path to the north, record of dtype `PATH`."""
+    return path_record([Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)], path_id=1)

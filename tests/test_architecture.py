@@ -17,10 +17,11 @@ MODEL = {"aerodynamics", "aircraft", "config", "hardware", "lag", "rigid_body", 
 """Modules of `sitl_plant` that an autopilot may import: the aircraft's model, not its process."""
 SHELLS = {
     "ftc_autopilot.autopilot",
-    "ftc_autopilot.fork_server",
     "ftc_autopilot.process",
+    "gcs.__main__",
     "gcs.cli",
     "gcs.fleet.flight",
+    "gcs.fleet.fork_server",
     "gcs.fleet.forked",
     "gcs.fleet.processes",
     "gcs.fleet.relays",
@@ -48,6 +49,7 @@ USERS_OF_THE_SYSTEM = SHELLS | {
     "mavlink_defs.framing.signing",
     "mavlink_defs.runtime.jit",
     "mavlink_defs.runtime.native",
+    "sitl_plant.warm_up",
 }
 
 

@@ -1,5 +1,10 @@
-"""Autopilots forked from a warm process, `ftc_autopilot.fork_server`, started as by `Popen`."""
+"""Plant and autopilots forked from a warm process, `fork_server`, and started as by `Popen`.
 
+Light, since the command line imports it before all else: a server that is started then is warm
+when the scenario has been read.
+"""
+
+import atexit
 import contextlib
 import json
 import os
@@ -10,11 +15,17 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
-__all__ = ["ForkServer", "Forked", "program", "without_threads"]
+__all__ = ["FORKS", "ForkServer", "Forked", "program", "start_server_ahead", "without_threads"]
+
+FORKS = sys.platform == "linux"
+"""Whether plant and autopilots can be forked: elsewhere, libraries do not allow it."""
 
 _ROOM = " " * 512
 """An argument for the server, which makes room for the command lines of those it forks."""
+_ahead: list[subprocess.Popen[bytes]] = []
+"""The server that was started ahead, until a `ForkServer` takes it."""
 
 
 def program(module: str) -> str:
@@ -30,27 +41,52 @@ def without_threads() -> dict[str, str]:
     return {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 
 
+def start_server_ahead() -> None:
+    """Start the server that the next `ForkServer` will use; it ends with this process.
+
+    If that fails, the `ForkServer` will tell why.
+    """
+    if FORKS:
+        atexit.register(_end_unused)
+        with contextlib.suppress(OSError):
+            _ahead.append(_start_server(subprocess.DEVNULL))
+
+
+def _end_unused() -> None:
+    while _ahead:
+        server = _ahead.pop()
+        server.kill()
+        server.communicate()
+
+
+def _started_ahead() -> subprocess.Popen[bytes] | None:
+    """Return the server that was started ahead, if it lives; if not, another one tells why."""
+    server = _ahead.pop() if _ahead else None
+    return server if server is not None and server.poll() is None else None
+
+
 class ForkServer:
-    """The process that autopilots are forked from; started with the first of them."""
+    """The process that plant and autopilots are forked from; started with the first of them."""
 
     def __init__(self) -> None:
         self._popen: subprocess.Popen[bytes] | None = None
         self._forked: list[Forked] = []
         self._unread = b""
 
-    def start(self, arguments: Sequence[str], log: Path) -> "Forked":
-        """Start ``ftc-autopilot`` with these arguments; it writes to the file `log`."""
+    def start(self, program: str, arguments: Sequence[str], log: Path) -> "Forked":
+        """Start ``sitl-plant`` or ``ftc-autopilot``; it writes to the file `log`."""
         if self._popen is not None and self._popen.poll() is not None:
             self.close()
             self._popen, self._forked, self._unread = None, [], b""
         if self._popen is None:
-            self._popen = _start_server(log)
-        request = {"arguments": list(arguments), "log": str(log)}
+            with log.open("ab") as errors:
+                self._popen = _started_ahead() or _start_server(errors)
+        request = {"program": program, "arguments": list(arguments), "log": str(log)}
         assert self._popen.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it has ended; so have its autopilots
+        with contextlib.suppress(BrokenPipeError):  # it has ended; so have those it forked
             self._popen.stdin.write(json.dumps(request).encode() + b"\n")
             self._popen.stdin.flush()
-        forked = Forked(self)
+        forked = Forked(self, program)
         self._forked.append(forked)
         return forked
 
@@ -93,8 +129,9 @@ class Forked:
         returncode: As of `Popen`.
     """
 
-    def __init__(self, server: ForkServer) -> None:
+    def __init__(self, server: ForkServer, program: str) -> None:
         self._server = server
+        self._program = program
         self.pid: int | None = None
         self.returncode: int | None = None
 
@@ -114,7 +151,7 @@ class Forked:
         while self.poll() is None:
             left = end - time.monotonic()
             if left <= 0.0:
-                raise subprocess.TimeoutExpired("ftc-autopilot", timeout)
+                raise subprocess.TimeoutExpired(self._program, timeout)
             self._server.read(left)
         assert self.returncode is not None
         return self.returncode
@@ -135,21 +172,19 @@ class Forked:
                 os.kill(self.pid, number)
 
 
-def _start_server(log: Path) -> subprocess.Popen[bytes]:
-    """Start the server; what it may have to say about itself goes to the first autopilot's log."""
+def _start_server(errors: int | BinaryIO) -> subprocess.Popen[bytes]:
     command = [
         sys.executable,
         "-P",  # do not import from the user's current folder
         "-c",
-        program("ftc_autopilot.fork_server"),
+        program("gcs.fleet.fork_server"),
         _ROOM,
     ]
-    with log.open("ab") as errors:
-        return subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            start_new_session=True,
-            env=without_threads(),  # which a fork does not copy
-        )
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=errors,
+        start_new_session=True,
+        env=without_threads(),  # which a fork does not copy
+    )

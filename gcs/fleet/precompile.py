@@ -2,10 +2,8 @@
 
 import contextlib
 import gc
-import math
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -15,8 +13,8 @@ from types import FrameType
 import llvmlite
 import numpy as np
 
-from ftc_autopilot.guidance.path import Leg, path_record
-from ftc_autopilot.warm_up import call_everything
+from ftc_autopilot.warm_up import call_everything as call_autopilot
+from ftc_autopilot.warm_up import endless_path
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.path_following import PathFollowing
 from gcs.results.summary import summarise
@@ -25,11 +23,8 @@ from gcs.theory import check_theory
 from mavlink_defs.capture import relay_loop
 from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.tap_counts import new_counts
-from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.runtime.jit import mark_cache_warm, not_cached
-from sitl_plant import link as plant_link
-from sitl_plant.config import PlantConfig
-from sitl_plant.fleet import new_plant_state
+from sitl_plant.warm_up import call_everything as call_plant
 
 __all__ = ["compile_everything", "ctrl_c_while_compiling"]
 
@@ -48,6 +43,7 @@ def compile_everything(scenario: Scenario) -> None:
 
     Raises:
         ConfigError: The cache cannot be written.
+        OSError: Too many files are open.
     """
     try:
         with _seldom_collected():
@@ -106,9 +102,9 @@ def _in_compiler(frame: FrameType | None) -> bool:
 def _call_everything(scenario: Scenario) -> None:
     short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
     with _other_process(short):
-        _call_plant(short.plant_config(speed=None))
+        call_plant(short.plant_config(speed=None))
         _call_relay()
-        call_everything(short.autopilot_config(short.uavs[0].id))
+        call_autopilot(short.autopilot_config(short.uavs[0].id))
     _call_in_process(short)
 
 
@@ -137,30 +133,14 @@ def _call_in_process(scenario: Scenario) -> None:
     flight = fly_in_process(scenario)
     summarise(flight, scenario)
     check_theory(flight, scenario)
-    level = Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)
-    paths = np.stack([path_record([level], path_id=1)] * len(scenario.uavs))
+    paths = np.stack([endless_path()] * len(scenario.uavs))
     PathFollowing(paths, (0,), scenario.step_us).add(flight.steps)  # without a mission, too
-
-
-def _call_plant(plant: PlantConfig) -> None:
-    fleet = new_plant_state(plant)
-    link = plant_link.new_link([uav.id for uav in plant.uavs], plant.step_us, 1, None, 1)
-    with _socket() as fd:
-        plant_link.run(fd, link, fleet, 0.0)
-        plant_link.send_states(fd, link, fleet, False)
 
 
 def _call_relay() -> None:
     relay = relay_loop.new_relay_state(-1, [], [], [], new_directions([]))
     relay_loop.pause(relay)
     relay_loop.run(relay, new_counts(window_s=1.0))
-
-
-@contextlib.contextmanager
-def _socket() -> Iterator[int]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        set_receive_timeout(sock, 1e-3)
-        yield sock.fileno()
 
 
 def _end_with_parent() -> None:

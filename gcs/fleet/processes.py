@@ -17,7 +17,7 @@ from types import MappingProxyType, TracebackType
 from typing import Self, TypeVar
 
 from gcs.errors import BadInput, FlightLost, PortInUse
-from gcs.fleet.forked import Forked, ForkServer, program, without_threads
+from gcs.fleet.forked import FORKS, Forked, ForkServer, program, without_threads
 from gcs.fleet.relays import through
 from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
@@ -33,7 +33,6 @@ _STOP_S = 5.0
 _SUPERVISED_SILENCE_S = 86_400.0  # of the plant, before an autopilot gives it up
 _TRIES = 5
 _PLANT = "plant"
-_FORKS = sys.platform == "linux"  # elsewhere, libraries do not allow it
 
 
 @dataclass
@@ -315,8 +314,9 @@ class FleetProcesses:
         crashes = self._crashes.get(name)
         crash = ["--crash-at", str(crashes.pop(0))] if crashes else []
         self._restarts.started(name, time.monotonic())
-        if name != _PLANT and _FORKS:
-            return self._server.start([*arguments, *crash], log)
+        if FORKS:
+            program = "sitl-plant" if name == _PLANT else "ftc-autopilot"
+            return self._server.start(program, [*arguments, *crash], log)
         package = "sitl_plant" if name == _PLANT else "ftc_autopilot"
         return _started(package, [*arguments, *crash], log)
 

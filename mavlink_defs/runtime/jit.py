@@ -16,9 +16,11 @@ import contextlib
 import errno
 import functools
 import hashlib
+import importlib
 import os
 import re
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable
@@ -39,7 +41,25 @@ _ROOT = Path(__file__).resolve().parents[2]
 _GENERATED = {_ROOT / "mavlink_defs" / "dialect.py": _ROOT / "mavlink_defs" / "ftc.xml"}
 _IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", re.MULTILINE)
 _KEPT_DAYS = 14
+_BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
 
+
+def _import_array_functions() -> None:
+    """Import what numba would import at the first call, but without scipy, in half the time.
+
+    It looks for scipy's BLAS then, for `np.cov` alone, which does without it as well. `np.dot` and
+    the like look for it when they are compiled.
+    """
+    found = {name: sys.modules.get(name) for name in _BLAS}
+    sys.modules.update(dict.fromkeys(_BLAS, cast(Any, None)))  # as if it were not installed
+    importlib.import_module("numba.np.arraymath")
+    for name, module in found.items():
+        del sys.modules[name]
+        if module is not None:
+            sys.modules[name] = module
+
+
+_import_array_functions()
 _unliteral: Any = numba.types.unliteral  # which has no types of its own
 _njit: Any = numba.njit  # whose types leave out some of its options
 _settings = vars(numba.config)  # made at run time, so that type checkers see none of them
@@ -111,6 +131,7 @@ def cache_is_cold() -> bool:
 
     Raises:
         ConfigError: The cache cannot be written: every process would have to.
+        OSError: Too many files are open.
     """
     if _settings["DISABLE_JIT"]:
         return False
@@ -119,8 +140,13 @@ def cache_is_cold() -> bool:
     return not _warm_mark().exists()
 
 
-def not_cached(problem: OSError) -> ConfigError:
-    """Return the error for a cache that cannot be written, with its remedy."""
+def not_cached(problem: OSError) -> ConfigError | OSError:
+    """Return the error for a cache that cannot be written, with its remedy.
+
+    Too many open files are no fault of the cache: then `problem` itself is returned.
+    """
+    if problem.errno in {errno.EMFILE, errno.ENFILE}:
+        return problem
     text = f"the cache of compiled code cannot be written: {problem.strerror}"
     advice = "set XDG_CACHE_HOME or NUMBA_CACHE_DIR to a folder that can"
     return ConfigError(_cache_folder, [Problem((), f"{text}; {advice}")])

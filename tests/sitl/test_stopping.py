@@ -1,5 +1,6 @@
 """However a flight ends, it says why, keeps what was recorded, and leaves no process behind."""
 
+import contextlib
 import json
 import os
 import re
@@ -15,6 +16,7 @@ from flying import (
     BIN,
     TIMEOUT_S,
     assert_one_message,
+    environment,
     fly_well,
     flying,
     kill_all,
@@ -108,6 +110,41 @@ def test_death_of_the_ground_station_in_its_first_second(
         assert_all_gone(folder)
     finally:
         kill_all(popen, folder)
+
+
+def processes_marked(mark: str) -> list[int]:
+    """Process ids of all that have inherited this from the environment of their command."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if f"MARK={mark}\0".encode() in (entry / "environ").read_bytes():
+                found.append(int(entry.name))
+    return found
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
+@pytest.mark.parametrize("command", ["fly", "up"])
+def test_death_of_the_ground_station_before_it_knows_what_to_fly(
+    tmp_path: Path, command: str, number: signal.Signals
+) -> None:
+    """The server that it starts ahead is still importing."""
+    mark = f"{tmp_path}"
+    popen = subprocess.Popen(
+        [BIN / "gcs", command, write_scenario(tmp_path), "--free-ports", "--out", tmp_path / "run"],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=environment(MARK=mark),
+    )
+    try:
+        wait_until(lambda: len(processes_marked(mark)) == 2, "the server is started")
+        popen.send_signal(number)
+        popen.wait(timeout=TIMEOUT_S)
+        wait_until(lambda: not processes_marked(mark), "no process is left")
+        assert not (tmp_path / "run").exists()
+    finally:
+        kill_all(popen, tmp_path)
 
 
 @pytest.mark.parametrize("mode", [(), ("--speed", "1")], ids=["lockstep", "real_time"])

@@ -1,14 +1,17 @@
-"""Autopilots forked from a warm process behave as processes of their own."""
+"""Plant and autopilots forked from a warm process behave as processes of their own."""
 
+import contextlib
+import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from gcs.fleet.forked import Forked, ForkServer
+from gcs.fleet.forked import Forked, ForkServer, start_server_ahead
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import free_ports
@@ -48,13 +51,28 @@ def wait_until_started(server: ForkServer, *forked: Forked) -> None:
         assert server.read(TIMEOUT_S)
 
 
+def pid_of(forked: Forked) -> int:
+    assert forked.pid is not None
+    return forked.pid
+
+
+def parent_of(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+
+
+def children() -> set[int]:
+    """Process ids of what this process has started and not waited for."""
+    tasks = Path("/proc/self/task").glob("*/children")
+    return {int(pid) for task in tasks for pid in task.read_text().split()}
+
+
 def command_line(forked: Forked) -> list[str]:
     return Path(f"/proc/{forked.pid}/cmdline").read_bytes().decode().rstrip("\0").split("\0")
 
 
 def test_status_and_log_are_those_of_the_process(server: ForkServer, tmp_path: Path) -> None:
     logs = [tmp_path / "a.log", tmp_path / "b.log"]
-    forked = [server.start([str(tmp_path / "none.yaml")], log) for log in logs]
+    forked = [server.start("ftc-autopilot", [str(tmp_path / "none.yaml")], log) for log in logs]
     with pytest.raises(subprocess.TimeoutExpired):
         forked[0].wait(0.0)
     assert [process.wait(TIMEOUT_S) for process in forked] == [2, 2]
@@ -65,7 +83,9 @@ def test_status_and_log_are_those_of_the_process(server: ForkServer, tmp_path: P
 
 def test_signals_reach_one_alone(server: ForkServer, tmp_path: Path, scenario1: Scenario) -> None:
     files = [config_of(scenario1, tmp_path / name) for name in "ab"]
-    doomed, other = (server.start([str(file)], file.with_suffix(".log")) for file in files)
+    doomed, other = (
+        server.start("ftc-autopilot", [str(file)], file.with_suffix(".log")) for file in files
+    )
     wait_until_started(server, doomed, other)
     wait_until(lambda: command_line(other)[:2] == ["ftc-autopilot", str(files[1])])
     doomed.kill()
@@ -76,8 +96,51 @@ def test_signals_reach_one_alone(server: ForkServer, tmp_path: Path, scenario1: 
 
 
 def test_all_end_with_the_server(server: ForkServer, tmp_path: Path, scenario1: Scenario) -> None:
-    forked = server.start([str(config_of(scenario1, tmp_path))], tmp_path / "log")
+    forked = server.start("ftc-autopilot", [str(config_of(scenario1, tmp_path))], tmp_path / "log")
     wait_until_started(server, forked)
     server.close()
     assert forked.returncode is not None
     wait_until(lambda: not Path(f"/proc/{forked.pid}").exists())
+
+
+def test_the_plant_is_in_a_session_of_its_own(
+    server: ForkServer, tmp_path: Path, scenario1: Scenario
+) -> None:
+    """Linux divides the processors among sessions first."""
+    uav = config_of(scenario1, tmp_path)
+    plant = tmp_path / "plant.yaml"
+    (port,) = free_ports(1, "127.0.0.1")
+    links = scenario1.links.model_copy(update={"plant_port": port})
+    dump(scenario1.model_copy(update={"links": links}).plant_config(None), plant)
+    simulator = server.start("sitl-plant", [str(plant)], tmp_path / "plant.log")
+    autopilot = server.start("ftc-autopilot", [str(uav)], tmp_path / "uav1.log")
+    wait_until_started(server, simulator, autopilot)
+    wait_until(lambda: command_line(simulator)[:2] == ["sitl-plant", str(plant)])
+    assert os.getsid(pid_of(simulator)) == simulator.pid
+    assert os.getsid(pid_of(autopilot)) == parent_of(pid_of(autopilot))
+
+
+def test_a_server_started_ahead_is_used_once(tmp_path: Path, scenario1: Scenario) -> None:
+    before = children()
+    start_server_ahead()
+    (ahead,) = children() - before
+    parents = []
+    for name in "ab":
+        file = config_of(scenario1, tmp_path / name)
+        server = ForkServer()
+        forked = server.start("ftc-autopilot", [str(file)], file.with_suffix(".log"))
+        wait_until_started(server, forked)
+        parents.append(parent_of(pid_of(forked)))
+        server.close()
+    assert parents[0] == ahead
+    assert parents[1] != ahead
+    assert children() == before
+
+
+def test_a_server_started_ahead_ends_with_who_did_not_use_it(tmp_path: Path) -> None:
+    code = "from gcs.fleet.forked import start_server_ahead; start_server_ahead()"
+    mark = {"MARK": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", code], env=os.environ | mark, check=True)
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            assert f"MARK={tmp_path}\0".encode() not in (entry / "environ").read_bytes()

@@ -56,6 +56,22 @@ except ConfigError as problem:
     print(problem)
 """
 
+ALGEBRA = """
+import sys
+from sys import modules
+if len(sys.argv) > 1:
+    import scipy.linalg.cython_blas
+from mavlink_defs.runtime.jit import compiled
+print("scipy.linalg" in modules)
+import numpy as np
+@compiled
+def product(x, y):
+    return x @ y, np.cov(x[0], y[0])[0, 1]
+x = np.array([[1.0, 2.0], [3.0, 5.0]])
+print(product(x, x)[0].ravel().tolist(), product(x, x)[1])
+import scipy.linalg
+"""
+
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
@@ -105,3 +121,15 @@ def test_python_calls_a_function_that_compiled_code_has_called(project: Path) ->
         command = [sys.executable, "-c", RUN + calls]
         done = subprocess.run(command, check=True, cwd=project, env=env, capture_output=True)
         assert done.stdout.split()[-3:] == [b"24", b"18", b"18.0"]
+
+
+@pytest.mark.parametrize("before", [[], ["scipy first"]])
+def test_compiled_code_has_linear_algebra(tmp_path: Path, before: list[str]) -> None:
+    """Though scipy is not imported before it is needed."""
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    script = tmp_path / "algebra.py"
+    script.write_text(ALGEBRA)
+    command = [sys.executable, str(script), *before]
+    done = subprocess.run(command, check=False, env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [str(bool(before)), "[7.0, 12.0, 18.0, 31.0] 0.5"]

@@ -1,16 +1,19 @@
-"""A process from which the autopilots of a fleet are forked, so that they share what they import.
+"""A process from which plant and autopilots of a fleet are forked, so that they share imports.
 
 Python, numpy, the dialect and the compiled core take a second of processor time and most of the
 memory of an autopilot; a forked one begins with them. Linux only: elsewhere libraries do not
-allow a fork, and every autopilot is a process of its own from the start.
+allow a fork, and every process of a fleet is one of its own from the start.
 
-Requests come as lines of JSON on standard input, ``{"arguments": [...], "log": FILE}`` with the
-arguments of ``ftc-autopilot``, and are numbered from 0. Standard output gets a line for every
-process that was started, ``[number, pid, null]``, or has ended, ``[number, pid, status]``, with the
-status as in `subprocess.Popen.returncode`. At the end of the input all that still run are stopped.
+Requests come as lines of JSON on standard input, ``{"program": NAME, "arguments": [...], "log":
+FILE}`` with ``sitl-plant`` or ``ftc-autopilot`` and its arguments, and are numbered from 0.
+Standard output gets a line for every process that was started, ``[number, pid, null]``, or has
+ended, ``[number, pid, status]``, with the status as in `subprocess.Popen.returncode`. From the
+first request on, what the server has to say about itself goes to that request's log. At the end of
+the input all that still run are stopped.
 
-All are in the session of the server. Linux divides the processors among sessions first, so that the
-plant and the ground station, each alone in one, are not starved by a hundred autopilots.
+Autopilots are in the session of the server, the plant is in one of its own. Linux divides the
+processors among sessions first, so that the plant and the ground station, each alone in one, are
+not starved by a hundred autopilots.
 """
 
 import ctypes
@@ -23,21 +26,30 @@ import sys
 import traceback
 from pathlib import Path
 
-from ftc_autopilot.process import main as fly
-from ftc_autopilot.warm_up import warm_up_with
+import ftc_autopilot.process
+import ftc_autopilot.warm_up
+import sitl_plant.process
+import sitl_plant.warm_up
+from gcs.scenario.model import load_scenario
+from mavlink_defs.config.models import ConfigError
+from mavlink_defs.runtime.jit import cache_is_cold
 
 __all__ = ["main"]
+
+_PLANT, _AUTOPILOT = "sitl-plant", "ftc-autopilot"
+_MAIN = {_PLANT: sitl_plant.process.main, _AUTOPILOT: ftc_autopilot.process.main}
 
 
 def main() -> None:
     """Run the server."""
+    _load_compiled_code()
     wake, waker = os.pipe()
     os.set_blocking(waker, False)
     signal.set_wakeup_fd(waker)
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     numbers: dict[int, int] = {}
-    requests = 0
+    requests, is_warm = 0, False
     unread = b""
     try:
         while True:
@@ -53,10 +65,13 @@ def main() -> None:
                 for line in lines:
                     request = json.loads(line)
                     if not requests:
-                        warm_up_with(Path(request["arguments"][0]))
+                        _write_to(request["log"], 2)
+                    if request["program"] == _AUTOPILOT and not is_warm:
+                        ftc_autopilot.warm_up.warm_up_with(Path(request["arguments"][0]))
                         gc.collect()
                         gc.freeze()  # the collector would write to, and so copy, every page
-                    pid = _fork(request["arguments"], request["log"], (wake, waker))
+                        is_warm = True
+                    pid = _fork(**request, pipes=(wake, waker))
                     numbers[pid] = requests
                     _report(requests, pid, None)
                     requests += 1
@@ -65,6 +80,20 @@ def main() -> None:
     finally:
         for pid in numbers:
             os.kill(pid, signal.SIGTERM)
+
+
+def _load_compiled_code() -> None:
+    """Load what is in the cache, while the ground station still reads what to fly."""
+    try:
+        is_cold = cache_is_cold()
+    except ConfigError:  # which the ground station reports
+        is_cold = True
+    if is_cold:
+        return
+    scenario = load_scenario("paper/scenario1")
+    sitl_plant.warm_up.call_everything(scenario.plant_config(speed=None))
+    ftc_autopilot.warm_up.call_everything(scenario.autopilot_config(scenario.uavs[0].id))
+    gc.freeze()
 
 
 def _report_ended(numbers: dict[int, int]) -> None:
@@ -79,8 +108,14 @@ def _report(number: int, pid: int, status: int | None) -> None:
     os.write(1, json.dumps([number, pid, status]).encode() + b"\n")
 
 
-def _fork(arguments: list[str], log: str, pipes: tuple[int, int]) -> int:
-    """Start an autopilot; return its process id."""
+def _write_to(log: str, *descriptors: int) -> None:
+    with open(log, "ab") as output:
+        for descriptor in descriptors:
+            os.dup2(output.fileno(), descriptor)
+
+
+def _fork(program: str, arguments: list[str], log: str, pipes: tuple[int, int]) -> int:
+    """Start a program; return its process id."""
     parent = os.getpid()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})  # which here ends the server
     pid = os.fork()
@@ -95,12 +130,13 @@ def _fork(arguments: list[str], log: str, pipes: tuple[int, int]) -> int:
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         for pipe in pipes:
             os.close(pipe)
-        with open(os.devnull, "rb") as nothing, open(log, "ab") as output:
+        with open(os.devnull, "rb") as nothing:
             os.dup2(nothing.fileno(), 0)
-            os.dup2(output.fileno(), 1)
-            os.dup2(output.fileno(), 2)
-        _set_command_line("ftc-autopilot", *arguments)
-        fly([*arguments, "--exit-with-parent", str(parent)])
+        _write_to(log, 1, 2)
+        if program == _PLANT:
+            os.setsid()
+        _set_command_line(program, *arguments)
+        _MAIN[program]([*arguments, "--exit-with-parent", str(parent)])
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 0
     except BaseException:
