@@ -247,7 +247,7 @@ class Autopilot:
         as often as their fastest stream, and send together what is due.
         """
         now, deadline = time.monotonic(), self._vehicle.deadline()
-        if not self._vehicle.running or not self._vehicle.telemetry_clock.is_slower_of_both:
+        if not self._vehicle.telemetry_clock.is_slower_of_both:
             return min(now + _TICK_S, deadline)
         intervals_us = (one.shortest_interval_us() for one in self._vehicle.telemetry)
         turn_us = min(_LOCKSTEP_TURN_US, *intervals_us)

@@ -112,10 +112,11 @@ class Plant:
 
     def fly(self) -> str | None:
         """Serve the link until the flight is over; return the reason if it ended early."""
-        loss, outcome = None, Outcome.NONE
+        loss, outcome, turn_s = None, Outcome.NONE, 0.0
         while not self.stopping:
-            outcome = run(self._fd, self._link, self._fleet, time.monotonic() + _TICK_S)
-            self._registration.note_turn(time.monotonic())
+            outcome = run(self._fd, self._link, self._fleet, turn_s)
+            now = time.monotonic()
+            self._registration.note_turn(now)
             if (loss := self._keep_record()) is not None:
                 break
             if outcome == Outcome.SERVICE:
@@ -127,9 +128,9 @@ class Plant:
                 why = describe_loss(self._fleet.states[i], self._fleet.air[i, :3])
                 loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
                 break
-            else:
-                loss = self._between_datagrams()
-                if loss is not None:
+            if now >= turn_s:  # also when messages come without a pause
+                turn_s = now + _TICK_S
+                if (loss := self._check_silence_and_refresh(now)) is not None:
                     break
             if self._key_file is not None:
                 self._key_file.refresh(self._link.signer)
@@ -225,13 +226,16 @@ class Plant:
         self._state["origin_step"] = self._state["step"]
         _log(f"all armed, simulated time starts at Unix time {time.time():.3f}")
 
-    def _between_datagrams(self) -> str | None:
-        """Check for silent autopilots, and refresh the state while time stands still.
+    def _check_silence_and_refresh(self, now: float) -> str | None:
+        """Check for silent autopilots, and send the state again while time stands still.
+
+        Args:
+            now: Wall-clock time [s].
 
         Returns:
             Why the flight must end; None if it goes on.
         """
-        loss = self._registration.check_silence(time.monotonic())
+        loss = self._registration.check_silence(now)
         if not self._running:
             send_states(self._fd, self._link, self._fleet, False)
         return loss

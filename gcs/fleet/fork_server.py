@@ -11,9 +11,10 @@ ended, ``[number, pid, status]``, with the status as in `subprocess.Popen.return
 first request on, what the server has to say about itself goes to that request's log. At the end of
 the input all that still run are stopped.
 
-Autopilots are in the session of the server, the plant is in one of its own. Linux divides the
-processors among sessions first, so that the plant and the ground station, each alone in one, are
-not starved by a hundred autopilots.
+All are in the session of the server. Linux divides the processors among sessions first, so that
+the ground station, alone in another, is not starved by a hundred autopilots. The plant is not to
+be alone: it polls while it waits for answers, and would get a processor for that which those who
+have to answer need.
 """
 
 import ctypes
@@ -133,8 +134,6 @@ def _fork(program: str, arguments: list[str], log: str, pipes: tuple[int, int]) 
         with open(os.devnull, "rb") as nothing:
             os.dup2(nothing.fileno(), 0)
         _write_to(log, 1, 2)
-        if program == _PLANT:
-            os.setsid()
         _set_command_line(program, *arguments)
         _MAIN[program]([*arguments, "--exit-with-parent", str(parent)])
     except SystemExit as end:

@@ -1,6 +1,8 @@
 """The plant process around its compiled loop: sockets, wall clock, start and end of a flight."""
 
 import socket
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -84,6 +86,26 @@ def test_a_flight_starts_when_all_are_armed_and_ends_when_one_is_silent(
         states = [m for m in rig.received(system) if m.get_type() == "FTC_SIM_STATE"]
         assert states[-1].flags & ENDED
         assert not states[-1].flags & dialect.FTC_SIM_FLAGS_LOST
+
+
+def test_states_are_sent_although_heartbeats_come_without_a_pause(rig: Rig) -> None:
+    """As those of a hundred autopilots do, ten times a second each, until they hear a state."""
+    heard = False
+
+    def claim() -> None:
+        nonlocal heard
+        end_s = time.monotonic() + 3.0
+        while not heard and time.monotonic() < end_s:
+            rig.heartbeat(rig.peers[1], 1, False)
+            time.sleep(0.002)
+            heard = any(m.get_type() == "FTC_SIM_STATE" for m in rig.received(1))
+        rig.plant.stopping = True
+
+    autopilot = threading.Thread(target=claim)
+    autopilot.start()
+    assert rig.plant.fly() is None
+    autopilot.join()
+    assert heard
 
 
 def test_an_autopilot_that_comes_back_in_flight_is_sent_the_present_state(
