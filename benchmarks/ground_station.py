@@ -17,7 +17,7 @@ from benchmarks.fleet import gcs, star
 __all__ = ["share_of_a_core"]
 
 _SETTLING_S, _MEASURED_S = 1.5, 8.0
-_LONG_S = 10.0  # simulated; what is measured must be in flight
+_LONG_S = 20.0  # simulated; what is measured must be in flight
 
 
 def share_of_a_core(uavs: int = 30) -> float:

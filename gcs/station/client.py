@@ -25,11 +25,13 @@ from gcs.station.fleet_state import FleetState
 from gcs.station.machine_runner import MachineRunner
 from gcs.station.notifications import ERROR, Notification
 from gcs.station.vehicle import Vehicle
+from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, EndpointError, bind_udp, connect_udp
-from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
+from mavlink_defs.framing.frames import FramePacker, drop_reason, frame_size, parse
+from mavlink_defs.framing.header import FrameHeader
 from mavlink_defs.framing.key_file import load_signer
 from mavlink_defs.framing.signing import SigningError
 from mavlink_defs.services.machine import SystemId
@@ -71,6 +73,7 @@ class Client(asyncio.DatagramProtocol):
         on_notification: Callable[[Notification], None] | None = None,
         inquire: bool = False,
         private: bool = False,
+        only_recorded: Collection[int] = (),
         own: SystemId = GROUND_STATION,
         signing_key: str | None = None,
         clock: Callable[[], float] = time.monotonic,
@@ -86,6 +89,8 @@ class Client(asyncio.DatagramProtocol):
                 changed.
             private: Request the private messages (errors, events, estimates, drops), which
                 vehicles stream only on request.
+            only_recorded: Ids of messages that are of no use here: once their vehicle is known they
+                are recorded, and show that it lives, but are not decoded.
             own: System and component id. Ground stations that talk to the same vehicles at the
                 same time should have different ones.
             signing_key: Key file; with one, unsigned frames are refused.
@@ -104,6 +109,7 @@ class Client(asyncio.DatagramProtocol):
         self._failure: OSError | None = None
         self._on_message, self._on_notification = on_message, on_notification
         self._inquire, self._private = inquire, private
+        self._only_recorded = frozenset(only_recorded)
         self._packer = FramePacker(*own)
         try:
             self.signer = load_signer(signing_key)
@@ -279,6 +285,10 @@ class Client(asyncio.DatagramProtocol):
 
     def _receive(self, data: bytes, addr: tuple[str, int]) -> None:
         wrong = None if self.signer is None else self.signer.problem(data)
+        if wrong is None and (sender := self._known_sender(data)) is not None:
+            self._record(data)
+            self.emit(sender.note_heard(self.now()))
+            return
         message = parse(data) if wrong is None else None
         if message is None:
             self.drops[(wrong or drop_reason(data)).words] += 1
@@ -298,6 +308,16 @@ class Client(asyncio.DatagramProtocol):
         self.machines.receive(message, now)
         if self._on_message is not None:
             self._on_message(message)
+
+    def _known_sender(self, data: bytes) -> VehicleState | None:
+        """Return the vehicle that an intact frame comes from if it is only to be recorded."""
+        header = FrameHeader.read(data) if self._only_recorded else None
+        if header is None or header.message_id not in self._only_recorded:
+            return None
+        state = self.fleet.vehicles.get(header.system)
+        if state is None or state.address != (header.system, header.component):
+            return None
+        return state if frame_size(data)[0] == len(data) else None
 
     def error_received(self, exc: Exception) -> None:
         """Note that nobody listens at the other end; called by asyncio."""

@@ -92,14 +92,7 @@ class VehicleState:
 
     def receive(self, message: MAVLink_message, now: float) -> list[Notification]:
         """Process a message of the vehicle."""
-        notifications = []
-        if self.lost:
-            self.lost = False
-            silence = f"link back after {now - self.heard_at:.1f} s"
-            notifications.append(self._notifications(now, "link", NOTICE, silence))
-            self.faults_due = self.profile_due = self.private_due = now
-        self.heard_at = now
-        self._arrivals.append(now)
+        notifications = self.note_heard(now)
         if self._is_another_run(message, now):
             self.restarts += 1
             self._forget(now)
@@ -124,6 +117,18 @@ class VehicleState:
                 notifications += self._acknowledged(message, now)
             case dialect.MAVLink_mission_ack_message():
                 notifications += self._mission_acknowledged(message, now)
+        return notifications
+
+    def note_heard(self, now: float) -> list[Notification]:
+        """Note that something was received from it."""
+        notifications = []
+        if self.lost:
+            self.lost = False
+            silence = f"link back after {now - self.heard_at:.1f} s"
+            notifications.append(self._notifications(now, "link", NOTICE, silence))
+            self.faults_due = self.profile_due = self.private_due = now
+        self.heard_at = now
+        self._arrivals.append(now)
         return notifications
 
     def handle_timer(self, now: float) -> list[Notification]:

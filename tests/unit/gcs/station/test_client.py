@@ -13,8 +13,10 @@ from gcs.station.client import Client
 from gcs.station.notifications import Notification
 from gcs.station.vehicle import PRIVATE_INTERVALS_S, Vehicle
 from mavlink_defs import dialect
+from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, UdpAddress, free_ports
+from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
 from mavlink_defs.framing.signing import make_key
 from mavlink_defs.profile import Segment
@@ -241,6 +243,39 @@ def test_a_client_catches_up_with_all_that_has_arrived() -> None:
             assert vehicle.state.texts_heard - begin == 100
 
     run(test)
+
+
+def test_what_is_only_recorded_shows_that_its_vehicle_lives(tmp_path: Path) -> None:
+    attitude = dialect.MAVLink_attitude_message(9, *[0.5] * 6)
+    heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 3, 3)
+    frame, peer = FramePacker(7, 1).pack(attitude), ("127.0.0.1", 9)
+    damaged = frame[:-1] + bytes([frame[-1] ^ 1])
+    file, now = tmp_path / "tlog", 0.0
+
+    async def test() -> None:
+        nonlocal now
+        with TlogWriter(file) as tlog:
+            client = Client(
+                Connection("in", UdpAddress("127.0.0.1", 0)),
+                tlog=tlog,
+                only_recorded={attitude.get_msgId()},
+                clock=lambda: now,
+            )
+            async with client:
+                client.datagram_received(FramePacker(7, 1).pack(heartbeat), peer)
+                now = 1.5
+                for data in (frame, damaged, FramePacker(8, 1).pack(attitude)):
+                    client.datagram_received(data, peer)
+        state = client.vehicle(7).state
+        assert (state.heard_at, state.lost) == (1.5, False)
+        assert attitude.get_msgId() not in state.latest
+        assert client.fleet.unconfirmed == {8}
+        assert client.drops == {DropReason.BAD_CRC.words: 1}
+
+    run(test)
+    recorded = file.read_bytes()
+    assert recorded.count(frame[10:]) == 1
+    assert damaged[10:] not in recorded
 
 
 def test_heartbeats_go_on() -> None:
