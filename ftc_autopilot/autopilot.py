@@ -43,7 +43,9 @@ _NEVER = 2**62
 _MISSION_SUFFIX = ".mission"
 _TICK_S = 0.02
 _LOCKSTEP_TURN_US = 100_000
-"""Lockstep: longest time between two turns to the services, by the clock of telemetry [µs]."""
+"""Lockstep: telemetry is made at multiples of this time of its clock, or of a shorter one [µs]."""
+_LOCKSTEP_WAIT_S = 0.5
+"""Lockstep: longest time between two turns to the services [s]."""
 _MAX_GCS_DATAGRAMS = 8
 """Most datagrams of ground stations handled at a time while no control step can be late."""
 _AWAY_S = 1.0
@@ -253,7 +255,7 @@ class Autopilot:
         turn_us = min(_LOCKSTEP_TURN_US, *intervals_us)
         due_us = -(-self._vehicle.next_telemetry_us() // turn_us) * turn_us
         wait_s = self._vehicle.telemetry_clock.wait_s(due_us)
-        return min(now + min(wait_s, _LOCKSTEP_TURN_US * 1e-6), deadline)
+        return min(now + min(wait_s, _LOCKSTEP_WAIT_S), deadline)
 
     def _until_step(self) -> int:
         """Return the step after which messages are to be handled."""
