@@ -6,7 +6,6 @@ import socket
 import sys
 import time
 from collections import Counter
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +63,7 @@ class Autopilot:
         formation: socket.socket,
         gcs: socket.socket,
         record: Path | None,
+        key_file: KeyFile | None,
         keep_in: Path | None = None,
     ) -> None:
         """Boot, and take up the flight of a life before, if its file is there.
@@ -74,6 +74,8 @@ class Autopilot:
             formation: Bound to the own formation port.
             gcs: Sends to the ground stations.
             record: Folder for the recorded signals; None: nothing is recorded.
+            key_file: That of `config.signing_key`, made before the sockets were bound; None
+                without one.
             keep_in: File for what a restart takes up; None: nothing is kept.
 
         Raises:
@@ -87,9 +89,7 @@ class Autopilot:
         addresses = [resolve(parse_address(text)) for text in config.gcs]
         self._ground_stations = [(address.host, address.port) for address in addresses]
         self._simulator = (config.id, SIMULATOR_COMPONENT)
-        self._key_file = None
-        if config.signing_key:
-            self._key_file = KeyFile(config.signing_key, partial(log, config.id))
+        self._key_file = key_file
         self._controllers = new_controllers([config])
         self._link = new_link(
             config.id,

@@ -7,6 +7,7 @@ a signal stopped it, 1 the plant fell silent, 2 bad input.
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.autopilot import Autopilot, log
@@ -23,6 +24,7 @@ from mavlink_defs.endpoint import (
     open_udp,
     parse_address,
 )
+from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import SigningError, words_of
 from mavlink_defs.runtime.shutdown import on_stop
 
@@ -53,6 +55,9 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     try:
         config = load(options.config, AutopilotConfig)
+        key_file = None
+        if config.signing_key:
+            key_file = KeyFile(config.signing_key, partial(log, config.id))
         address = parse_address(config.formation_bind)
         plant = connect_udp(parse_address(config.plant))
         formation = bind_udp(
@@ -61,14 +66,14 @@ def main(arguments: list[str] | None = None) -> None:
             "change `formation_bind`",
         )
         gcs = open_udp(map(parse_address, config.gcs))
-    except (ConfigError, EndpointError) as problem:
+    except (ConfigError, EndpointError, SigningError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)
     for at in (address, UdpAddress(*gcs.getsockname())):
         if not is_loopback(at):
             log(config.id, exposed(at, bool(config.signing_key)))
     try:
-        autopilot = Autopilot(config, plant, formation, gcs, options.record, options.keep)
+        autopilot = Autopilot(config, plant, formation, gcs, options.record, key_file, options.keep)
     except (EndpointError, SigningError) as problem:
         print(problem, file=sys.stderr)
         sys.exit(2)

@@ -98,7 +98,7 @@ class AutopilotTarget:
         neighbours = tuple(n.model_copy(update={"address": station}) for n in config.neighbours)
         update = {"gcs": (station,), "plant": station, "neighbours": neighbours}
         self._autopilot = Autopilot(
-            config.model_copy(update=update), self._own, self._formation, self._gcs, None
+            config.model_copy(update=update), self._own, self._formation, self._gcs, None, None
         )
         self._formation.setblocking(False)
         self._own.setblocking(False)

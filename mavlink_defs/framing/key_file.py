@@ -8,6 +8,7 @@ key stands in a second file beside it, for processes that start meanwhile.
 
 import os
 import secrets
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +23,7 @@ from mavlink_defs.framing.signing import (
     former_file,
     open_time,
     read_key,
+    time_file,
     write_key,
 )
 
@@ -84,6 +86,11 @@ class KeyFile:
     """The keys of a file, as it is now.
 
     If it cannot be read any more, the keys read last stay in force, and the reason is told once.
+
+    Attributes:
+        path: The file.
+        begin: Timestamp used last, by any process, when this was made; 0 if there was none. What is
+            not newer was not meant for who makes this before binding a port.
     """
 
     def __init__(
@@ -95,6 +102,7 @@ class KeyFile:
             SigningError: It holds no key that can be used.
         """
         self.path, self._on_problem = Path(path), on_problem
+        self.begin = _last_time(path)
         self._problem = ""
         self._seen = self._stamp()
         self._version = self._read()
@@ -163,4 +171,13 @@ def load_link_signer(key_file: KeyFile | None, link: int) -> LinkSigner:
     """
     if key_file is None:
         return new_link_signer(b"", link)
-    return new_link_signer(key_file.at(time.time()), link, open_time(key_file.path))
+    signer = new_link_signer(key_file.at(time.time()), link, open_time(key_file.path))
+    return signer._replace(start=key_file.begin)
+
+
+def _last_time(key_file: Path | str) -> int:
+    """Return what `open_time` keeps beside a key file, 0 if it keeps nothing yet."""
+    try:
+        return int.from_bytes(Path(time_file(key_file)).read_bytes(), sys.byteorder)
+    except OSError:
+        return 0

@@ -23,7 +23,7 @@ def autopilot(scenario1: Scenario) -> Iterator[Autopilot]:
         )
         to_plant = stack.enter_context(connect_udp(UdpAddress(*plant.getsockname())))
         config = scenario1.autopilot_config(scenario1.uavs[0].id)
-        autopilot = Autopilot(config, to_plant, formation, gcs, None)
+        autopilot = Autopilot(config, to_plant, formation, gcs, None, None)
         autopilot._hot.flags = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
         autopilot._hot.heard_s = time.monotonic()
         yield autopilot

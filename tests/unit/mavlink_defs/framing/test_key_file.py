@@ -153,5 +153,17 @@ def test_what_was_captured_in_the_first_life_is_refused_in_the_second(path: Path
     assert opened(second_hot, fresh) >= codec.FOREIGN
 
 
+def test_what_comes_between_binding_a_port_and_loading_its_signer_is_accepted(path: Path) -> None:
+    """Others of the fleet are faster, and send."""
+    other = load_link_signer(KeyFile(path), LINK)
+    before = sign_bytes(other, frame_of(1))
+    keys = KeyFile(path)
+    first = sign_bytes(other, frame_of(2))
+    sign_bytes(other, frame_of(2))
+    late = load_link_signer(keys, LINK)
+    assert opened(late, first) >= codec.FOREIGN
+    assert opened(late, before) == DropReason.REPLAYED
+
+
 def test_the_time_between_two_looks_is_short(path: Path) -> None:
     assert key_file._LOOK_S < ANNOUNCED_S / 10
