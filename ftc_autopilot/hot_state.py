@@ -1,7 +1,6 @@
 """The interface between the services of a vehicle and its compiled loop."""
 
-from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -16,21 +15,23 @@ T = TypeVar("T")
 class _Field(Generic[T]):
     """A number of a record, by the attribute's name."""
 
-    def __init__(self, record: str, read: Callable[[Any], T]) -> None:
-        self._record, self._read = record, read
+    def __init__(self, record: str) -> None:
+        self._record = record
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
 
     def __get__(self, hot: "HotState", owner: type) -> T:
-        return self._read(getattr(hot, self._record)[self._name])
+        value: T = getattr(hot, self._record)[self._name].tolist()
+        return value
 
     def __set__(self, hot: "HotState", value: T) -> None:
-        getattr(hot, self._record)[self._name] = value
+        getattr(hot, self._record)[self._name][...] = value
 
 
-def _ints(values: np.ndarray) -> list[int]:
-    return [int(value) for value in values]
+def _numbers(records: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the fields of the only record of an array, sharing its memory."""
+    return {name: records[name][0, ...] for name in records.dtype.names or ()}
 
 
 class HotState:
@@ -51,27 +52,27 @@ class HotState:
             `ftc_autopilot.link`) and negated `DropReason`.
     """
 
-    step = _Field("_link", int)
-    step_us = _Field("_link", int)
-    flags = _Field("_link", int)
-    heard_s = _Field("_link", float)
-    repeated = _Field("_link", _ints)
-    sequence = _Field("_link", int)
-    edge_changes = _Field("_formation", int)
+    step = _Field[int]("_link")
+    step_us = _Field[int]("_link")
+    flags = _Field[int]("_link")
+    heard_s = _Field[float]("_link")
+    repeated = _Field[list[int]]("_link")
+    sequence = _Field[int]("_link")
+    edge_changes = _Field[int]("_formation")
 
     def __init__(self, link: AutopilotLink) -> None:
         self._both = link
-        self._link: np.void = link.state[0]
-        self._formation: np.void = link.formation.state[0]
+        self._link, self._formation = _numbers(link.state), _numbers(link.formation.state)
         self.measured: np.void = link.simulator.measured[0]
-        self.neighbours = _ints(link.formation.neighbours)
+        self._time_us = link.simulator.measured["time_usec"]
+        self.neighbours: list[int] = link.formation.neighbours.tolist()
         self.edges = link.formation.edges
         self.drops = link.drops
 
     @property
     def time_us(self) -> int:
         """Simulation time of the last state [µs]."""
-        return int(self.measured["time_usec"])
+        return int(self._time_us[0])
 
     @property
     def running(self) -> bool:
@@ -85,4 +86,4 @@ class HotState:
     def received(self) -> bytes:
         """Return the datagram for which the loop returned `Outcome.SERVICE`."""
         buffer = self._both.simulator.received
-        return bytes(buffer[: int(self._link["received"])])
+        return bytes(buffer[: self._link["received"].item()])

@@ -7,6 +7,7 @@ for values that a field cannot hold, so measured values pass through `float32s` 
 """
 
 import math
+from array import array
 from collections.abc import Iterable
 
 import numpy as np
@@ -27,8 +28,7 @@ def decimal_of_float32(x: float) -> float:
 
 def float32s(values: Iterable[float]) -> list[float]:
     """Return values as float32 fields hold them; what is beyond their range becomes infinite."""
-    with np.errstate(over="ignore", under="ignore"):
-        return [float(x) for x in np.array([*values], np.float64).astype(np.float32)]
+    return array("f", values).tolist()
 
 
 def whole_within(x: float, low: int, high: int) -> int:

@@ -60,12 +60,11 @@ class DiagnosisMessages:
         """Yield severity and text of each decision since the last call."""
         if self._diagnosis is None:
             return
-        for c, name in enumerate(ACTUATORS):
-            actuator = self._diagnosis["actuators"][c]
-            lost = bool(actuator["lost"])
-            if lost == self._lost[c]:
+        before, self._lost = self._lost, (self._diagnosis["actuators"]["lost"] != 0).tolist()
+        for c, (name, lost) in enumerate(zip(ACTUATORS, self._lost, strict=True)):
+            if lost == before[c]:
                 continue
-            self._lost[c] = lost
+            actuator = self._diagnosis["actuators"][c]
             if actuator["since"] >= self._diagnosis["age"]:  # no decision: the law started anew
                 continue
             at = f"at {self._hot.time_us * 1e-6 - float(actuator['since']):.2f} s"

@@ -53,7 +53,7 @@ class FlightPath:
     @property
     def flown(self) -> bool:
         """Whether the references come from a path."""
-        return bool(self._guidance["follows"] == Source.PATH)
+        return int(self._guidance["follows"]) == Source.PATH
 
     @property
     def record(self) -> np.void:

@@ -93,11 +93,14 @@ class FormationMessages:
     def _changes_of_members(self) -> Iterator[tuple[int, str]]:
         """Yield what has become of this UAV, of the silent, and whose slot this UAV takes."""
         state = self._state
+        table = state["table"].tolist()
         for m, uav in enumerate(self._members):
-            entry = int(state["table"][m])
+            entry = table[m]
             before, self._known[m] = self._known[m], state_of(entry)
+            if before == self._known[m]:
+                continue
             silent = SILENT in {cause_of(entry), cause_of(before)}
-            if before == self._known[m] or (uav != self._own and not silent):
+            if uav != self._own and not silent:
                 continue
             if self._known[m] == 0:
                 yield dialect.MAV_SEVERITY_NOTICE, f"formation: UAV {uav} is well again"
@@ -113,7 +116,7 @@ class FormationMessages:
     @property
     def _path_id(self) -> int:
         """Number of the path that is flown in formation; 0: none."""
-        follows = self._controllers.guidance[0]["follows"] == Source.PATH
+        follows = int(self._controllers.guidance[0]["follows"]) == Source.PATH
         return int(self._state["path_id"]) if follows else 0
 
     def _refuse(self, text: str) -> int:

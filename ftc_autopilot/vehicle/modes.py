@@ -85,9 +85,9 @@ class Modes:
     @property
     def flies_mission(self) -> bool:
         """Whether profile or path of the mission gives the references now."""
-        follows = self._guidance["follows"]
+        follows = int(self._guidance["follows"])
         on_path = self.mode == AUTO and follows == Source.PATH
-        return bool(follows == Source.PROFILE or on_path) and self.running
+        return (follows == Source.PROFILE or on_path) and self.running
 
     def heartbeat(self) -> dialect.MAVLink_heartbeat_message:
         """Return a HEARTBEAT with mode, arming and state."""

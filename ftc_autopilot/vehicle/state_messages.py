@@ -4,6 +4,7 @@ Nothing of what happens in flight may raise here: numbers that a field cannot ho
 """
 
 import math
+import operator
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,13 +16,15 @@ from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.home import VehicleHome
 from mavlink_defs import dialect
+from mavlink_defs.constants import THROTTLE
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
 from sitl_plant.rigid_body import R1
-from sitl_plant.vec3 import Vec3, mul, vec3
+from sitl_plant.vec3 import Vec3, mul
 
 __all__ = ["StateMessages"]
 
+_VECTORS = ("position", "velocity", "attitude", "rates", "specific_force", "wind")
 _INT16, _UINT16 = 2**15 - 1, 2**16 - 1
 _UNKNOWN_U16 = _UINT16
 _GPS_SATELLITES = 14
@@ -42,8 +45,11 @@ class StateMessages:
         home: VehicleHome,
         clock: VehicleClock,
     ) -> None:
-        self._hot, self._controllers, self._origin, self._home = hot, controllers, origin, home
-        self._clock = clock
+        self._origin, self._home, self._clock = origin, home, clock
+        # views, which always show the last state
+        self._vectors: dict[str, np.ndarray] = {name: hot.measured[name] for name in _VECTORS}
+        self._signals = controllers.signals[0]
+        self._controls = controllers.actuators[0]["controls"]
 
     # time and place
 
@@ -53,10 +59,8 @@ class StateMessages:
 
     def local_position_ned(self) -> MAVLink_message:
         """Return LOCAL_POSITION_NED."""
-        position = self._state["position"]
-        return dialect.MAVLink_local_position_ned_message(
-            self._clock.boot_ms, *float32s((*position, *self._velocity_ned()))
-        )
+        numbers = float32s((*self._vector("position"), *self._velocity_ned()))
+        return dialect.MAVLink_local_position_ned_message(self._clock.boot_ms, *numbers)
 
     def global_position_int(self) -> MAVLink_message:
         """Return GLOBAL_POSITION_INT."""
@@ -102,7 +106,7 @@ class StateMessages:
 
     def altitude(self) -> MAVLink_message:
         """Return ALTITUDE; the terrain is flat, as high as the origin."""
-        height = -float(self._state["position"][2])
+        height = self._height()
         amsl, above_home = self._origin.altitude_m + height, height - self._home.at.height_m
         altitudes = float32s((amsl, amsl, height, above_home, self._origin.altitude_m, height))
         return dialect.MAVLink_altitude_message(self._clock.boot_us, *altitudes)
@@ -111,48 +115,46 @@ class StateMessages:
 
     def attitude(self) -> MAVLink_message:
         """Return ATTITUDE."""
-        roll, pitch, yaw = map(float, self._state["attitude"])
-        angles = (_wrap(roll), pitch, _wrap(yaw))
-        return dialect.MAVLink_attitude_message(
-            self._clock.boot_ms, *float32s((*angles, *self._state["rates"]))
-        )
+        roll, pitch, yaw = self._vector("attitude")
+        numbers = float32s((_wrap(roll), pitch, _wrap(yaw), *self._vector("rates")))
+        return dialect.MAVLink_attitude_message(self._clock.boot_ms, *numbers)
 
     def attitude_quaternion(self) -> MAVLink_message:
         """Return ATTITUDE_QUATERNION: body to NED, scalar first."""
-        q1, q2, q3, q4 = self._quaternion()
-        p, q, r = float32s(self._state["rates"])
+        q1, q2, q3, q4 = float32s(_quaternion(*self._vector("attitude")))
+        p, q, r = float32s(self._vector("rates"))
         return dialect.MAVLink_attitude_quaternion_message(
             self._clock.boot_ms, q1, q2, q3, q4, p, q, r
         )
 
     def attitude_target(self) -> MAVLink_message:
         """Return ATTITUDE_TARGET: the filtered reference; the airspeed is in FTC_TRACKING."""
-        q = _quaternion(*map(float, self._controllers.signals[0]["reference"][1:4]))
+        q = _quaternion(*self._signals["reference"][1:4].tolist())
         mask = (
             dialect.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
             | dialect.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
             | dialect.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE
         )
-        thrust = float(self._controllers.actuators[0]["controls"][3])
         return dialect.MAVLink_attitude_target_message(
-            self._clock.boot_ms, mask, float32s(q), 0.0, 0.0, 0.0, thrust
+            self._clock.boot_ms, mask, float32s(q), 0.0, 0.0, 0.0, self._thrust()
         )
 
     def vfr_hud(self) -> MAVLink_message:
         """Return VFR_HUD."""
         north, east, down = self._velocity_ned()
-        height = -float(self._state["position"][2])
-        airspeed = float(np.linalg.norm(self._state["velocity"] - self._state["wind"]))
         airspeed, groundspeed, climb, alt = float32s(
-            (airspeed, math.hypot(north, east), -down, self._origin.altitude_m + height)
+            (
+                self._airspeed(),
+                math.hypot(north, east),
+                -down,
+                self._origin.altitude_m + self._height(),
+            )
         )
         return dialect.MAVLink_vfr_hud_message(
             airspeed=airspeed,
             groundspeed=groundspeed,
             heading=_centidegrees(self._yaw()) // 100,
-            throttle=whole_within(
-                100.0 * float(self._controllers.actuators[0]["controls"][3]), 0, 100
-            ),
+            throttle=whole_within(100.0 * self._thrust(), 0, 100),
             alt=alt,
             climb=climb,
         )
@@ -160,8 +162,8 @@ class StateMessages:
     def wind_cov(self) -> MAVLink_message:
         """Return WIND_COV: the wind that velocity and airspeed make; no accuracy is stated."""
         unknown = math.nan
-        wind = mul(R1(vec3(self._state["attitude"])), vec3(self._state["wind"]))
-        altitude = self._origin.altitude_m - float(self._state["position"][2])
+        wind = self._in_ned("wind")
+        altitude = self._origin.altitude_m - self._vector("position")[2]
         north, east, down, amsl = float32s((*wind, altitude))
         return dialect.MAVLink_wind_cov_message(
             self._clock.boot_us, north, east, down, unknown, unknown, amsl, unknown, unknown
@@ -169,8 +171,8 @@ class StateMessages:
 
     def highres_imu(self) -> MAVLink_message:
         """Return HIGHRES_IMU: specific force and rates; there is no other sensor."""
-        state, unknown = self._state, math.nan
-        ax, ay, az, p, q, r = float32s((*state["specific_force"], *state["rates"]))
+        unknown = math.nan
+        ax, ay, az, p, q, r = float32s((*self._vector("specific_force"), *self._vector("rates")))
         return dialect.MAVLink_highres_imu_message(
             self._clock.boot_us,
             ax,
@@ -191,9 +193,9 @@ class StateMessages:
 
     def odometry(self) -> MAVLink_message:
         """Return ODOMETRY: position in the local frame, velocity and rates in the body's."""
-        state, unknown = self._state, [math.nan, *[0.0] * 20]
-        x, y, z = float32s(state["position"])
-        u, v, w, p, q, r = float32s((*state["velocity"], *state["rates"]))
+        unknown = [math.nan, *[0.0] * 20]
+        x, y, z = float32s(self._vector("position"))
+        u, v, w, p, q, r = float32s((*self._vector("velocity"), *self._vector("rates")))
         return dialect.MAVLink_odometry_message(
             self._clock.boot_us,
             dialect.MAV_FRAME_LOCAL_NED,
@@ -201,7 +203,7 @@ class StateMessages:
             x,
             y,
             z,
-            self._quaternion(),
+            float32s(_quaternion(*self._vector("attitude"))),
             u,
             v,
             w,
@@ -230,26 +232,40 @@ class StateMessages:
 
     # inside
 
-    @property
-    def _state(self) -> np.void:
-        return self._hot.measured
+    def _vector(self, name: str) -> Vec3:
+        """Return a vector of the last state."""
+        x, y, z = self._vectors[name].tolist()
+        return x, y, z
+
+    def _in_ned(self, name: str) -> Vec3:
+        """Return a vector of the body's axes in those of the local frame."""
+        return mul(R1(self._vector("attitude")), self._vector(name))
+
+    def _velocity_ned(self) -> Vec3:
+        return self._in_ned("velocity")
+
+    def _airspeed(self) -> float:
+        u, v, w = map(operator.sub, self._vector("velocity"), self._vector("wind"))
+        return math.sqrt(u * u + v * v + w * w)
+
+    def _height(self) -> float:
+        """Return the height above the origin [m]."""
+        return -self._vector("position")[2]
 
     def _yaw(self) -> float:
-        return float(self._state["attitude"][2])
+        return self._vector("attitude")[2]
 
     def _place(self) -> Place:
         """Return where it is; the height is that above home."""
-        place = place_of(self._origin, *map(float, self._state["position"]))
+        place = place_of(self._origin, *self._vector("position"))
         return place._replace(height=place.height - round(1e3 * self._home.at.height_m))
 
-    def _quaternion(self) -> list[float]:
-        return float32s(_quaternion(*map(float, self._state["attitude"])))
-
-    def _velocity_ned(self) -> Vec3:
-        return mul(R1(vec3(self._state["attitude"])), vec3(self._state["velocity"]))
-
     def _held(self) -> list[float]:
-        return float32s(self._controllers.actuators[0]["controls"][:4])
+        controls: list[float] = self._controls[:4].tolist()
+        return controls
+
+    def _thrust(self) -> float:
+        return self._held()[THROTTLE]
 
 
 def _wrap(angle: float) -> float:

@@ -54,6 +54,7 @@ _HEARTBEAT_US = 1_000_000  # it cannot be changed
 _PHASE_US = 1_000  # between the first messages of two streams
 _MAX_INTERVAL_US = INT32_MAX  # of MESSAGE_INTERVAL
 _OFF, _NOT_AVAILABLE = -1, 0
+_NEW = -1  # when a stream is due whose phase has not begun [µs]: at once
 
 # REQUEST_DATA_STREAM, as ArduPlane groups its messages; private ones keep their rates
 _GROUPS: dict[int, tuple[int, ...]] = {
@@ -135,7 +136,7 @@ class Telemetry:
         self._intervals_us = {i: t for i, t in DEFAULT_INTERVALS_US.items() if i in makers}
         order = (*self._intervals_us, *(i for i in makers if i not in self._intervals_us))
         self._phases_us = {i: k * _PHASE_US % MIN_INTERVAL_US for k, i in enumerate(order)}
-        self._due_us: dict[int, int] = {}  # without those that were not yet due
+        self._due_us = dict.fromkeys(self._intervals_us, _NEW)
 
     def receive(self, message: MAVLink_message) -> None:
         """Take in a REQUEST_DATA_STREAM, the old way to ask for rates [Hz]."""
@@ -154,8 +155,8 @@ class Telemetry:
         """
         overdue = []
         for message_id, interval_us in self._intervals_us.items():
-            due_us = self._due_us.get(message_id)
-            if due_us is None or due_us > clock_us + interval_us:  # new, or the clock was set back
+            due_us = self._due_us[message_id]
+            if due_us == _NEW or due_us > clock_us + interval_us:  # or the clock was set back
                 due_us = self._due_us[message_id] = clock_us + self._phases_us[message_id]
             if due_us <= clock_us:
                 overdue.append((due_us, message_id))
@@ -168,7 +169,7 @@ class Telemetry:
 
     def next_due_us(self) -> int:
         """Return when the next message is due, on the clock of `due` [µs]; far away if none is."""
-        return min((self._due_us.get(i, 0) for i in self._intervals_us), default=2**62)
+        return min(self._due_us.values(), default=2**62)
 
     def shortest_interval_us(self) -> int:
         """Return the shortest interval of a stream [µs]; far away if there is none."""
@@ -233,7 +234,7 @@ class Telemetry:
             return
         if self._intervals_us.get(message_id) != wanted:
             self._intervals_us[message_id] = wanted
-            self._due_us.pop(message_id, None)
+            self._due_us[message_id] = _NEW
 
 
 def _whole(value: float) -> int:

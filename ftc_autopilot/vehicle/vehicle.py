@@ -91,7 +91,7 @@ class Vehicle:
         self._next_heartbeat = self._next_registration = -math.inf
         self._reported = (-1, False, -1)
         self._texts = 0
-        self._edges, self._edge_changes = hot.edges.copy(), 0
+        self._edges, self._edge_changes = hot.edges.tolist(), 0
         self._resumed_us: int | None = None  # simulated time of what was taken up, until told
 
         self._home = VehicleHome(config.origin)
@@ -205,7 +205,7 @@ class Vehicle:
         reset_controllers(self._controllers)
         self.modes.restart()
         self._mission.restart()
-        self._edges, self._edge_changes = self._hot.edges.copy(), 0
+        self._edges, self._edge_changes = self._hot.edges.tolist(), 0
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
@@ -395,11 +395,11 @@ class Vehicle:
 
     def _report_edges(self) -> None:
         """Announce every neighbour that was dropped or restored; the first states are no change."""
-        edges = self._hot.edges.copy()
+        edges = self._hot.edges.tolist()
         if self._hot.edge_changes != self._edge_changes:
             self._edge_changes = self._hot.edge_changes
-            for d in (edges != self._edges).nonzero()[0]:
-                event = "heard again, edge taken up" if edges[d] else "silent, edge dropped"
-                text = f"neighbour {self._hot.neighbours[d]} {event}"
-                self.say(dialect.MAV_SEVERITY_WARNING, text)
+            for uav, edge, before in zip(self._hot.neighbours, edges, self._edges, strict=True):
+                if edge != before:
+                    event = "heard again, edge taken up" if edge else "silent, edge dropped"
+                    self.say(dialect.MAV_SEVERITY_WARNING, f"neighbour {uav} {event}")
         self._edges = edges

@@ -1,11 +1,12 @@
 import math
 import struct
 
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
-from mavlink_defs.float32 import decimal_of_float32
+from mavlink_defs.float32 import decimal_of_float32, float32s
 
 
 def as_float32(x: float) -> float:
@@ -49,3 +50,17 @@ def test_beyond_float32_is_infinite() -> None:
 
 def test_sign_of_zero_is_kept() -> None:
     assert math.copysign(1.0, decimal_of_float32(-0.0)) == -1.0
+
+
+INFINITE_FROM = math.ldexp(1.0 - 2.0**-25, 128)  # rounds to a power of two, which none holds
+
+
+@given(st.lists(st.floats() | st.floats(width=32), max_size=9))
+@example([math.inf, -math.inf, 1e300, -1e300, math.nextafter(INFINITE_FROM, 0.0), INFINITE_FROM])
+@example([0.0, -0.0, 1e-45, -1e-42, 7e-46, 1e-300, -1e-300, math.nan, math.copysign(math.nan, -1)])
+def test_fields_hold_what_numpy_rounds_to(values: list[float]) -> None:
+    with np.errstate(over="ignore", under="ignore"):
+        rounded = np.array(values, np.float64).astype("<f4")
+    fields = float32s(values)
+    assert struct.pack(f"<{len(fields)}f", *fields) == rounded.tobytes()
+    assert float32s(np.array(values, np.float64)) == pytest.approx(fields, rel=0.0, nan_ok=True)

@@ -318,6 +318,20 @@ def test_after_a_standstill_all_are_made_in_turn_and_none_is_made_up_for(bench: 
     assert len(together) <= len(DEFAULT_INTERVALS_US) + 5
 
 
+def test_a_clock_that_is_set_back_stops_no_stream(bench: Bench) -> None:
+    bench.telemetry.due(10_000_000)
+    assert sum(ATTITUDE in gap for gap in gaps(bench, 1.0)) == 10
+
+
+def test_a_new_stream_is_the_next_that_is_due(bench: Bench) -> None:
+    bench.telemetry.due(10_000_000)
+    assert bench.telemetry.next_due_us() > 10_000_000
+    bench.telemetry.set_interval((dialect.MAVLINK_MSG_ID_FTC_EVENTS, 200_000.0))
+    assert bench.telemetry.next_due_us() <= 10_000_000
+    bench.telemetry.due(10_000_000)
+    assert bench.telemetry.next_due_us() > 10_000_000
+
+
 def test_answers_and_telemetry_wait_for_their_turn_and_none_is_forgotten(bench: Bench) -> None:
     bench.hot.heard_s = 1.0
     bench.hot.flags = dialect.FTC_SIM_FLAGS_RUNNING
