@@ -29,7 +29,7 @@ from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import PLANT_LINK
 from mavlink_defs.runtime.jit import compiled, inlined
-from mavlink_defs.runtime.memory import borrowed
+from mavlink_defs.runtime.memory import borrowed, copy_values
 from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
     monotonic_s,
@@ -207,11 +207,13 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
         step, row = state["step"], state["recorded"]
         recording = row < len(record.states)
         if recording:
-            record.states[row] = fleet.states
-            record.wind[row] = fleet.air[:, :3]
+            for i in range(len(fleet.states)):
+                copy_values(record.states[row, i], fleet.states[i])
+                copy_values(record.wind[row, i], fleet.air[i])
         lost = fly(fleet, step, state["step_us"])
         if recording:
-            record.applied[row] = fleet.applied
+            for i in range(len(fleet.states)):
+                copy_values(record.applied[row, i], fleet.applied[i])
             state["recorded"] = row + 1
         state["step"] = step + 1
         state["waiting"] = 0

@@ -20,7 +20,7 @@ from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params, fault_to_params
 from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.jit import compiled, inlined
-from mavlink_defs.runtime.memory import borrowed, copy_record
+from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
 from sitl_plant.plant import describe_loss
@@ -166,13 +166,14 @@ def run_steps(
             if mask != 0:
                 receive_controls(fleet, i, controllers.actuators[i])
             tell_neighbours(controllers, i, first + k, step_us)
-            states[k, i] = fleet.states[i]
-            wind[k, i] = fleet.air[i, :3]
+            copy_values(states[k, i], fleet.states[i])
+            copy_values(wind[k, i], fleet.air[i])
             copy_record(signals[k, i], controllers.signals[i])
         if first + k > 0:  # before the second step none looks for another message of the first
             _deliver(controllers, sources, first + k)
         lost = fly(fleet, first + k, step_us)
-        applied[k] = fleet.applied
+        for i in range(n):
+            copy_values(applied[k, i], fleet.applied[i])
         k += 1
     return k, lost
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import copy_bytes
 
 __all__ = ["signature"]
 
@@ -38,8 +39,8 @@ def signature(key: np.ndarray, data: np.ndarray, size: int) -> int:
         size: Number of bytes of `data`.
     """
     padded = np.zeros(384, np.uint8)
-    padded[:_KEY] = key
-    padded[_KEY : _KEY + size] = data[:size]
+    copy_bytes(padded, 0, key, 0, _KEY)
+    copy_bytes(padded, _KEY, data, 0, size)
     total = _KEY + size
     padded[total] = 0x80
     blocks = (total + 9 + _BLOCK - 1) // _BLOCK
