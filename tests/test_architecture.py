@@ -47,7 +47,7 @@ USERS_OF_THE_SYSTEM = SHELLS | {
     "mavlink_defs.endpoint",
     "mavlink_defs.framing.key_file",
     "mavlink_defs.framing.signing",
-    "mavlink_defs.runtime.jit",
+    "mavlink_defs.runtime.code_cache",
     "mavlink_defs.runtime.native",
     "sitl_plant.warm_up",
 }

@@ -146,7 +146,7 @@ def _described(code: Any) -> str:
 
 def _compile(scenario: Scenario) -> None:
     from gcs.fleet.precompile import compile_everything
-    from mavlink_defs.runtime.jit import cache_is_cold
+    from mavlink_defs.runtime.code_cache import cache_is_cold
 
     if cache_is_cold():
         compile_everything(scenario)

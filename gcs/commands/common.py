@@ -131,7 +131,7 @@ def console_of(stderr: bool = True, quiet: bool = False) -> Console:
 
 def warm_up(scenario: Scenario, console: Console) -> None:
     """Compile the numeric core before processes need it, unless it is cached."""
-    from mavlink_defs.runtime.jit import cache_is_cold
+    from mavlink_defs.runtime.code_cache import cache_is_cold
 
     if not cache_is_cold():
         return

@@ -23,7 +23,7 @@ from gcs.theory import check_theory
 from mavlink_defs.capture import relay_loop
 from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.tap_counts import new_counts
-from mavlink_defs.runtime.jit import mark_cache_warm, not_cached
+from mavlink_defs.runtime.code_cache import mark_cache_warm, not_cached
 from sitl_plant.warm_up import call_everything as call_plant
 
 __all__ = ["compile_everything", "ctrl_c_while_compiling"]

@@ -4,7 +4,7 @@ import functools
 from importlib.metadata import version
 from pathlib import Path
 
-from mavlink_defs.runtime.jit import source_digest
+from mavlink_defs.runtime.code_cache import source_digest
 
 __all__ = ["code_digest", "code_version"]
 

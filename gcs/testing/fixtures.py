@@ -14,7 +14,7 @@ from gcs.testing.results import FlightResult
 from mavlink_defs.config.inherit import PlaceError, with_values
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import UdpAddress
-from mavlink_defs.runtime.jit import cache_is_cold
+from mavlink_defs.runtime.code_cache import cache_is_cold
 
 __all__ = ["FlightMode", "fly", "launch", "read_scenario"]
 

@@ -47,7 +47,8 @@ import pwd
 def nobody(_):
     raise KeyError
 pwd.getpwuid = nobody
-from mavlink_defs.runtime.jit import cache_is_cold, compiled
+from mavlink_defs.runtime.code_cache import cache_is_cold
+from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.config.models import ConfigError
 assert compiled(lambda x: x + 1)(2) == 3
 try:
@@ -121,6 +122,27 @@ def test_python_calls_a_function_that_compiled_code_has_called(project: Path) ->
         command = [sys.executable, "-c", RUN + calls]
         done = subprocess.run(command, check=True, cwd=project, env=env, capture_output=True)
         assert done.stdout.split()[-3:] == [b"24", b"18", b"18.0"]
+
+
+def test_equal_sources_elsewhere_share_the_code(project: Path, tmp_path: Path) -> None:
+    assert run(project)[-2:] == ["False", "False"]
+    elsewhere = tmp_path / "elsewhere"
+    shutil.copytree(project / "mavlink_defs", elsewhere / "mavlink_defs")
+    (elsewhere / "cache").symlink_to(project / "cache")
+    assert run(elsewhere)[-2:] == ["True", "True"]
+
+
+def test_a_function_is_linked_from_the_cache_into_a_changed_caller(project: Path) -> None:
+    """Its messages, too, for which it needs the objects of Python that belong to it."""
+    inner, outer = (project / "mavlink_defs" / name for name in ("inner.py", "outer.py"))
+    inner.write_text(
+        inner.read_text().replace("    return", "    print('power', power)\n    return")
+    )
+    printed = ["power", "1", "power", "2", "24", "1"]
+    assert run(project)[:6] == printed
+    outer.write_text(outer.read_text().replace("scaled(x, 2)", "scaled(x, 3)"))
+    assert run(project) == ["power", "1", "power", "3", "60", "1", "True", "False"]
+    assert run(project) == ["power", "1", "power", "3", "60", "1", "True", "True"]
 
 
 @pytest.mark.parametrize("before", [[], ["scipy first"]])

@@ -1,0 +1,238 @@
+"""The cache of compiled code on disk, which can never be stale.
+
+Numba's own cache looks only at the file that a function stands in, so a caller goes on
+running the old code of a function that it calls from another file. Here every file has a cache
+folder of its own, whose name is a digest of that file, of every file that it imports, directly or
+not, of the versions of Python, numba and numpy, and of the processor that the code is made for.
+After a change only what depends on it is compiled again. Equal sources share their code, wherever
+they lie.
+
+The cache lies in ``$NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/ftc-sitl``, or
+``~/.cache/ftc-sitl``. Where it cannot be written, every process compiles for itself what it
+calls, and the error of `cache_is_cold` names the remedy.
+
+On x86 the code is made for any processor since about 2013 (x86-64-v3), so that machines can share
+it; ``NUMBA_CPU_NAME`` chooses another. The bits of results do not depend on it.
+"""
+
+import contextlib
+import errno
+import functools
+import hashlib
+import os
+import platform
+import re
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import numba
+import numpy as np
+from numba.core import caching
+
+from mavlink_defs.config.models import ConfigError, Problem
+from mavlink_defs.runtime.linked_code import rebuilt
+
+__all__ = ["cache_is_cold", "code_cache_of", "mark_cache_warm", "not_cached", "source_digest"]
+
+_PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs")
+_ROOT = Path(__file__).resolve().parents[2]
+_GENERATED = {_ROOT / "mavlink_defs" / "dialect.py": _ROOT / "mavlink_defs" / "ftc.xml"}
+_IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", re.MULTILINE)
+_WARM = "warm-"
+_KEPT_DAYS = 14
+_COMMON_CPU = "x86-64-v3"
+_ITS_FEATURES = {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave"}
+
+_settings = vars(numba.config)  # made at run time, so that type checkers see none of them
+
+
+_numbas: Any = caching  # without annotations
+
+
+class _Folder(_numbas._CacheLocator):
+    """Tells numba where the code of one function lies; the folder's name says how fresh it is."""
+
+    def __init__(self, path: Path, function: Callable[..., object]) -> None:
+        self._path = path
+        self._py_file = function.__code__.co_filename
+        self._lineno = function.__code__.co_firstlineno
+
+    def from_function(self, function: Callable[..., object], file: str) -> "_Folder":
+        return self
+
+    def get_cache_path(self) -> str:
+        return str(self._path)
+
+    def get_source_stamp(self) -> str:
+        return ""
+
+    def get_disambiguator(self) -> str:
+        return str(self._lineno)
+
+
+class _Implementation(_numbas.CompileResultCacheImpl):
+    def __init__(self, folder: Path, function: Callable[..., object]) -> None:
+        self._locator_classes = [_Folder(folder, function)]
+        super().__init__(function)
+
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
+        return rebuilt(target_context, payload)
+
+
+class _CodeCache(_numbas.FunctionCache):
+    """Numba's cache of one function, in a given folder."""
+
+    def __init__(self, folder: Path, function: Callable[..., object]) -> None:
+        self._impl_class = functools.partial(_Implementation, folder)
+        super().__init__(function)
+
+
+def code_cache_of(function: Callable[..., object], variant: str) -> Any:
+    """Return numba's cache for a variant of a function; None if its code is not kept."""
+    if _settings["DISABLE_JIT"] or _obstacle is not None:
+        return None
+    digest = _digest_with_imports(_resolved(function.__code__.co_filename))
+    return _CodeCache(_cache_folder / digest / variant, function)
+
+
+def cache_is_cold() -> bool:
+    """Return whether the next flight has to compile the numeric core first.
+
+    Raises:
+        ConfigError: The cache cannot be written: every process would have to.
+        OSError: Too many files are open.
+    """
+    if _settings["DISABLE_JIT"]:
+        return False
+    if _obstacle is not None:
+        raise not_cached(_obstacle)
+    return not _warm_mark().exists()
+
+
+def not_cached(problem: OSError) -> ConfigError | OSError:
+    """Return the error for a cache that cannot be written, with its remedy.
+
+    Too many open files are no fault of the cache: then `problem` itself is returned.
+    """
+    if problem.errno in {errno.EMFILE, errno.ENFILE}:
+        return problem
+    text = f"the cache of compiled code cannot be written: {problem.strerror}"
+    advice = "set XDG_CACHE_HOME or NUMBA_CACHE_DIR to a folder that can"
+    return ConfigError(_cache_folder, [Problem((), f"{text}; {advice}")])
+
+
+def mark_cache_warm() -> None:
+    """Note that every compiled function now lies in the cache; forget code of old sources."""
+    if _settings["DISABLE_JIT"]:
+        return
+    in_use = [_cache_folder / _digest_with_imports(source) for source in _compiled_sources()]
+    for place in [*in_use, _warm_mark()]:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if place.exists():
+            os.utime(place)
+    _warm_mark().touch()
+    oldest = time.time() - _KEPT_DAYS * 86400
+    for place in _cache_folder.iterdir():
+        with contextlib.suppress(FileNotFoundError):  # another process forgets it, too
+            if place.stat().st_mtime < oldest:
+                shutil.rmtree(place) if place.is_dir() else place.unlink()
+
+
+def source_digest(sources: Iterable[Path], place: str = "") -> str:
+    """Return a digest of source files, a place, and the versions of numba and numpy."""
+    digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {place}".encode())
+    for source in sources:
+        digest.update(_content_digest(source))
+    return digest.hexdigest()
+
+
+@functools.cache
+def _content_digest(source: Path) -> bytes:
+    return hashlib.sha256(source.name.encode() + source.read_bytes()).digest()
+
+
+@functools.cache
+def _resolved(name: str) -> Path:
+    return Path(name).resolve()
+
+
+@functools.cache
+def _digest_with_imports(source: Path) -> str:
+    """Return a digest of a file and of all files of this project that its code depends on.
+
+    Other people's imports are not looked at, so that the place of their files counts, too.
+    """
+    found: set[Path] = set()
+    waiting = [source]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting += _imports(path)
+    place = source.relative_to(_ROOT) if source.is_relative_to(_ROOT) else source
+    files = sorted(_GENERATED.get(path, path) for path in found)
+    return source_digest(files, f"{place} {_target}")[:16]
+
+
+@functools.cache
+def _imports(source: Path) -> list[Path]:
+    """Return the files of this project that a file imports."""
+    if source in _GENERATED:
+        return []
+    names: list[str] = []
+    for package, members, module in _IMPORT.findall(source.read_text(encoding="utf-8")):
+        names += [module or package]
+        names += [f"{package}.{name}" for name in re.findall(r"\w+", members)]
+    own = (name.replace(".", "/") for name in names if name.partition(".")[0] in _PACKAGES)
+    files = [f"{_ROOT}/{name}{end}" for name in own for end in (".py", "/__init__.py")]
+    return [Path(file) for file in files if os.path.isfile(file)]
+
+
+@functools.cache
+def _compiled_sources() -> list[Path]:
+    sources = (path for package in _PACKAGES for path in (_ROOT / package).rglob("*.py"))
+    return sorted(path for path in sources if re.search(rb"@(compiled|inlined)", path.read_bytes()))
+
+
+def _warm_mark() -> Path:
+    """Return the empty file that stands for a cache with every compiled function."""
+    digests = "".join(map(_digest_with_imports, _compiled_sources()))
+    return _cache_folder / f"{_WARM}{hashlib.sha256(digests.encode()).hexdigest()[:16]}"
+
+
+def _find_cache_folder() -> Path:
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or Path(home) / "ftc-sitl") / "core"
+
+
+def _find_obstacle() -> OSError | None:
+    """Return why the cache cannot be written; None if it can."""
+    if _cache_folder.parts[0] == "~":  # not to be taken for a folder of this name
+        return FileNotFoundError(errno.ENOENT, "there is no home folder", str(_cache_folder))
+    try:
+        _cache_folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=_cache_folder):
+            return None
+    except OSError as problem:
+        return problem
+
+
+def _choose_target() -> str:
+    """Choose the processor that code is made for; return what code depends on beside its source."""
+    if _settings["CPU_NAME"] is None and platform.machine() == "x86_64":
+        features = llvmlite.binding.get_host_cpu_features()
+        if all(features.get(name) for name in _ITS_FEATURES):
+            _settings["CPU_NAME"], _settings["CPU_FEATURES"] = _COMMON_CPU, ""
+    name = _settings["CPU_NAME"] or llvmlite.binding.get_host_cpu_name()
+    return f"{sys.implementation.cache_tag} {sys.platform} {platform.machine()} {name}"
+
+
+_cache_folder = _find_cache_folder()
+_obstacle = None if _settings["DISABLE_JIT"] else _find_obstacle()
+_target = _choose_target()
