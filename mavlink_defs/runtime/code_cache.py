@@ -94,11 +94,15 @@ class _CodeCache(_numbas.FunctionCache):
 
 
 def code_cache_of(function: Callable[..., object], variant: str) -> Any:
-    """Return numba's cache for a variant of a function; None if its code is not kept."""
-    if _settings["DISABLE_JIT"] or _obstacle is not None:
+    """Return numba's cache for a variant of a function.
+
+    None if its code is not kept: also that of a function of a notebook or of ``python -c``, which
+    stands in no file.
+    """
+    source = _resolved(function.__code__.co_filename)
+    if _settings["DISABLE_JIT"] or _obstacle is not None or not source.is_file():
         return None
-    digest = _digest_with_imports(_resolved(function.__code__.co_filename))
-    return _CodeCache(_cache_folder / digest / variant, function)
+    return _CodeCache(_cache_folder / _digest_with_imports(source) / variant, function)
 
 
 def cache_is_cold() -> bool:

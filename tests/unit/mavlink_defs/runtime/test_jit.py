@@ -145,6 +145,14 @@ def test_a_function_is_linked_from_the_cache_into_a_changed_caller(project: Path
     assert run(project) == ["power", "1", "power", "3", "60", "1", "True", "True"]
 
 
+def test_a_function_of_a_notebook_stands_in_no_file(tmp_path: Path) -> None:
+    code = "from mavlink_defs.runtime.jit import compiled\nprint(compiled(lambda x: x + 1)(2))"
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, check=True, env=env, capture_output=True)
+    assert done.stdout == b"3\n"
+
+
 @pytest.mark.parametrize("before", [[], ["scipy first"]])
 def test_compiled_code_has_linear_algebra(tmp_path: Path, before: list[str]) -> None:
     """Though scipy is not imported before it is needed."""
