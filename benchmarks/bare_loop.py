@@ -1,9 +1,10 @@
 """The lockstep traffic of a fleet with nothing behind it: what sockets and scheduler allow.
 
 One process plays the plant and one each autopilot, with the socket calls and the ways to wait of
-the product. Every step has the datagrams of a flight without events, of the same sizes: a state
-to each autopilot, one from each to its neighbours (a star around the first), FTC_STEP_DONE from
-each. They are not packed, checked or understood, and there is no physics, control or telemetry.
+the product. Every step has the datagrams of a flight, of the same sizes: a state to each autopilot,
+one from each to its neighbours (a star around the first), an actuator message from those with an
+event, FTC_STEP_DONE from each. They are not packed, checked or understood, and there is no physics,
+control or telemetry.
 
 ``python -m benchmarks.bare_loop --plant-us 9 --autopilot-us 6`` prints the time of a step with and
 without work of such a length in each process, which is that of a flight's compiled code.
@@ -35,6 +36,7 @@ __all__ = ["bare_us_per_step"]
 
 _AROUND = HEADER_SIZE + CRC_SIZE
 _STATE = codec.SIM_STATE_SIZE - codec.SIM_STATE["wind"].itemsize + _AROUND  # in calm air
+_ACTUATORS = codec.ACTUATORS_SIZE + _AROUND
 _NEIGHBOUR = codec.NEIGHBOUR_SIZE + _AROUND
 _DONE = 2 + _AROUND  # of a step below 65536, without the zeros at its end
 _TIMEOUT_S = 5.0
@@ -42,13 +44,14 @@ _ANY = UdpAddress("127.0.0.1", 0)
 
 
 def bare_us_per_step(
-    uavs: int, steps: int, plant_s: float = 0.0, autopilot_s: float = 0.0
+    uavs: int, steps: int, events: float, plant_s: float = 0.0, autopilot_s: float = 0.0
 ) -> float:
     """Return the time of a step [µs], the mean of `steps`.
 
     Args:
         uavs: Number of autopilots.
         steps: Number of steps.
+        events: Actuator messages of each autopilot and step, 0 to 1.
         plant_s: Work of the plant in each step [s].
         autopilot_s: Work of each autopilot in each step [s].
 
@@ -63,15 +66,14 @@ def bare_us_per_step(
         set_receive_timeout(sock, _TIMEOUT_S)
     ports, back = _addresses(formation), _addresses(autopilots)
     plant_loop(plant.fileno(), back[:0], 1, 0.0)  # compile both before the fork
-    autopilot_loop(plant.fileno(), plant.fileno(), ports[:0], 0, 0.0)
+    autopilot_loop(plant.fileno(), plant.fileno(), ports[:0], 0, 0.0, 0.0)
     children = []
     try:
         for i in range(uavs):
             neighbours = ports[1:] if i == 0 else ports[:1]
             if (pid := os.fork()) == 0:
-                autopilot_loop(
-                    autopilots[i].fileno(), formation[i].fileno(), neighbours, steps, autopilot_s
-                )
+                fds = autopilots[i].fileno(), formation[i].fileno()
+                autopilot_loop(*fds, neighbours, steps, events, autopilot_s)
                 os._exit(0)
             children.append(pid)
         begin = time.perf_counter()
@@ -110,15 +112,18 @@ def plant_loop(fd: int, autopilots: np.ndarray, steps: int, work_s: float) -> in
             work(work_s)
         for i in range(len(autopilots)):
             send_to(fd, datagram, _STATE, autopilots[i])
-        for _ in range(len(autopilots)):
-            if receive_from_soon(fd, datagram, sender) < 0:
+        done = 0
+        while done < len(autopilots):
+            length = receive_from_soon(fd, datagram, sender)
+            if length < 0:
                 return step
+            done += length == _DONE
     return steps
 
 
 @compiled
 def autopilot_loop(
-    fd: int, formation_fd: int, neighbours: np.ndarray, steps: int, work_s: float
+    fd: int, formation_fd: int, neighbours: np.ndarray, steps: int, events: float, work_s: float
 ) -> None:
     datagram, sender = np.zeros(codec.BUFFER_SIZE, np.uint8), np.zeros(ADDRESS_SIZE, np.uint8)
     for step in range(steps):
@@ -131,6 +136,8 @@ def autopilot_loop(
             work(work_s)
         for d in range(len(neighbours)):
             send_to(formation_fd, datagram, _NEIGHBOUR, neighbours[d])
+        if int((step + 1) * events) > int(step * events):
+            send(fd, datagram, _ACTUATORS)
         send(fd, datagram, _DONE)
 
 
@@ -139,6 +146,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bare_loop", description=__doc__)
     parser.add_argument("--uavs", type=int, default=3, help="number of autopilots")
     parser.add_argument("--steps", type=int, default=30_000, help="steps of a round")
+    parser.add_argument(
+        "--events", type=float, default=0.4, help="actuator messages of a UAV a step"
+    )
     parser.add_argument("--rounds", type=int, default=5, help="rounds of each")
     parser.add_argument("--plant-us", type=float, default=9.0, help="work of the plant [µs]")
     parser.add_argument("--autopilot-us", type=float, default=6.0, help="of each autopilot [µs]")
@@ -147,7 +157,8 @@ def main() -> None:
     times_us: list[list[float]] = [[], []]
     for _ in range(options.rounds):
         for times, (plant_s, autopilot_s) in zip(times_us, works, strict=True):
-            times.append(bare_us_per_step(options.uavs, options.steps, plant_s, autopilot_s))
+            size = options.uavs, options.steps, options.events
+            times.append(bare_us_per_step(*size, plant_s, autopilot_s))
     bare_us, with_work_us = map(statistics.median, times_us)
     print(
         f"{bare_us:.1f} µs a step; with work {with_work_us:.1f} µs, "

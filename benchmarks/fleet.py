@@ -53,8 +53,9 @@ def measure(uavs: int, rounds: int = ROUNDS) -> Fleet:
         scenario = Path(folder) / "star.yaml"
         scenario.write_text(yaml.safe_dump(star(uavs, STEPS[uavs] / 1000)))
         for _ in range(rounds):
-            flights_us.append(flown_us_per_step(scenario))
-            bare_us.append(bare_us_per_step(uavs, STEPS[uavs]))
+            flight_us, events = fly(scenario)
+            flights_us.append(flight_us)
+            bare_us.append(bare_us_per_step(uavs, STEPS[uavs], events))
     return Fleet(uavs, flights_us, bare_us)
 
 
@@ -75,14 +76,16 @@ def star(uavs: int, duration_s: float) -> dict[str, Any]:
     return tree
 
 
-def flown_us_per_step(scenario: Path) -> float:
-    """Fly a scenario once; return the wall time of a step [µs]."""
+def fly(scenario: Path) -> tuple[float, float]:
+    """Fly once; return the wall time of a step [µs] and a UAV's actuator messages in one."""
     folder = scenario.with_name("run")
     command = ["fly", str(scenario), "--json", "--free-ports", "--out", str(folder)]
     output = subprocess.run(gcs(*command), check=True, stdout=subprocess.PIPE).stdout
     shutil.rmtree(folder)
     summary = json.loads(output)
-    return float(summary["wall_s"]) / int(summary["steps"]) * 1e6
+    steps, uavs = int(summary["steps"]), summary["uavs"]
+    events = sum(uav["actuator_messages"] for uav in uavs) / len(uavs) / steps
+    return float(summary["wall_s"]) / steps * 1e6, events
 
 
 def gcs(*arguments: str) -> list[str]:

@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.guidance.path import PATH
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.kept_mission import read_kept_mission, write_kept_mission
 from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
-from ftc_autopilot.link import GCS, PLANT, SIMULATOR, Record, new_link, records_to_keep, run
+from ftc_autopilot.link import GCS, PLANT, RECORD, SIMULATOR, new_link, records_to_keep, run
 from ftc_autopilot.recorder import RECORD_ROWS, Recorder
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -134,11 +133,7 @@ class Autopilot:
         if not resumes:
             paths[:] = np.zeros((), PATH)
         self._controllers = self._controllers._replace(paths=paths)
-        rows = len(link.record.steps)
-        record = Record(
-            map_array(path.with_suffix(".steps"), np.dtype(np.int64), rows),
-            map_array(path.with_suffix(".signals"), SIGNALS, rows),
-        )
+        record = map_array(path.with_suffix(".record"), RECORD, len(link.record))
         self._link = link._replace(kept=kept, record=record)
         if resumes:
             state = link.state[0]

@@ -108,11 +108,8 @@ class SimulatorLink(NamedTuple):
     signer: LinkSigner
 
 
-class Record(NamedTuple):
-    """Room for the record of some steps, none if nothing is recorded; Python empties it."""
-
-    steps: np.ndarray  # (rows,), step numbers
-    signals: np.ndarray  # (rows,), dtype SIGNALS
+RECORD = np.dtype([("step", "i8"), ("signals", SIGNALS)])
+"""What is recorded of a step."""
 
 
 class AutopilotLink(NamedTuple):
@@ -122,7 +119,7 @@ class AutopilotLink(NamedTuple):
     simulator: SimulatorLink
     formation: FormationLink
     drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated `DropReason`
-    record: Record
+    record: np.ndarray  # dtype RECORD; empty if nothing is recorded. Python empties it
     kept: KeptState
 
 
@@ -174,7 +171,7 @@ def new_link(
         simulator=simulator,
         formation=formation,
         drops=drops,
-        record=Record(np.zeros(record_rows, np.int64), np.zeros(record_rows, SIGNALS)),
+        record=np.zeros(record_rows, RECORD),
         kept=no_kept_state(),
     )
     reset_link(link)
@@ -268,7 +265,7 @@ def run(
                     _work(plant_fd, formation_fd, link, controllers)
                     if state["flags"] & FTC_SIM_FLAGS_ENDED:
                         return Outcome.OVER
-        full = 0 < len(link.record.steps) == state["recorded"]
+        full = 0 < len(link.record) == state["recorded"]
         now_s = monotonic_s()
         if full or state["step"] >= until_step or now_s >= until_s:
             return Outcome.TICK
@@ -350,9 +347,9 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         told = tell_neighbours(controllers, 0, step, state["step_us"])
         state["step"] = step
         row = state["recorded"]
-        if row < len(link.record.steps):
-            link.record.steps[row] = step
-            copy_record(link.record.signals[row], controllers.signals[0])
+        if row < len(link.record):
+            link.record[row]["step"] = step
+            copy_record(link.record[row]["signals"], controllers.signals[0])
             state["recorded"] = row + 1
         due = note_events(state, sim_state, controllers, mask, lockstep)
         keep(link.kept)

@@ -2,9 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
-from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.link import AutopilotLink
 from mavlink_defs.runtime.spool import Spool
 
@@ -12,8 +9,6 @@ __all__ = ["RECORD_ROWS", "Recorder"]
 
 RECORD_ROWS = 1000
 """Steps written at a time."""
-
-ROWS = np.dtype([("step", "i8"), ("signals", SIGNALS)])
 
 
 class Recorder:
@@ -28,9 +23,7 @@ class Recorder:
         """Write the record if it has so many rows; OSError with a file's name if it cannot."""
         count = int(self._link.state[0]["recorded"])
         if count >= at_least:
-            rows = np.empty(count, ROWS)
-            rows["step"] = self._link.record.steps[:count]
-            rows["signals"] = self._link.record.signals[:count]
+            rows = self._link.record[:count]
             self._spool.write(int(rows["step"][0]), rows)
             self._link.state["recorded"] = 0  # not if it failed: nothing may be left out
 

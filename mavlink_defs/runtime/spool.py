@@ -49,10 +49,10 @@ class Spool:
         Raises:
             OSError: With the file's name.
         """
-        content = io.BytesIO()  # NumPy's errors of writing to a file do not say what is wrong
-        np.save(content, rows)
+        header = _header_of(rows.dtype, len(rows))
         with complete_file(self._folder / f"{first:010d}.npy") as file:
-            file.write(content.getbuffer())
+            file.write(header)  # NumPy's errors of writing to a file do not say what is wrong
+            file.write(rows.view(np.uint8).data)
 
     def finish(self, **facts: Any) -> None:
         """Write what is known at the end, as JSON.
@@ -61,6 +61,15 @@ class Spool:
             OSError: With the file's name.
         """
         write_text(self._folder / _END, json.dumps(facts))
+
+
+@functools.lru_cache
+def _header_of(dtype: np.dtype, rows: int) -> bytes:
+    """Return what stands before the rows in an .npy file."""
+    file, none = io.BytesIO(), np.empty(0, dtype)
+    facts = np.lib.format.header_data_from_array_1_0(none) | {"shape": (rows,)}
+    np.lib.format.write_array_header_1_0(file, facts)
+    return file.getvalue()
 
 
 @functools.cache

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.control.controller import SIGNALS, no_signals
-from ftc_autopilot.recorder import ROWS
+from ftc_autopilot.link import RECORD
 from gcs.errors import FlightLost
 from gcs.fleet.collector import Collector
 from gcs.results.steps import Steps
@@ -27,7 +27,7 @@ def plant_rows(begin: int, end: int) -> np.ndarray:
 
 
 def autopilot_rows(steps: list[int]) -> np.ndarray:
-    rows = np.zeros(len(steps), ROWS)
+    rows = np.zeros(len(steps), RECORD)
     rows["step"] = rows["signals"]["V"] = steps
     return rows
 
@@ -120,7 +120,7 @@ def test_steps_of_the_plant_that_are_gone_are_told(short: Scenario, tmp_path: Pa
 
 
 def test_a_recorded_row_has_all_signals() -> None:
-    assert ROWS["signals"] == SIGNALS
+    assert RECORD["signals"] == SIGNALS
 
 
 def test_what_an_autopilot_writes_again_after_a_restart_counts_once(
