@@ -4,6 +4,7 @@ Decisions reach the controller through its guidance, profile and path, between t
 be refused returns a MAV_RESULT, and sends the reason as a STATUSTEXT.
 """
 
+import bisect
 import math
 from collections.abc import Callable, Sequence
 
@@ -130,10 +131,9 @@ class Modes:
         """Return the number of the mission item that the next mission step flies."""
         if not self.has_profile:
             return self.path.item() if self.flies_mission else self._item
-        profile, elapsed_s = self._controllers.profiles[0], self._elapsed_s()
-        return 1 + sum(
-            elapsed_s >= float(start) for start in profile["start"][1 : int(profile["count"])]
-        )
+        profile = self._controllers.profiles[0]
+        starts = profile["start"][1 : int(profile["count"])].tolist()
+        return 1 + bisect.bisect_right(starts, self._elapsed_s())
 
     def is_over(self) -> bool:
         """Return whether the end of the mission, which is flown on, has been reached."""
