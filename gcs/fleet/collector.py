@@ -138,7 +138,8 @@ class _Autopilot:
             return no_signals(end - begin)
         self._taken = end
         until = int(np.searchsorted(self._rows["step"], end))
-        taken, self._rows = self._rows[:until], self._rows[until:]
+        taken, rest = self._rows[:until], self._rows[until:]
+        self._rows = rest if len(rest) else rest.copy()  # of which no file is kept open
         if until == end - begin:
             return np.asarray(taken["signals"])
         signals = no_signals(end - begin)

@@ -68,7 +68,7 @@ class Preview:
             return
         index = np.searchsorted(self._ids, events["uav"], sorter=np.argsort(self._ids))
         key = np.argsort(self._ids)[index] * N_CHANNELS + events["channel"]
-        order = np.argsort(key, kind="stable")
+        order = np.argsort(key.astype(np.uint16), kind="stable")  # NumPy's radix sort is for these
         key, times = key[order], events["time_s"][order]
         first = np.diff(key, prepend=-1) != 0
         gaps = np.diff(times, prepend=0.0)

@@ -48,7 +48,8 @@ class _Stream:
         import pyarrow as pa
 
         self._path, self._schema = path, schema
-        options = pa.ipc.IpcWriteOptions(compression="zstd" if compressed else None)
+        codec = "zstd" if compressed else None
+        options = pa.ipc.IpcWriteOptions(compression=codec, use_threads=False)
         with naming(path):
             self._file = path.open("wb")
             try:

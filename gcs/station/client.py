@@ -31,7 +31,7 @@ from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, EndpointError, bind_udp, connect_udp
 from mavlink_defs.framing.frames import FramePacker, drop_reason, frame_size, parse
-from mavlink_defs.framing.header import FrameHeader
+from mavlink_defs.framing.header import COMPONENT, HEADER_SIZE, MESSAGE_ID, SYSTEM
 from mavlink_defs.framing.key_file import load_signer
 from mavlink_defs.framing.signing import SigningError
 from mavlink_defs.services.machine import SystemId
@@ -311,11 +311,10 @@ class Client(asyncio.DatagramProtocol):
 
     def _known_sender(self, data: bytes) -> VehicleState | None:
         """Return the vehicle that an intact frame comes from if it is only to be recorded."""
-        header = FrameHeader.read(data) if self._only_recorded else None
-        if header is None or header.message_id not in self._only_recorded:
+        if int.from_bytes(data[MESSAGE_ID:HEADER_SIZE], "little") not in self._only_recorded:
             return None
-        state = self.fleet.vehicles.get(header.system)
-        if state is None or state.address != (header.system, header.component):
+        state = self.fleet.vehicles.get(data[SYSTEM])
+        if state is None or state.address != (data[SYSTEM], data[COMPONENT]):
             return None
         return state if frame_size(data)[0] == len(data) else None
 

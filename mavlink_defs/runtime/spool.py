@@ -9,6 +9,7 @@ written yet. When the process ends, `end.json` says how; without it the recordin
 import functools
 import io
 import json
+import mmap
 import shutil
 from pathlib import Path
 from typing import Any
@@ -89,11 +90,15 @@ class SpoolReader:
         self._folder = folder
 
     def take(self) -> np.ndarray | None:
-        """Return the next rows, read-only, and remove their file; None if there is none yet."""
+        """Return the next rows, read-only, and remove their file; None if there is none yet.
+
+        The rows are the file's pages in memory, and keep a file descriptor while they are in use.
+        """
         path = min(self._folder.glob("*.npy"), default=None)
         if path is None:
             return None
-        content = path.read_bytes()
+        with path.open("rb") as file:
+            content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         path.unlink()
         begin = _HEAD + int.from_bytes(content[_HEAD - 2 : _HEAD], "little")
         return np.frombuffer(content, _dtype_of(content[:begin]), offset=begin)
