@@ -27,7 +27,7 @@ from sitl_plant.plant import describe_loss
 
 __all__ = ["fly_in_process", "fly_in_steps"]
 
-_CHUNK_STEPS = 1000
+_CHUNK_STEPS = 2000
 
 OnProgress = Callable[[float, np.ndarray], None]
 
@@ -37,7 +37,7 @@ def fly_in_process(scenario: Scenario, on_progress: OnProgress | None = None) ->
 
     Args:
         scenario: The scenario.
-        on_progress: Called every 1000 steps with the simulated time [s] and the event counts so
+        on_progress: Called every 2000 steps with the simulated time [s] and the event counts so
             far, shape (n, 4).
     """
     ids = tuple(uav.id for uav in scenario.uavs)
@@ -55,7 +55,7 @@ def fly_in_steps(
 
     Args:
         scenario: The scenario.
-        on_steps: Called with every 1000 steps; their arrays are overwritten afterwards.
+        on_steps: Called with every 2000 steps; their arrays are overwritten afterwards.
         on_progress: As of `fly_in_process`.
     """
     room = Steps.room(_CHUNK_STEPS, len(scenario.uavs))

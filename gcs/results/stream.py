@@ -48,7 +48,7 @@ class _Stream:
         import pyarrow as pa
 
         self._path, self._schema = path, schema
-        codec = "zstd" if compressed else None
+        codec = "lz4" if compressed else None
         options = pa.ipc.IpcWriteOptions(compression=codec, use_threads=False)
         with naming(path):
             self._file = path.open("wb")
@@ -95,7 +95,7 @@ class TrajectoryStream:
             every: Record every so many steps.
             uav_ids: System ids, in the order of the steps' arrays.
             step_us: Control period [µs].
-            compressed: With zstd; it takes time.
+            compressed: With LZ4, which takes no longer than to write the rest would.
             about: Metadata of the file, besides `step_us` and `every`.
 
         Raises:

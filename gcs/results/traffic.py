@@ -144,9 +144,16 @@ def payload_bytes(payloads: np.ndarray) -> int:
 
     One byte is sent in any case, https://mavlink.io/en/guide/serialization.html.
     """
+    used = np.zeros(payloads.shape[1], np.uint8)
+    for k in range(payloads.shape[0]):
+        for at in range(payloads.shape[1]):  # many bytes at a time: most are 0 in all payloads
+            used[at] |= payloads[k, at]
+    longest = payloads.shape[1]
+    while longest > 1 and used[longest - 1] == 0:
+        longest -= 1
     total = 0
     for k in range(payloads.shape[0]):
-        size = payloads.shape[1]
+        size = longest
         while size > 1 and payloads[k, size - 1] == 0:
             size -= 1
         total += size
