@@ -16,7 +16,8 @@ from ftc_autopilot.guidance.path import PATH
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.kept_mission import read_kept_mission, write_kept_mission
 from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
-from ftc_autopilot.link import GCS, PLANT, RECORD, SIMULATOR, new_link, records_to_keep, run
+from ftc_autopilot.link import GCS, PLANT, RECORD, SIMULATOR, new_link, records_to_keep
+from ftc_autopilot.loop import Loop
 from ftc_autopilot.recorder import RECORD_ROWS, Recorder
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -53,7 +54,14 @@ _TURN_US = 20_000
 
 
 class Autopilot:
-    """Sockets and wall clock around the compiled loop and the services."""
+    """Sockets and wall clock around the compiled loop and the services.
+
+    Attributes:
+        system: Its system id.
+        is_over: Whether its flight has ended, or it was stopped.
+        loss: Why it ended before the simulation did; None if it did not.
+        crash_at: Step after which to die, as by SIGKILL: for tests.
+    """
 
     def __init__(
         self,
@@ -80,9 +88,8 @@ class Autopilot:
         Raises:
             OSError: A file cannot be made; it is named.
         """
-        self._config = config
+        self._config, self.system = config, config.id
         self._plant, self._formation, self._gcs = plant, formation, gcs
-        set_receive_timeout(plant, _TICK_S)
         set_receive_timeout(formation, _TICK_S)
         gcs.setblocking(False)
         addresses = [resolve(parse_address(text)) for text in config.gcs]
@@ -116,7 +123,8 @@ class Autopilot:
         self._more_to_do = False
         self._gcs_signing = GcsSigning(config.id, config.signing_key)
         self._to_plant = FramePacker(config.id, component, self._next_sequence)
-        self.stopping = False
+        self.loss: str | None = None
+        self.is_over = False
         self.crash_at = _NEVER
 
     def _keep_in(self, path: Path) -> bool:
@@ -141,52 +149,58 @@ class Autopilot:
             state["away"] = round(_AWAY_S * 1e6 / self._config.step_us)
         return resumes
 
-    def fly(self) -> str | None:
-        """Serve all links until the simulation is over; return the reason if it ended otherwise."""
-        loss = None
-        plant_fd, formation_fd = self._plant.fileno(), self._formation.fileno()
-        gcs_fd = self._gcs.fileno()
-        while not self.stopping:
-            outcome = run(
-                plant_fd,
-                formation_fd,
-                gcs_fd,
-                self._link,
-                self._controllers,
-                self._until(),
-                self._until_step(),
-            )
-            if self._hot.step >= self.crash_at:
-                os.kill(os.getpid(), signal.SIGKILL)
-            if (loss := self._keep_record(outcome == Outcome.RESTARTED)) is not None:
-                self._vehicle.farewell(loss)
-                break
-            if outcome == Outcome.SERVICE:
-                self._receive_from_simulator()
-            elif outcome == Outcome.RESTARTED:
-                self._vehicle.restart()
-            elif outcome == Outcome.OVER:
-                lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
-                how = "lost" if lost else "over"
-                self._vehicle.farewell(f"simulation {how} at {self._vehicle.time_s:.3f} s")
-                break
-            loss = self._silence()
-            if loss is not None:
-                self._vehicle.farewell(loss)
-                break
-            self._handle_messages()
-        self._send_messages()
-        return loss
+    @property
+    def loop(self) -> Loop:
+        """What the compiled loop needs of this autopilot, which keeps it alive."""
+        return Loop(self._link, self._controllers)
 
-    def finish_record(self, loss: str | None) -> str | None:
-        """Write the end of the record; return `loss`, or why it cannot be written."""
+    @property
+    def sockets(self) -> tuple[int, int, int]:
+        """File descriptors of the sockets, as of `ftc_autopilot.loop.host`."""
+        return self._plant.fileno(), self._formation.fileno(), self._gcs.fileno()
+
+    def serve(self, outcome: Outcome) -> None:
+        """Do what the compiled loop asks for, and serve all links; it may be the end.
+
+        Args:
+            outcome: Why the loop returned.
+        """
+        if self._hot.step >= self.crash_at:
+            os.kill(os.getpid(), signal.SIGKILL)
+        loss = self._keep_record(outcome == Outcome.RESTARTED)
+        if loss is None and outcome == Outcome.OVER:
+            lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
+            how = "lost" if lost else "over"
+            self._end(f"simulation {how} at {self._vehicle.time_s:.3f} s")
+            return
+        if loss is None and outcome == Outcome.SERVICE:
+            self._receive_from_simulator()
+        elif loss is None and outcome == Outcome.RESTARTED:
+            self._vehicle.restart()
+        self.loss = loss or self._silence()
+        if self.loss is None:
+            self._handle_messages()
+        else:
+            self._end(self.loss)
+
+    def _end(self, words: str) -> None:
+        """Say why the flight is over, and end."""
+        self._vehicle.farewell(words)
+        self.stop()
+
+    def stop(self) -> None:
+        """Send the last messages."""
+        self.is_over = True
+        self._send_messages()
+
+    def finish_record(self) -> None:
+        """Write the end of the record; `loss` tells if it cannot be written."""
         heard_end = bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED)
         try:
             if self._recorder is not None:
-                self._recorder.finish(loss, self._hot.repeated, heard_end)
+                self._recorder.finish(self.loss, self._hot.repeated, heard_end)
         except OSError as problem:
-            return f"cannot write {problem.filename}: {problem.strerror}"
-        return loss
+            self.loss = f"cannot write {problem.filename}: {problem.strerror}"
 
     def _keep_record(self, restarted: bool) -> str | None:
         """Write the record if it is full; return why it cannot be written."""
@@ -237,7 +251,7 @@ class Autopilot:
             text = f"cannot keep the mission for a restart: {problem.strerror}"
             self._vehicle.say(dialect.MAV_SEVERITY_WARNING, text)
 
-    def _until(self) -> float:
+    def until_s(self) -> float:
         """Return the wall-clock time at which messages are to be handled [s].
 
         In lockstep all vehicles wait while one does so. So all do so at the same times, which come
@@ -252,7 +266,7 @@ class Autopilot:
         wait_s = self._vehicle.telemetry_clock.wait_s(due_us)
         return min(now + min(wait_s, _LOCKSTEP_WAIT_S), deadline)
 
-    def _until_step(self) -> int:
+    def until_step(self) -> int:
         """Return the step after which messages are to be handled."""
         if not self._vehicle.running:
             return self.crash_at

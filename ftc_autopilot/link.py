@@ -1,10 +1,8 @@
-"""The autopilot's hot path: the compiled loop from a received state to the datagrams it causes.
+"""The autopilot's hot path, compiled: from a received state to the datagrams it causes.
 
 For each running state: take the neighbour states of the step before, make the control step, send
 an actuator message if a trigger fired (or if the plant has not acknowledged one), send the own
-state to the neighbours if it is due, and in lockstep report the step done. `run` returns to Python
-between steps: for a datagram that is not hot, when a time or step is reached, or when the
-simulation has ended or was restarted.
+state to the neighbours if it is due, and in lockstep report the step done.
 """
 
 from collections.abc import Sequence
@@ -45,18 +43,9 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
-from mavlink_defs.runtime.jit import compiled, inlined
-from mavlink_defs.runtime.memory import borrowed, copy_record
-from mavlink_defs.runtime.native import (
-    POLLED,
-    READABLE,
-    monotonic_s,
-    receive,
-    receive_soon,
-    send,
-    wait_for_any,
-    waits,
-)
+from mavlink_defs.runtime.jit import inlined
+from mavlink_defs.runtime.memory import copy_record
+from mavlink_defs.runtime.native import monotonic_s, send
 
 __all__ = [
     "FORMATION",
@@ -68,14 +57,12 @@ __all__ = [
     "new_link",
     "records_to_keep",
     "reset_link",
-    "run",
+    "work_on",
 ]
 
 # rows of `AutopilotLink.drops`; the last holds the plant's own counts, as it reports them
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
 
-_LOOK_S = 0.002
-"""Lockstep: time between two looks for a datagram of a ground station [s]."""
 _EDGE_FADE_S = 0.5
 """Simulated time in which a dropped neighbour's weight goes to 0, and back [s]."""
 
@@ -209,80 +196,39 @@ def reset_link(link: AutopilotLink) -> None:
     reset_formation_link(link.formation)
 
 
-@compiled
-def run(
-    plant_fd: int,
-    formation_fd: int,
-    gcs_fd: int,
-    link: AutopilotLink,
-    controllers: Controllers,
-    until_s: float,
-    until_step: int,
+@inlined
+def work_on(
+    length: int, fds: tuple[int, int], link: AutopilotLink, controllers: Controllers
 ) -> Outcome:
-    """Work on states until something needs Python.
+    """Work on a datagram of the plant, which lies in `SimulatorLink.received`.
 
     Args:
-        plant_fd: Socket connected to the plant; its receive timeout bounds how late `until_s`
-            is noticed.
-        formation_fd: Socket bound to the own formation port, with a short receive timeout.
-        gcs_fd: Socket of the ground stations; a datagram there ends the work, except in real time
-            and before the plant was heard, where `until_s` is soon enough.
+        length: Its length [bytes].
+        fds: Socket connected to the plant; socket bound to the own formation port, with a short
+            receive timeout.
         link: The link.
         controllers: The controllers of one UAV.
-        until_s: Wall-clock time, as `monotonic_s` gives it, at which to return [s].
-        until_step: Step after which to return.
 
     Returns:
-        SERVICE, TICK (also when the record is full), OVER or RESTARTED; after the last,
-        `reset_link` before the next call.
+        NONE; SERVICE, OVER or RESTARTED if Python is needed.
     """
-    link, controllers = borrowed(link), borrowed(controllers)
     state, simulator = link.state[0], link.simulator
-    look_s = monotonic_s() + _LOOK_S
-    while True:
-        lockstep = state["flags"] == FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
-        if lockstep:
-            length = receive_soon(plant_fd, simulator.received)
-        else:
-            frozen = state["run"] != NONE and (state["flags"] & FTC_SIM_FLAGS_RUNNING) == 0
-            if frozen and not _plant_is_first(plant_fd, gcs_fd, until_s):
-                return Outcome.TICK
-            length = receive(plant_fd, simulator.received)
-        if length >= 0:
-            message_id = take(simulator.signer, simulator.received, length, simulator.drops)
-            if message_id == NOT_HOT:
-                state["received"] = length
-                return Outcome.SERVICE
-            if message_id != DROPPED:
-                problem: int = DropReason.UNEXPECTED
-                if message_id == MessageId.SIM_STATE:
-                    problem = _check_state(simulator)
-                if problem != 0:
-                    simulator.drops[-problem] += 1
-                elif _is_of_another_run(link):
-                    return Outcome.RESTARTED
-                else:
-                    _work(plant_fd, formation_fd, link, controllers)
-                    if state["flags"] & FTC_SIM_FLAGS_ENDED:
-                        return Outcome.OVER
-        full = 0 < len(link.record) == state["recorded"]
-        now_s = monotonic_s()
-        if full or state["step"] >= until_step or now_s >= until_s:
-            return Outcome.TICK
-        if lockstep and now_s >= look_s:
-            look_s = now_s + _LOOK_S
-            if waits(gcs_fd, simulator.received):
-                return Outcome.TICK
-
-
-@compiled
-def _plant_is_first(plant_fd: int, gcs_fd: int, until_s: float) -> bool:
-    """Wait for plant or ground station until a time [s]; return whether the plant has sent."""
-    links = np.zeros(2, POLLED)
-    links[0]["fd"], links[1]["fd"] = plant_fd, gcs_fd
-    links[0]["events"] = links[1]["events"] = READABLE
-    wait_for_any(links, max(until_s - monotonic_s(), 0.0))
-    return bool(links[0]["found"] != 0)
+    message_id = take(simulator.signer, simulator.received, length, simulator.drops)
+    if message_id == DROPPED:
+        return Outcome.NONE
+    if message_id == NOT_HOT:
+        state["received"] = length
+        return Outcome.SERVICE
+    problem: int = DropReason.UNEXPECTED
+    if message_id == MessageId.SIM_STATE:
+        problem = _check_state(simulator)
+    if problem != 0:
+        simulator.drops[-problem] += 1
+        return Outcome.NONE
+    if _is_of_another_run(link):
+        return Outcome.RESTARTED
+    _work(fds[0], fds[1], link, controllers)
+    return Outcome.OVER if state["flags"] & FTC_SIM_FLAGS_ENDED else Outcome.NONE
 
 
 @inlined

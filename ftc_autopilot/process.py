@@ -1,4 +1,4 @@
-"""The autopilot process of one UAV: ``ftc-autopilot CONFIG``.
+"""The autopilot process of one UAV, or of several: ``ftc-autopilot CONFIG...``.
 
 It registers with the plant by HEARTBEAT, exchanges messages with its neighbours and the ground
 stations, and flies until the plant ends the simulation. Exit status: 0 the simulation ended or
@@ -7,11 +7,13 @@ a signal stopped it, 1 the plant fell silent, 2 bad input.
 
 import argparse
 import sys
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.autopilot import Autopilot, log
 from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.host import Host
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import (
@@ -35,11 +37,20 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the autopilot process and exit."""
     parser = argparse.ArgumentParser(
         prog="ftc-autopilot",
-        description="Fly one UAV: controller, event trigger, MAVLink services.",
+        description="Fly one UAV: controller, event trigger, MAVLink services. In lockstep a "
+        "process may fly several, each with the sockets of its CONFIG.",
         epilog="`gcs fly` writes such a CONFIG for each UAV of a scenario into its run folder.",
     )
-    parser.add_argument("config", type=Path, help="autopilot configuration (YAML)")
-    parser.add_argument("--record", type=Path, metavar="FOLDER", help="write all signals as .npy")
+    parser.add_argument(
+        "configs", type=Path, nargs="+", metavar="CONFIG", help="autopilot configuration (YAML)"
+    )
+    parser.add_argument(
+        "--record",
+        type=Path,
+        action="append",
+        metavar="FOLDER",
+        help="write all signals as .npy; with several CONFIGs once for each",
+    )
     parser.add_argument(
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
@@ -47,51 +58,66 @@ def main(arguments: list[str] | None = None) -> None:
         "--keep",
         type=Path,
         metavar="FILE",
-        help="keep the state here, and take it up if it is there",
+        help="keep the state here, and take it up if it is there; with one CONFIG only",
     )
     parser.add_argument(
         "--crash-at", type=int, metavar="STEP", help="die after this step, as by SIGKILL: for tests"
     )
     options = parser.parse_args(arguments)
-    try:
-        config = load(options.config, AutopilotConfig)
-        key_file = None
-        if config.signing_key:
-            key_file = KeyFile(config.signing_key, partial(log, config.id))
-        address = parse_address(config.formation_bind)
-        plant = connect_udp(parse_address(config.plant))
-        formation = bind_udp(
-            address,
-            f"formation link of UAV {config.id}",
-            "change `formation_bind`",
-        )
-        gcs = open_udp(map(parse_address, config.gcs))
-    except (ConfigError, EndpointError, SigningError) as problem:
-        print(problem, file=sys.stderr)
-        sys.exit(2)
+    configs: list[Path] = options.configs
+    if len(configs) > 1 and options.keep is not None:
+        parser.error("--keep takes up the flight of one UAV: start a process for each CONFIG")
+    records: list[Path | None] = options.record or [None] * len(configs)
+    if len(records) != len(configs):
+        parser.error(f"{len(records)} --record for {len(configs)} CONFIGs: give one for each")
+    with ExitStack() as sockets:
+        try:
+            autopilots = [
+                _boot(config, record, options.keep, sockets)
+                for config, record in zip(configs, records, strict=True)
+            ]
+        except (ConfigError, EndpointError, SigningError) as problem:
+            print(problem, file=sys.stderr)
+            sys.exit(2)
+        except OSError as problem:
+            print(f"cannot write {problem.filename}: {problem.strerror}", file=sys.stderr)
+            sys.exit(2)
+        if options.crash_at is not None:
+            autopilots[0].crash_at = options.crash_at
+        host = Host(autopilots)
+
+        def stop() -> None:
+            host.stopping = True
+
+        on_stop(stop, options.exit_with_parent)
+        host.fly()
+    for autopilot in autopilots:
+        autopilot.finish_record()
+        if refused := autopilot.refused():
+            log(autopilot.system, f"frames dropped: {words_of(refused)}")
+        if autopilot.loss is not None:
+            log(autopilot.system, autopilot.loss)
+    sys.exit(0 if all(autopilot.loss is None for autopilot in autopilots) else 1)
+
+
+def _boot(file: Path, record: Path | None, keep: Path | None, sockets: ExitStack) -> Autopilot:
+    """Return an autopilot by its configuration file; its sockets are closed with `sockets`.
+
+    Raises:
+        ConfigError, EndpointError, SigningError: The configuration cannot be used.
+        OSError: A file cannot be made; it is named.
+    """
+    config = load(file, AutopilotConfig)
+    key_file = None
+    if config.signing_key:
+        key_file = KeyFile(config.signing_key, partial(log, config.id))
+    address = parse_address(config.formation_bind)
+    plant = sockets.enter_context(connect_udp(parse_address(config.plant)))
+    formation = sockets.enter_context(
+        bind_udp(address, f"formation link of UAV {config.id}", "change `formation_bind`")
+    )
+    gcs = sockets.enter_context(open_udp(map(parse_address, config.gcs)))
     for at in (address, UdpAddress(*gcs.getsockname())):
         if not is_loopback(at):
             log(config.id, exposed(at, bool(config.signing_key)))
-    try:
-        autopilot = Autopilot(config, plant, formation, gcs, options.record, key_file, options.keep)
-    except (EndpointError, SigningError) as problem:
-        print(problem, file=sys.stderr)
-        sys.exit(2)
-    except OSError as problem:
-        print(f"cannot write {problem.filename}: {problem.strerror}", file=sys.stderr)
-        sys.exit(2)
-    if options.crash_at is not None:
-        autopilot.crash_at = options.crash_at
-
-    def stop() -> None:
-        autopilot.stopping = True
-
-    on_stop(stop, options.exit_with_parent)
-    with plant, formation, gcs:
-        loss = autopilot.fly()
-    loss = autopilot.finish_record(loss)
-    if refused := autopilot.refused():
-        log(config.id, f"frames dropped: {words_of(refused)}")
-    if loss is not None:
-        log(config.id, loss)
-    sys.exit(0 if loss is None else 1)
+    return Autopilot(config, plant, formation, gcs, record, key_file, keep)

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ftc_autopilot import link as autopilot_link
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
 from ftc_autopilot.guidance.path import Leg, locate, path_record, point_at
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.kept_state import keep
+from ftc_autopilot.link import new_link
+from ftc_autopilot.loop import Loop, host, run
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
@@ -31,11 +32,11 @@ def warm_up_with(config_file: Path) -> None:
 def call_everything(config: AutopilotConfig) -> None:
     """Make every message, and let the compiled loop wait for a state that does not come."""
     controllers = new_controllers([config])
-    link = autopilot_link.new_link(config.id, config.neighbours, config.step_us, 1.0, 1)
+    link = new_link(config.id, config.neighbours, config.step_us, 1.0, 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         set_receive_timeout(sock, 1e-3)
         fd = sock.fileno()
-        autopilot_link.run(fd, fd, fd, link, controllers, 0.0, 0)
+        run(host([Loop(link, controllers)], [(fd, fd, fd)]))
     keep(link.kept)
     path = endless_path()
     locate(path, 0.0, 0.0, 0.0)

@@ -6,7 +6,7 @@ import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -75,6 +75,16 @@ def fly(
         typer.Option("--in-process", help="Plant and controllers in one process, without links."),
     ] = False,
     restart: RestartOption = Restart.NEVER,
+    per_process: Annotated[
+        int,
+        typer.Option(
+            "--autopilots-per-process",
+            min=1,
+            help="Host up to so many autopilots in a process. In lockstep a large fleet flies "
+            "faster in as few processes as there are cores; its messages are the same.",
+            metavar="NUMBER",
+        ),
+    ] = 1,
     free_ports: FreePortsOption = False,
     record: Annotated[
         Record,
@@ -98,8 +108,8 @@ def fly(
 ) -> None:
     """Fly a scenario to its end and record it.
 
-    Starts one plant and one autopilot process per UAV, uploads profile or mission, sets the faults,
-    starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,
+    Starts one plant and an autopilot process for each UAV, uploads profile or mission, sets the
+    faults, starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,
     flight.tlog (the GCS link), events.arrows, trajectory.arrows and flight.png; with a mission
     mission.png and mission.svg, too.
 
@@ -116,6 +126,12 @@ def fly(
         raise BadInput(text, "leave one of them out")
     if speed is not None and in_process:
         raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
+    if per_process > 1 and (in_process or speed is not None or again):
+        raise BadInput(
+            f"--autopilots-per-process is {per_process}: several share a process only in lockstep "
+            "over UDP, where a step waits for all of them, and end together",
+            "leave out --in-process, --speed or --restart, or host one in each process",
+        )
     from gcs.fleet.in_process import fly_in_steps
     from gcs.fleet.processes import check_ports
     from gcs.results.recorder import FlightRecorder, trajectory_bytes
@@ -145,8 +161,9 @@ def fly(
                     ending = fly_in_steps(loaded, recorder.add, on_progress)
                 else:
                     threading.Thread(target=_load_ahead, args=(recorder,), daemon=True).start()
+                    options = {"restart": again, "autopilots_per_process": per_process}
                     ending = _over_udp(
-                        loaded, folder, recorder.add, speed, free_ports, again, on_progress
+                        loaded, folder, recorder.add, speed, free_ports, on_progress, options
                     )
             flown = None if speed is not None or campaign is None else (campaign, row or 0)
             _report(recorder, ending, loaded, folder, console, as_json, flown)
@@ -188,8 +205,8 @@ def _over_udp(
     on_steps: Callable[["Steps"], None],
     speed: float | None,
     free_ports: bool,
-    restart: bool,
     on_progress: Callable[[float, np.ndarray], None],
+    options: dict[str, Any],
 ) -> "Ending":
     from gcs.fleet.flight import fly_over_udp
     from gcs.fleet.processes import on_free_ports
@@ -197,9 +214,7 @@ def _over_udp(
     def flown(scenario: Scenario, _hub: UdpAddress | None = None) -> "Ending":
         links = scenario.links
         warn_if_exposed(UdpAddress(links.host, links.gcs_port), links.signing_key is not None)
-        return asyncio.run(
-            fly_over_udp(scenario, folder, on_steps, speed, on_progress, restart=restart)
-        )
+        return asyncio.run(fly_over_udp(scenario, folder, on_steps, speed, on_progress, **options))
 
     return on_free_ports(scenario, flown) if free_ports else flown(scenario)
 

@@ -1,11 +1,12 @@
-"""Starting and stopping the processes of a fleet: one plant, one autopilot per UAV.
+"""Starting and stopping the processes of a fleet: one plant, one for each autopilot or for several.
 
-Each process gets a configuration file on its command line; everything else reaches it over UDP.
+Each process gets its configuration files on its command line; everything else reaches it over UDP.
 Processes run in sessions of their own, so that Ctrl-C reaches only the ground station, which
 stops them in order; they stop by themselves if it ends without doing so.
 """
 
 import contextlib
+import itertools
 import os
 import subprocess
 import sys
@@ -40,7 +41,8 @@ class _Process:
     name: str
     arguments: list[str]
     log: Path
-    address: UdpAddress  # that it binds
+    addresses: list[UdpAddress]  # that it binds
+    recordings: list[Path]
     popen: subprocess.Popen[bytes] | Forked
 
     def last_line(self) -> str:
@@ -132,6 +134,7 @@ class FleetProcesses:
         *,
         endless: bool = False,
         restart: bool = False,
+        autopilots_per_process: int = 1,
         crashes: Mapping[int, Sequence[int]] = MappingProxyType({}),
         ground_stations: Sequence[UdpAddress] = (),
         via: Mapping[str, str] = MappingProxyType({}),
@@ -145,6 +148,8 @@ class FleetProcesses:
             endless: Ignore the scenario's duration, record nothing, and wait for autopilots that
                 have fallen silent.
             restart: Start autopilots that fail again; they take up what they kept.
+            autopilots_per_process: The most autopilots that one process hosts; more than 1 only in
+                lockstep and without `restart`.
             crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
             ground_stations: Addresses that autopilots send to besides the scenario's GCS port.
             via: Relays to send through, as of `gcs.fleet.relays`.
@@ -155,6 +160,7 @@ class FleetProcesses:
         self._folder = folder
         self._endless = endless
         self._restart = restart
+        self._per_process = autopilots_per_process
         self._crashes = {f"uav{uav}": list(steps) for uav, steps in crashes.items()}
         self._restarts = Restarts()
         self._restarted: list[str] = []
@@ -169,14 +175,21 @@ class FleetProcesses:
         self._folder.mkdir(parents=True, exist_ok=True)
         self._configure()
         try:
-            self._start(_PLANT, scenario.links.plant_port)
-            for uav in scenario.uavs:
-                port = scenario.links.formation_base_port + uav.id
-                self._start(f"uav{uav.id}", port, *self._options(uav.id))
+            self._start([_PLANT], [scenario.links.plant_port])
+            for uavs in self._hosted():
+                ports = [scenario.links.formation_base_port + uav for uav in uavs]
+                self._start([f"uav{uav}" for uav in uavs], ports, *self._options(uavs[0]))
         except BaseException:
             self.stop()
             raise
         return self
+
+    def _hosted(self) -> list[list[int]]:
+        """Return the UAVs of each autopilot process, as many in one as in another."""
+        ids = [uav.id for uav in self._scenario.uavs]
+        count = -(-len(ids) // self._per_process)
+        ends = [k * len(ids) // count for k in range(count + 1)]
+        return [ids[begin:end] for begin, end in itertools.pairwise(ends)]
 
     def _options(self, uav: int) -> list[str]:
         """Return the options of an autopilot beside those of every process."""
@@ -196,7 +209,7 @@ class FleetProcesses:
         self.stop()
 
     def recording_of(self, name: str) -> Path:
-        """Return the folder in which a process ("plant", "uav3") records."""
+        """Return the folder for the recording of the plant ("plant") or a UAV ("uav3")."""
         return self._folder / name
 
     @property
@@ -222,11 +235,12 @@ class FleetProcesses:
             status = process.popen.poll()
             if status == BadInput.exit_status:
                 try:
-                    bind_udp(process.address, process.name).close()
+                    for address in process.addresses:
+                        bind_udp(address, process.name).close()
                 except PortTaken:
                     raise PortInUse(process.last_line()) from None
                 raise BadInput(process.last_line())
-            if status and SpoolReader(self.recording_of(process.name)).facts is None:
+            if status and any(SpoolReader(path).facts is None for path in process.recordings):
                 if process.name == _PLANT or not self._restart:
                     raise FlightLost(f"{process.name}: {process.last_line()}")
                 self._start_again(process)
@@ -283,14 +297,18 @@ class FleetProcesses:
                 changes["silence_timeout_s"] = _SUPERVISED_SILENCE_S
             dump(config.model_copy(update=changes), self._folder / f"uav{uav.id}.yaml")
 
-    def _start(self, name: str, port: int, *options: str) -> None:
-        config, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
-        record = [] if self._endless else ["--record", str(self.recording_of(name))]
-        arguments = [str(config), *record, *options]
+    def _start(self, parts: Sequence[str], ports: Sequence[int], *options: str) -> None:
+        """Start the process of the plant or of autopilots, which bind `ports`."""
+        name = parts[0] if len(parts) == 1 else f"{parts[0]}-{parts[-1]}"
+        log, recordings = self._folder / f"{name}.log", list(map(self.recording_of, parts))
+        configs = [str(self._folder / f"{part}.yaml") for part in parts]
+        arguments = [*configs, *options]
+        if not self._endless:
+            arguments += itertools.chain(*(("--record", str(path)) for path in recordings))
         log.write_bytes(b"")
-        address = UdpAddress(self._scenario.links.host, port)
+        addresses = [UdpAddress(self._scenario.links.host, port) for port in ports]
         popen = self._launched(name, arguments, log)
-        self._processes.append(_Process(name, arguments, log, address, popen))
+        self._processes.append(_Process(name, arguments, log, addresses, recordings, popen))
 
     def _start_again(self, process: _Process) -> None:
         """Start a dead autopilot again when its pause is over.

@@ -29,12 +29,14 @@ __all__ = [
     "ADDRESS_SIZE",
     "POLLED",
     "READABLE",
+    "SPIN_S",
+    "let_others_run",
     "monotonic_s",
     "receive",
     "receive_from",
     "receive_from_now",
     "receive_from_soon",
-    "receive_soon",
+    "receive_now",
     "same_address",
     "send",
     "send_to",
@@ -53,7 +55,7 @@ READABLE = int(select.POLLIN)
 _MONOTONIC, _UNIX = int(time.CLOCK_MONOTONIC), int(time.CLOCK_REALTIME)
 _NOW = int(socket.MSG_DONTWAIT)
 _LOOK = _NOW | int(socket.MSG_PEEK)
-_SPIN_S = 1e-4
+SPIN_S = 1e-4
 """Longest wait that keeps the processor, offered to others [s].
 
 By the clock, not by turns: with many processes a turn takes as long as all of theirs.
@@ -102,22 +104,15 @@ def receive(fd: int, buffer: np.ndarray) -> int:
 
 
 @compiled
-def receive_soon(fd: int, buffer: np.ndarray) -> int:
-    """Take one datagram that is expected within microseconds; otherwise as `receive`.
+def receive_now(fd: int, buffer: np.ndarray) -> int:
+    """Take one datagram if one is there; otherwise as `receive`."""
+    return _recv(fd, buffer.ctypes.data, buffer.size, _NOW)
 
-    The processor is offered to others, but does not fall asleep, for the first moments:
-    waking it again would take longer than all the work of a lockstep step.
-    """
-    length = _recv(fd, buffer.ctypes.data, buffer.size, _NOW)
-    if length >= 0:
-        return length
-    end_s = monotonic_s() + _SPIN_S
-    while monotonic_s() < end_s:
-        _sched_yield()
-        length = _recv(fd, buffer.ctypes.data, buffer.size, _NOW)
-        if length >= 0:
-            return length
-    return _recv(fd, buffer.ctypes.data, buffer.size, 0)
+
+@compiled
+def let_others_run() -> None:
+    """Offer the processor to other processes, without sleeping."""
+    _sched_yield()
 
 
 @compiled
@@ -137,12 +132,16 @@ def receive_from(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
 
 @compiled
 def receive_from_soon(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
-    """Take one datagram and its sender, expected within microseconds; see `receive_soon`."""
+    """Take one datagram and its sender that are expected within microseconds.
+
+    The processor is offered to others, but does not fall asleep, for the first moments:
+    waking it again would take longer than all the work of a lockstep step. Then as `receive_from`.
+    """
     size = np.full(1, ADDRESS_SIZE, np.uint32)
     length = _receive_from(fd, buffer, address, size, _NOW)
     if length >= 0:
         return length
-    end_s = monotonic_s() + _SPIN_S
+    end_s = monotonic_s() + SPIN_S
     while monotonic_s() < end_s:
         _sched_yield()
         length = _receive_from(fd, buffer, address, size, _NOW)

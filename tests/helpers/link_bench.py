@@ -8,7 +8,8 @@ import numpy as np
 
 from ftc_autopilot.control.controllers import Source, new_controllers
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.link import new_link, run
+from ftc_autopilot.link import new_link
+from ftc_autopilot.loop import Loop, host, run
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import set_receive_timeout
@@ -56,7 +57,19 @@ class Rig:
         run: int = 7,
         silent: tuple[int, ...] = (),
     ) -> Outcome:
-        """Send a state; by default the plant has applied all that it was sent."""
+        """Send a state and answer it; by default the plant has applied all that it was sent."""
+        self.send_state(step, flags, applied_usec, run, silent)
+        return self.run()
+
+    def send_state(
+        self,
+        step: int,
+        flags: int = LOCKSTEP,
+        applied_usec: int | None = None,
+        run: int = 7,
+        silent: tuple[int, ...] = (),
+    ) -> None:
+        """Send a state, as `state` does."""
         flown = self.controllers.states[0]["steps"] > 0
         sent = int(self.controllers.actuators[0]["time_usec"]) if flown else -1
         state = np.zeros(1, codec.SIM_STATE)
@@ -70,12 +83,14 @@ class Rig:
         datagram = codec.new_buffer()
         length = codec.pack(datagram, state, codec.MessageId.SIM_STATE, UAV, 25, step)
         self.plant.sendto(datagram[:length].tobytes(), self.own.getsockname())
-        return self.run()
 
     def run(self, until_s: float | None = None) -> Outcome:
         fds = self.own.fileno(), self.formation.fileno(), self.gcs.fileno()
         until_s = time.monotonic() if until_s is None else until_s
-        return run(*fds, self.link, self.controllers, until_s, 2**62)
+        hosted = host([Loop(self.link, self.controllers)], [fds])
+        hosted.state["until_s"], hosted.state["until_step"] = until_s, 2**62
+        run(hosted)
+        return Outcome(hosted.state[0]["outcome"])
 
     def no_more_events(self) -> None:
         thresholds = self.controllers.parameters["trigger"]

@@ -35,7 +35,7 @@ def wait_s(autopilot: Autopilot, simulated_s: float) -> float:
     autopilot._hot.measured["time_usec"] += round(simulated_s * 1e6)
     autopilot._handle_messages()
     before_s = time.monotonic()
-    return autopilot._until() - before_s
+    return autopilot.until_s() - before_s
 
 
 def test_a_flight_as_fast_as_the_clock_turns_when_telemetry_is_due(autopilot: Autopilot) -> None:

@@ -1,0 +1,42 @@
+"""The autopilots of one process: the compiled loop, and each one's services when it asks."""
+
+from collections.abc import Sequence
+
+from ftc_autopilot.autopilot import Autopilot
+from ftc_autopilot.loop import host, run
+from mavlink_defs.framing.hot_link import Outcome
+
+__all__ = ["Host"]
+
+
+class Host:
+    """Flies one autopilot, or in lockstep several."""
+
+    def __init__(self, autopilots: Sequence[Autopilot]) -> None:
+        """Host autopilots that have booted; at least one."""
+        self._autopilots = autopilots
+        self.stopping = False
+
+    def fly(self) -> None:
+        """Serve all links until the simulation is over, or `stopping` is set."""
+        flying = list(self._autopilots)
+        while flying and not self.stopping:
+            self._fly_until_one_ends(flying)
+            flying = [autopilot for autopilot in flying if not autopilot.is_over]
+        for autopilot in flying:
+            autopilot.stop()
+
+    def _fly_until_one_ends(self, flying: Sequence[Autopilot]) -> None:
+        hosted = host([one.loop for one in flying], [one.sockets for one in flying])
+        asking = list(enumerate(flying))
+        while not self.stopping:
+            for i, autopilot in asking:
+                hosted.state[i]["until_s"] = autopilot.until_s()
+                hosted.state[i]["until_step"] = autopilot.until_step()
+            run(hosted)
+            outcomes = hosted.state["outcome"].tolist()
+            asking = [(i, flying[i]) for i, outcome in enumerate(outcomes) if outcome]
+            for i, autopilot in asking:
+                autopilot.serve(Outcome(outcomes[i]))
+            if any(autopilot.is_over for _, autopilot in asking):
+                return

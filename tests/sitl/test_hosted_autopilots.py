@@ -1,0 +1,112 @@
+"""Several autopilots in one process: the same flight and messages, from fewer processes."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from flying import (
+    TIMEOUT_S,
+    arrays_of,
+    assert_one_message,
+    fly_well,
+    flying,
+    free_links,
+    process_of,
+    processes_of,
+    run,
+    scenario_tree,
+    standing,
+    write_scenario,
+)
+
+from gcs.scenario.model import Scenario
+
+pytestmark = pytest.mark.sitl
+
+
+def ten(folder: Path) -> Path:
+    """Write a scenario of a leader with nine followers, in turbulence."""
+    wind = {"turbulence": "moderate"}
+    tree = scenario_tree(duration_s=0.3, faults=[], wind=wind, links=free_links())
+    uav = tree["uavs"][2]
+    tree["uavs"] += [{**uav, "id": i, "name": f"follower {i - 1}"} for i in range(4, 11)]
+    tree["network"]["edges"] += [{"between": [1, i], "weight": 1.0} for i in range(4, 11)]
+    return write_scenario(folder, tree)
+
+
+@pytest.mark.parametrize(
+    ("most", "logs"),
+    [
+        ("4", ["uav1-uav3.log", "uav4-uav6.log", "uav7-uav10.log"]),
+        ("20", ["uav1-uav10.log"]),
+    ],
+)
+def test_a_flight_of_fewer_processes_is_the_same(
+    tmp_path: Path, most: str, logs: list[str]
+) -> None:
+    scenario = ten(tmp_path)
+    hosted, in_process = tmp_path / "hosted", tmp_path / "in_process"
+    options = ("--quiet", "--record=npz", "--out")
+    fly_well(scenario, f"--autopilots-per-process={most}", "--free-ports", *options, hosted)
+    fly_well(scenario, "--in-process", *options, in_process)
+    for name in ("events.npz", "trajectory.npz"):
+        flown, expected = arrays_of(hosted / name), arrays_of(in_process / name)
+        assert flown.keys() == expected.keys()
+        for key, array in flown.items():
+            assert array.tobytes() == expected[key].tobytes(), key
+    written = {path.name for path in (hosted / "processes").glob("*.log")}
+    assert written == {"plant.log", *logs}
+
+
+def test_signed_messages_through_relays_are_counted_as_with_a_process_each(tmp_path: Path) -> None:
+    assert run("gcs", "key", tmp_path / "key").returncode == 0
+    relays = {"impairments": {"plant": {}, "formation": {}}, "signing_key": str(tmp_path / "key")}
+    scenario = write_scenario(tmp_path, duration_s=0.5, links=free_links() | relays)
+    counts = []
+    for most in ("1", "3"):
+        folder = tmp_path / most
+        fly_well(scenario, f"--autopilots-per-process={most}", "--quiet", "--out", folder)
+        summary = json.loads((folder / "summary.json").read_text())
+        told = [uav["neighbour_messages"] for uav in summary["uavs"]]
+        assert told == [998, 499, 499]
+        counts.append([(uav["link_bytes"], uav["channels"]) for uav in summary["uavs"]])
+    assert counts[0] == counts[1]
+
+
+def test_when_a_process_dies_the_flight_is_lost_and_says_whose(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, duration_s=2000.0)
+    folder = tmp_path / "run"
+    with flying(folder, scenario, "--autopilots-per-process=2", "--record=none") as popen:
+        os.kill(process_of(folder, "uav2"), signal.SIGKILL)
+        _, words = popen.communicate(timeout=TIMEOUT_S)
+    assert popen.returncode == 1
+    assert "uav2-uav3: ended by signal 9" in words
+
+
+def test_all_autopilots_of_a_process_stop_when_it_is_told_to(
+    scenario1: Scenario, tmp_path: Path
+) -> None:
+    with standing(scenario1, tmp_path, speed=None, autopilots_per_process=3):
+        assert len(processes_of(tmp_path)) == 2
+    assert (tmp_path / "uav1-uav3.log").read_text() == ""
+
+
+@pytest.mark.parametrize(
+    "others", [["--in-process"], ["--speed", "1"], ["--restart", "on-failure"]]
+)
+def test_only_lockstep_over_udp_can_share_processes(tmp_path: Path, others: list[str]) -> None:
+    options = ("--autopilots-per-process", "2", "--out", tmp_path / "run")
+    done = run("gcs", "fly", "paper/scenario1", *others, *options)
+    assert done.returncode == 2
+    assert_one_message(done.stderr)
+    assert "--autopilots-per-process is 2" in done.stderr
+    assert not (tmp_path / "run").exists()
+
+
+def test_none_in_a_process_is_refused(tmp_path: Path) -> None:
+    options = ("--autopilots-per-process", "0", "--out", tmp_path / "run")
+    done = run("gcs", "fly", "paper/scenario1", *options)
+    assert done.returncode == 2
+    assert "--autopilots-per-process" in done.stderr
