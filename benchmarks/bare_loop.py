@@ -1,10 +1,10 @@
 """The lockstep traffic of a fleet with nothing behind it: what sockets and scheduler allow.
 
-One process plays the plant and one each autopilot, with the socket calls and the ways to wait of
-the product. Every step has the datagrams of a flight, of the same sizes: a state to each autopilot,
-one from each to its neighbours (a star around the first), an actuator message from those with an
-event, FTC_STEP_DONE from each. They are not packed, checked or understood, and there is no physics,
-control or telemetry.
+One process plays the plant and one each autopilot, or several as with `--autopilots-per-process`,
+with the socket calls and the ways to wait of the product. Every step has the datagrams of a flight,
+of the same sizes: a state to each autopilot, one from each to its neighbours (a star around the
+first), an actuator message from those with an event, FTC_STEP_DONE from each. They are not packed,
+checked or understood, and there is no physics, control or telemetry.
 
 ``python -m benchmarks.bare_loop --plant-us 9 --autopilot-us 6`` prints the time of a step with and
 without work of such a length in each process, which is that of a flight's compiled code.
@@ -25,11 +25,16 @@ from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
+    POLLED,
+    READABLE,
+    SPIN_S,
+    let_others_run,
     monotonic_s,
     receive_from_soon,
-    receive_soon,
+    receive_now,
     send,
     send_to,
+    wait_for_any,
 )
 
 __all__ = ["bare_us_per_step"]
@@ -44,7 +49,12 @@ _ANY = UdpAddress("127.0.0.1", 0)
 
 
 def bare_us_per_step(
-    uavs: int, steps: int, events: float, plant_s: float = 0.0, autopilot_s: float = 0.0
+    uavs: int,
+    steps: int,
+    events: float,
+    plant_s: float = 0.0,
+    autopilot_s: float = 0.0,
+    per_process: int = 1,
 ) -> float:
     """Return the time of a step [µs], the mean of `steps`.
 
@@ -54,6 +64,7 @@ def bare_us_per_step(
         events: Actuator messages of each autopilot and step, 0 to 1.
         plant_s: Work of the plant in each step [s].
         autopilot_s: Work of each autopilot in each step [s].
+        per_process: Autopilots in a process.
 
     Raises:
         RuntimeError: A datagram was lost.
@@ -65,15 +76,19 @@ def bare_us_per_step(
     for sock in sockets:
         set_receive_timeout(sock, _TIMEOUT_S)
     ports, back = _addresses(formation), _addresses(autopilots)
+    fds = np.array([[sock.fileno() for sock in side] for side in (autopilots, formation)]).T
+    neighbours = np.zeros((uavs, max(uavs - 1, 1), ADDRESS_SIZE), np.uint8)
+    neighbours[0, : uavs - 1], neighbours[1:, 0] = ports[1:], ports[0]
+    counts = np.minimum(np.arange(uavs), 1)  # of neighbours
+    counts[0] = uavs - 1
     plant_loop(plant.fileno(), back[:0], 1, 0.0)  # compile both before the fork
-    autopilot_loop(plant.fileno(), plant.fileno(), ports[:0], 0, 0.0, 0.0)
+    autopilots_loop(fds, neighbours, counts, 0, 0.0, 0.0)
     children = []
     try:
-        for i in range(uavs):
-            neighbours = ports[1:] if i == 0 else ports[:1]
+        for i in range(0, uavs, per_process):
+            own = slice(i, i + per_process)
             if (pid := os.fork()) == 0:
-                fds = autopilots[i].fileno(), formation[i].fileno()
-                autopilot_loop(*fds, neighbours, steps, events, autopilot_s)
+                autopilots_loop(fds[own], neighbours[own], counts[own], steps, events, autopilot_s)
                 os._exit(0)
             children.append(pid)
         begin = time.perf_counter()
@@ -122,23 +137,44 @@ def plant_loop(fd: int, autopilots: np.ndarray, steps: int, work_s: float) -> in
 
 
 @compiled
-def autopilot_loop(
-    fd: int, formation_fd: int, neighbours: np.ndarray, steps: int, events: float, work_s: float
+def autopilots_loop(
+    fds: np.ndarray,
+    neighbours: np.ndarray,
+    counts: np.ndarray,
+    steps: int,
+    events: float,
+    work_s: float,
 ) -> None:
     datagram, sender = np.zeros(codec.BUFFER_SIZE, np.uint8), np.zeros(ADDRESS_SIZE, np.uint8)
-    for step in range(steps):
-        if receive_soon(fd, datagram) < 0:
-            return
-        if step > 0:
-            for _ in range(len(neighbours)):
-                receive_from_soon(formation_fd, datagram, sender)
-        if work_s > 0.0:
-            work(work_s)
-        for d in range(len(neighbours)):
-            send_to(formation_fd, datagram, _NEIGHBOUR, neighbours[d])
-        if int((step + 1) * events) > int(step * events):
-            send(fd, datagram, _ACTUATORS)
-        send(fd, datagram, _DONE)
+    polled, made = np.zeros(len(fds), POLLED), np.zeros(len(fds), np.int64)
+    for i in range(len(fds)):
+        polled[i]["fd"], polled[i]["events"] = fds[i, 0], READABLE
+    spin_until_s = monotonic_s() + SPIN_S
+    while made.min() < steps:
+        heard = False
+        for i in range(len(fds)):
+            fd, formation_fd = fds[i]
+            if receive_now(fd, datagram) < 0:
+                continue
+            heard, step = True, made[i]
+            made[i] += 1
+            if step > 0:
+                for _ in range(counts[i]):
+                    receive_from_soon(formation_fd, datagram, sender)
+            if work_s > 0.0:
+                work(work_s)
+            for d in range(counts[i]):
+                send_to(formation_fd, datagram, _NEIGHBOUR, neighbours[i, d])
+            if int((step + 1) * events) > int(step * events):
+                send(fd, datagram, _ACTUATORS)
+            send(fd, datagram, _DONE)
+        now_s = monotonic_s()
+        if heard:
+            spin_until_s = now_s + SPIN_S
+        elif now_s < spin_until_s:
+            let_others_run()
+        else:
+            wait_for_any(polled, _TIMEOUT_S)
 
 
 def main() -> None:
@@ -149,6 +185,9 @@ def main() -> None:
     parser.add_argument(
         "--events", type=float, default=0.4, help="actuator messages of a UAV a step"
     )
+    parser.add_argument(
+        "--autopilots-per-process", type=int, default=1, help="autopilots in a process"
+    )
     parser.add_argument("--rounds", type=int, default=5, help="rounds of each")
     parser.add_argument("--plant-us", type=float, default=9.0, help="work of the plant [µs]")
     parser.add_argument("--autopilot-us", type=float, default=6.0, help="of each autopilot [µs]")
@@ -158,7 +197,8 @@ def main() -> None:
     for _ in range(options.rounds):
         for times, (plant_s, autopilot_s) in zip(times_us, works, strict=True):
             size = options.uavs, options.steps, options.events
-            times.append(bare_us_per_step(*size, plant_s, autopilot_s))
+            per_process = options.autopilots_per_process
+            times.append(bare_us_per_step(*size, plant_s, autopilot_s, per_process))
     bare_us, with_work_us = map(statistics.median, times_us)
     print(
         f"{bare_us:.1f} µs a step; with work {with_work_us:.1f} µs, "

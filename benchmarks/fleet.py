@@ -1,11 +1,13 @@
 """Lockstep flights over UDP from one UAV to a hundred, beside the bare loop of the same size.
 
-``python -m benchmarks.fleet`` prints the table; ``--figure FILE`` draws the time per UAV and step,
-too. Both sides of a ratio are measured in turn, so that they see the same machine.
+Each is flown with an autopilot process per UAV and with as few as there are cores, where that
+differs. ``python -m benchmarks.fleet`` prints the table; ``--figure FILE`` draws the time per UAV
+and step, too. All that is compared is measured in turn, so that it sees the same machine.
 """
 
 import argparse
 import json
+import os
 import shutil
 import statistics
 import subprocess
@@ -32,6 +34,7 @@ class Fleet:
     """Times of a step [µs], one for each round."""
 
     uavs: int
+    per_process: int
     flights_us: list[float]
     bare_us: list[float]
 
@@ -46,17 +49,20 @@ class Fleet:
         return statistics.median(self.bare_us) / self.flight_us
 
 
-def measure(uavs: int, rounds: int = ROUNDS) -> Fleet:
-    """Measure a fleet of some size."""
-    flights_us, bare_us = [], []
+def measure(uavs: int, rounds: int = ROUNDS) -> list[Fleet]:
+    """Measure a fleet of some size, with a process for each autopilot and with fewer."""
+    hosting = sorted({1, -(-uavs // (os.cpu_count() or 1))})
+    fleets = [Fleet(uavs, per_process, [], []) for per_process in hosting]
     with tempfile.TemporaryDirectory() as folder:
         scenario = Path(folder) / "star.yaml"
         scenario.write_text(yaml.safe_dump(star(uavs, STEPS[uavs] / 1000)))
         for _ in range(rounds):
-            flight_us, events = fly(scenario)
-            flights_us.append(flight_us)
-            bare_us.append(bare_us_per_step(uavs, STEPS[uavs], events))
-    return Fleet(uavs, flights_us, bare_us)
+            for fleet in fleets:
+                flight_us, events = fly(scenario, fleet.per_process)
+                bare_us = bare_us_per_step(uavs, STEPS[uavs], events, per_process=fleet.per_process)
+                fleet.flights_us.append(flight_us)
+                fleet.bare_us.append(bare_us)
+    return fleets
 
 
 def star(uavs: int, duration_s: float) -> dict[str, Any]:
@@ -76,10 +82,11 @@ def star(uavs: int, duration_s: float) -> dict[str, Any]:
     return tree
 
 
-def fly(scenario: Path) -> tuple[float, float]:
+def fly(scenario: Path, per_process: int) -> tuple[float, float]:
     """Fly once; return the wall time of a step [µs] and a UAV's actuator messages in one."""
     folder = scenario.with_name("run")
     command = ["fly", str(scenario), "--json", "--free-ports", "--out", str(folder)]
+    command += ["--autopilots-per-process", str(per_process)]
     output = subprocess.run(gcs(*command), check=True, stdout=subprocess.PIPE).stdout
     shutil.rmtree(folder)
     summary = json.loads(output)
@@ -95,18 +102,19 @@ def gcs(*arguments: str) -> list[str]:
 
 def print_table(fleets: list[Fleet]) -> None:
     """Print a row for each fleet."""
-    head = ("UAVs", "µs/step", "real time", "bare loop", "share of it", "µs per UAV-step")
-    print("".join(f"{title:>17}" for title in head))
+    head = ("UAVs", "in a process", "µs/step", "real time", "bare loop", "share", "µs per UAV-step")
+    print("".join(f"{title:>15}" for title in head))
     for fleet in fleets:
         row = (
             f"{fleet.uavs}",
+            f"{fleet.per_process}",
             f"{fleet.flight_us:.1f}",
             f"{1000 / fleet.flight_us:.2f}×",
             f"{1000 / statistics.median(fleet.bare_us):.2f}×",
             f"{fleet.ratio:.2f}",
             f"{fleet.flight_us / fleet.uavs:.1f}",
         )
-        print("".join(f"{cell:>17}" for cell in row))
+        print("".join(f"{cell:>15}" for cell in row))
 
 
 def draw(fleets: list[Fleet], file: Path) -> None:
@@ -115,13 +123,18 @@ def draw(fleets: list[Fleet], file: Path) -> None:
 
     figure = new_figure(3.0)
     axes = figure.add_subplot()
-    sizes = [fleet.uavs for fleet in fleets]
-    curves = {
-        "flight": [fleet.flight_us / fleet.uavs for fleet in fleets],
-        "bare loop": [statistics.median(fleet.bare_us) / fleet.uavs for fleet in fleets],
+    sizes = sorted({fleet.uavs for fleet in fleets})
+    fewest = {fleet.uavs: fleet for fleet in fleets}  # processes: these stand last
+    hosting = {
+        "a process each": [fleet for fleet in fleets if fleet.per_process == 1],
+        "as few processes as cores": [fewest[size] for size in sizes],
     }
-    for i, (name, values) in enumerate(curves.items()):
-        axes.plot(sizes, values, marker="o", label=name, color=style(i).colour)
+    for i, (how, flown) in enumerate(hosting.items()):
+        bare = [statistics.median(fleet.bare_us) / fleet.uavs for fleet in flown]
+        flight = [fleet.flight_us / fleet.uavs for fleet in flown]
+        colour = style(i).colour
+        axes.plot(sizes, flight, marker="o", label=f"flight, {how}", color=colour)
+        axes.plot(sizes, bare, marker="o", ls="--", label=f"bare loop, {how}", color=colour)
     axes.set(xscale="log", ylim=(0.0, None), xlabel="UAVs", ylabel="time per UAV and step [µs]")
     axes.set_xticks(sizes, [str(size) for size in sizes])
     axes.minorticks_off()
@@ -139,7 +152,7 @@ def main() -> None:
     )
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="flights of each")
     options = parser.parse_args()
-    fleets = [measure(uavs, options.rounds) for uavs in options.uavs]
+    fleets = [fleet for uavs in options.uavs for fleet in measure(uavs, options.rounds)]
     print_table(fleets)
     if options.figure is not None:
         draw(fleets, options.figure)
