@@ -1,10 +1,11 @@
 """The lockstep traffic of a fleet with nothing behind it: what sockets and scheduler allow.
 
-One process plays the plant and one each autopilot, or several as with `--autopilots-per-process`,
-with the socket calls and the ways to wait of the product. Every step has the datagrams of a flight,
-of the same sizes: a state to each autopilot, one from each to its neighbours (a star around the
-first), an actuator message from those with an event, FTC_STEP_DONE from each. They are not packed,
-checked or understood, and there is no physics, control or telemetry.
+One process plays the plant and one each autopilot, unless they share processes as with
+`--autopilot-processes`, with the socket calls and the ways to wait of the product. Every step has
+the datagrams of a flight, of the same sizes: a state to each autopilot, one from each to its
+neighbours (a star around the first), an actuator message from those with an event, FTC_STEP_DONE
+from each. They are not packed, checked or understood, and there is no physics, control or
+telemetry.
 
 ``python -m benchmarks.bare_loop --plant-us 9 --autopilot-us 6`` prints the time of a step with and
 without work of such a length in each process, which is that of a flight's compiled code.
@@ -54,7 +55,7 @@ def bare_us_per_step(
     events: float,
     plant_s: float = 0.0,
     autopilot_s: float = 0.0,
-    per_process: int = 1,
+    processes: int | None = None,
 ) -> float:
     """Return the time of a step [µs], the mean of `steps`.
 
@@ -64,7 +65,7 @@ def bare_us_per_step(
         events: Actuator messages of each autopilot and step, 0 to 1.
         plant_s: Work of the plant in each step [s].
         autopilot_s: Work of each autopilot in each step [s].
-        per_process: Autopilots in a process.
+        processes: How many the autopilots share; None: each has its own.
 
     Raises:
         RuntimeError: A datagram was lost.
@@ -76,19 +77,22 @@ def bare_us_per_step(
     for sock in sockets:
         set_receive_timeout(sock, _TIMEOUT_S)
     ports, back = _addresses(formation), _addresses(autopilots)
-    fds = np.array([[sock.fileno() for sock in side] for side in (autopilots, formation)]).T
+    fds = np.array([sock.fileno() for sock in autopilots])
+    formation_fds = np.array([sock.fileno() for sock in formation])
     neighbours = np.zeros((uavs, max(uavs - 1, 1), ADDRESS_SIZE), np.uint8)
     neighbours[0, : uavs - 1], neighbours[1:, 0] = ports[1:], ports[0]
     counts = np.minimum(np.arange(uavs), 1)  # of neighbours
     counts[0] = uavs - 1
     plant_loop(plant.fileno(), back[:0], 1, 0.0)  # compile both before the fork
-    autopilots_loop(fds, neighbours, counts, 0, 0.0, 0.0)
+    links = fds, formation_fds, neighbours, counts
+    autopilots_loop(*links, 0, 0.0, 0.0)
     children = []
     try:
-        for i in range(0, uavs, per_process):
-            own = slice(i, i + per_process)
+        for k in range(processes or uavs):
+            own = np.arange(k, uavs, processes or uavs)
             if (pid := os.fork()) == 0:
-                autopilots_loop(fds[own], neighbours[own], counts[own], steps, events, autopilot_s)
+                hosted = fds[own], formation_fds[own], neighbours[own], counts[own]
+                autopilots_loop(*hosted, steps, events, autopilot_s)
                 os._exit(0)
             children.append(pid)
         begin = time.perf_counter()
@@ -139,6 +143,7 @@ def plant_loop(fd: int, autopilots: np.ndarray, steps: int, work_s: float) -> in
 @compiled
 def autopilots_loop(
     fds: np.ndarray,
+    formation_fds: np.ndarray,
     neighbours: np.ndarray,
     counts: np.ndarray,
     steps: int,
@@ -148,12 +153,12 @@ def autopilots_loop(
     datagram, sender = np.zeros(codec.BUFFER_SIZE, np.uint8), np.zeros(ADDRESS_SIZE, np.uint8)
     polled, made = np.zeros(len(fds), POLLED), np.zeros(len(fds), np.int64)
     for i in range(len(fds)):
-        polled[i]["fd"], polled[i]["events"] = fds[i, 0], READABLE
+        polled[i]["fd"], polled[i]["events"] = fds[i], READABLE
     spin_until_s = monotonic_s() + SPIN_S
     while made.min() < steps:
         heard = False
         for i in range(len(fds)):
-            fd, formation_fd = fds[i]
+            fd, formation_fd = fds[i], formation_fds[i]
             if receive_now(fd, datagram) < 0:
                 continue
             heard, step = True, made[i]
@@ -186,7 +191,7 @@ def main() -> None:
         "--events", type=float, default=0.4, help="actuator messages of a UAV a step"
     )
     parser.add_argument(
-        "--autopilots-per-process", type=int, default=1, help="autopilots in a process"
+        "--autopilot-processes", type=int, help="processes that the autopilots share"
     )
     parser.add_argument("--rounds", type=int, default=5, help="rounds of each")
     parser.add_argument("--plant-us", type=float, default=9.0, help="work of the plant [µs]")
@@ -197,8 +202,8 @@ def main() -> None:
     for _ in range(options.rounds):
         for times, (plant_s, autopilot_s) in zip(times_us, works, strict=True):
             size = options.uavs, options.steps, options.events
-            per_process = options.autopilots_per_process
-            times.append(bare_us_per_step(*size, plant_s, autopilot_s, per_process))
+            processes = options.autopilot_processes
+            times.append(bare_us_per_step(*size, plant_s, autopilot_s, processes))
     bare_us, with_work_us = map(statistics.median, times_us)
     print(
         f"{bare_us:.1f} µs a step; with work {with_work_us:.1f} µs, "

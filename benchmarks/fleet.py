@@ -34,7 +34,7 @@ class Fleet:
     """Times of a step [µs], one for each round."""
 
     uavs: int
-    per_process: int
+    processes: int
     flights_us: list[float]
     bare_us: list[float]
 
@@ -51,15 +51,15 @@ class Fleet:
 
 def measure(uavs: int, rounds: int = ROUNDS) -> list[Fleet]:
     """Measure a fleet of some size, with a process for each autopilot and with fewer."""
-    hosting = sorted({1, -(-uavs // (os.cpu_count() or 1))})
-    fleets = [Fleet(uavs, per_process, [], []) for per_process in hosting]
+    numbers = sorted({uavs, min(uavs, os.cpu_count() or 1)}, reverse=True)
+    fleets = [Fleet(uavs, processes, [], []) for processes in numbers]
     with tempfile.TemporaryDirectory() as folder:
         scenario = Path(folder) / "star.yaml"
         scenario.write_text(yaml.safe_dump(star(uavs, STEPS[uavs] / 1000)))
         for _ in range(rounds):
             for fleet in fleets:
-                flight_us, events = fly(scenario, fleet.per_process)
-                bare_us = bare_us_per_step(uavs, STEPS[uavs], events, per_process=fleet.per_process)
+                flight_us, events = fly(scenario, fleet.processes)
+                bare_us = bare_us_per_step(uavs, STEPS[uavs], events, processes=fleet.processes)
                 fleet.flights_us.append(flight_us)
                 fleet.bare_us.append(bare_us)
     return fleets
@@ -82,11 +82,11 @@ def star(uavs: int, duration_s: float) -> dict[str, Any]:
     return tree
 
 
-def fly(scenario: Path, per_process: int) -> tuple[float, float]:
+def fly(scenario: Path, processes: int) -> tuple[float, float]:
     """Fly once; return the wall time of a step [µs] and a UAV's actuator messages in one."""
     folder = scenario.with_name("run")
     command = ["fly", str(scenario), "--json", "--free-ports", "--out", str(folder)]
-    command += ["--autopilots-per-process", str(per_process)]
+    command += ["--autopilot-processes", str(processes)]
     output = subprocess.run(gcs(*command), check=True, stdout=subprocess.PIPE).stdout
     shutil.rmtree(folder)
     summary = json.loads(output)
@@ -102,12 +102,12 @@ def gcs(*arguments: str) -> list[str]:
 
 def print_table(fleets: list[Fleet]) -> None:
     """Print a row for each fleet."""
-    head = ("UAVs", "in a process", "µs/step", "real time", "bare loop", "share", "µs per UAV-step")
+    head = ("UAVs", "processes", "µs/step", "real time", "bare loop", "share", "µs per UAV-step")
     print("".join(f"{title:>15}" for title in head))
     for fleet in fleets:
         row = (
             f"{fleet.uavs}",
-            f"{fleet.per_process}",
+            f"{fleet.processes}",
             f"{fleet.flight_us:.1f}",
             f"{1000 / fleet.flight_us:.2f}×",
             f"{1000 / statistics.median(fleet.bare_us):.2f}×",
@@ -126,7 +126,7 @@ def draw(fleets: list[Fleet], file: Path) -> None:
     sizes = sorted({fleet.uavs for fleet in fleets})
     fewest = {fleet.uavs: fleet for fleet in fleets}  # processes: these stand last
     hosting = {
-        "a process each": [fleet for fleet in fleets if fleet.per_process == 1],
+        "a process each": [fleet for fleet in fleets if fleet.processes == fleet.uavs],
         "as few processes as cores": [fewest[size] for size in sizes],
     }
     for i, (how, flown) in enumerate(hosting.items()):

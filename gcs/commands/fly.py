@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 __all__ = ["EPILOG", "fly"]
 
 _LARGE = 100e6  # bytes of a recording that are worth a word
+_MANY = 4  # autopilots for each core that are worth another
 
 EPILOG = """
 Examples:
@@ -75,16 +77,16 @@ def fly(
         typer.Option("--in-process", help="Plant and controllers in one process, without links."),
     ] = False,
     restart: RestartOption = Restart.NEVER,
-    per_process: Annotated[
-        int,
+    processes: Annotated[
+        int | None,
         typer.Option(
-            "--autopilots-per-process",
+            "--autopilot-processes",
             min=1,
-            help="Host up to so many autopilots in a process. In lockstep a large fleet flies "
-            "faster in as few processes as there are cores; its messages are the same.",
+            help="Autopilots share so many processes, instead of one each. In lockstep a large "
+            "fleet flies faster in as many as there are cores; its messages are the same.",
             metavar="NUMBER",
         ),
-    ] = 1,
+    ] = None,
     free_ports: FreePortsOption = False,
     record: Annotated[
         Record,
@@ -126,11 +128,11 @@ def fly(
         raise BadInput(text, "leave one of them out")
     if speed is not None and in_process:
         raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
-    if per_process > 1 and (in_process or speed is not None or again):
+    if processes is not None and (in_process or speed is not None or again):
         raise BadInput(
-            f"--autopilots-per-process is {per_process}: several share a process only in lockstep "
+            f"--autopilot-processes is {processes}: autopilots share processes only in lockstep "
             "over UDP, where a step waits for all of them, and end together",
-            "leave out --in-process, --speed or --restart, or host one in each process",
+            "leave it out, or --in-process, --speed or --restart",
         )
     from gcs.fleet.in_process import fly_in_steps
     from gcs.fleet.processes import check_ports
@@ -155,13 +157,15 @@ def fly(
             console.print(f"recording the trajectory takes up to {size / 1e6:.0f} MB")
         with contextlib.closing(recorder):
             warm_up(loaded, console)
+            if not in_process and speed is None and not again and processes is None:
+                _tell_faster_way(len(loaded.uavs), console)
             with flight_progress(loaded, console) as on_progress:
                 if in_process:
                     recorder.load_code()
                     ending = fly_in_steps(loaded, recorder.add, on_progress)
                 else:
                     threading.Thread(target=_load_ahead, args=(recorder,), daemon=True).start()
-                    options = {"restart": again, "autopilots_per_process": per_process}
+                    options = {"restart": again, "autopilot_processes": processes}
                     ending = _over_udp(
                         loaded, folder, recorder.add, speed, free_ports, on_progress, options
                     )
@@ -172,6 +176,17 @@ def fly(
     except FlightLost as problem:
         problem.hint = f"what was recorded is in {folder}"
         raise
+
+
+def _tell_faster_way(uavs: int, console: Console) -> None:
+    """Tell how a large fleet flies faster than with a process for each autopilot."""
+    cores = os.cpu_count() or 1
+    if uavs >= _MANY * cores:
+        console.print(
+            f"{uavs} autopilots share {cores} cores: they fly faster with "
+            f"--autopilot-processes {cores}",
+            highlight=False,
+        )
 
 
 def _of_campaign(

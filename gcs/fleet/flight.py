@@ -49,7 +49,7 @@ async def fly_over_udp(
     on_progress: Callable[[float, np.ndarray], None] | None = None,
     *,
     restart: bool = False,
-    autopilots_per_process: int = 1,
+    autopilot_processes: int | None = None,
     crashes: Mapping[int, Sequence[int]] = MappingProxyType({}),
 ) -> Ending:
     """Fly a scenario with one plant process and one for each autopilot, or for several.
@@ -63,7 +63,7 @@ async def fly_over_udp(
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
         restart: Start autopilots that fail again; they take up what they kept.
-        autopilots_per_process: As of `FleetProcesses`.
+        autopilot_processes: As of `FleetProcesses`.
         crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
 
     Raises:
@@ -98,7 +98,7 @@ async def fly_over_udp(
                 speed,
                 folder / "processes",
                 restart=restart,
-                autopilots_per_process=autopilots_per_process,
+                autopilot_processes=autopilot_processes,
                 crashes=crashes,
                 via=relay.via,
             ) as fleet:

@@ -134,7 +134,7 @@ class FleetProcesses:
         *,
         endless: bool = False,
         restart: bool = False,
-        autopilots_per_process: int = 1,
+        autopilot_processes: int | None = None,
         crashes: Mapping[int, Sequence[int]] = MappingProxyType({}),
         ground_stations: Sequence[UdpAddress] = (),
         via: Mapping[str, str] = MappingProxyType({}),
@@ -148,8 +148,8 @@ class FleetProcesses:
             endless: Ignore the scenario's duration, record nothing, and wait for autopilots that
                 have fallen silent.
             restart: Start autopilots that fail again; they take up what they kept.
-            autopilots_per_process: The most autopilots that one process hosts; more than 1 only in
-                lockstep and without `restart`.
+            autopilot_processes: How many processes the autopilots share, only in lockstep and
+                without `restart`; None: each has its own.
             crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
             ground_stations: Addresses that autopilots send to besides the scenario's GCS port.
             via: Relays to send through, as of `gcs.fleet.relays`.
@@ -160,7 +160,7 @@ class FleetProcesses:
         self._folder = folder
         self._endless = endless
         self._restart = restart
-        self._per_process = autopilots_per_process
+        self._autopilot_processes = autopilot_processes
         self._crashes = {f"uav{uav}": list(steps) for uav, steps in crashes.items()}
         self._restarts = Restarts()
         self._restarted: list[str] = []
@@ -187,7 +187,7 @@ class FleetProcesses:
     def _hosted(self) -> list[list[int]]:
         """Return the UAVs of each autopilot process, as many in one as in another."""
         ids = [uav.id for uav in self._scenario.uavs]
-        count = -(-len(ids) // self._per_process)
+        count = min(self._autopilot_processes or len(ids), len(ids))
         ends = [k * len(ids) // count for k in range(count + 1)]
         return [ids[begin:end] for begin, end in itertools.pairwise(ends)]
 

@@ -37,19 +37,19 @@ def ten(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("most", "logs"),
+    ("processes", "logs"),
     [
-        ("4", ["uav1-uav3.log", "uav4-uav6.log", "uav7-uav10.log"]),
-        ("20", ["uav1-uav10.log"]),
+        ("3", ["uav1-uav3.log", "uav4-uav6.log", "uav7-uav10.log"]),
+        ("1", ["uav1-uav10.log"]),
     ],
 )
 def test_a_flight_of_fewer_processes_is_the_same(
-    tmp_path: Path, most: str, logs: list[str]
+    tmp_path: Path, processes: str, logs: list[str]
 ) -> None:
     scenario = ten(tmp_path)
     hosted, in_process = tmp_path / "hosted", tmp_path / "in_process"
     options = ("--quiet", "--record=npz", "--out")
-    fly_well(scenario, f"--autopilots-per-process={most}", "--free-ports", *options, hosted)
+    fly_well(scenario, f"--autopilot-processes={processes}", "--free-ports", *options, hosted)
     fly_well(scenario, "--in-process", *options, in_process)
     for name in ("events.npz", "trajectory.npz"):
         flown, expected = arrays_of(hosted / name), arrays_of(in_process / name)
@@ -65,9 +65,9 @@ def test_signed_messages_through_relays_are_counted_as_with_a_process_each(tmp_p
     relays = {"impairments": {"plant": {}, "formation": {}}, "signing_key": str(tmp_path / "key")}
     scenario = write_scenario(tmp_path, duration_s=0.5, links=free_links() | relays)
     counts = []
-    for most in ("1", "3"):
-        folder = tmp_path / most
-        fly_well(scenario, f"--autopilots-per-process={most}", "--quiet", "--out", folder)
+    for processes in ("1", "4"):  # of three
+        folder = tmp_path / processes
+        fly_well(scenario, f"--autopilot-processes={processes}", "--quiet", "--out", folder)
         summary = json.loads((folder / "summary.json").read_text())
         told = [uav["neighbour_messages"] for uav in summary["uavs"]]
         assert told == [998, 499, 499]
@@ -78,7 +78,7 @@ def test_signed_messages_through_relays_are_counted_as_with_a_process_each(tmp_p
 def test_when_a_process_dies_the_flight_is_lost_and_says_whose(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path, duration_s=2000.0)
     folder = tmp_path / "run"
-    with flying(folder, scenario, "--autopilots-per-process=2", "--record=none") as popen:
+    with flying(folder, scenario, "--autopilot-processes=2", "--record=none") as popen:
         os.kill(process_of(folder, "uav2"), signal.SIGKILL)
         _, words = popen.communicate(timeout=TIMEOUT_S)
     assert popen.returncode == 1
@@ -88,7 +88,7 @@ def test_when_a_process_dies_the_flight_is_lost_and_says_whose(tmp_path: Path) -
 def test_all_autopilots_of_a_process_stop_when_it_is_told_to(
     scenario1: Scenario, tmp_path: Path
 ) -> None:
-    with standing(scenario1, tmp_path, speed=None, autopilots_per_process=3):
+    with standing(scenario1, tmp_path, speed=None, autopilot_processes=1):
         assert len(processes_of(tmp_path)) == 2
     assert (tmp_path / "uav1-uav3.log").read_text() == ""
 
@@ -97,16 +97,29 @@ def test_all_autopilots_of_a_process_stop_when_it_is_told_to(
     "others", [["--in-process"], ["--speed", "1"], ["--restart", "on-failure"]]
 )
 def test_only_lockstep_over_udp_can_share_processes(tmp_path: Path, others: list[str]) -> None:
-    options = ("--autopilots-per-process", "2", "--out", tmp_path / "run")
+    options = ("--autopilot-processes", "2", "--out", tmp_path / "run")
     done = run("gcs", "fly", "paper/scenario1", *others, *options)
     assert done.returncode == 2
     assert_one_message(done.stderr)
-    assert "--autopilots-per-process is 2" in done.stderr
+    assert "--autopilot-processes is 2" in done.stderr
     assert not (tmp_path / "run").exists()
 
 
+def test_a_large_fleet_is_told_how_it_flies_faster(tmp_path: Path) -> None:
+    cores = os.cpu_count() or 1
+    tree = scenario_tree(duration_s=0.1, faults=[], links=free_links())
+    uav, uavs = tree["uavs"][2], 4 * cores
+    tree["uavs"] += [{**uav, "id": i, "name": f"UAV {i}"} for i in range(4, uavs + 1)]
+    tree["network"]["edges"] += [{"between": [1, i], "weight": 1.0} for i in range(4, uavs + 1)]
+    scenario = write_scenario(tmp_path, tree)
+    hint = f"they fly faster with --autopilot-processes {cores}"
+    assert hint in fly_well(scenario, "--out", tmp_path / "slow").stderr.replace("\n", " ")
+    done = fly_well(scenario, f"--autopilot-processes={cores}", "--out", tmp_path / "fast")
+    assert hint not in done.stderr.replace("\n", " ")
+
+
 def test_none_in_a_process_is_refused(tmp_path: Path) -> None:
-    options = ("--autopilots-per-process", "0", "--out", tmp_path / "run")
+    options = ("--autopilot-processes", "0", "--out", tmp_path / "run")
     done = run("gcs", "fly", "paper/scenario1", *options)
     assert done.returncode == 2
-    assert "--autopilots-per-process" in done.stderr
+    assert "--autopilot-processes" in done.stderr
