@@ -102,7 +102,7 @@ def gcs(*arguments: str) -> list[str]:
 
 def print_table(fleets: list[Fleet]) -> None:
     """Print a row for each fleet."""
-    head = ("UAVs", "processes", "µs/step", "real time", "bare loop", "share", "µs per UAV-step")
+    head = ("UAVs", "processes", "µs/step", "real time", "bare loop", "share", "µs/UAV-step")
     print("".join(f"{title:>15}" for title in head))
     for fleet in fleets:
         row = (
