@@ -39,7 +39,7 @@ def test_missing_config(tmp_path: Path, program: str) -> None:
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_no_arguments_and_unknown_option(tmp_path: Path, program: str) -> None:
-    assert "config" in refused(program)
+    assert "required: config" in refused(program).lower()
     assert "--sped" in refused(program, tmp_path / "no.yaml", "--sped")
 
 
@@ -85,3 +85,13 @@ def test_recording_needs_an_end(tmp_path: Path) -> None:
     words = refused("sitl-plant", config, "--record", tmp_path / "plant.npz")
     assert "duration_s" in words
     assert not (tmp_path / "plant.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [("--record", "1 --record for 2 CONFIGs"), ("--keep", "--keep takes up the flight of one UAV")],
+)
+def test_several_autopilots_in_a_process(tmp_path: Path, option: str, words: str) -> None:
+    files = tmp_path / "uav1.yaml", tmp_path / "uav2.yaml"
+    assert words in refused("ftc-autopilot", *files, option, tmp_path / "there")
+    assert not (tmp_path / "there").exists()
