@@ -28,11 +28,11 @@ class Host:
 
     def _fly_until_one_ends(self, flying: Sequence[Autopilot]) -> None:
         hosted = host([one.loop for one in flying], [one.sockets for one in flying])
+        until_s, until_step = hosted.state["until_s"], hosted.state["until_step"]
         asking = list(enumerate(flying))
         while not self.stopping:
             for i, autopilot in asking:
-                hosted.state[i]["until_s"] = autopilot.until_s()
-                hosted.state[i]["until_step"] = autopilot.until_step()
+                until_s[i], until_step[i] = autopilot.until_s(), autopilot.until_step()
             run(hosted)
             outcomes = hosted.state["outcome"].tolist()
             asking = [(i, flying[i]) for i, outcome in enumerate(outcomes) if outcome]
