@@ -35,6 +35,15 @@ def scenario_tree(**changes: Any) -> dict[str, Any]:
     return tree | changes
 
 
+def star_tree(uavs: int, **changes: Any) -> dict[str, Any]:
+    """Scenario 1 without its fault and with more followers of the leader, keys replaced."""
+    tree = scenario_tree(faults=[], **changes)
+    follower, others = tree["uavs"][2], range(4, uavs + 1)
+    tree["uavs"] += [{**follower, "id": i, "name": f"follower {i - 1}"} for i in others]
+    tree["network"]["edges"] += [{"between": [1, i], "weight": 1.0} for i in others]
+    return tree
+
+
 def write_scenario(folder: Path, tree: dict[str, Any] | None = None, **changes: Any) -> Path:
     path = folder / "scenario.yaml"
     path.write_text(yaml.safe_dump((tree or scenario_tree()) | changes, sort_keys=False))

@@ -16,24 +16,14 @@ from flying import (
     process_of,
     processes_of,
     run,
-    scenario_tree,
     standing,
+    star_tree,
     write_scenario,
 )
 
 from gcs.scenario.model import Scenario
 
 pytestmark = pytest.mark.sitl
-
-
-def ten(folder: Path) -> Path:
-    """Write a scenario of a leader with nine followers, in turbulence."""
-    wind = {"turbulence": "moderate"}
-    tree = scenario_tree(duration_s=0.3, faults=[], wind=wind, links=free_links())
-    uav = tree["uavs"][2]
-    tree["uavs"] += [{**uav, "id": i, "name": f"follower {i - 1}"} for i in range(4, 11)]
-    tree["network"]["edges"] += [{"between": [1, i], "weight": 1.0} for i in range(4, 11)]
-    return write_scenario(folder, tree)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +36,8 @@ def ten(folder: Path) -> Path:
 def test_a_flight_of_fewer_processes_is_the_same(
     tmp_path: Path, processes: str, logs: list[str]
 ) -> None:
-    scenario = ten(tmp_path)
+    tree = star_tree(10, duration_s=0.3, wind={"turbulence": "moderate"})
+    scenario = write_scenario(tmp_path, tree)
     hosted, in_process = tmp_path / "hosted", tmp_path / "in_process"
     options = ("--quiet", "--record=npz", "--out")
     fly_well(scenario, f"--autopilot-processes={processes}", "--free-ports", *options, hosted)
@@ -107,10 +98,7 @@ def test_only_lockstep_over_udp_can_share_processes(tmp_path: Path, others: list
 
 def test_a_large_fleet_is_told_how_it_flies_faster(tmp_path: Path) -> None:
     cores = os.cpu_count() or 1
-    tree = scenario_tree(duration_s=0.1, faults=[], links=free_links())
-    uav, uavs = tree["uavs"][2], 4 * cores
-    tree["uavs"] += [{**uav, "id": i, "name": f"UAV {i}"} for i in range(4, uavs + 1)]
-    tree["network"]["edges"] += [{"between": [1, i], "weight": 1.0} for i in range(4, uavs + 1)]
+    tree = star_tree(4 * cores, duration_s=0.1, links=free_links(4 * cores))
     scenario = write_scenario(tmp_path, tree)
     hint = f"they fly faster with --autopilot-processes {cores}"
     assert hint in fly_well(scenario, "--out", tmp_path / "slow").stderr.replace("\n", " ")

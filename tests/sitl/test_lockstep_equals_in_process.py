@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flying import arrays_of, fly_well, scenario_tree, summary_of, write_scenario
+from flying import arrays_of, fly_well, star_tree, summary_of, write_scenario
 
 pytestmark = pytest.mark.sitl
 
@@ -135,11 +135,7 @@ def test_flights_of_a_formation_on_a_path_are_equal_bit_for_bit(
 
 
 def test_flights_of_ten_are_equal_bit_for_bit(tmp_path: Path) -> None:
-    tree = scenario_tree(duration_s=0.3, faults=[])
-    uav = tree["uavs"][2]
-    tree["uavs"] += [{**uav, "id": i, "name": f"follower {i - 1}"} for i in range(4, 11)]
-    tree["network"]["edges"] += [{"between": [1, i], "weight": 1.0} for i in range(4, 11)]
-    scenario = write_scenario(tmp_path, tree)
+    scenario = write_scenario(tmp_path, star_tree(10, duration_s=0.3))
     udp, in_process = tmp_path / "udp", tmp_path / "in_process"
     fly_well(scenario, "--quiet", "--free-ports", "--record=npz", "--out", udp)
     fly_well(scenario, "--quiet", "--in-process", "--record=npz", "--out", in_process)
