@@ -167,29 +167,26 @@ class Autopilot:
         """
         if self._hot.step >= self.crash_at:
             os.kill(os.getpid(), signal.SIGKILL)
-        loss = self._keep_record(outcome == Outcome.RESTARTED)
-        if loss is None and outcome == Outcome.OVER:
+        self.loss = self._keep_record(outcome == Outcome.RESTARTED)
+        if self.loss is None and outcome == Outcome.OVER:
             lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
             how = "lost" if lost else "over"
-            self._end(f"simulation {how} at {self._vehicle.time_s:.3f} s")
+            self._vehicle.farewell(f"simulation {how} at {self._vehicle.time_s:.3f} s")
+            self.stop()
             return
-        if loss is None and outcome == Outcome.SERVICE:
+        if outcome == Outcome.SERVICE:
             self._receive_from_simulator()
-        elif loss is None and outcome == Outcome.RESTARTED:
+        elif outcome == Outcome.RESTARTED:
             self._vehicle.restart()
-        self.loss = loss or self._silence()
+        self.loss = self.loss or self._silence()
         if self.loss is None:
             self._handle_messages()
         else:
-            self._end(self.loss)
-
-    def _end(self, words: str) -> None:
-        """Say why the flight is over, and end."""
-        self._vehicle.farewell(words)
-        self.stop()
+            self._vehicle.farewell(self.loss)
+            self.stop()
 
     def stop(self) -> None:
-        """Send the last messages."""
+        """Send the last messages; the flight is over."""
         self.is_over = True
         self._send_messages()
 

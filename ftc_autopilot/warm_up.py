@@ -18,7 +18,6 @@ from ftc_autopilot.loop import Loop, host, run
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.endpoint import set_receive_timeout
 
 __all__ = ["call_everything", "endless_path", "warm_up_with"]
 
@@ -30,11 +29,10 @@ def warm_up_with(config_file: Path) -> None:
 
 
 def call_everything(config: AutopilotConfig) -> None:
-    """Make every message, and let the compiled loop wait for a state that does not come."""
+    """Make every message, and let the compiled loop look for a state that does not come."""
     controllers = new_controllers([config])
     link = new_link(config.id, config.neighbours, config.step_us, 1.0, 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        set_receive_timeout(sock, 1e-3)
         fd = sock.fileno()
         run(host([Loop(link, controllers)], [(fd, fd, fd)]))
     keep(link.kept)

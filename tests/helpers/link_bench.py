@@ -3,6 +3,7 @@
 import math
 import socket
 import time
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,6 @@ class Rig:
         for sock in (self.plant, self.neighbour, self.own, self.formation, self.gcs):
             sock.bind(("127.0.0.1", 0))
         self.own.connect(self.plant.getsockname())
-        set_receive_timeout(self.own, 0.05)
         set_receive_timeout(self.formation, 0.005)
         self.plant.setblocking(False)
         self.neighbour.setblocking(False)
@@ -49,16 +49,9 @@ class Rig:
         for sock in (self.plant, self.neighbour, self.own, self.formation, self.gcs):
             sock.close()
 
-    def state(
-        self,
-        step: int,
-        flags: int = LOCKSTEP,
-        applied_usec: int | None = None,
-        run: int = 7,
-        silent: tuple[int, ...] = (),
-    ) -> Outcome:
-        """Send a state and answer it; by default the plant has applied all that it was sent."""
-        self.send_state(step, flags, applied_usec, run, silent)
+    def state(self, *arguments: Any, **named: Any) -> Outcome:
+        """Send a state as `send_state` does, and let the autopilot answer it."""
+        self.send_state(*arguments, **named)
         return self.run()
 
     def send_state(
@@ -69,7 +62,7 @@ class Rig:
         run: int = 7,
         silent: tuple[int, ...] = (),
     ) -> None:
-        """Send a state, as `state` does."""
+        """Send a state; by default the plant has applied all that it was sent."""
         flown = self.controllers.states[0]["steps"] > 0
         sent = int(self.controllers.actuators[0]["time_usec"]) if flown else -1
         state = np.zeros(1, codec.SIM_STATE)
