@@ -91,8 +91,8 @@ def bare_us_per_step(
         for k in range(processes or uavs):
             own = np.arange(k, uavs, processes or uavs)
             if (pid := os.fork()) == 0:
-                hosted = fds[own], formation_fds[own], neighbours[own], counts[own]
-                autopilots_loop(*hosted, steps, events, autopilot_s)
+                share = fds[own], formation_fds[own], neighbours[own], counts[own]
+                autopilots_loop(*share, steps, events, autopilot_s)
                 os._exit(0)
             children.append(pid)
         begin = time.perf_counter()

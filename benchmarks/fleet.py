@@ -125,11 +125,11 @@ def draw(fleets: list[Fleet], file: Path) -> None:
     axes = figure.add_subplot()
     sizes = sorted({fleet.uavs for fleet in fleets})
     fewest = {fleet.uavs: fleet for fleet in fleets}  # processes: these stand last
-    hosting = {
+    ways = {
         "a process each": [fleet for fleet in fleets if fleet.processes == fleet.uavs],
         "as few processes as cores": [fewest[size] for size in sizes],
     }
-    for i, (how, flown) in enumerate(hosting.items()):
+    for i, (how, flown) in enumerate(ways.items()):
         bare = [statistics.median(fleet.bare_us) / fleet.uavs for fleet in flown]
         flight = [fleet.flight_us / fleet.uavs for fleet in flown]
         colour = style(i).colour

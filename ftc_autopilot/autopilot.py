@@ -156,7 +156,7 @@ class Autopilot:
 
     @property
     def sockets(self) -> tuple[int, int, int]:
-        """File descriptors of the sockets, as of `ftc_autopilot.loop.host`."""
+        """File descriptors of the sockets, as of `ftc_autopilot.loop.new_loops`."""
         return self._plant.fileno(), self._formation.fileno(), self._gcs.fileno()
 
     def serve(self, outcome: Outcome) -> None:

@@ -1,6 +1,6 @@
 """The compiled loop of a process: it waits for the states of its autopilots and works on them.
 
-Most processes host one autopilot. In lockstep a process may host several, which take turns without
+Most processes have one autopilot. In lockstep a process may have several, which take turns without
 the scheduler.
 """
 
@@ -26,12 +26,12 @@ from mavlink_defs.runtime.native import (
     waits,
 )
 
-__all__ = ["HOSTED", "Hosted", "Loop", "host", "run"]
+__all__ = ["LOOP_STATE", "Loop", "Loops", "new_loops", "run"]
 
 _LOOK_S = 0.002
 """Lockstep: time between two looks for a datagram of a ground station [s]."""
 
-HOSTED = np.dtype(
+LOOP_STATE = np.dtype(
     [
         ("plant_fd", "i4"),  # socket connected to the plant
         ("formation_fd", "i4"),  # bound to the own formation port, with a short receive timeout
@@ -50,44 +50,44 @@ class Loop(NamedTuple):
     controllers: Controllers  # of one UAV
 
 
-class Hosted(NamedTuple):
-    """The autopilots of a process."""
+class Loops(NamedTuple):
+    """The loops of the autopilots of a process."""
 
-    state: np.ndarray  # (n,), dtype HOSTED
-    table: np.ndarray  # their loops, as of `new_table`
+    state: np.ndarray  # (n,), dtype LOOP_STATE
+    table: np.ndarray  # the loops, as of `new_table`
     first: Loop  # the first of them, of the type of all
     polled: np.ndarray  # (2n,), dtype POLLED
 
 
-def host(loops: Sequence[Loop], fds: Sequence[tuple[int, int, int]]) -> Hosted:
-    """Return autopilots for `run`; who calls it keeps their arrays alive.
+def new_loops(loops: Sequence[Loop], fds: Sequence[tuple[int, int, int]]) -> Loops:
+    """Return the loops for `run`; who calls it keeps their arrays alive.
 
     Args:
         loops: At least one.
         fds: Sockets of each: connected to the plant, on its formation port, of ground stations.
     """
-    state = np.zeros(len(loops), HOSTED)
-    for name, column in zip(HOSTED.names or (), zip(*fds, strict=True), strict=False):
+    state = np.zeros(len(loops), LOOP_STATE)
+    for name, column in zip(LOOP_STATE.names or (), zip(*fds, strict=True), strict=False):
         state[name] = column
     table = new_table(len(loops), loops[0])
     for i, loop in enumerate(loops):
         store_tuple(table, i, loop)
-    return Hosted(state, table, loops[0], np.zeros(2 * len(loops), POLLED))
+    return Loops(state, table, loops[0], np.zeros(2 * len(loops), POLLED))
 
 
 @compiled
-def run(hosted: Hosted) -> None:
+def run(loops: Loops) -> None:
     """Work on states until an autopilot needs Python.
 
     A datagram of a ground station is a reason, except in real time and before the plant was
     heard, where `until_s` is soon enough.
 
     Args:
-        hosted: The autopilots. `outcome` is written: NONE, SERVICE, TICK (also when the record is
-            full), OVER or RESTARTED; after the last, `reset_link` before the next call.
+        loops: Those of the autopilots. `outcome` is written: NONE, SERVICE, TICK (also when the
+            record is full), OVER or RESTARTED; after the last, `reset_link` before the next call.
     """
-    hosted = borrowed(hosted)
-    state = hosted.state
+    loops = borrowed(loops)
+    state = loops.state
     for i in range(len(state)):
         state[i]["outcome"] = Outcome.NONE
     now_s = monotonic_s()
@@ -95,11 +95,11 @@ def run(hosted: Hosted) -> None:
     while True:
         spins, heard = False, False
         for i in range(len(state)):
-            received = load_tuple(hosted.table, i, hosted.first).link.simulator.received
+            received = load_tuple(loops.table, i, loops.first).link.simulator.received
             length = receive_now(state[i]["plant_fd"], received)
             if length >= 0:
                 heard = True
-                loop = load_tuple(hosted.table, i, hosted.first)
+                loop = load_tuple(loops.table, i, loops.first)
                 fds = state[i]["plant_fd"], state[i]["formation_fd"]
                 state[i]["outcome"] = work_on(length, fds, loop.link, loop.controllers)
         now_s = monotonic_s()
@@ -107,7 +107,7 @@ def run(hosted: Hosted) -> None:
         if looks:
             look_s = now_s + _LOOK_S
         for i in range(len(state)):
-            link = load_tuple(hosted.table, i, hosted.first).link
+            link = load_tuple(loops.table, i, loops.first).link
             lockstep = _is_lockstep(link)
             spins |= lockstep
             if state[i]["outcome"] == Outcome.NONE and (
@@ -123,7 +123,7 @@ def run(hosted: Hosted) -> None:
             spin_until_s = now_s + SPIN_S
         elif spins and now_s < spin_until_s:
             let_others_run()
-        elif _sleep(hosted):
+        elif _sleep(loops):
             return
 
 
@@ -142,13 +142,13 @@ def _some_need_python(state: np.ndarray) -> bool:
 
 
 @inlined
-def _sleep(hosted: Hosted) -> bool:
+def _sleep(loops: Loops) -> bool:
     """Sleep until a datagram comes or a time has come; return whether a ground station waits."""
-    state, polled = hosted.state, hosted.polled
+    state, polled = loops.state, loops.polled
     until_s = state[0]["until_s"]
     for i in range(len(state)):
         until_s = min(until_s, state[i]["until_s"])
-        answers = _answers_at_once(load_tuple(hosted.table, i, hosted.first).link)
+        answers = _answers_at_once(load_tuple(loops.table, i, loops.first).link)
         polled[2 * i]["fd"] = state[i]["plant_fd"]
         polled[2 * i + 1]["fd"] = state[i]["gcs_fd"] if answers else -1
     for k in range(len(polled)):

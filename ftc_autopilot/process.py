@@ -12,8 +12,8 @@ from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.autopilot import Autopilot, log
+from ftc_autopilot.autopilots import Autopilots
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.host import Host
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import (
@@ -84,13 +84,13 @@ def main(arguments: list[str] | None = None) -> None:
             sys.exit(2)
         if options.crash_at is not None:
             autopilots[0].crash_at = options.crash_at
-        host = Host(autopilots)
+        together = Autopilots(autopilots)
 
         def stop() -> None:
-            host.stopping = True
+            together.stopping = True
 
         on_stop(stop, options.exit_with_parent)
-        host.fly()
+        together.fly()
     for autopilot in autopilots:
         autopilot.finish_record()
         if refused := autopilot.refused():

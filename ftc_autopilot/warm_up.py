@@ -14,7 +14,7 @@ from ftc_autopilot.guidance.path import Leg, locate, path_record, point_at
 from ftc_autopilot.hot_state import HotState
 from ftc_autopilot.kept_state import keep
 from ftc_autopilot.link import new_link
-from ftc_autopilot.loop import Loop, host, run
+from ftc_autopilot.loop import Loop, new_loops, run
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
@@ -34,7 +34,7 @@ def call_everything(config: AutopilotConfig) -> None:
     link = new_link(config.id, config.neighbours, config.step_us, 1.0, 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         fd = sock.fileno()
-        run(host([Loop(link, controllers)], [(fd, fd, fd)]))
+        run(new_loops([Loop(link, controllers)], [(fd, fd, fd)]))
     keep(link.kept)
     path = endless_path()
     locate(path, 0.0, 0.0, 0.0)

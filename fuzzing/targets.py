@@ -16,7 +16,7 @@ import numpy as np
 from ftc_autopilot.autopilot import Autopilot
 from ftc_autopilot.control.stepping import controller_step
 from ftc_autopilot.formation_link import receive_neighbour_states
-from ftc_autopilot.loop import host, run
+from ftc_autopilot.loop import new_loops, run
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, vehicle_status
@@ -127,10 +127,10 @@ class AutopilotTarget:
                 self._formation.fileno(), self._link.formation, self._controllers, 0
             )
             return
-        hosted = host([self._autopilot.loop], [self._autopilot.sockets])
-        hosted.state["until_step"] = 2**62
-        run(hosted)
-        outcome = hosted.state[0]["outcome"]
+        loops = new_loops([self._autopilot.loop], [self._autopilot.sockets])
+        loops.state["until_step"] = 2**62
+        run(loops)
+        outcome = loops.state[0]["outcome"]
         if outcome == Outcome.SERVICE:
             self._autopilot._receive_from_simulator()
         elif outcome == Outcome.RESTARTED:

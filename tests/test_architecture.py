@@ -17,7 +17,7 @@ MODEL = {"aerodynamics", "aircraft", "config", "hardware", "lag", "rigid_body", 
 """Modules of `sitl_plant` that an autopilot may import: the aircraft's model, not its process."""
 SHELLS = {
     "ftc_autopilot.autopilot",
-    "ftc_autopilot.host",
+    "ftc_autopilot.autopilots",
     "ftc_autopilot.process",
     "gcs.__main__",
     "gcs.cli",

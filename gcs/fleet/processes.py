@@ -176,7 +176,7 @@ class FleetProcesses:
         self._configure()
         try:
             self._start([_PLANT], [scenario.links.plant_port])
-            for uavs in self._hosted():
+            for uavs in self._shares():
                 ports = [scenario.links.formation_base_port + uav for uav in uavs]
                 self._start([f"uav{uav}" for uav in uavs], ports, *self._options(uavs[0]))
         except BaseException:
@@ -184,7 +184,7 @@ class FleetProcesses:
             raise
         return self
 
-    def _hosted(self) -> list[list[int]]:
+    def _shares(self) -> list[list[int]]:
         """Return the UAVs of each autopilot process, as many in one as in another."""
         ids = [uav.id for uav in self._scenario.uavs]
         count = min(self._autopilot_processes or len(ids), len(ids))

@@ -10,7 +10,7 @@ import numpy as np
 from ftc_autopilot.control.controllers import Source, new_controllers
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.link import new_link
-from ftc_autopilot.loop import Loop, host, run
+from ftc_autopilot.loop import Loop, new_loops, run
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import set_receive_timeout
@@ -80,10 +80,10 @@ class Rig:
     def run(self, until_s: float | None = None) -> Outcome:
         fds = self.own.fileno(), self.formation.fileno(), self.gcs.fileno()
         until_s = time.monotonic() if until_s is None else until_s
-        hosted = host([Loop(self.link, self.controllers)], [fds])
-        hosted.state["until_s"], hosted.state["until_step"] = until_s, 2**62
-        run(hosted)
-        return Outcome(hosted.state[0]["outcome"])
+        loops = new_loops([Loop(self.link, self.controllers)], [fds])
+        loops.state["until_s"], loops.state["until_step"] = until_s, 2**62
+        run(loops)
+        return Outcome(loops.state[0]["outcome"])
 
     def no_more_events(self) -> None:
         thresholds = self.controllers.parameters["trigger"]

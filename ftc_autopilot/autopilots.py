@@ -3,17 +3,17 @@
 from collections.abc import Sequence
 
 from ftc_autopilot.autopilot import Autopilot
-from ftc_autopilot.loop import host, run
+from ftc_autopilot.loop import new_loops, run
 from mavlink_defs.framing.hot_link import Outcome
 
-__all__ = ["Host"]
+__all__ = ["Autopilots"]
 
 
-class Host:
-    """Flies one autopilot, or in lockstep several."""
+class Autopilots:
+    """One autopilot, or in lockstep several."""
 
     def __init__(self, autopilots: Sequence[Autopilot]) -> None:
-        """Host autopilots that have booted; at least one."""
+        """Take autopilots that have booted; at least one."""
         self._autopilots = autopilots
         self.stopping = False
 
@@ -27,14 +27,14 @@ class Host:
             autopilot.stop()
 
     def _fly_until_one_ends(self, flying: Sequence[Autopilot]) -> None:
-        hosted = host([one.loop for one in flying], [one.sockets for one in flying])
-        until_s, until_step = hosted.state["until_s"], hosted.state["until_step"]
+        loops = new_loops([one.loop for one in flying], [one.sockets for one in flying])
+        until_s, until_step = loops.state["until_s"], loops.state["until_step"]
         asking = list(enumerate(flying))
         while not self.stopping:
             for i, autopilot in asking:
                 until_s[i], until_step[i] = autopilot.until_s(), autopilot.until_step()
-            run(hosted)
-            outcomes = hosted.state["outcome"].tolist()
+            run(loops)
+            outcomes = loops.state["outcome"].tolist()
             asking = [(i, flying[i]) for i, outcome in enumerate(outcomes) if outcome]
             for i, autopilot in asking:
                 autopilot.serve(Outcome(outcomes[i]))

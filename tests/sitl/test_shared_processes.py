@@ -38,16 +38,16 @@ def test_a_flight_of_fewer_processes_is_the_same(
 ) -> None:
     tree = star_tree(10, duration_s=0.3, wind={"turbulence": "moderate"})
     scenario = write_scenario(tmp_path, tree)
-    hosted, in_process = tmp_path / "hosted", tmp_path / "in_process"
+    shared, in_process = tmp_path / "shared", tmp_path / "in_process"
     options = ("--quiet", "--record=npz", "--out")
-    fly_well(scenario, f"--autopilot-processes={processes}", "--free-ports", *options, hosted)
+    fly_well(scenario, f"--autopilot-processes={processes}", "--free-ports", *options, shared)
     fly_well(scenario, "--in-process", *options, in_process)
     for name in ("events.npz", "trajectory.npz"):
-        flown, expected = arrays_of(hosted / name), arrays_of(in_process / name)
+        flown, expected = arrays_of(shared / name), arrays_of(in_process / name)
         assert flown.keys() == expected.keys()
         for key, array in flown.items():
             assert array.tobytes() == expected[key].tobytes(), key
-    written = {path.name for path in (hosted / "processes").glob("*.log")}
+    written = {path.name for path in (shared / "processes").glob("*.log")}
     assert written == {"plant.log", *logs}
 
 
