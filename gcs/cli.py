@@ -40,6 +40,7 @@ from gcs.commands import (
 from gcs.commands.station import ConnectOption
 from gcs.errors import BadInput, GcsError, Interrupted
 from gcs.stopping import stop_as_ctrl_c
+from gcs.terminal import print_line
 from mavlink_defs.config.models import ConfigError
 
 __all__ = ["app", "main"]
@@ -70,10 +71,9 @@ def _show_versions(wanted: bool) -> None:
         import platform
         from importlib.metadata import version
 
-        typer.echo(f"ftc-sitl {version('ftc-sitl')}")
-        typer.echo(f"Python {platform.python_version()}")
+        print_line(f"ftc-sitl {version('ftc-sitl')}\nPython {platform.python_version()}")
         for package in ("pymavlink", "numba"):
-            typer.echo(f"{package} {version(package)}")
+            print_line(f"{package} {version(package)}")
         raise typer.Exit
 
 
@@ -101,7 +101,7 @@ def gcs(
     elif dashboard.has_terminal():
         dashboard.dashboard(connect, theme)
     else:
-        typer.echo(context.get_help())
+        context.get_help()  # prints it
 
 
 app.command(epilog=fly.EPILOG)(fly.fly)
@@ -152,7 +152,7 @@ def main() -> None:
     gc.freeze()  # what is imported stays: to look for garbage there takes up to a tenth of a second
     try:
         try:
-            _command()()
+            status = _command()(standalone_mode=False)
         finally:
             sys.stdout.flush()  # here and not at exit, where an error could not be reported
     except ConfigError as problem:
@@ -161,10 +161,10 @@ def main() -> None:
         _end(problem.exit_status, str(problem), problem.hint)
     except GcsError as problem:
         _end(problem.exit_status, f"error: {problem}", problem.hint)
-    except SystemExit as end:
-        if end.code == _EXIT_CTRL_C:  # before the command could handle it
-            _end(Interrupted.exit_status, "interrupted")
-        raise
+    except typer.TyperException as problem:
+        _end_usage(problem)
+    except typer.Abort:
+        _end(GcsError.exit_status, "error: aborted")
     except BrokenPipeError:  # the reader of our output has ended: nothing to report
         _close_output()
     except Exception as problem:
@@ -184,13 +184,25 @@ def main() -> None:
             f"error: this is a defect of ftc-sitl: {type(problem).__name__}: {problem}",
             "run again with FTC_SITL_DEBUG=1 for a traceback, and report it",
         )
+    if status == _EXIT_CTRL_C:  # before the command could handle it
+        _end(Interrupted.exit_status, "interrupted")
+    sys.exit(status)
+
+
+def _end_usage(problem: Any) -> NoReturn:
+    """End with a mistake of the command line; without arguments, a group has printed its help."""
+    if not (text := problem.format_message()):
+        sys.exit(problem.exit_code)
+    context = getattr(problem, "ctx", None)
+    hint = "" if context is None else f"see `{context.command_path} --help`"
+    _end(problem.exit_code, f"error: {text}", hint)
 
 
 def _end(status: int, text: str, hint: str = "") -> NoReturn:
     with contextlib.suppress(OSError):  # the terminal may be gone
-        print(text, file=sys.stderr)
+        print_line(text, stderr=True)
         if hint:
-            print(f"hint: {hint}", file=sys.stderr)
+            print_line(f"hint: {hint}", stderr=True)
     sys.exit(status)
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich import box
 from rich.progress import MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from gcs.commands.common import (
     QuietOption,
@@ -18,11 +18,11 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
-    console_of,
     values_of,
     warm_up,
 )
 from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.terminal import console_of, numbers, print_json, table_of, words
 
 if TYPE_CHECKING:
     from gcs.results.summary import FlightSummary
@@ -165,11 +165,10 @@ def baseline(
     write_text(folder / "baseline.json", text)
     write_text(folder / "baseline.md", baseline_report(found))
     if as_json:
-        typer.echo(text, nl=False)
+        print_json(found.to_json(), indent=2)
         return
-    shown = Table(title=f"Baselines of {found.scenario}")
-    for k, column in enumerate(COLUMNS):
-        shown.add_column(column, justify="right" if k else "left")
+    headings = (words(COLUMNS[0]), *map(numbers, COLUMNS[1:]))
+    shown = table_of(*headings, title=f"Baselines of {found.scenario}", box=box.SIMPLE_HEAD)
     for row in baseline_rows(found):
         shown.add_row(*row)
     output = console_of(stderr=False, quiet=quiet)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
 
-from gcs.commands.common import QuietOption, console_of
+from gcs.commands.common import QuietOption
 from gcs.commands.flights import fly_plan, interruptible
 from gcs.errors import GcsError
+from gcs.terminal import Terminal, console_of, numbers, table_of, words
 
 if TYPE_CHECKING:
     from gcs.campaigns.plan import Plan
@@ -95,7 +95,7 @@ def campaign(
     _report(folder, console)
 
 
-def _keep(planned: "Plan", folder: Path, console: Console) -> None:
+def _keep(planned: "Plan", folder: Path, console: Terminal) -> None:
     from gcs.campaigns.keep import keep_flights
 
     with console.status("flying chosen flights again, for their trajectories") as status:
@@ -103,9 +103,7 @@ def _keep(planned: "Plan", folder: Path, console: Console) -> None:
             status.update(f"flying chosen flights again: {done} of {chosen}")
 
 
-def _report(folder: Path, console: Console) -> None:
-    from rich.table import Table
-
+def _report(folder: Path, console: Terminal) -> None:
     from gcs.campaigns.report import write_report
     from gcs.campaigns.samples import read_samples
     from gcs.campaigns.store import OUTCOMES
@@ -113,7 +111,7 @@ def _report(folder: Path, console: Console) -> None:
     samples = read_samples(folder)
     counts = {name: Counter(own.outcome.tolist()) for name, own in samples.items()}
     shown = [name for name in OUTCOMES if any(own[name] for own in counts.values())]
-    table = Table("variant", *(name.replace("_", " ") for name in shown))
+    table = table_of(words("variant"), *(numbers(name.replace("_", " ")) for name in shown))
     for variant, own in counts.items():
         table.add_row(variant, *(str(own[name]) for name in shown))
     console.print(table)

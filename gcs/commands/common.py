@@ -28,7 +28,6 @@ __all__ = [
     "SetOption",
     "WithOption",
     "changed_scenario",
-    "console_of",
     "flight_progress",
     "values_of",
     "warm_up",
@@ -122,11 +121,6 @@ def _only(axis: Axis, option: str) -> Any:
             "a list stands in brackets; gcs sweep flies several values",
         )
     return axis.values[0]
-
-
-def console_of(stderr: bool = True, quiet: bool = False) -> Console:
-    """Return a console that prints text as it is: users' names and paths are not markup."""
-    return Console(stderr=stderr, quiet=quiet, markup=False, emoji=False, highlight=False)
 
 
 def warm_up(scenario: Scenario, console: Console) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.commands.common import console_of
+from gcs.terminal import console_of
 
 if TYPE_CHECKING:
     from gcs.campaigns.findings import Findings

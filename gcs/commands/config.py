@@ -12,13 +12,13 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
-    console_of,
     warm_up,
 )
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario
 from gcs.station.signing_key import signed
+from gcs.terminal import console_of, print_line
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, parse_address
 from sitl_plant.config import PlantConfig
@@ -76,7 +76,7 @@ def config(
     for name, address in hosts.items():
         program = {"plant": "sitl-plant", "gcs": "gcs"}.get(name, "ftc-autopilot")
         station = f"--connect udpin:{address}:{loaded.links.gcs_port}"
-        typer.echo(f"on {address}: {program} {station if name == 'gcs' else out / f'{name}.yaml'}")
+        print_line(f"on {address}: {program} {station if name == 'gcs' else out / f'{name}.yaml'}")
 
 
 def _hosts(scenario: Scenario, options: Iterable[str]) -> dict[str, str]:

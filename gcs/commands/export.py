@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from gcs.commands.common import console_of
 from gcs.errors import BadInput, FlightLost
 from gcs.results.format import Format
+from gcs.terminal import console_of
 
 __all__ = ["EPILOG", "export"]
 

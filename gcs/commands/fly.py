@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 import os
 import threading
 from collections.abc import Callable
@@ -22,7 +21,6 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
-    console_of,
     flight_progress,
     warm_up,
 )
@@ -31,6 +29,7 @@ from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.results.record import Record
 from gcs.scenario.model import Scenario
 from gcs.station.signing_key import signed, warn_if_exposed
+from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
@@ -258,7 +257,7 @@ def _report(
     console.print(*flight_tables(summary, scenario), sep="\n")
     console.print(f"results in {folder}", soft_wrap=True)
     if as_json:
-        print(json.dumps(summary.to_json(), indent=2))
+        print_json(summary.to_json(), indent=2)
     if again is not None:
         _compare(*again, summary, console)
     if summary.loss is not None:

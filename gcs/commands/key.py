@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from gcs.errors import BadInput, Interrupted
+from gcs.terminal import print_line
 from mavlink_defs.framing.key_file import ANNOUNCED_S, GRACE_S, replace_key
 from mavlink_defs.framing.signing import SigningError, key_exists, make_key, read_key
 
@@ -53,12 +54,12 @@ def key(
     except SigningError as problem:
         raise BadInput(str(problem)) from None
     if replace:
-        typer.echo(
+        print_line(
             f"key replaced in {file}: in use from {ANNOUNCED_S:g} s on, "
             f"the former one accepted until {GRACE_S:g} s"
         )
     else:
-        typer.echo(f"key written to {file}")
+        print_line(f"key written to {file}")
 
 
 def _derived_key() -> bytes:

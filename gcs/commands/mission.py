@@ -9,14 +9,14 @@ import typer
 from rich.table import Table
 
 from gcs.commands import transfer
-from gcs.commands.common import console_of
-from gcs.commands.station import EXIT_STATUS, Station, print_json, station_command
+from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.commands.transfer import Note
 from gcs.errors import BadInput
 from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
 from gcs.scenario.model import load_scenario
 from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
+from gcs.terminal import console_of, numbers, print_json, table_of, words
 from mavlink_defs.config.models import counted
 from mavlink_defs.mission_files import is_mission_file, plan_text, waypoints_text
 
@@ -174,11 +174,9 @@ def _plain(item: Any) -> dict[str, Any]:
 
 
 def _table(items: Mission, itinerary: Itinerary) -> Table:
-    table = Table(box=None, pad_edge=False)
-    table.add_column("", justify="right")
-    table.add_column("item")
-    for heading in ("north m", "east m", "height m", "V m/s", "way m", "time s", "turn m"):
-        table.add_column(heading, justify="right")
+    headings = ("north m", "east m", "height m", "V m/s", "way m", "time s", "turn m")
+    columns = (numbers(""), words("item"), *map(numbers, headings))
+    table = table_of(*columns, box=None, pad_edge=False)
     reached = {stage.item: stage for stage in reversed(itinerary.stages)}
     for item in items[1:]:
         if (stage := reached.get(item.seq)) is None:

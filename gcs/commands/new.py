@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from gcs.errors import BadInput
+from gcs.terminal import print_line
 from mavlink_defs.config.yaml_text import yaml_of
 
 __all__ = ["EPILOG", "new"]
@@ -51,4 +52,4 @@ def new(
         raise BadInput(text, "choose another name, or remove it") from None
     except OSError as problem:
         raise BadInput(f"cannot write {file}: {problem.strerror}") from problem
-    typer.echo(f"{file} written; `gcs fly {file}` flies it")
+    print_line(f"{file} written; `gcs fly {file}` flies it")

@@ -9,13 +9,13 @@ import typer
 from rich.table import Table
 
 from gcs.commands import transfer
-from gcs.commands.common import console_of
-from gcs.commands.station import EXIT_STATUS, Station, print_json, station_command
+from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.commands.transfer import Note
 from gcs.errors import CommandRefused
 from gcs.scenario.profile_file import load_profile, profile_yaml
 from gcs.station.status import segment_dict
 from gcs.station.vehicle import Vehicle
+from gcs.terminal import console_of, numbers, print_json, print_line, table_of
 from mavlink_defs import dialect
 from mavlink_defs.config.models import counted
 from mavlink_defs.profile import Segment
@@ -97,7 +97,7 @@ def download(
         if out is not None and held:
             transfer.write_held(out, held, "profile", operator.eq, profile_yaml)
         elif held and not station.as_json:
-            print("---\n".join(map(profile_yaml, dict.fromkeys(held.values()))), end="")
+            print_line("---\n".join(map(profile_yaml, dict.fromkeys(held.values()))).rstrip("\n"))
 
 
 @app.command(epilog=_CHECK_EPILOG)
@@ -142,9 +142,8 @@ def _difference(ours: tuple[Segment, ...], theirs: tuple[Segment, ...]) -> str:
 
 
 def _table(segments: tuple[Segment, ...]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for heading in ("", "start s", "airspeed m/s", "roll °", "pitch °", "yaw °", "shape"):
-        table.add_column(heading, justify="right")
+    headings = ("", "start s", "airspeed m/s", "roll °", "pitch °", "yaw °", "shape")
+    table = table_of(*map(numbers, headings), box=None, pad_edge=False)
     for i, segment in enumerate(segments):
         table.add_row(str(i), *(str(value) for value in segment_dict(segment).values()))
     return table

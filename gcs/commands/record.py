@@ -14,13 +14,13 @@ from gcs.commands.station import (
     JsonOption,
     SigningKeyOption,
     TimeoutOption,
-    print_json,
 )
 from gcs.commands.station import run_interruptible as run
 from gcs.errors import BadInput, NoAnswer
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from gcs.stopping import stop_signals
+from gcs.terminal import print_json, print_line
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
 
@@ -65,7 +65,7 @@ def record(
         print_json({"file": str(path), "messages": {str(k): n for k, n in messages.items()}})
     else:
         names = ", ".join(map(str, messages))
-        typer.echo(f"{total} messages of UAV {names} in {path}")
+        print_line(f"{total} messages of UAV {names} in {path}")
 
 
 async def _record(

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from gcs.commands.common import QuietOption, console_of, warm_up
+from gcs.commands.common import QuietOption, warm_up
 from gcs.errors import FlightLost, Interrupted
 from gcs.scenario.bundled import SCENARIOS
+from gcs.terminal import console_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,9 +1,8 @@
 """``gcs scenarios``: list the scenarios that come with the package."""
 
-import typer
-
 from gcs.scenario.bundled import SCENARIOS, addition_names, bundled_names
 from gcs.scenario.model import scenario_tree
+from gcs.terminal import print_line
 from mavlink_defs.config.files import read
 
 __all__ = ["EPILOG", "scenarios"]
@@ -27,6 +26,6 @@ def scenarios() -> None:
     width = max(map(len, names))
     for name in names:
         tree = read(SCENARIOS / f"{name}.yaml")
-        typer.echo(f"{name:{width}}  {tree.get('description') or tree['name']}")
+        print_line(f"{name:{width}}  {tree.get('description') or tree['name']}")
     for name in addition_names():
-        typer.echo(f"{name:{width}}  --with {name} sets {', '.join(scenario_tree(name))}.")
+        print_line(f"{name:{width}}  --with {name} sets {', '.join(scenario_tree(name))}.")

@@ -7,7 +7,6 @@ successes on standard output, everything else on standard error.
 import asyncio
 import functools
 import inspect
-import json
 from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
@@ -18,6 +17,7 @@ from gcs.errors import BadInput, CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from gcs.station.vehicle import Vehicle
+from gcs.terminal import print_json, print_line
 from mavlink_defs.constants import GCS_PORT, HUB_PORT
 
 __all__ = [
@@ -28,7 +28,6 @@ __all__ = [
     "SigningKeyOption",
     "Station",
     "TimeoutOption",
-    "print_json",
     "run_interruptible",
     "station_command",
 ]
@@ -137,7 +136,7 @@ class Station:
         else:
             for outcome in outcomes:
                 prefix = "error: " if outcome.status else ""
-                typer.echo(prefix + outcome.words, err=outcome.status != 0)
+                print_line(prefix + outcome.words, stderr=outcome.status != 0)
         raise typer.Exit(max(outcome.status for outcome in outcomes))
 
     def run(
@@ -233,22 +232,6 @@ def run_interruptible(work: Coroutine[Any, Any, T]) -> T:
         return asyncio.run(work)
     except KeyboardInterrupt:
         raise Interrupted("interrupted") from None
-
-
-def print_json(value: Any) -> None:
-    """Print a value as one line of JSON; NaN and infinity become null."""
-    print(json.dumps(_finite(value), allow_nan=False), flush=True)
-
-
-def _finite(value: Any) -> Any:
-    match value:
-        case dict():
-            return {key: _finite(inner) for key, inner in value.items()}
-        case list() | tuple():
-            return [_finite(inner) for inner in value]
-        case float() if value - value != 0.0:
-            return None
-    return value
 
 
 def _systems(text: str) -> set[int]:

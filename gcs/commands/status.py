@@ -8,12 +8,12 @@ import typer
 from rich.console import Group
 from rich.live import Live
 
-from gcs.commands.common import console_of
-from gcs.commands.station import Station, print_json, station_command
+from gcs.commands.station import Station, station_command
 from gcs.errors import CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, vehicle_status
 from gcs.station.vehicle import Vehicle
+from gcs.terminal import console_of, print_json
 from mavlink_defs import dialect
 
 __all__ = ["EPILOG", "status"]
@@ -95,9 +95,7 @@ def _show(client: Client, vehicles: list[Vehicle], as_json: bool) -> None:
     now = client.now()
     if not as_json:
         console, states = console_of(stderr=False), [vehicle.state for vehicle in vehicles]
-        with console.capture() as shown:  # a console of its own ends the program at a broken pipe
-            console.print(fleet_table(states, now), *drop_lines(client.drops, states), sep="\n")
-        print(shown.get(), end="", flush=True)
+        console.print(fleet_table(states, now), *drop_lines(client.drops, states), sep="\n")
         return
     answer: dict[str, Any] = {
         "connection": str(client.connection),

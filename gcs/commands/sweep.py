@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from gcs.commands.common import QuietOption, console_of
+from gcs.commands.common import QuietOption
 from gcs.commands.flights import fly_plan, interruptible
 from gcs.errors import GcsError
+from gcs.terminal import console_of
 
 if TYPE_CHECKING:
     from gcs.sweeps.points import Point

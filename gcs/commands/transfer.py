@@ -6,10 +6,10 @@ from typing import Any, TypeAlias, TypeVar
 
 from rich.progress import Progress
 
-from gcs.commands.common import console_of
 from gcs.commands.station import Station
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
+from gcs.terminal import console_of
 
 __all__ = ["Note", "upload", "write_held"]
 

@@ -1,13 +1,11 @@
 """``gcs trim``: steady flights that are possible with one actuator stuck."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
+from rich import box
 
 from gcs.commands.common import (
     QuietOption,
@@ -15,9 +13,9 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
-    console_of,
 )
 from gcs.errors import BadInput
+from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, words
 from mavlink_defs.constants import Actuator
 
 if TYPE_CHECKING:
@@ -40,7 +38,18 @@ Exit status: 0 computed, 2 bad input.
 _KEPT: tuple[Actuator, ...] = ("aileron", "rudder")
 _GIVEN_UP: tuple[Actuator, ...] = ("elevator", "throttle")
 _STEPS = {"elevator": 5.0, "throttle": 500.0}  # of positions shown
-_UNITS = {"aileron": "°", "elevator": "°", "rudder": "°", "throttle": " N"}
+_HEADINGS = (
+    "at",
+    "air-\nspeed\n[m/s]",
+    "turn\n[°/s]",
+    "aileron\n[°]",
+    "elevator\n[°]",
+    "rudder\n[°]",
+    "thrust\n[N]",
+    "side-\nslip\n[°]",
+    "attack\nangle\n[°]",
+    "pitch\n[°]",
+)
 
 
 def trim(
@@ -84,7 +93,7 @@ def trim(
         given_up = [t for name in _GIVEN_UP for t in _given_up(aircraft, name, airspeeds[0], roll)]
     if as_json:
         found = [{"position": t.position} | asdict(t) for t in (*kept, *given_up)]
-        print(json.dumps(found, indent=2))
+        print_json(found, indent=2)
         return
     tables = console_of(stderr=False, quiet=quiet)
     _print(tables, "Aileron or rudder stuck: level flight that turns", kept)
@@ -136,12 +145,9 @@ def _given_up(
     yield ends[1]
 
 
-def _print(console: Console, title: str, trims: list["Trim"]) -> None:
-    table = Table(title=title)
-    table.add_column("stuck")
-    headings = ("at", "airspeed", "turn", "aileron", "elevator", "rudder", "thrust", "sideslip")
-    for heading in (*headings, "angle of attack", "pitch"):
-        table.add_column(heading, justify="right")
+def _print(console: Terminal, title: str, trims: list["Trim"]) -> None:
+    columns = (words("stuck"), *map(numbers, _HEADINGS))
+    table = table_of(*columns, title=title, box=box.SIMPLE_HEAD, padding=0, pad_edge=False)
     for t in trims:
         table.add_row(*_cells(t))
     console.print(table)
@@ -154,15 +160,18 @@ def _cells(t: "Trim") -> tuple[str, ...]:
     angles = (t.aileron_deg, t.elevator_deg, t.rudder_deg)
     return (
         t.stuck,
-        _number(t.position, _UNITS[t.stuck]),
-        _number(t.airspeed_m_s, " m/s"),
-        _number(t.turn_rate_deg_s, "°/s"),
-        *(_number(angle, "°") for angle in angles),
-        f"{t.thrust_n:.0f} N",
-        *(_number(angle, "°") for angle in (t.beta_deg, t.alpha_deg, t.pitch_deg)),
+        _position(t),
+        *map(_number, (t.airspeed_m_s, t.turn_rate_deg_s, *angles)),
+        f"{t.thrust_n:.0f}",
+        *map(_number, (t.beta_deg, t.alpha_deg, t.pitch_deg)),
     )
 
 
-def _number(value: float, unit: str) -> str:
-    """Format a number with one digit and its unit; zero has no sign."""
-    return f"{round(value, 1) + 0.0:.1f}{unit}"
+def _position(t: "Trim") -> str:
+    """Format where the actuator is stuck."""
+    return f"{t.position:.0f} N" if t.stuck == "throttle" else f"{_number(t.position)}°"
+
+
+def _number(value: float) -> str:
+    """Format a number with one digit; zero has no sign."""
+    return f"{round(value, 1) + 0.0:.1f}"

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 from collections.abc import Coroutine
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,7 +19,6 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
-    console_of,
     warm_up,
 )
 from gcs.commands.station import SigningKeyOption
@@ -28,6 +26,7 @@ from gcs.errors import BadInput, Interrupted
 from gcs.scenario.model import Scenario
 from gcs.station.signing_key import refuse_unsigned, signed, warn_if_exposed
 from gcs.stopping import stop_signals
+from gcs.terminal import console_of, print_json
 from mavlink_defs.config.models import counted
 from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
@@ -136,7 +135,7 @@ def _up(
     def ready() -> None:
         _announce(scenario, folder, hub, speed, start, console)
         if as_json:
-            print(json.dumps(_addresses(scenario, folder, hub)), flush=True)
+            print_json(_addresses(scenario, folder, hub))
 
     words = console_of()
     keeping = keep_up(

@@ -1,8 +1,6 @@
 """``gcs wire``: count traffic and impair links."""
 
-import json
 import math
-import sys
 import threading
 import time
 from pathlib import Path
@@ -12,9 +10,9 @@ import typer
 from rich.console import Console, Group
 from rich.live import Live
 
-from gcs.commands.common import console_of
 from gcs.errors import BadInput, GcsError
 from gcs.reports.wire import wire_tables, write_csv
+from gcs.terminal import console_of, print_json, print_line
 from gcs.wire.capture_files import count_file
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay import Relay, Route
@@ -108,7 +106,7 @@ def wire(
     if file is not None:
         report, remark = count_file(file, tap, LinkNames(ports))
         if remark:
-            print(f"warning: {remark}", file=sys.stderr)
+            print_line(f"warning: {remark}", stderr=True)
     else:
         impairment = None if impair is None else _impairment(impair)
         routes = [_route(text, ports, impairment) for text in relay or []]
@@ -116,7 +114,7 @@ def wire(
     if csv is not None:
         _save_csv(report, csv)
     if as_json:
-        print(json.dumps(report.to_json(), indent=2))
+        print_json(report.to_json(), indent=2)
     else:
         console_of(stderr=False).print(*wire_tables(report), sep="\n")
     if file is not None and not report.messages:
@@ -159,7 +157,7 @@ def _route(text: str, names: dict[int, str], impairment: Impairment | None) -> R
     try:
         ends = parse_address(listen), parse_address(target)
         if not is_loopback(ends[0]):
-            print(f"warning: {ends[0]} can be reached from other machines", file=sys.stderr)
+            print_line(f"warning: {ends[0]} can be reached from other machines", stderr=True)
     except EndpointError as problem:
         raise BadInput(f"--relay is '{text}', expected LISTEN=TARGET: {problem}") from problem
     return Route(names.get(ends[1].port, str(ends[1])), *ends, impairment)

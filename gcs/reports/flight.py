@@ -9,6 +9,7 @@ from gcs.reports.formatting import milliseconds, percent
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.results.summary import FlightSummary, UavSummary
 from gcs.scenario.model import Scenario
+from gcs.terminal import numbers, table_of, words
 from mavlink_defs.capture.transmissions import saving
 
 __all__ = ["flight_tables"]
@@ -66,11 +67,10 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
 
 
 def _transmissions(summary: FlightSummary, names: dict[int, str]) -> Table:
-    table = Table(title=f"Transmissions in {summary.steps} control periods")
-    table.add_column("UAV")
-    table.add_column("channel")
-    for heading in ("events", "saved", "smallest interval", "repeats"):
-        table.add_column(heading, justify="right")
+    columns = (words("UAV"), words("channel"))
+    figures = map(numbers, ("events", "saved", "smallest interval", "repeats"))
+    title = f"Transmissions in {summary.steps} control periods"
+    table = table_of(*columns, *figures, title=title)
     for uav in summary.uavs:
         for k, (name, channel) in enumerate(uav.channels.items()):
             table.add_row(
@@ -87,11 +87,9 @@ def _transmissions(summary: FlightSummary, names: dict[int, str]) -> Table:
 
 
 def _links(summary: FlightSummary, names: dict[int, str]) -> Table:
-    table = Table(title="Messages and bytes on the links, each once")
-    table.add_column("UAV")
-    table.add_column("")
-    for heading in ("messages", "bytes", "saved"):
-        table.add_column(heading, justify="right")
+    figures = map(numbers, ("messages", "bytes", "saved"))
+    title = "Messages and bytes on the links, each once"
+    table = table_of(words("UAV"), words(""), *figures, title=title)
     for uav in summary.uavs:
         size = uav.link_bytes
         rows = (
@@ -112,11 +110,9 @@ def _links(summary: FlightSummary, names: dict[int, str]) -> Table:
 
 
 def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
-    table = Table(title="Tracking: integral of absolute error (IAE), largest error after 1 s")
-    table.add_column("UAV")
-    table.add_column("")
-    for quantity in QUANTITIES:
-        table.add_column(f"{quantity}\n[{IAE_UNITS[quantity]}]", justify="right")
+    figures = [numbers(f"{quantity}\n[{IAE_UNITS[quantity]}]") for quantity in QUANTITIES]
+    title = "Tracking: integral of absolute error (IAE), largest error after 1 s"
+    table = table_of(words("UAV"), words(""), *figures, title=title)
     for uav in summary.uavs:
         rows = (
             (names[uav.id], "IAE vs commands", uav.iae, "{:.2f}"),
@@ -133,10 +129,9 @@ def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
 
 
 def _path(summary: FlightSummary, names: dict[int, str]) -> Table:
-    table = Table(title="Path: largest errors of the true place [m], from 10 s on the path on")
-    table.add_column("UAV")
-    for heading in ("straights", "turns", "height", "RMS", "slot", "RMS", "counted"):
-        table.add_column(heading, justify="right")
+    figures = map(numbers, ("straights", "turns", "height", "RMS", "slot", "RMS", "counted"))
+    title = "Path: largest errors of the true place [m], from 10 s on the path on"
+    table = table_of(words("UAV"), *figures, title=title)
     for uav in summary.uavs:
         if (path := uav.path) is None:
             continue

@@ -18,6 +18,7 @@ from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
 from gcs.results.traffic import KINDS
 from gcs.scenario.model import Scenario
 from gcs.sweeps.points import Point
+from gcs.terminal import numbers, table_of, words
 from mavlink_defs.runtime.files import naming, write_text
 
 __all__ = [
@@ -32,7 +33,6 @@ __all__ = [
 ]
 
 _TERMINAL_ROWS = 50
-_WIDEST_VALUE = 14  # characters of the terminal
 
 
 def choose_uav(scenarios: Iterable[Scenario | None], wanted: int | None) -> int | None:
@@ -138,26 +138,21 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
     )
     marked = any(point.reason or _lost(point, uav_id) for point in points)
     shown = left > 0 or marked
-    table = Table(
+    names = [name for name, _ in dimensions_of(points)]
+    short = [name.rpartition(".")[2] for name in names]
+    headings = short if len(set(short)) == len(short) else names
+    triggered = _has_formation_trigger(points)
+    table = table_of(
+        *map(words, headings),
+        numbers("saving"),
+        *(numbers(f"{quantity}\n[{IAE_UNITS[quantity]}]") for quantity in QUANTITIES),
+        *[numbers("neighbour\nmessages")] * triggered,
         title=_title(uav_id),
         caption=caption if shown else None,
         box=box.SIMPLE_HEAD,
         pad_edge=False,
         collapse_padding=True,
     )
-    names = [name for name, _ in dimensions_of(points)]
-    short = [name.rpartition(".")[2] for name in names]
-    headings = short if len(set(short)) == len(short) else names
-    for heading, (_, labels) in zip(headings, dimensions_of(points), strict=True):
-        width = min(max(map(len, labels)), _WIDEST_VALUE)
-        table.add_column(heading, justify="right", overflow="fold", min_width=width)
-    table.add_column("saving", justify="right", no_wrap=True)
-    for quantity in QUANTITIES:
-        heading = f"{quantity}\n[{IAE_UNITS[quantity]}]"
-        table.add_column(heading, justify="right", no_wrap=True)
-    triggered = _has_formation_trigger(points)
-    if triggered:
-        table.add_column("neighbour\nmessages", justify="right", no_wrap=True)
     for point in points[:_TERMINAL_ROWS]:
         where = [position(point, name) for name in names]
         saving, *iae = _figures(point, uav_id)[:-2]

@@ -1,12 +1,12 @@
 """The counts of a tap as tables for the terminal and as CSV."""
 
 import csv
-from collections.abc import Sequence
 from typing import TextIO
 
 from rich.table import Table
 
 from gcs.reports.formatting import milliseconds, percent
+from gcs.terminal import numbers, table_of, words
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport
 from mavlink_defs.constants import ACTUATORS
 
@@ -94,7 +94,8 @@ def write_csv(report: TapReport, file: TextIO) -> None:
 
 def _links(report: TapReport, live: bool) -> Table:
     outcomes = {(fate.link, fate.direction): fate.counts for fate in report.fates or ()}
-    table = _table("Links", ["link", "!datagrams", "!bytes", "!1/s", "!bytes/s", "remarks"])
+    figures = map(numbers, ("datagrams", "bytes", "1/s", "bytes/s"))
+    table = table_of(words("link"), *figures, words("remarks"), title="Links")
     for row in report.links:
         counts = outcomes.get((row.link, row.direction), {})
         remarks = [f"{n} {reason}" for reason, n in row.dropped.items()]
@@ -102,15 +103,16 @@ def _links(report: TapReport, live: bool) -> Table:
         rates: tuple[float | None, float | None] = (row.rate_hz, row.bytes_per_s)
         if not live:
             rates = (_rate(row.datagrams, report.span_s), _rate(row.bytes, report.span_s))
-        numbers = (str(row.datagrams), str(row.bytes), _number(rates[0]), _number(rates[1]))
-        table.add_row(_way(row), *numbers, ", ".join(remarks))
+        shown = (str(row.datagrams), str(row.bytes), _number(rates[0]), _number(rates[1]))
+        table.add_row(_way(row), *shown, ", ".join(remarks))
     return table
 
 
 def _messages(report: TapReport, live: bool) -> Table:
-    headings = ["link", "sender", "message", "!frames", "!bytes", "!1/s"]
     signed = any(row.signed for row in report.messages)
-    table = _table("Messages, by system/component", [*headings, *["!signed"] * signed])
+    columns = map(words, ("link", "sender", "message"))
+    figures = map(numbers, ("frames", "bytes", "1/s", *["signed"] * signed))
+    table = table_of(*columns, *figures, title="Messages, by system/component")
     before = None
     for row in report.messages:
         way = _way(row)
@@ -130,17 +132,10 @@ def _messages(report: TapReport, live: bool) -> Table:
 
 
 def _transmissions(report: TapReport) -> Table:
-    headings = [
-        "link",
-        "UAV",
-        "channel",
-        "!sent",
-        "!periodic",
-        "!saved",
-        "!min. interval",
-        "!repeats",
-    ]
-    table = _table("Actuator transmissions against periodic sending", headings)
+    columns = map(words, ("link", "UAV", "channel"))
+    figures = map(numbers, ("sent", "periodic", "saved", "min. interval", "repeats"))
+    title = "Actuator transmissions against periodic sending"
+    table = table_of(*columns, *figures, title=title)
     if any(uav.reported for uav in report.uavs):
         table.caption = "* not seen, but reported by the autopilot (FTC_EVENTS)"
     for uav in report.uavs:
@@ -164,16 +159,6 @@ def _transmissions(report: TapReport) -> Table:
 
 def _way(row: LinkReport | StreamReport) -> str:
     return f"{row.direction} {row.link}"
-
-
-def _table(title: str, headings: Sequence[str]) -> Table:
-    """Return an empty table; a heading that starts with "!" is right-aligned, for numbers."""
-    table = Table(title=title)
-    for heading in headings:
-        table.add_column(
-            heading.lstrip("!"), justify="right" if heading.startswith("!") else "left"
-        )
-    return table
 
 
 def _rate(count: int, span_s: float) -> float | None:

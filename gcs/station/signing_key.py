@@ -1,11 +1,11 @@
 """The user's signing key for a scenario's links, and ports that other machines can reach."""
 
 import contextlib
-import sys
 from pathlib import Path
 
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario
+from gcs.terminal import print_line
 from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
 from mavlink_defs.framing.signing import SigningError, read_key
 
@@ -51,4 +51,4 @@ def warn_if_exposed(address: UdpAddress, with_key: bool) -> None:
     """Warn on standard error if a port to be bound can be reached from other machines."""
     with contextlib.suppress(EndpointError):  # binding it will report the error
         if not is_loopback(address):
-            print(exposed(address, with_key), file=sys.stderr)
+            print_line(exposed(address, with_key), stderr=True)

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from gcs.station.event_counts import EventCounts
 from gcs.station.vehicle_state import VehicleState
+from gcs.terminal import numbers, table_of, words
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
@@ -221,12 +222,9 @@ def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[
 
 def fleet_table(states: Iterable[VehicleState], now: float) -> Table:
     """Return a table with one row per vehicle, for a terminal of 80 columns."""
-    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("UAV", justify="right", no_wrap=True)
-    for heading in ("link", "armed", "mode"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("time s", "V m/s", "roll °", "pitch °", "yaw °", "events", "saved", "faults"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    values = ("time s", "V m/s", "roll °", "pitch °", "yaw °", "events", "saved", "faults")
+    columns = (numbers("UAV"), *map(words, ("link", "armed", "mode")), *map(numbers, values))
+    table = table_of(*columns, box=None, padding=(0, 1, 0, 0), pad_edge=False)
     for state in states:
         table.add_row(*_row(state, now), style="red" if state.lost else None)
     return table

@@ -1,0 +1,121 @@
+"""Output of the commands: consoles that show text of others safely, and tables that cut nothing.
+
+Results go to standard output, everything else to standard error.
+"""
+
+import json
+import os
+from collections.abc import Iterable
+from typing import Any
+
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.measure import Measurement
+from rich.segment import Segment
+from rich.table import Column, Table
+from rich.text import Text
+
+from mavlink_defs.visible import visible_lines
+
+__all__ = [
+    "Terminal",
+    "console_of",
+    "numbers",
+    "print_json",
+    "print_line",
+    "table_of",
+    "words",
+]
+
+_PIPE_WIDTH = 10_000
+_NARROWEST_TEXT = 12
+"""Width down to which a column of texts is folded."""
+
+
+class Terminal(Console):
+    """A console that prints text as it is: no markup, no control characters, nothing cut."""
+
+    def __init__(self, *, stderr: bool = False, quiet: bool = False) -> None:
+        super().__init__(stderr=stderr, quiet=quiet, markup=False, emoji=False, highlight=False)
+        if not (self.is_terminal or os.environ.get("COLUMNS")):
+            self.width = _PIPE_WIDTH  # rich assumes 80 columns, but a pipe has no edge
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return text to lay out, with control characters made visible."""
+        return super().render_str(visible_lines(text), **options)
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Yield the segments of anything, with control characters of its texts made visible."""
+        for segment in super().render(renderable, options):
+            if segment.control or segment.text.isprintable():
+                yield segment
+            else:
+                yield Segment(visible_lines(segment.text), segment.style)
+
+    def print(self, *objects: Any, crop: bool = False, **options: Any) -> None:
+        """Print; what is wider than the terminal is not cut."""
+        super().print(*objects, crop=crop, **options)
+
+    def on_broken_pipe(self) -> None:
+        """Leave it to the command line: the reader of our output has ended."""
+        raise  # noqa: PLE0704 - rich calls this while it handles the error
+
+
+def console_of(stderr: bool = True, quiet: bool = False) -> Terminal:
+    """Return the console for progress and remarks, or that for results."""
+    return Terminal(stderr=stderr, quiet=quiet)
+
+
+def print_line(text: str, *, stderr: bool = False) -> None:
+    """Print a line, or lines, which a terminal may wrap but nothing folds."""
+    console_of(stderr).print(Text(text), soft_wrap=True)
+
+
+def print_json(value: Any, indent: int | None = None) -> None:
+    """Print a value as JSON; NaN and infinity become null."""
+    text = json.dumps(_finite(value), allow_nan=False, indent=indent)
+    print(text.replace("\x7f", "\\u007f"), flush=True)  # the control character json lets pass
+
+
+def _finite(value: Any) -> Any:
+    match value:
+        case dict():
+            return {key: _finite(inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_finite(inner) for inner in value]
+        case float() if value - value != 0.0:
+            return None
+    return value
+
+
+def words(heading: str) -> Column:
+    """Return a column of texts: it is folded where the terminal is narrow."""
+    return Column(heading, overflow="fold")
+
+
+def numbers(heading: str) -> Column:
+    """Return a column of numbers, right-aligned: as wide as the widest, whatever the terminal."""
+    return Column(heading, justify="right", no_wrap=True)
+
+
+def table_of(*columns: Column, **options: Any) -> Table:
+    """Return a table of columns that `words` and `numbers` make; options as of rich's table."""
+    return _Uncut(*columns, **options)
+
+
+class _Uncut(Table):
+    """A table that is wider than the terminal where it would have to cut a number."""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Yield its segments, with columns as wide as they need be."""
+        natural = Measurement.get(console, options.update_width(_PIPE_WIDTH), self).maximum
+        least = natural
+        for column in self.columns:
+            cells = (str(cell) for cell in (column.header, *column.cells))
+            width = max((cell_len(line) for cell in cells for line in cell.split("\n")), default=0)
+            column.min_width = width if column.no_wrap else min(width, _NARROWEST_TEXT)
+            least -= width - column.min_width
+        wide = options.update_width(max(options.max_width, least))
+        yield from super().__rich_console__(console, wide)
