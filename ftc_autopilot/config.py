@@ -59,12 +59,17 @@ def trigger_problems(
 ) -> Iterator[tuple[Loc, str]]:
     """Yield place and text if law, trigger and control period [µs] do not go together."""
     yield from ((("trigger", *loc), text) for loc, text in trigger.misfits(step_us))
-    chooses = [kind for kind, law in LAWS.items() if law.CHOOSES]
-    if controller.CHOOSES and trigger.mode != "consequence":
-        text = f"expected 'consequence', as the law {controller.kind!r} chooses what is sent"
-        yield ("trigger", "mode"), f"{text}, got {trigger.mode!r}"
-    elif not controller.CHOOSES and trigger.mode == "consequence":
-        text = f"'consequence' needs a law that chooses what is sent ({', '.join(chooses)})"
+    if type(controller).goes_with(trigger.mode):
+        return
+    if controller.CHOOSES:
+        text = "expected 'consequence' or 'periodic', as the law"
+        yield (
+            ("trigger", "mode"),
+            f"{text} {controller.kind!r} chooses what is sent, got {trigger.mode!r}",
+        )
+    else:
+        chooses = ", ".join(kind for kind, law in LAWS.items() if law.CHOOSES)
+        text = f"'consequence' needs a law that chooses what is sent ({chooses})"
         yield ("trigger", "mode"), f"{text}, got the law {controller.kind!r}"
 
 

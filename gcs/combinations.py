@@ -111,8 +111,7 @@ def combinations(scenario: Scenario) -> list[Combination]:
     for aircraft in AIRCRAFT:
         tree = _with_aircraft(scenario.model_dump(), aircraft)
         for law, model in LAWS.items():
-            modes = [mode for mode in MODES if (mode == "consequence") == model.CHOOSES]
-            for mode in modes:
+            for mode in filter(model.goes_with, MODES):
                 found.append(Combination(aircraft, law, mode, _scenario(tree, law, mode)))
     return found
 

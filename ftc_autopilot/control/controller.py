@@ -18,7 +18,7 @@ from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.schedule import scheduled
 from ftc_autopilot.control.trigger import trigger
-from ftc_autopilot.control.triggers import MODES, TRIGGERS
+from ftc_autopilot.control.triggers import MODES, TRIGGERS, clock_of
 from ftc_autopilot.control.triggers.base import ALL, TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_record
@@ -248,7 +248,10 @@ def control_step(
     thresholds = parameters["trigger"]
     a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
     b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_rad"], t)[0]
-    now = Instant(t, dt, first, motion, command, reference, errors, state["held"], a, b)
+    due, clock_s = clock_of(parameters["mode"], dt, thresholds, state["trigger"])
+    now = Instant(
+        t, dt, first, motion, command, reference, errors, state["held"], a, b, due, clock_s
+    )
     state["chosen"] = ALL
     for i in range(N_CHANNELS):
         signals["predicted_exit"][i] = math.nan

@@ -143,7 +143,7 @@ def parameters_of(
         tunable.put(value)
 
     def put_mode(tunable: Tunable, value: float) -> None:
-        if (value == MODES.index("consequence")) != config.controller.CHOOSES:
+        if 0 <= value < len(MODES) and not config.controller.goes_with(MODES[int(value)]):
             raise ParamValueError(f"is {value:g}, which does not go with the law {kind}")
         tunable.put(value)
         controllers.states["trigger"] = np.zeros((), controllers.states.dtype["trigger"])

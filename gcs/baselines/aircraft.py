@@ -1,12 +1,12 @@
 """Uncertain aircraft: the draws of a campaign, flown by one sender."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gcs.baselines.search import worst_ratio
-from gcs.baselines.senders import sender, transmissions
+from gcs.baselines.senders import own_parameters, senders, transmissions
 from gcs.campaigns.draws import draw_table
 from gcs.campaigns.flights import Flights, Row
 from gcs.campaigns.mark import plain
@@ -35,6 +35,7 @@ class Kept:
         kept: Aircraft that were kept.
         flown: Aircraft that were flown; fewer than drawn if too many were lost already.
         enough: Whether the share that was asked for was kept, of all.
+        parameters: Those of its law that are not the triggered flight's.
     """
 
     periods: tuple[int, ...] | None
@@ -42,6 +43,7 @@ class Kept:
     kept: int
     flown: int
     enough: bool
+    parameters: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -113,11 +115,15 @@ class Aircraft:
         found: list[Kept] = []
         for n in reversed(periods):
             own = (n,) * N_CHANNELS
-            result = self.kept_by(sender(base, own), fly, pool, to_the_end=False)
-            found.append(replace(result, periods=own, transmissions=transmissions(base, own)))
-            on_flown(found[-1])
-            if result.enough:
-                break
+            for one in senders(base, own):
+                result = self.kept_by(one, fly, pool, to_the_end=False)
+                sent, parameters = transmissions(base, own), own_parameters(base, one)
+                found.append(
+                    replace(result, periods=own, transmissions=sent, parameters=parameters)
+                )
+                on_flown(found[-1])
+                if result.enough:
+                    return found
         return found
 
     @property

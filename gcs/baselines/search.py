@@ -4,11 +4,12 @@ Tracking is not monotone in the period: a slower sender may be better than a fas
 period of a list is flown, and nothing is said about periods that are not on it.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from gcs.baselines.senders import sender, some_periods, transmissions
+from gcs.baselines.senders import own_parameters, senders, some_periods, transmissions
 from gcs.results.quantities import QUANTITIES
 from gcs.results.summary import FlightSummary
 from gcs.scenario.model import Scenario
@@ -31,12 +32,14 @@ class Checked:
         transmissions: Of single channels, all UAVs.
         worst: Largest IAE by that of the triggered flight; None if it did not end well.
         equal: Whether that is within the tolerance.
+        parameters: Those of its law that are not the triggered flight's; the best that were tried.
     """
 
     periods: tuple[int, ...]
     transmissions: int
     worst: float | None
     equal: bool
+    parameters: Mapping[str, object] = field(default_factory=dict)
 
 
 def worst_ratio(summary: FlightSummary, reference: FlightSummary) -> float | None:
@@ -105,13 +108,24 @@ class Search:
             best = min(equal, key=lambda one: (one.transmissions, one.periods))
 
     def _check(self, candidates: Iterable[tuple[int, ...]]) -> list[Checked]:
-        listed = list(candidates)
-        flights = self.pool.map(self.fly, [sender(self.base, periods) for periods in listed])
+        listed = [(periods, senders(self.base, periods)) for periods in candidates]
+        flights = self.pool.map(self.fly, [one for _, tried in listed for one in tried])
         checked = []
-        for periods, summary in zip(listed, flights, strict=True):
-            worst = worst_ratio(summary, self.reference)
-            equal = worst is not None and worst <= self.largest_ratio
-            sent = transmissions(self.base, periods)
-            checked.append(Checked(periods, sent, worst, equal))
+        for periods, tried in listed:
+            best: tuple[float, Scenario] = math.inf, tried[0]
+            for one in tried:
+                worst = worst_ratio(next(flights), self.reference)
+                if worst is not None and worst < best[0]:
+                    best = worst, one
+            worst = best[0] if best[0] < math.inf else None
+            checked.append(
+                Checked(
+                    periods,
+                    transmissions(self.base, periods),
+                    worst,
+                    equal=best[0] <= self.largest_ratio,
+                    parameters=own_parameters(self.base, best[1]),
+                )
+            )
             self.on_flown(checked[-1])
         return checked

@@ -11,7 +11,14 @@ from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.inherit import PlaceError, with_values
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["periodic_base", "sender", "some_periods", "transmissions"]
+__all__ = [
+    "own_parameters",
+    "periodic_base",
+    "sender",
+    "senders",
+    "some_periods",
+    "transmissions",
+]
 
 
 def periodic_base(scenario: Scenario, path: Path, against: Mapping[str, object]) -> Scenario:
@@ -23,18 +30,12 @@ def periodic_base(scenario: Scenario, path: Path, against: Mapping[str, object])
         against: Keys of the scenario that the periodic sender has otherwise, such as its law.
 
     Raises:
-        BadInput: A key does not exist, or the law has no periodic sender.
+        BadInput: A key does not exist.
         ConfigError: The result is no valid scenario.
     """
     tree = scenario.model_dump()
     kept = {key: tree["trigger"][key] for key in TriggerParameters.model_fields}
     tree["trigger"] = {**kept, "mode": "periodic"}
-    if scenario.controller.CHOOSES and not any(key.startswith("controller") for key in against):
-        raise BadInput(
-            f"the law {scenario.controller.kind!r} chooses what it sends: it has no periodic "
-            "sender to compare with",
-            "name the law of the periodic sender, as in --against controller.kind=surviving",
-        )
     try:
         return scenario_of(path, with_values(tree, against))
     except PlaceError as problem:
@@ -54,6 +55,23 @@ def sender(base: Scenario, periods: Sequence[int]) -> Scenario:
     }
     trigger = Periodic.model_validate(base.trigger.model_dump() | seconds)
     return base.model_copy(update={"trigger": trigger})
+
+
+def senders(base: Scenario, periods: Sequence[int]) -> list[Scenario]:
+    """Return what `sender` does, once for each set of parameters that its law tries by the clock.
+
+    Args:
+        base: As of `sender`.
+        periods: As of `sender`.
+    """
+    one = sender(base, periods)
+    return [one.model_copy(update={"controller": law}) for law in one.controller.by_clock()]
+
+
+def own_parameters(base: Scenario, one: Scenario) -> dict[str, object]:
+    """Return the law's parameters that a scenario of `senders` does not share with its base."""
+    of_base = base.controller.model_dump()
+    return {k: v for k, v in one.controller.model_dump().items() if v != of_base[k]}
 
 
 def transmissions(base: Scenario, periods: Sequence[int]) -> int:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from gcs.baselines.aircraft import Kept
 from gcs.baselines.baseline import Baseline, saved
 from gcs.baselines.search import COARSE, FINE, Checked
 from gcs.campaigns.statistics import proportion
@@ -34,12 +35,12 @@ def baseline_rows(baseline: Baseline) -> Iterator[tuple[str, ...]]:
     period = milliseconds(baseline.step_us / 1e6)
     yield f"every {period}", str(every), percent(saved(sent, every)), ratio
     if uniform is not None:
-        yield _line(f"slowest equal: every {_ms(baseline, uniform.periods)}", baseline, uniform)
+        yield _line(f"slowest equal: every {_sender(baseline, uniform)}", baseline, uniform)
     if (own := baseline.per_channel) is not None:
-        yield _line(f"the same by channel: {_ms(baseline, own.periods)}", baseline, own)
+        yield _line(f"the same by channel: {_sender(baseline, own)}", baseline, own)
     if baseline.robustness is not None and (robust := baseline.robustness.slowest) is not None:
         yield (
-            f"equally robust: every {_ms(baseline, robust.periods or ())}",
+            f"equally robust: every {_sender(baseline, robust)}",
             str(robust.transmissions),
             percent(saved(sent, robust.transmissions)),
             "-",
@@ -103,6 +104,12 @@ def _line(name: str, baseline: Baseline, one: Checked) -> tuple[str, ...]:
 
 def _ratio(one: Checked) -> str:
     return "not completed" if one.worst is None else f"{one.worst:.3f}"
+
+
+def _sender(baseline: Baseline, one: Checked | Kept) -> str:
+    """Format periods, and the parameters of a law that has others by the clock."""
+    own = "".join(f", {name} {value:g}" for name, value in one.parameters.items())
+    return _ms(baseline, one.periods or ()) + own
 
 
 def _ms(baseline: Baseline, periods: Sequence[int]) -> str:

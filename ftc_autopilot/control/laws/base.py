@@ -24,7 +24,7 @@ class LawParameters(Model):
         STATE: The law's memory between steps, all zero before the first step.
         DERIVED: Fields of its record that `derive` fills.
         CHOOSES: Whether the law itself chooses which channels are sent, and when, as trigger mode
-            `consequence` needs it.
+            `consequence` needs it. Such a law may be sent by the clock, too.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
@@ -64,6 +64,19 @@ class LawParameters(Model):
         "s", ge=0.0, le=0.1, default=0.0, doc="Known delay of sensors and servos, predicted over."
     )
 
+    @classmethod
+    def goes_with(cls, mode: str) -> bool:
+        """Return whether a trigger can send the law: by the clock any law, else who chooses."""
+        return mode == "periodic" or (mode == "consequence") == cls.CHOOSES
+
+    def by_clock(self) -> tuple[Self, ...]:
+        """Return parameters to try where every channel is sent by the clock: these alone.
+
+        A comparison with a clock takes those that track best, so that the clock is not judged by
+        parameters that were chosen for events.
+        """
+        return (self,)
+
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters of an aircraft with these servos: the same.
 
@@ -85,6 +98,8 @@ class Instant(NamedTuple):
     held: np.ndarray  # commands in force: aileron, elevator, rudder [rad], thrust [N]; read only
     a: tuple[float, float]  # thresholds a1 [-], a2 [N] of (25)
     b: tuple[float, float]  # thresholds b1 [-], b2 [rad] of (29)
+    due: int  # mask of the channels that the trigger sends now by the clock
+    clock_s: tuple[float, float, float, float]  # its period by channel [s]; 0: no clock
 
 
 class Demand(NamedTuple):

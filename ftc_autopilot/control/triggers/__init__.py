@@ -15,12 +15,12 @@ from ftc_autopilot.control.triggers.consequence import Consequence, consequence
 from ftc_autopilot.control.triggers.dynamic import Dynamic, dynamic
 from ftc_autopilot.control.triggers.joint import Joint, joint
 from ftc_autopilot.control.triggers.per_channel import PerChannel, per_channel
-from ftc_autopilot.control.triggers.periodic import Periodic, periodic
+from ftc_autopilot.control.triggers.periodic import Periodic, Times, clock, periodic
 from ftc_autopilot.control.triggers.periodic_event import PeriodicEvent, periodic_event
 from ftc_autopilot.control.triggers.self_triggered import SelfTriggered, self_triggered
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["MODES", "TRIGGERS", "Trigger", "decide"]
+__all__ = ["MODES", "TRIGGERS", "Trigger", "clock_of", "decide"]
 
 
 def _mode(value: Any) -> Any:
@@ -49,6 +49,24 @@ _DYNAMIC = MODES.index("dynamic")
 _PERIODIC_EVENT = MODES.index("periodic_event")
 _SELF = MODES.index("self")
 _CONSEQUENCE = MODES.index("consequence")
+
+
+@compiled
+def clock_of(mode: int, dt: float, parameters: np.void, states: np.void) -> tuple[int, Times]:
+    """Return which channels a clock sends in this step, and its periods; zeros without a clock.
+
+    Args:
+        mode: Index in `MODES`.
+        dt: Control period [s].
+        parameters: Record `trigger` of `ftc_autopilot.control.controller.PARAMETERS`.
+        states: Record `trigger` of `ftc_autopilot.control.controller.CONTROLLER`; read only.
+
+    Returns:
+        Mask with bit numbers as FTC_ACTUATOR, and the period of each channel [s].
+    """
+    if mode == _PERIODIC:
+        return clock(dt, parameters["periodic"], states["periodic"])
+    return 0, (0.0, 0.0, 0.0, 0.0)
 
 
 @compiled

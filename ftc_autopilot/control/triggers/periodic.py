@@ -1,7 +1,7 @@
 """Trigger `periodic`: by the clock, whatever the commands are."""
 
 from collections.abc import Iterator
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -9,11 +9,14 @@ from pydantic import Field
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps
 from mavlink_defs.config.models import Loc
 from mavlink_defs.config.quantity import quantity
-from mavlink_defs.constants import ACTUATORS, AILERON, ELEVATOR, RUDDER, THROTTLE, Actuator
+from mavlink_defs.constants import ACTUATORS, N_CHANNELS, Actuator
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import period_problems
 
-__all__ = ["Periodic", "periodic"]
+__all__ = ["Periodic", "Times", "clock", "periodic"]
+
+Times: TypeAlias = tuple[float, float, float, float]
+"""Times of the channels [s], as in FTC_ACTUATOR."""
 
 
 class Periodic(TriggerParameters):
@@ -59,15 +62,34 @@ def periodic(now: Candidates, periods: np.void, state: np.void) -> int:
         periods: Record made of `Periodic`.
         state: Record of dtype `Periodic.STATE`, updated in place.
     """
-    mask = 0
-    for i, own_s in (
-        (AILERON, periods["aileron_period_s"]),
-        (ELEVATOR, periods["elevator_period_s"]),
-        (RUDDER, periods["rudder_period_s"]),
-        (THROTTLE, periods["throttle_period_s"]),
-    ):
-        period_s = own_s if own_s > 0.0 else periods["period_s"]
-        if state["steps"] % in_steps(period_s, now.dt) == 0:
-            mask |= 1 << i
+    due, _ = clock(now.dt, periods, state)
     state["steps"] += 1
-    return mask
+    return due
+
+
+@compiled
+def clock(dt: float, periods: np.void, state: np.void) -> tuple[int, Times]:
+    """Return the mask of the channels whose time it is, and the period of each [s].
+
+    Args:
+        dt: Control period [s].
+        periods: Record made of `Periodic`.
+        state: Record of dtype `Periodic.STATE`; read only.
+    """
+    of_all = max(periods["period_s"], dt)
+    period_s = (
+        _either(periods["aileron_period_s"], of_all),
+        _either(periods["elevator_period_s"], of_all),
+        _either(periods["rudder_period_s"], of_all),
+        _either(periods["throttle_period_s"], of_all),
+    )
+    due = 0
+    for i in range(N_CHANNELS):
+        if state["steps"] % in_steps(period_s[i], dt) == 0:
+            due |= 1 << i
+    return due, period_s
+
+
+@compiled
+def _either(own_s: float, of_all_s: float) -> float:
+    return own_s if own_s > 0.0 else of_all_s

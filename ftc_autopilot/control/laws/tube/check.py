@@ -23,6 +23,7 @@ _CHANNELS = (THROTTLE, AILERON, ELEVATOR, RUDDER)  # by output
 _SMALL_ANGLE, _SMALL_THRUST = 0.01, 10.0  # change of a command that shows its influence [rad, N]
 _NO_CHANGE = 1e-12
 _ROUNDING_S = 1e-9
+_CLOCK_SHARE = 0.9  # of a clock's period after which a plan keeps an error in its tube
 
 
 @inlined
@@ -38,6 +39,9 @@ def check(
     commands: np.ndarray,
 ) -> int:
     """Predict under the commands in force; change those whose outputs are about to leave.
+
+    A trigger that sends by the clock has its channels planned when they are due instead, and the
+    plan begins no earlier than the next transmission.
 
     The outputs are planned one after the other, each with the commands that those before it got.
     In the law's first step all are, from commands that balance moments and drag, at which the
@@ -89,8 +93,12 @@ def check(
             continue
         leaves = first_exit(error[o, :seen], width[o, :seen])
         _note_exit(leaves * h, leaves == seen, j, gains, state)
+        by_clock = now.clock_s[j] > 0.0
         rested = (state["step"] - state["sent"][j]) * now.dt >= gains["dwell_s"] - _ROUNDING_S
-        if not now.first and not (leaves * h < lead[o] + servo.lag and rested):
+        turn = leaves * h < lead[o] + servo.lag and rested
+        if by_clock:
+            turn = bool(now.due & (1 << j))
+        if not (now.first or turn):
             continue
         if seen < rows:
             seen = rows
@@ -110,18 +118,19 @@ def check(
             error[o],
             influence[o],
             width[o],
-            int(gains["settle_s"][o] / h),
+            min(int(max(gains["settle_s"][o], _CLOCK_SHARE * now.clock_s[j]) / h), rows - 1),
             gains["plan_share"][o],
             lowest - before,
             highest - before,
         )
         worth = abs(plan.change) > _NO_CHANGE and (plan.leaves - leaves) * h >= gains["gain_s"]
-        if not (now.first or worth):
+        if not (now.first or by_clock or worth):
             commands[j] = before
             continue
         commands[j] = before + plan.change
         state["exit"][j] = plan.leaves * h
-        state["recent"][j] += 1.0
+        if not by_clock:
+            state["recent"][j] += 1.0
         mask |= 1 << j
         predict(start, commands, h, rows, aircraft, error)
         deviate(error, path, rows)

@@ -66,7 +66,7 @@ def tube_law(
     else:
         if no_rudder and triggered(now, RUDDER, surviving, aircraft, commands):
             mask |= 1 << RUDDER
-        if checked:
+        if checked if now.clock_s[0] == 0.0 else now.due != 0:
             rudder = commands[RUDDER]
             if no_rudder:
                 commands[RUDDER] = positions[RUDDER]

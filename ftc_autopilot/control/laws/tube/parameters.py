@@ -1,6 +1,6 @@
 """Parameters and state of the tube law."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -62,6 +62,11 @@ class Tube(Surviving):
             ("storms", "i8"),  # times that there were too many
         ]
     )
+
+    def by_clock(self) -> tuple[Self, ...]:
+        """Return the parameters with three widths of the tube: the best depends on the period."""
+        scales = (self.tube_scale * share for share in (1.0, 0.5, 0.25))
+        return tuple(self.model_copy(update={"tube_scale": scale}) for scale in scales)
 
     kind: Literal["tube"] = Field(  # type: ignore[assignment]  # a name of its own
         default="tube", description="Name of the law."

@@ -49,7 +49,9 @@ def take_over(now: Instant, gains: np.void, state: np.void) -> bool:
 def triggered(
     now: Instant, j: int, demand: Demand, aircraft: np.void, commands: np.ndarray
 ) -> bool:
-    """Return whether (25) or (29) sends the surviving law's command of channel j, and take it.
+    """Return whether the surviving law's command of channel j is sent, and take it.
+
+    The clock decides that if the trigger has one, else (25) or (29).
 
     Args:
         now: The present step, with the thresholds.
@@ -66,6 +68,8 @@ def triggered(
         wanted = min(max(demand.delta_hat[j], -stop), stop)
         least = now.b[0] * abs(commands[j]) + now.b[1]
     fired = bool(abs(wanted - commands[j]) >= least)
+    if now.clock_s[j] > 0.0:
+        fired = bool(now.due & (1 << j))
     if fired:
         commands[j] = wanted
     return fired
@@ -85,4 +89,6 @@ def with_coarser_thresholds(now: Instant, factor: float) -> Instant:
         now.held,
         (factor * now.a[0], factor * now.a[1]),
         (factor * now.b[0], factor * now.b[1]),
+        now.due,
+        now.clock_s,
     )

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ftc_autopilot.control.laws.tube import Tube
 from gcs.baselines.aircraft import drawn_aircraft
 from gcs.baselines.baseline import Baseline, find_baseline, find_robust
 from gcs.baselines.search import COARSE, FINE, Search, worst_ratio
@@ -20,7 +21,8 @@ from gcs.fleet.in_process import fly_in_process
 from gcs.reports.baseline import baseline_report
 from gcs.results.summary import FlightSummary, summarise
 from gcs.scenario.bundled import find_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from mavlink_defs.config.inherit import merged
 from mavlink_defs.constants import ACTUATORS
 
 Area = Callable[[dict[str, int], Scenario], float]
@@ -167,6 +169,26 @@ def test_the_slowest_sender_that_keeps_enough_aircraft(
     assert found.slowest.periods == (longest,) * 4
     assert found.slowest.kept == sum(longest * mass <= 12.0 for mass in heaviest)
     assert all(one.flown < 20 or not one.enough for one in found.checked[:-1])
+
+
+def test_a_law_is_sent_by_the_clock_with_the_parameters_that_suit_the_clock(
+    short: Scenario, flown: FlightSummary, pool: Executor
+) -> None:
+    """Of the widths of the tube the best one counts, and is named."""
+    tree = merged(short.model_dump(), scenario_tree("tube"))
+    tube = scenario_of("tube", tree)
+    base = periodic_base(tube, Path("scenario"), {})
+    assert isinstance(base.controller, Tube)
+
+    def area(periods: Mapping[str, int], scenario: Scenario) -> float:
+        scale = scenario.controller.model_dump()["tube_scale"]
+        return 1.0 if scale == 0.5 and periods["rudder"] <= 7 else 2.0
+
+    found = find_baseline(tube, made_up(base, flown, pool, area), 40, each_channel=False)
+    assert found.slowest_uniform is not None
+    assert found.slowest_uniform.periods == (7,) * 4
+    assert found.slowest_uniform.parameters == {"tube_scale": 0.5}
+    assert "| slowest equal: every 7 ms, tube_scale 0.5 |" in baseline_report(found)
 
 
 def _drawn(short: Scenario, flown: FlightSummary, draws: int) -> list[Scenario]:

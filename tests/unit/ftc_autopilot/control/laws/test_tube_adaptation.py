@@ -67,8 +67,20 @@ def learnt(
             diagnosis["actuators"][j]["suspect"] = float(j == suspect)
         command = np.array([45.0, 0.0, 0.0, 0.0])
         held = np.array([*u, 900.0])
+        no_clock = (0.0, 0.0, 0.0, 0.0)
         now = Instant(
-            0.0, 1e-3, step == 0, motion, command, reference, errors, held, limits, limits
+            0.0,
+            1e-3,
+            step == 0,
+            motion,
+            command,
+            reference,
+            errors,
+            held,
+            limits,
+            limits,
+            0,
+            no_clock,
         )
         adapt(now, nominal, gains, state)
     return state

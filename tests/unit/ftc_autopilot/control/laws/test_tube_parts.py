@@ -77,6 +77,8 @@ def instant(motion: Any, first: bool = False, **keys: Any) -> Instant:
         "held": COMMANDS.copy(),
         "a": (0.01, 1.0),
         "b": (0.01, math.radians(1.0)),
+        "due": 0,
+        "clock_s": (0.0, 0.0, 0.0, 0.0),
     }
     return Instant(**(known | keys))
 
