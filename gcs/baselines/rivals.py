@@ -15,7 +15,7 @@ __all__ = ["TOLERANCE", "Rival", "fly_rivals", "rivals", "with_slowest_equal"]
 
 TOLERANCE = 1.01
 """Largest IAE by that of the triggered flight that counts as no worse."""
-_LONGEST_US = 500_000
+_SHORTEST_US, _LONGEST_US = 20_000, 500_000
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Rival:
 
 
 def rivals(listed: Iterable[Combination]) -> list[Rival]:
-    """Return each law by the clock with periods up to 0.5 s, on every aircraft.
+    """Return each law by the clock with periods of 0.02 to 0.5 s, on every aircraft.
 
     Args:
         listed: As of `gcs.combinations.combinations`.
@@ -45,7 +45,8 @@ def rivals(listed: Iterable[Combination]) -> list[Rival]:
     for one in listed:
         if one.trigger == "periodic":
             step_us = one.scenario.step_us
-            for n in some_periods(max(_LONGEST_US // step_us, 1), COARSE):
+            shortest, longest = (max(us // step_us, 1) for us in (_SHORTEST_US, _LONGEST_US))
+            for n in some_periods(longest, COARSE, shortest):
                 by_clock = ClockSender(one.law, n * step_us / 1e6)
                 tried = senders(one.scenario, (n,) * N_CHANNELS)
                 found += [Rival(one.aircraft, by_clock, scenario) for scenario in tried]

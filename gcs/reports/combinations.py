@@ -51,7 +51,7 @@ def combinations_section(
         "bytes each (unsigned, without UDP and IP). Saved is against every channel in every "
         "millisecond. The slowest equal sender sends every channel by the clock, under any of the "
         "laws: of those with no IAE of any UAV more than 1 % above this flight's, the one with the "
-        "fewest transmissions (periods up to 500 ms, 25 % apart or 1 ms). The mean is that of the "
+        "fewest transmissions (periods of 20 to 500 ms, 25 % apart). The mean is that of the "
         "four IAEs, each by that of the paper's law and trigger on the ideal aircraft. Bold rows "
         "are on the front: no other has both fewer transmissions and a smaller mean. `lost` is a "
         "flight that ended early, or in which a UAV lost its attitude or heading.\n",

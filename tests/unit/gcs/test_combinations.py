@@ -146,7 +146,7 @@ def test_every_law_is_a_rival_by_the_clock(scenario1: Scenario) -> None:
         for law in LAWS:
             periods = [one.period_s for one in own if one.law == law]
             assert periods == sorted(periods)
-            assert (periods[0], periods[-1]) == (0.001, 0.5)
+            assert (periods[0], periods[-1]) == (0.02, 0.5)
     for one in found:
         assert one.scenario.controller.kind == one.sender.law
         assert one.scenario.trigger.mode == "periodic"
