@@ -62,6 +62,14 @@ def trim(
         ),
     ] = None,
     roll: Annotated[float, typer.Option(help="Roll angle [deg].", min=-80.0, max=80.0)] = 0.0,
+    sideslip: Annotated[
+        float,
+        typer.Option(
+            help="Largest sideslip of a range's end [deg]; the coefficients are linear.",
+            min=1.0,
+            max=90.0,
+        ),
+    ] = 15.0,
     additions: WithOption = None,
     settings: SetOption = None,
     quiet: QuietOption = False,
@@ -89,8 +97,11 @@ def trim(
             raise BadInput(text)
     console = console_of(quiet=quiet or as_json)
     with console.status("solving for steady flights"):
-        kept = [t for name in _KEPT for at in airspeeds for t in _kept(aircraft, name, at, roll)]
-        given_up = [t for name in _GIVEN_UP for t in _given_up(aircraft, name, airspeeds[0], roll)]
+        limits = roll, sideslip
+        kept = [t for name in _KEPT for at in airspeeds for t in _kept(aircraft, name, at, *limits)]
+        given_up = [
+            t for name in _GIVEN_UP for t in _given_up(aircraft, name, airspeeds[0], *limits)
+        ]
     if as_json:
         found = [{"position": t.position} | asdict(t) for t in (*kept, *given_up)]
         print_json(found, indent=2)
@@ -110,12 +121,12 @@ def _airspeeds(scenario: "Scenario") -> list[float]:
 
 
 def _kept(
-    aircraft: "Aircraft", stuck: Actuator, airspeed_m_s: float, roll_deg: float
+    aircraft: "Aircraft", stuck: Actuator, airspeed_m_s: float, roll_deg: float, sideslip_deg: float
 ) -> Iterator["Trim"]:
     """Yield the ends of the range of deflections at an airspeed, and zero in between."""
     from gcs.theory.trim import stuck_range, trim_stuck
 
-    ends = stuck_range(aircraft, stuck, airspeed_m_s, roll_deg)
+    ends = stuck_range(aircraft, stuck, airspeed_m_s, roll_deg, sideslip_deg)
     if ends is None:
         return
     yield ends[0]
@@ -126,12 +137,12 @@ def _kept(
 
 
 def _given_up(
-    aircraft: "Aircraft", stuck: Actuator, airspeed_m_s: float, roll_deg: float
+    aircraft: "Aircraft", stuck: Actuator, airspeed_m_s: float, roll_deg: float, sideslip_deg: float
 ) -> Iterator["Trim"]:
     """Yield the ends of the range of positions, and round positions in between."""
     from gcs.theory.trim import stuck_range, trim_stuck
 
-    ends = stuck_range(aircraft, stuck, airspeed_m_s, roll_deg)
+    ends = stuck_range(aircraft, stuck, airspeed_m_s, roll_deg, sideslip_deg)
     if ends is None:
         return
     step = _STEPS[stuck]

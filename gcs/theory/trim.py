@@ -16,13 +16,15 @@ from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R1, R2, STILL_AIR, state_derivative
 from sitl_plant.vec3 import mul
 
-__all__ = ["Trim", "stuck_range", "trim_stuck"]
+__all__ = ["ANY_SIDESLIP_DEG", "Trim", "stuck_range", "trim_stuck"]
 
 _CHOSEN_AIRSPEED = (AILERON, RUDDER)
 _NEWTONS = 1000.0  # thrust is of the order of one in the solver's unit
 _METRES_S = 50.0
 _TOLERANCE = 1e-9
 _ENDS = 1e-3  # deg or N
+ANY_SIDESLIP_DEG = 90.0
+"""A limit that no sideslip exceeds."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ def trim_stuck(
     position: float,
     airspeed_m_s: float = _METRES_S,
     roll_deg: float = 0.0,
+    sideslip_limit_deg: float = ANY_SIDESLIP_DEG,
 ) -> Trim | None:
     """Return the level flight with one actuator stuck; None if the equations have no solution.
 
@@ -79,6 +82,8 @@ def trim_stuck(
         position: Where it is stuck [deg, throttle N].
         airspeed_m_s: Airspeed; where it follows from the position, the one to begin the search at.
         roll_deg: Roll angle.
+        sideslip_limit_deg: Largest sideslip of a flight that is possible: the coefficients are
+            linear, and say nothing of an aircraft at right angles to the air.
     """
     from scipy.optimize import root
 
@@ -129,7 +134,10 @@ def trim_stuck(
         roll_deg=roll_deg,
         pitch_deg=math.degrees(pitch),
         turn_rate_deg_s=math.degrees(turn),
-        beyond=_beyond(aircraft, channel, V, (da, de, dr), thrust),
+        beyond=(
+            *_beyond(aircraft, channel, V, (da, de, dr), thrust),
+            *(("sideslip",) if abs(math.degrees(beta)) > sideslip_limit_deg else ()),
+        ),
     )
 
 
@@ -154,6 +162,7 @@ def stuck_range(
     stuck: Actuator,
     airspeed_m_s: float = _METRES_S,
     roll_deg: float = 0.0,
+    sideslip_limit_deg: float = ANY_SIDESLIP_DEG,
     step: float = 1.0,
 ) -> tuple[Trim, Trim] | None:
     """Return the level flights at both ends of the range of positions that can be flown, or None.
@@ -166,7 +175,7 @@ def stuck_range(
         low, high, step = 0.0, aircraft.thrust_limit_n, 20.0 * step
 
     def flown(position: float) -> Trim | None:
-        trim = trim_stuck(aircraft, stuck, position, airspeed_m_s, roll_deg)
+        trim = trim_stuck(aircraft, stuck, position, airspeed_m_s, roll_deg, sideslip_limit_deg)
         return trim if trim is not None and not trim.beyond else None
 
     grid = [float(x) for x in np.arange(low, high + step / 2.0, step)]

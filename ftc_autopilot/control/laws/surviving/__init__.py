@@ -1,4 +1,4 @@
-"""A law that flies on with any one actuator lost.
+"""A law that flies on with one actuator lost in flight.
 
 Healthy, it inverts the nominal model with moderate gains, corrected by the diagnosis of every
 actuator. When one is lost, the others take over what must not be given up, roll and pitch; what

@@ -125,3 +125,19 @@ def test_what_cannot_be_trimmed_cannot_be_flown(scenario1: Scenario, position: f
     survived = flight.loss is None and roll.max() < 45.0
     assert trim is not None
     assert survived == (not trim.beyond)
+
+
+@pytest.mark.parametrize("limit_deg", [5.0, 15.0])
+def test_a_range_ends_where_the_sideslip_is_as_large_as_it_may_be(
+    scenario1: Scenario, limit_deg: float
+) -> None:
+    aircraft = scenario1.aircraft
+    ends = stuck_range(aircraft, "aileron", sideslip_limit_deg=limit_deg)
+    anywhere = stuck_range(aircraft, "aileron")
+    assert ends is not None
+    assert anywhere is not None
+    assert max(abs(trim.beta_deg) for trim in ends) == pytest.approx(limit_deg, abs=0.05)
+    assert ends[1].position < anywhere[1].position
+    beyond = trim_stuck(aircraft, "aileron", 20.0, sideslip_limit_deg=limit_deg)
+    assert beyond is not None
+    assert beyond.beyond == ("sideslip",)
