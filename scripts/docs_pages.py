@@ -97,7 +97,8 @@ def keys(section: str) -> str:
     """Return the table of the keys of one section of a scenario or a campaign."""
     model = SECTIONS[section]
     extends = section in LAWS or section in TRIGGERS  # the keys of the class before it
-    common = model.__mro__[1].model_fields if extends else {}
+    parents = (base for base in model.__bases__ if issubclass(base, BaseModel))
+    common = next(parents).model_fields if extends else {}
     rows = (row for row in key_rows(model) if row[0] not in common)
     shown = ((f"`{key}`", *rest) for key, *rest in rows)
     return table(("key", "expected", "default", "meaning"), shown)
