@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
-from rich.progress import MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from gcs.commands.common import (
     QuietOption,
@@ -21,6 +20,7 @@ from gcs.commands.common import (
     values_of,
     warm_up,
 )
+from gcs.commands.progress import working
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.terminal import console_of, numbers, print_json, table_of, words
 
@@ -127,19 +127,13 @@ def baseline(
     drawn = load_campaign(file, draws=aircraft) if aircraft else None
     folder = make_run_folder(out, f"baseline-{triggered.name}")
     warm_up(triggered, console)
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
     pool = ThreadPoolExecutor(jobs or os.cpu_count() or 1)
     try:
-        with Progress(*columns, console=console, transient=True) as progress:
-            task = progress.add_task("senders flown", total=None)
+        with working(console) as work:
+            task = work.add("looking for the slowest equal senders", unit="flights")
 
             def show(_: Any) -> None:
-                progress.update(task, advance=1)
+                task.advance()
 
             reference = _fly(triggered)
             if worst_ratio(reference, reference) is None:
@@ -175,7 +169,7 @@ def baseline(
     output.print(shown)
     for sentence in baseline_words(found):
         output.print(sentence)
-    console.print(f"results in {folder}", soft_wrap=True)
+    output.print(f"results in {folder}", soft_wrap=True)
 
 
 def _longest(scenario: "Scenario", wanted_ms: float | None) -> int:

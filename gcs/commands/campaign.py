@@ -9,6 +9,7 @@ import typer
 
 from gcs.commands.common import QuietOption
 from gcs.commands.flights import fly_plan, interruptible
+from gcs.commands.progress import working
 from gcs.errors import GcsError
 from gcs.terminal import Terminal, console_of, numbers, table_of, words
 
@@ -82,7 +83,7 @@ def campaign(
         check_scheduler(scheduler)
     console = console_of(quiet=quiet)
     path = find_scenario(file)
-    with console.status("checking every draw"):
+    with working(console, "checking every draw"):
         planned = load_plan(path, draws)
     folder = out or default_folder(planned.mark)
     enough = begin_campaign(planned, folder, until)
@@ -90,7 +91,7 @@ def campaign(
         if not enough():
             fly_plan(planned, folder, jobs, console, scheduler, enough)
         if enough():
-            console.print(f"{until} is decided for every variant")
+            console_of(stderr=False, quiet=quiet).print(f"{until} is decided for every variant")
         _keep(planned, folder, console)
     _report(folder, console)
 
@@ -98,9 +99,10 @@ def campaign(
 def _keep(planned: "Plan", folder: Path, console: Terminal) -> None:
     from gcs.campaigns.keep import keep_flights
 
-    with console.status("flying chosen flights again, for their trajectories") as status:
+    with working(console) as work:
+        task = work.add("flying chosen flights again, for their trajectories", unit="flights")
         for done, chosen in keep_flights(folder, planned.flights):
-            status.update(f"flying chosen flights again: {done} of {chosen}")
+            task.show(done, total=chosen)
 
 
 def _report(folder: Path, console: Terminal) -> None:
@@ -114,10 +116,11 @@ def _report(folder: Path, console: Terminal) -> None:
     table = table_of(words("variant"), *(numbers(name.replace("_", " ")) for name in shown))
     for variant, own in counts.items():
         table.add_row(variant, *(str(own[name]) for name in shown))
-    console.print(table)
-    with console.status("writing the report"):
+    output = console_of(stderr=False, quiet=console.quiet)
+    output.print(table)
+    with working(console, "writing the report"):
         page = write_report(folder)
-    console.print(f"results in {folder}; open {page}", soft_wrap=True)
+    output.print(f"results in {folder}; open {page}", soft_wrap=True)
     failed = [own.take(np.flatnonzero(own.outcome == "failed")) for own in samples.values()]
     if count := sum(map(len, failed)):
         reason = next(own.texts("reason")[0] for own in failed if len(own))

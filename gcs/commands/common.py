@@ -10,9 +10,9 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gcs.campaigns.distributions import label
+from gcs.commands.progress import working
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from gcs.sweeps.axes import Axis, parse_axes
@@ -133,7 +133,7 @@ def warm_up(scenario: Scenario, console: Console) -> None:
 
     message = "compiling the numeric core (on the first run after an install only)"
     console.print(message)
-    with console.status(message), ctrl_c_while_compiling():
+    with working(console, message), ctrl_c_while_compiling():
         compile_everything(scenario)
 
 
@@ -141,17 +141,9 @@ def warm_up(scenario: Scenario, console: Console) -> None:
 def flight_progress(
     scenario: Scenario, console: Console
 ) -> Iterator[Callable[[float, np.ndarray], None]]:
-    """Show a progress bar with simulated time, real-time factor and event counts."""
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TextColumn("{task.completed:5.1f} / {task.total:g} s"),
-        TextColumn("{task.fields[factor]:5.1f}× real time"),
-        TextColumn("{task.fields[events]} events"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(scenario.name, total=scenario.duration_s, factor=0.0, events=0)
+    """Show the progress of a flight: simulated time, real-time factor and event counts."""
+    with working(console) as work:
+        task = work.add(scenario.name, scenario.duration_s, "s", rated=False)
         begin = time.monotonic()
 
         def show(time_s: float, events: np.ndarray) -> None:
@@ -159,6 +151,6 @@ def flight_progress(
             if time_s <= 0.0:
                 begin = time.monotonic()
             factor = time_s / max(time.monotonic() - begin, 1e-3)
-            progress.update(task, completed=time_s, factor=factor, events=int(events.sum()))
+            task.show(time_s, f"{factor:.1f}× real time, {int(events.sum())} events")
 
         yield show

@@ -24,6 +24,7 @@ from gcs.commands.common import (
     flight_progress,
     warm_up,
 )
+from gcs.commands.progress import working
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.results.record import Record
@@ -149,7 +150,7 @@ def fly(
     if not (free_ports or in_process):
         check_ports(loaded)
     folder = make_run_folder(out, loaded.name)
-    console = console_of(quiet=quiet or as_json)
+    console = console_of(quiet=quiet)
     try:
         recorder = FlightRecorder(loaded, folder, record)
         if (size := trajectory_bytes(loaded, record)) > _LARGE:
@@ -248,18 +249,20 @@ def _report(
     from gcs.results.mission_path import leaders_of, paths_of
 
     summary = recorder.finish(ending)
-    with console.status("drawing flight.png"):
+    with working(console, "drawing flight.png"):
         preview = recorder.preview
         shown = preview.recording(ending)
         draw_flight(shown, scenario, preview.gaps(), folder / "flight.png")
         if (paths := paths_of(scenario)) is not None:
             draw_mission(shown, scenario, paths, leaders_of(scenario), folder)
-    console.print(*flight_tables(summary, scenario), sep="\n")
-    console.print(f"results in {folder}", soft_wrap=True)
+    output = console_of(stderr=as_json, quiet=console.quiet)  # --json leaves no room for it
     if as_json:
         print_json(summary.to_json(), indent=2)
+    else:
+        output.print(*flight_tables(summary, scenario), sep="\n")
+    output.print(f"results in {folder}", soft_wrap=True)
     if again is not None:
-        _compare(*again, summary, console)
+        _compare(*again, summary, output)
     if summary.loss is not None:
         raise FlightLost(summary.loss)
 

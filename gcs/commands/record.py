@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from gcs.commands.progress import working
 from gcs.commands.station import (
     ConnectOption,
     JsonOption,
@@ -20,11 +21,13 @@ from gcs.errors import BadInput, NoAnswer
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from gcs.stopping import stop_signals
-from gcs.terminal import print_json, print_line
+from gcs.terminal import console_of, print_json, print_line
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
 
 __all__ = ["EPILOG", "record"]
+
+_REFRESH_S = 1.0
 
 EPILOG = """
 Examples:
@@ -98,7 +101,12 @@ async def _record(
             signing_key=signing_key,
         ) as client:
             if await client.until(lambda: bool(counts) or stop.is_set(), timeout_s):
-                await client.until(stop.is_set, math.inf if for_s is None else for_s)
+                end = math.inf if for_s is None else client.now() + for_s
+                with working(console_of()) as work:
+                    task = work.add(f"recording to {path}", unit="messages")
+                    while not stop.is_set() and (left_s := end - client.now()) > 0.0:
+                        await client.until(stop.is_set, min(left_s, _REFRESH_S))
+                        task.show(counts.total())
     if not counts:
         path.unlink()
         raise NoAnswer(f"no vehicle heard within {timeout_s:g} s on {connection}")

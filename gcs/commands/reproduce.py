@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gcs.commands.common import QuietOption, warm_up
+from gcs.commands.progress import working
 from gcs.errors import FlightLost, Interrupted
 from gcs.scenario.bundled import SCENARIOS
 from gcs.terminal import console_of
@@ -75,27 +75,21 @@ def reproduce(
     console = console_of(quiet=quiet)
     warm_up(loaded["scenario1"], console)
     begin = time.monotonic()
-    columns = (
-        TextColumn("{task.description:40}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
     try:
-        with Progress(*columns, console=console, transient=True) as progress:
-            task = progress.add_task("flying", total=work.steps(loaded))
+        with working(console) as shown:
+            task = shown.add("flying and drawing", work.steps(loaded), "steps")
             summaries = work.reproduce(
                 loaded,
                 _over_wire(folder) if over_wire else _in_process,
                 1 if over_wire else os.cpu_count() or 1,
                 folder,
-                lambda done: progress.update(task, advance=1, description=done),
+                task.advance,
                 faults=faults,
             )
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; finished flights are in {folder}") from None
     seconds = time.monotonic() - begin
-    console.print(
+    console_of(stderr=False, quiet=quiet).print(
         f"{len(summaries)} flights in {seconds:.1f} s; open {folder}/report.html", soft_wrap=True
     )
     lost = [f"{s.scenario}: {s.loss}" for s in summaries.values() if s.loss]

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from gcs.commands.common import QuietOption
 from gcs.commands.flights import fly_plan, interruptible
+from gcs.commands.progress import working
 from gcs.errors import GcsError
 from gcs.terminal import console_of
 
@@ -94,7 +95,8 @@ def _report(points: list["Point"], uav_id: int | None, folder: Path, console: Co
 
     write_csv(points, folder / "table.csv")
     write_markdown(points, uav_id, folder / "table.md")
-    with console.status("drawing sweep.png"):
+    with working(console, "drawing sweep.png"):
         draw_sweep(points, uav_id, folder)
-    console.print(terminal_table(points, uav_id))
-    console.print(f"results in {folder}", soft_wrap=True)
+    output = console_of(stderr=False, quiet=console.quiet)
+    output.print(terminal_table(points, uav_id))
+    output.print(f"results in {folder}", soft_wrap=True)

@@ -4,8 +4,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from rich.progress import Progress
-
+from gcs.commands.progress import working
 from gcs.commands.station import Station
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
@@ -29,19 +28,16 @@ def upload(
         send: Sends it to a vehicle, and returns a line for the user.
         data: Further JSON data of every vehicle that has got it.
     """
-    console = console_of()
-    quiet = station.as_json or not console.is_terminal
-    progress = Progress(console=console, transient=True, disable=quiet)
+    with working(console_of()) as work:
 
-    async def action(vehicle: Vehicle) -> str:
-        task = progress.add_task(f"UAV {vehicle.system}", total=None)
+        async def action(vehicle: Vehicle) -> str:
+            task = work.add(f"UAV {vehicle.system}", unit="items")
 
-        def note(done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
+            def note(done: int, total: int) -> None:
+                task.show(done, total=total)
 
-        return await send(vehicle, note)
+            return await send(vehicle, note)
 
-    with progress:
         station.act(action, lambda _: data)
 
 

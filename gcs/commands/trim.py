@@ -14,6 +14,7 @@ from gcs.commands.common import (
     WithOption,
     changed_scenario,
 )
+from gcs.commands.progress import working
 from gcs.errors import BadInput
 from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, words
 from mavlink_defs.constants import Actuator
@@ -95,8 +96,8 @@ def trim(
                 f"--airspeed is {wanted:g}, expected [{low:g}, {high:g}] m/s, the aircraft's limits"
             )
             raise BadInput(text)
-    console = console_of(quiet=quiet or as_json)
-    with console.status("solving for steady flights"):
+    console = console_of(quiet=quiet)
+    with working(console, "solving for steady flights"):
         limits = roll, sideslip
         kept = [t for name in _KEPT for at in airspeeds for t in _kept(aircraft, name, at, *limits)]
         given_up = [

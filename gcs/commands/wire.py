@@ -1,15 +1,18 @@
 """``gcs wire``: count traffic and impair links."""
 
+import contextlib
 import math
 import threading
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 
+from gcs.commands.progress import working
 from gcs.errors import BadInput, GcsError
 from gcs.reports.wire import wire_tables, write_csv
 from gcs.terminal import console_of, print_json, print_line
@@ -127,22 +130,33 @@ def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) 
         console.print(f"{route.link}: relaying {route.listen} to {route.target}", soft_wrap=True)
     try:
         with Relay(routes, tap) as relay:
-            _watch(relay, seconds, None if as_json or not console.is_terminal else console)
+            with _display(relay, live=console.is_terminal and not as_json) as show:
+                _watch(show, seconds)
             return relay.report()
     except EndpointError as problem:
         raise BadInput(str(problem)) from problem
 
 
-def _watch(relay: Relay, seconds: float | None, console: Console | None) -> None:
-    """Show the counts live, if there is a console, until a signal or the end of `seconds`."""
+@contextlib.contextmanager
+def _display(relay: Relay, live: bool) -> Iterator[Callable[[], None]]:
+    """Give a function that shows the counts: live tables, or how many datagrams there were."""
+    if live:
+        with Live(console=console_of(), auto_refresh=False, transient=True) as shown:
+            yield lambda: shown.update(Group(*wire_tables(relay.report(), live=True)), refresh=True)
+        return
+    with working(console_of()) as work:
+        task = work.add("relaying", unit="datagrams")
+        yield lambda: task.show(sum(link.datagrams for link in relay.report().links))
+
+
+def _watch(show: Callable[[], None], seconds: float | None) -> None:
+    """Show the counts until a signal or the end of `seconds`."""
     stop = threading.Event()
     on_stop(stop.set)
     end = math.inf if seconds is None else time.monotonic() + seconds
-    with Live(console=console, auto_refresh=False, transient=True) as live:
-        while (left_s := end - time.monotonic()) > 0.0 and not stop.is_set():
-            stop.wait(min(_REFRESH_S, left_s))
-            if console is not None:
-                live.update(Group(*wire_tables(relay.report(), live=True)), refresh=True)
+    while (left_s := end - time.monotonic()) > 0.0 and not stop.is_set():
+        stop.wait(min(_REFRESH_S, left_s))
+        show()
 
 
 def _named_port(text: str) -> tuple[int, str]:

@@ -83,7 +83,7 @@ def test_rows_are_flights_that_fly_again_bit_for_bit(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     done = campaign(path, "--out", folder, "--jobs", "2")
     assert done.returncode == 0, done.stderr
-    assert_one_message(done.stderr)
+    assert_one_message(done.stdout)
     rows = results(folder)
     assert [(row["variant"], row["draw"]) for row in rows.values()] == [
         ("short", 0), ("long", 0), ("short", 1), ("long", 1),

@@ -94,7 +94,7 @@ def test_lost_states_are_missing_steps_and_not_zeros(tmp_path: Path) -> None:
     assert summary["completed"]
     assert_nothing_is_made_up(folder)
     for uav in summary["uavs"]:
-        assert f"UAV {uav['id']} missed {uav['missing_steps']} of 1000 steps" in done.stderr
+        assert f"UAV {uav['id']} missed {uav['missing_steps']} of 1000 steps" in done.stdout
     told = {
         m.get_srcSystem(): m.steps
         for _, m in read_tlog(folder / "flight.tlog")

@@ -36,7 +36,7 @@ def out(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = run("gcs", "reproduce", "--scenarios", short, "--out", out)
     assert done.returncode == 1, done.stderr
     assert_one_message(done.stderr)
-    assert f"{len(FILES)} flights" in done.stderr
+    assert f"{len(FILES)} flights" in done.stdout
     assert "fault mode 4: UAV 3 was lost" in done.stderr
     return out
 

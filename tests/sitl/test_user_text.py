@@ -21,8 +21,8 @@ def test_a_flight(tmp_path: Path, text: str) -> None:
     scenario.write_text(yaml.safe_dump(tree))
     done = fly(scenario, "--in-process", "--out", folder / "[run")
     assert done.returncode == 0, done.stderr
-    assert f"2 second {text}" in done.stderr
-    assert f"results in {folder / '[run'}" in done.stderr
+    assert f"2 second {text}" in done.stdout
+    assert f"results in {folder / '[run'}" in done.stdout
 
 
 def test_a_sweep_and_a_profile(tmp_path: Path) -> None:
@@ -33,8 +33,8 @@ def test_a_sweep_and_a_profile(tmp_path: Path) -> None:
     folder = tmp_path / "out[ing] [b]"
     done = run("gcs", "sweep", scenario, other, "--out", folder)
     assert done.returncode == 0, done.stderr
-    assert str(folder) in done.stderr
-    assert scenario.stem in done.stderr
+    assert str(folder) in done.stdout
+    assert scenario.stem in done.stdout
     done = run("gcs", "profile", "check", scenario)
     assert done.returncode == 0, done.stderr
     assert str(scenario) in done.stdout
