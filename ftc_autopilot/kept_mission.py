@@ -9,7 +9,7 @@ import struct
 from pathlib import Path
 from typing import NamedTuple
 
-from ftc_autopilot.guidance.mission_items import Home
+from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs.mission_files import mission_item
 from mavlink_defs.runtime.files import complete_file
 from mavlink_defs.services.mission import MissionItem

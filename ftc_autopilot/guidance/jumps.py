@@ -11,6 +11,7 @@ from ftc_autopilot.guidance.mission_items import (
     Return,
     SetHome,
     SetSpeed,
+    Takeoff,
     Task,
     Waypoint,
 )
@@ -24,10 +25,17 @@ MAX_VISITS = 1000
 
 @dataclass(frozen=True)
 class Visit:
-    """A place of a mission, and what is done on the way to it."""
+    """A place of a mission, and what is done on the way to it.
+
+    Attributes:
+        place: The place.
+        on_the_way: What is done.
+        jump: Item of the jump that led to it once more; None if it is the first visit.
+    """
 
     place: Waypoint | Loiter | Return
     on_the_way: tuple[SetSpeed | Delay | SetHome, ...]
+    jump: int | None = None
 
 
 @dataclass(frozen=True)
@@ -57,22 +65,25 @@ def order_of(tasks: Sequence[Task], first: int = 1) -> Order:
         ItemError: Jumps lead around without a place, or make too many of them.
     """
     visits: list[Visit] = []
+    visited: set[int] = set()
     left = {task.item: task.times for task in tasks if isinstance(task, Jump)}
     on_the_way: list[SetSpeed | Delay | SetHome] = []
     begun: dict[tuple[int, ...], int] = {}  # visits made when an endless jump was taken before
-    at = first
+    at, jump = first, None
     while at <= len(tasks):
         task = tasks[at - 1]
         at += 1
         match task:
             case Waypoint() | Loiter() | Return():
-                visits.append(Visit(task, tuple(on_the_way)))
+                seen = task.item in visited
+                visited.add(task.item)
+                visits.append(Visit(task, tuple(on_the_way), jump if seen else None))
                 on_the_way.clear()
                 if _has_no_end(task):
                     break
-                if len(visits) > MAX_VISITS:
+                if jump is not None and len(visits) > MAX_VISITS:
                     text = f"jumps make more than {MAX_VISITS} places of the mission"
-                    raise ItemError(task.item, dialect.MAV_MISSION_NO_SPACE, text)
+                    raise ItemError(jump, dialect.MAV_MISSION_NO_SPACE, f"{text}; jump less often")
             case Jump():
                 if left[task.item] == 0:
                     continue
@@ -86,7 +97,9 @@ def order_of(tasks: Sequence[Task], first: int = 1) -> Order:
                         text = f"jump to item {task.to} leads around without a waypoint"
                         raise ItemError(task.item, dialect.MAV_MISSION_INVALID_PARAM1, text)
                     begun[state] = len(visits)
-                at = task.to
+                at, jump = task.to, task.item
+            case Takeoff():
+                pass
             case _:
                 on_the_way.append(task)
     return Order(tuple(visits))

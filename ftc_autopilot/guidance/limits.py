@@ -32,6 +32,8 @@ class FlightLimits(NamedTuple):
         gravity_m_s2: Acceleration of gravity.
         slowest_m_s: Lowest airspeed, also of who flies on the inside of a turn.
         fastest_m_s: Highest airspeed, also of who flies on the outside of a turn.
+        lowest_m: Lowest place, above home.
+        highest_m: Highest place, above home.
     """
 
     cruise_m_s: float
@@ -43,6 +45,8 @@ class FlightLimits(NamedTuple):
     gravity_m_s2: float
     slowest_m_s: float = 0.0
     fastest_m_s: float = math.inf
+    lowest_m: float = -math.inf
+    highest_m: float = math.inf
 
 
 def level_airspeed(aircraft: Aircraft, incidence_rad: float) -> float:

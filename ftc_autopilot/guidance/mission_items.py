@@ -9,24 +9,29 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ftc_autopilot.geography import Origin, position_of
+from ftc_autopilot.geography import Origin
+from ftc_autopilot.guidance.limits import FlightLimits
+from ftc_autopilot.guidance.mission_places import (
+    ANYWHERE_M,
+    Home,
+    check_height,
+    height_of,
+    north_east_of,
+)
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
-from mavlink_defs.profile import AirspeedLimits, ItemError
+from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
 __all__ = [
-    "ABSOLUTE_FRAMES",
-    "ANYWHERE_M",
-    "RELATIVE_FRAMES",
     "Delay",
-    "Home",
     "Jump",
     "Loiter",
     "Return",
     "SetHome",
     "SetSpeed",
+    "Takeoff",
     "Task",
     "Waypoint",
     "decode_items",
@@ -35,15 +40,6 @@ __all__ = [
     "refusal",
 ]
 
-ANYWHERE_M = 100_000.0
-"""Farthest place from the origin; the simulation's world is flat [m]."""
-RELATIVE_FRAMES = {
-    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-}
-"""MAV_FRAMEs whose altitudes count from home."""
-ABSOLUTE_FRAMES = {dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT}
-"""MAV_FRAMEs whose altitudes are above mean sea level."""
 _MOST_TURNS = 1000
 _LONGEST_S = 86_400
 
@@ -60,21 +56,6 @@ _REASONS = {
     dialect.MAV_CMD_NAV_SPLINE_WAYPOINT: "paths are made of lines and arcs",
     dialect.MAV_CMD_FTC_REFERENCE_SEGMENT: "a mission is a profile of segments or a path, not both",
 }
-
-
-@dataclass(frozen=True)
-class Home:
-    """Where RETURN_TO_LAUNCH leads, and what relative altitudes count from.
-
-    Attributes:
-        north_m: [m].
-        east_m: [m].
-        height_m: Above the origin [m].
-    """
-
-    north_m: float = 0.0
-    east_m: float = 0.0
-    height_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -163,8 +144,19 @@ class SetHome:
     home: Home | None
 
 
-Task: TypeAlias = Waypoint | Loiter | Return | SetSpeed | Delay | Jump | SetHome
+@dataclass(frozen=True)
+class Takeoff:
+    """A takeoff before the first place: it is past when the mission begins, in the air."""
+
+    item: int
+
+
+Task: TypeAlias = Waypoint | Loiter | Return | SetSpeed | Delay | Jump | SetHome | Takeoff
 """What one mission item asks for."""
+
+
+_PLACES = (Waypoint, Loiter, Return)
+"""Tasks that lead to a place."""
 
 
 def is_path(items: Sequence[MissionItem]) -> bool:
@@ -184,7 +176,7 @@ def refusal(command: int) -> str:
 
 
 def decode_items(
-    items: Sequence[MissionItem], origin: Origin, home: Home, airspeeds: AirspeedLimits
+    items: Sequence[MissionItem], origin: Origin, home: Home, limits: FlightLimits
 ) -> tuple[Task, ...]:
     """Return the tasks of a mission: task k is that of item k + 1, as item 0 is home.
 
@@ -192,7 +184,7 @@ def decode_items(
         items: The whole mission, home included.
         origin: Of the simulation's world.
         home: What relative altitudes count from, before the mission sets another.
-        airspeeds: Limits of the aircraft that is to fly it.
+        limits: What the aircraft that is to fly it can fly.
 
     Raises:
         ItemError: An item cannot be flown.
@@ -205,9 +197,12 @@ def decode_items(
         decode = _DECODERS.get(item.command)
         if decode is None:
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, refusal(item.command))
-        task = decode(_Fields(item, origin, home, airspeeds, len(items)))
+        task = decode(_Fields(item, origin, home, limits, len(items)))
         if isinstance(task, SetHome) and task.home is not None:
             home = task.home
+        if isinstance(task, Takeoff) and any(isinstance(t, _PLACES) for t in tasks):
+            text = f"{refusal(item.command)}; it is taken as past before the first place only"
+            raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
         tasks.append(task)
     return tuple(tasks)
 
@@ -220,11 +215,11 @@ class _Fields:
         item: MissionItem,
         origin: Origin,
         home: Home,
-        airspeeds: AirspeedLimits,
+        limits: FlightLimits,
         count: int,
     ) -> None:
         self.seq = item.seq
-        self.airspeeds, self.count = airspeeds, count
+        self.limits, self.count = limits, count
         self.item, self._origin, self._home = item, origin, home
         params = (item.param1, item.param2, item.param3, item.param4)
         self._params = [decimal_of_float32(param) for param in params]
@@ -244,20 +239,7 @@ class _Fields:
 
     def position(self) -> tuple[float, float]:
         """Return north and east of its place [m]."""
-        x, y = self.item.x, self.item.y
-        if INT32_MAX in (abs(x), abs(y)):
-            text = "latitude or longitude is not given"
-            raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
-        for value, limit, name, number in ((x, 90.0, "latitude", 5), (y, 180.0, "longitude", 6)):
-            if abs(value) > limit * 1e7:
-                text = f"{name} {value / 1e7:g}, must be -{limit:g} to {limit:g} deg"
-                raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
-        north, east = position_of(self._origin, x, y)
-        away = math.hypot(north, east)
-        if away > ANYWHERE_M:
-            text = f"{away / 1e3:.0f} km from the origin, must be <= {ANYWHERE_M / 1e3:g} km"
-            raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
-        return north, east
+        return north_east_of(self.item.x, self.item.y, self._origin, self.seq)
 
     def radius(self) -> float:
         """Return the radius of a circle, positive clockwise [m]: param 3 of whatever has one."""
@@ -266,26 +248,20 @@ class _Fields:
 
     def height(self) -> float:
         """Return its height above the origin [m]."""
-        frame, z = self.item.frame, decimal_of_float32(self.item.z)
-        if frame not in RELATIVE_FRAMES | ABSOLUTE_FRAMES:
-            text = f"frame {frame} is not supported, must be global, absolute or relative"
-            raise ItemError(self.seq, dialect.MAV_MISSION_UNSUPPORTED_FRAME, text)
-        if math.isnan(z):
-            text = "altitude is not given"
-            raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
-        height = (
-            z + self._home.height_m if frame in RELATIVE_FRAMES else z - self._origin.altitude_m
-        )
-        if not abs(height) <= ANYWHERE_M:
-            text = f"altitude {z:g} m cannot be flown"
-            raise ItemError(self.seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
+        altitude = decimal_of_float32(self.item.z)
+        return height_of(self.item.frame, altitude, self._origin, self._home, self.seq)
+
+    def flown_height(self) -> float:
+        """Return the height above the origin of a place that is flown to [m]."""
+        height = self.height()
+        check_height(height, self._home, self.limits, self.seq)
         return height
 
 
 def _waypoint(fields: _Fields) -> Task:
     """NAV_WAYPOINT: 1 hold time of rotorcraft, 2 acceptance radius, 3 radius to pass by."""
     within = fields.check(2, "acceptance radius", not fields.param(2) < 0.0, ">= 0 m")
-    radius, height = fields.radius(), fields.height()
+    radius, height = fields.radius(), fields.flown_height()
     north, east = fields.position()
     if radius != 0.0:
         return Loiter(fields.seq, (north, east), height, radius, turns=0.0)
@@ -294,7 +270,7 @@ def _waypoint(fields: _Fields) -> Task:
 
 def _circle(fields: _Fields, turns: float = math.inf, seconds: float = 0.0) -> Loiter:
     centre = fields.position() if has_place(fields.item) else None
-    return Loiter(fields.seq, centre, fields.height(), fields.radius(), turns, seconds)
+    return Loiter(fields.seq, centre, fields.flown_height(), fields.radius(), turns, seconds)
 
 
 def _loiter_turns(fields: _Fields) -> Task:
@@ -309,7 +285,7 @@ def _loiter_time(fields: _Fields) -> Task:
 
 def _set_speed(fields: _Fields) -> Task:
     """DO_CHANGE_SPEED: 1 type, 2 speed; the aircraft holds airspeeds, whatever the type."""
-    low, high = fields.airspeeds.min_m_s, fields.airspeeds.max_m_s
+    low, high = fields.limits.slowest_m_s, fields.limits.fastest_m_s
     kind = fields.param(1)
     fields.check(1, "speed type", kind in {0.0, 1.0}, "0 (airspeed) or 1 (ground speed)")
     good = low <= fields.param(2) <= high
@@ -340,6 +316,7 @@ _DECODERS: dict[int, Callable[[_Fields], Task]] = {
     dialect.MAV_CMD_NAV_LOITER_UNLIM: _circle,
     dialect.MAV_CMD_NAV_LOITER_TURNS: _loiter_turns,
     dialect.MAV_CMD_NAV_LOITER_TIME: _loiter_time,
+    dialect.MAV_CMD_NAV_TAKEOFF: lambda fields: Takeoff(fields.seq),
     dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda fields: Return(fields.seq),
     dialect.MAV_CMD_DO_CHANGE_SPEED: _set_speed,
     dialect.MAV_CMD_DO_JUMP: _jump,

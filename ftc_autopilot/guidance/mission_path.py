@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 from ftc_autopilot.guidance.jumps import order_of
 from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn, turn_radius
-from ftc_autopilot.guidance.mission_items import Home, Task
+from ftc_autopilot.guidance.mission_items import Task
+from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import MAX_LEGS, NO_LOOP, Leg
 from ftc_autopilot.guidance.pieces import (
     Circle,
@@ -162,11 +163,15 @@ class _Builder:
         return MissionPath(tuple(self._legs))
 
     def _too_long(self, target: Target, k: int) -> ItemError:
+        item = target.item
         text = f"the path has more than {MAX_LEGS} legs up to here; shorten the mission"
         if self._target.index_of_same(k) is not None:
             radius = tightest_turn(target.fastest, self._limits)
             text = f"waypoints are too near to go around: turns have a radius >= {radius:.0f} m"
-        return ItemError(target.item, dialect.MAV_MISSION_NO_SPACE, text)
+        elif target.jump is not None:
+            item = target.jump
+            text = f"with this jump the path has more than {MAX_LEGS} legs; jump less often"
+        return ItemError(item, dialect.MAV_MISSION_NO_SPACE, text)
 
     def _alike(self, i: int, k: int) -> bool:
         """Return whether the path goes on from leg k as from leg i."""

@@ -9,8 +9,9 @@ from ftc_autopilot.geography import Origin
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.limits import FlightLimits, level_airspeed
-from ftc_autopilot.guidance.mission_items import Home, Loiter, Return, Task, decode_items
+from ftc_autopilot.guidance.mission_items import Loiter, Return, Task, decode_items
 from ftc_autopilot.guidance.mission_path import MissionPath, Start, mission_path, path_id_of
+from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import path_record
 from ftc_autopilot.guidance.pieces import Pose
 from mavlink_defs.profile import AirspeedLimits
@@ -66,6 +67,8 @@ class Planner:
             gravity_m_s2=aircraft.gravity_m_s2,
             slowest_m_s=self.airspeeds.min_m_s,
             fastest_m_s=self.airspeeds.max_m_s,
+            lowest_m=guidance.min_altitude_m,
+            highest_m=guidance.max_altitude_m,
         )
 
     def tasks(
@@ -78,9 +81,17 @@ class Planner:
         Raises:
             ItemError: It cannot be flown.
         """
-        tasks = decode_items(items, self._origin, home, self.airspeeds)
+        tasks = self.decode(items, home)
         mission_path(tasks, self.limits, home)
         return tasks
+
+    def decode(self, items: Sequence[MissionItem], home: Home) -> tuple[Task, ...]:
+        """Decode a mission, home included; its items are checked one by one only.
+
+        Raises:
+            ItemError: An item cannot be flown.
+        """
+        return decode_items(items, self._origin, home, self.limits)
 
     def first_path(self, tasks: Sequence[Task], measured: np.void, first: int = 1) -> np.void:
         """Return the path of a mission that begins with simulated time.

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 from ftc_autopilot.guidance.jumps import Order, Visit
 from ftc_autopilot.guidance.limits import FlightLimits, airspeeds_for, tightest_turn, turn_radius
-from ftc_autopilot.guidance.mission_items import Delay, Home, Loiter, SetHome, SetSpeed, Waypoint
+from ftc_autopilot.guidance.mission_items import Delay, Loiter, SetHome, SetSpeed, Waypoint
+from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
 
@@ -28,6 +29,7 @@ class Target:
         changes: Distance [m] from there and airspeed [m/s] of each change on the way; those beyond
             its end take effect at the end.
         home: Home when it is reached.
+        jump: As of `Visit`.
     """
 
     item: int
@@ -39,6 +41,7 @@ class Target:
     airspeed: float
     changes: tuple[tuple[float, float], ...]
     home: Home
+    jump: int | None = None
 
     @property
     def airspeed_there(self) -> float:
@@ -143,9 +146,8 @@ class Targets:
         else:
             radius, length = self._radius(to.item, 0.0, now), math.inf
             place, height = (home.north_m, home.east_m), before.height
-        return Target(
-            to.item, place, height, within, radius, length, airspeed, tuple(changes), home
-        )
+        way = (within, radius, length, airspeed, tuple(changes), home, visit.jump)
+        return Target(to.item, place, height, *way)
 
     def _radius(self, item: int, radius: float, airspeed: float) -> float:
         """Return the radius of a circle, or that of a turn if it is 0."""

@@ -6,14 +6,15 @@ formation fly one path for their mission, the one from home.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, Source, begin_path
 from ftc_autopilot.guidance.limits import tightest_turn
-from ftc_autopilot.guidance.mission_items import Task
 from ftc_autopilot.guidance.mission_path import Start
+from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, locate, point_at
 from ftc_autopilot.guidance.planner import Planner, start_of
 from ftc_autopilot.hot_state import HotState
@@ -21,10 +22,26 @@ from ftc_autopilot.vehicle.home import VehicleHome
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["FlightPath"]
+__all__ = ["FlightPath", "Way"]
 
 _SAME_RADIUS = 1.0 + 1e-6
 """Share by which a turn may be too tight, by rounding."""
+
+
+class Way(NamedTuple):
+    """A path that can be flown, not yet in force.
+
+    Attributes:
+        path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
+        near: Path parameter of a point near the vehicle [m].
+        in_slot: Whether a member of a formation flies in its slot.
+        airspeed: On ways that no mission sets one for, from now on [m/s]; None: as before.
+    """
+
+    path: np.void
+    near: float = 0.0
+    in_slot: bool = False
+    airspeed: float | None = None
 
 
 class FlightPath:
@@ -32,7 +49,9 @@ class FlightPath:
 
     Attributes:
         planner: What makes the paths.
-        tasks: Of the mission; none if there is no mission, or if it is a profile.
+        items: Of the mission, home included; none without one, or if it is a profile. Its altitudes
+            are decoded when a path is made of it, with the home of then.
+        home: Home.
         airspeed: On ways that no mission sets one for [m/s].
         number: Counts the paths.
     """
@@ -41,9 +60,9 @@ class FlightPath:
         self, config: AutopilotConfig, hot: HotState, controllers: Controllers, home: VehicleHome
     ) -> None:
         self.planner = Planner(config.aircraft, config.guidance, config.origin, config.formation)
-        self.tasks: tuple[Task, ...] = ()
+        self.items: tuple[MissionItem, ...] = ()
         self.airspeed = self.planner.limits.cruise_m_s
-        self._hot, self._home = hot, home
+        self._hot, self.home = hot, home
         self._in_formation = config.formation is not None
         self._guidance, self._paths = controllers.guidance[0], controllers.paths
         self.number = 0
@@ -132,35 +151,74 @@ class FlightPath:
         height = float(path["height"][leg])
         return north - radius * math.sin(course), east + radius * math.cos(course), height
 
-    # ways; those that cannot be flown raise ItemError, and leave all as it was
+    # ways: those that cannot be flown raise ItemError; nothing changes before `begin`
 
-    def take_mission(self, items: Sequence[MissionItem]) -> None:
-        """Take the tasks of a mission, checked before, home included."""
-        self.tasks = self.planner.tasks(items, self._home.at)
+    def check(self, items: Sequence[MissionItem], home: Home | None = None) -> None:
+        """Check a mission, with another home than the present one if that is given."""
+        self.planner.tasks(items, home or self.home.at)
 
-    def fly_mission(self, item: int) -> None:
-        """Fly the mission from an item on."""
+    def mission(
+        self,
+        item: int,
+        items: Sequence[MissionItem] | None = None,
+        home: Home | None = None,
+        airspeed: float | None = None,
+    ) -> Way:
+        """Return the way of a mission, from here.
+
+        Args:
+            item: Item to begin with.
+            items: The mission; None: the one in force.
+            home: Home; None: the present one.
+            airspeed: Up to the mission's first change of it [m/s]; None: that of cruise.
+        """
+        home = home or self.home.at
+        tasks = self.planner.decode(items or self.items, home)
         if not self._in_formation:
-            start = start_of(self._hot.measured, self.planner.limits.cruise_m_s)
-            self._begin(self.planner.path(self.tasks, start, self._home.at, item))
-            return
-        path = self.planner.path(self.tasks, home=self._home.at)
+            start = start_of(self._hot.measured, airspeed or self.planner.limits.cruise_m_s)
+            return Way(self.planner.path(tasks, start, home, item))
+        path = self.planner.path(tasks, home=home)
         legs = np.flatnonzero(path["item"][: path["count"]] >= item)
         leg = int(legs[0]) if len(legs) else 0
-        self._begin(path, float(path["start"][leg]), in_slot=True)
+        return Way(path, float(path["start"][leg]), in_slot=True)
 
-    def circle_here(self) -> None:
-        """Circle at the present place and height."""
-        self._begin(self.planner.circle(self._start()))
+    def circle_here(self) -> Way:
+        """Return the circle at the present place and height."""
+        return Way(self.planner.circle(self._start(self.airspeed)))
 
-    def fly_home(self) -> None:
-        """Fly to home and circle there, at the present height."""
-        self._begin(self.planner.way_home(self._start(), self._home.at))
+    def way_home(self, home: Home | None = None) -> Way:
+        """Return the way home and the circle there, at the present height."""
+        return Way(self.planner.way_home(self._start(self.airspeed), home or self.home.at))
 
-    def fly_to(self, north: float, east: float, height: float, radius_m: float = 0.0) -> None:
-        """Fly to a place and circle around it; radius as of `Loiter`."""
-        centre = (north, east)
-        self._begin(self.planner.circle_around(self._start(), centre, height, radius_m))
+    def way_to(
+        self,
+        place: tuple[float, float, float],
+        radius_m: float = 0.0,
+        airspeed: float | None = None,
+    ) -> Way:
+        """Return the way into a circle around a place.
+
+        Args:
+            place: North, east and height [m].
+            radius_m: As of `Loiter`.
+            airspeed: [m/s]; None: as before.
+        """
+        airspeed = airspeed or self.airspeed
+        north, east, height = place
+        start = self._start(airspeed)
+        path = self.planner.circle_around(start, (north, east), height, radius_m)
+        return Way(path, airspeed=airspeed)
+
+    def begin(self, way: Way) -> None:
+        """Put a path in force; one whose writing a death cuts short has no legs."""
+        self.number += 1
+        self.airspeed = way.airspeed or self.airspeed
+        whole = way.path.copy()
+        whole["count"] = 0
+        self._paths[0]["count"] = 0
+        self._paths[0] = whole
+        self._paths[0]["count"] = way.path["count"]
+        begin_path(self._guidance, way.near, in_slot=way.in_slot)
 
     def change_speed(self, airspeed: float) -> None:
         """Fly on at another airspeed, until the mission says another.
@@ -184,18 +242,8 @@ class FlightPath:
 
     # inside
 
-    def _start(self) -> Start:
-        return start_of(self._hot.measured, self.airspeed)
-
-    def _begin(self, path: np.void, near: float = 0.0, *, in_slot: bool = False) -> None:
-        """Put a path in force; one whose writing a death cuts short has no legs."""
-        self.number += 1
-        whole = path.copy()
-        whole["count"] = 0
-        self._paths[0]["count"] = 0
-        self._paths[0] = whole
-        self._paths[0]["count"] = path["count"]
-        begin_path(self._guidance, near, in_slot=in_slot)
+    def _start(self, airspeed: float) -> Start:
+        return start_of(self._hot.measured, airspeed)
 
     def _within(self, path: np.void) -> float:
         """Return the path parameter, within the first round of a path that returns."""

@@ -4,9 +4,16 @@ import math
 from typing import NamedTuple
 
 from ftc_autopilot.control.controllers import Controllers, Source
-from ftc_autopilot.geography import Origin, position_of
-from ftc_autopilot.guidance.mission_items import ABSOLUTE_FRAMES, ANYWHERE_M, RELATIVE_FRAMES
-from ftc_autopilot.vehicle.home import VehicleHome
+from ftc_autopilot.geography import Origin
+from ftc_autopilot.guidance.mission_items import refusal
+from ftc_autopilot.guidance.mission_places import (
+    ANYWHERE_M,
+    Home,
+    check_height,
+    height_of,
+    north_east_of,
+)
+from ftc_autopilot.vehicle.flight_path import Way
 from ftc_autopilot.vehicle.modes import Modes, Say
 from mavlink_defs import dialect
 from mavlink_defs.constants import GUIDED, INT32_MAX
@@ -37,10 +44,8 @@ class _Place(NamedTuple):
 class Guided:
     """Executes what sets a target in GUIDED, and a new home."""
 
-    def __init__(
-        self, origin: Origin, home: VehicleHome, modes: Modes, controllers: Controllers, say: Say
-    ) -> None:
-        self._origin, self._home, self._modes, self._say = origin, home, modes, say
+    def __init__(self, origin: Origin, modes: Modes, controllers: Controllers, say: Say) -> None:
+        self._origin, self._modes, self._say = origin, modes, say
         self._guidance = controllers.guidance[0]
 
     def set_attitude_target(self, message: dialect.MAVLink_set_attitude_target_message) -> None:
@@ -68,16 +73,22 @@ class Guided:
         if self._modes.mode != GUIDED or message.type_mask & _NO_POSITION:
             return
         place = _Place(message.lat_int, message.lon_int, message.alt, message.coordinate_frame)
-        self._fly_to(place)
+        try:
+            self._modes.guide(self._way_to(place))
+        except ItemError as error:
+            self._refuse(f"Target: {error.reason}")
 
     def fly_to_item(self, item: MissionItem) -> int:
         """Fly to a mission item that is sent on its own; return MAV_MISSION_RESULT."""
         if item.command != dialect.MAV_CMD_NAV_WAYPOINT:
+            self._refuse(f"Target: {refusal(item.command)}")
             return dialect.MAV_MISSION_UNSUPPORTED
-        if self._modes.mode != GUIDED and self._modes.set_mode(GUIDED) != _ACCEPTED:
-            return dialect.MAV_MISSION_DENIED
-        reached = self._fly_to(_Place(item.x, item.y, item.z, item.frame))
-        return dialect.MAV_MISSION_ACCEPTED if reached == _ACCEPTED else dialect.MAV_MISSION_DENIED
+        try:
+            self._modes.guide(self._way_to(_Place(item.x, item.y, item.z, item.frame)))
+        except ItemError as error:
+            self._refuse(f"Target: {error.reason}")
+            return error.mav_mission_result
+        return dialect.MAV_MISSION_ACCEPTED
 
     def reposition(self, message: CommandMessage) -> int:
         """Execute MAV_CMD_DO_REPOSITION.
@@ -89,21 +100,24 @@ class Guided:
         changes_mode = flags & dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
         if self._modes.mode != GUIDED and not changes_mode:
             return self._refuse("Reposition: not in GUIDED, and no flag to change to it")
-        if self._modes.mode != GUIDED and self._modes.set_mode(GUIDED) != _ACCEPTED:
-            return _DENIED
-        radius = 0.0 if math.isnan(message.param3) else min(abs(message.param3), ANYWHERE_M)
+        radius = 0.0 if math.isnan(message.param3) else abs(message.param3)
+        if radius > ANYWHERE_M:
+            text = f"radius {message.param3:g}, must be at most {ANYWHERE_M:g} m"
+            return self._refuse(f"Reposition: {text}")
         side = -1.0 if message.param4 == 1.0 else 1.0
-        path = self._modes.path
-        low, high = path.planner.airspeeds.min_m_s, path.planner.airspeeds.max_m_s
-        if message.param1 > 0.0:
-            if not low <= message.param1 <= high:
-                return self._refuse(
-                    f"Reposition: speed is {message.param1:g}, must be {low:g} to {high:g} m/s"
-                )
-            path.airspeed = message.param1
-        return self._fly_to(
-            _place_of(message, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT), side * radius
-        )
+        limits = self._modes.path.planner.airspeeds
+        low, high = limits.min_m_s, limits.max_m_s
+        airspeed = message.param1 if message.param1 > 0.0 else None
+        if airspeed is not None and not low <= airspeed <= high:
+            return self._refuse(
+                f"Reposition: speed is {airspeed:g}, must be {low:g} to {high:g} m/s"
+            )
+        place = _place_of(message, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT)
+        try:
+            self._modes.guide(self._way_to(place, side * radius, airspeed))
+        except ItemError as error:
+            return self._refuse(f"Target: {error.reason}")
+        return _ACCEPTED
 
     def set_home(self, message: CommandMessage) -> int:
         """Execute MAV_CMD_DO_SET_HOME: param 1 = 1 takes the present place, else 5 to 7 are it."""
@@ -114,38 +128,29 @@ class Guided:
         elif place.latitude is None or place.longitude is None or math.isnan(place.altitude):
             return self._refuse("Set home: latitude, longitude and altitude must be given")
         try:
-            self._home.move_to(*self._resolve(place))
-        except ValueError as error:
-            return self._refuse(f"Set home: {error}")
+            self._modes.move_home(Home(*self._resolve(place)))
+        except ItemError as error:
+            reason = f"the mission could not be flown, {error.text}" if error.seq else error.reason
+            return self._refuse(f"Set home: {reason}")
         self._say(dialect.MAV_SEVERITY_INFO, "home set")
         return _ACCEPTED
 
-    def _fly_to(self, place: _Place, radius_m: float = 0.0) -> int:
-        try:
-            self._modes.path.fly_to(*self._resolve(place), radius_m)
-        except (ItemError, ValueError) as error:
-            reason = error.reason if isinstance(error, ItemError) else str(error)
-            return self._refuse(f"Target: {reason}")
-        return _ACCEPTED
+    def _way_to(self, place: _Place, radius_m: float = 0.0, airspeed: float | None = None) -> Way:
+        """Return the way to a place and around it; ItemError if it cannot be flown."""
+        path = self._modes.path
+        resolved = self._resolve(place)
+        if not math.isnan(place.altitude):
+            check_height(resolved[2], path.home.at, path.planner.limits)
+        return path.way_to(resolved, radius_m, airspeed)
 
     def _resolve(self, place: _Place) -> tuple[float, float, float]:
-        """Return north, east and height of a place [m]; ValueError if it is none."""
-        north, east, height = self._modes.path.here()
+        """Return north, east and height of a place [m]; ItemError if there is none."""
+        path = self._modes.path
+        north, east, height = path.here()
         if place.latitude is not None and place.longitude is not None:
-            if abs(place.latitude) > 90 * 10**7 or abs(place.longitude) > 180 * 10**7:
-                latitude, longitude = place.latitude / 1e7, place.longitude / 1e7
-                raise ValueError(f"there is no place {latitude:g}, {longitude:g} deg")
-            north, east = position_of(self._origin, place.latitude, place.longitude)
+            north, east = north_east_of(place.latitude, place.longitude, self._origin)
         if not math.isnan(place.altitude):
-            if place.frame in RELATIVE_FRAMES:
-                height = self._home.at.height_m + place.altitude
-            elif place.frame in ABSOLUTE_FRAMES:
-                height = place.altitude - self._origin.altitude_m
-            else:
-                raise ValueError(f"frame {place.frame} is not supported, must be global")
-        away = math.hypot(north, east, height)
-        if not away <= ANYWHERE_M:
-            raise ValueError(f"{away / 1e3:.4g} km away, must be <= {ANYWHERE_M / 1e3:g} km")
+            height = height_of(place.frame, place.altitude, self._origin, path.home.at)
         return north, east, height
 
     def _refuse(self, text: str) -> int:

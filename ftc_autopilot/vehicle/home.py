@@ -1,7 +1,7 @@
 """Home of a vehicle: where it returns to, and what relative altitudes count from."""
 
 from ftc_autopilot.geography import Origin, Place, place_of
-from ftc_autopilot.guidance.mission_items import Home
+from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
 from mavlink_defs.services.mission import MissionItem

@@ -9,11 +9,9 @@ from ftc_autopilot.vehicle.modes import Modes, Say
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, MAX_MISSION_ITEMS
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.profile import check_mission
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import MissionItem
 from mavlink_defs.services.mission_server import (
-    CurrentChanged,
     MissionAccepted,
     MissionRefused,
     MissionServer,
@@ -46,8 +44,10 @@ class Mission:
             guide: Flies to an item that is sent on its own, and returns MAV_MISSION_RESULT.
             say: Announces a text.
         """
-        self._modes, self._home, self._say = modes, home, say
-        self.server = MissionServer(own, self._check, MAX_MISSION_ITEMS + 1, home.item, guide)
+        self._modes, self._say = modes, say
+        self.server = MissionServer(
+            own, modes.check_mission, MAX_MISSION_ITEMS + 1, home.item, guide, modes.jump_to
+        )
         self._reached: list[MAVLink_message] = []
         self._follows = False  # whether the current item is one that was flown
         self._passed_leg = (0, 0)  # number of a path, and the leg of it that was flown last
@@ -93,7 +93,7 @@ class Mission:
         """
         self.server.restore(tuple(items), item)
         if is_path(items):
-            self._modes.path.take_mission(items)
+            self._modes.path.items = tuple(items)
         self._modes.note_item(item)
         self._follows = self._modes.flies_mission
         self._note_state()
@@ -107,28 +107,20 @@ class Mission:
             self._say(dialect.MAV_SEVERITY_WARNING, text)
             return dialect.MAV_RESULT_DENIED
         result = self._modes.start_mission(1 if self._modes.started else self.server.current)
-        self._follows = True
+        self._follows = self._follows or result == _ACCEPTED
         self._note_state()
         return result
 
     def set_current(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_DO_SET_MISSION_CURRENT: param 1 is the item, -1 the present one."""
         seq = self.server.current if params[0] == -1.0 else params[0]
-        if seq not in range(len(self.server.items)) or not self.server.set_current(int(seq)):
+        if seq not in range(len(self.server.items)):
             text = f"Mission has no item {params[0]:g} to go to"
             self._say(dialect.MAV_SEVERITY_WARNING, text)
             return _FAILED
-        self._work()
-        return _ACCEPTED
+        return _ACCEPTED if self.server.go_to(int(seq)) else _FAILED
 
     # inside
-
-    def _check(self, items: Sequence[MissionItem]) -> None:
-        """Check an uploaded mission; ProfileError if it cannot be flown."""
-        if is_path(items):
-            self._modes.path.planner.tasks(items, self._home.at)
-        else:
-            check_mission(items, self._modes.airspeeds)
 
     def _work(self) -> None:
         for event in self.server.events():
@@ -136,8 +128,6 @@ class Mission:
                 case MissionAccepted(items):
                     self._follows = False
                     self._modes.take_mission(items)
-                case CurrentChanged(seq):
-                    self._modes.jump_to(seq)
                 case MissionRefused(_, text) if text:
                     self._say(dialect.MAV_SEVERITY_WARNING, text)
         self._note_state()

@@ -13,11 +13,12 @@ from ftc_autopilot.control.controller import restart_law
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.guidance.mission_items import is_path, refusal
+from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.vehicle.flight_path import FlightPath
+from ftc_autopilot.vehicle.flight_path import FlightPath, Way
 from mavlink_defs import dialect
-from mavlink_defs.constants import AUTO, FORCE_DISARM, LOITER, MODE_NAMES, RTL
-from mavlink_defs.profile import ItemError, items_to_segments
+from mavlink_defs.constants import AUTO, FORCE_DISARM, GUIDED, LOITER, MODE_NAMES, RTL
+from mavlink_defs.profile import ItemError, check_mission, items_to_segments
 from mavlink_defs.services.mission import MissionItem
 
 __all__ = ["Modes", "Say"]
@@ -76,7 +77,7 @@ class Modes:
     @property
     def has_mission(self) -> bool:
         """Whether there is a mission to fly."""
-        return self.has_profile or bool(self.path.tasks)
+        return self.has_profile or bool(self.path.items)
 
     @property
     def started(self) -> bool:
@@ -102,17 +103,30 @@ class Modes:
 
     # the mission
 
+    def check_mission(self, items: Sequence[MissionItem]) -> None:
+        """Check a mission, home included, as it would be flown now.
+
+        Raises:
+            ProfileError: It cannot be flown.
+        """
+        if not is_path(items):
+            check_mission(items, self.airspeeds)
+            return
+        self.path.check(items)
+        if self.mode == AUTO and self.started:
+            self.path.mission(1, items)
+
     def take_mission(self, items: Sequence[MissionItem]) -> None:
         """Put a mission, checked before, in force; home alone or nothing clears it."""
         flown, self._item = self.flies_mission, 1
-        self._controllers.profiles[0]["count"], self.path.tasks = 0, ()
+        self._controllers.profiles[0]["count"], self.path.items = 0, ()
         if len(items) < 2:
             self._guidance["start_step"] = NOT_STARTED
             if self.mode == AUTO:
                 self._enter(LOITER)
             return
         if is_path(items):
-            self.path.take_mission(items)
+            self.path.items = tuple(items)
             text = f"mission of {len(items) - 1} items in force"
         else:
             segments = items_to_segments(items, self.airspeeds)
@@ -141,16 +155,49 @@ class Modes:
             return self.flies_mission and self.path.is_at_end()
         return self.started and self.current_item() == int(self._controllers.profiles[0]["count"])
 
-    def jump_to(self, seq: int) -> None:
-        """Let a mission go on with item seq; a segment goes on as if it began now."""
-        if not 1 <= seq != self.current_item():
-            return
-        if not self.has_profile:
-            self._item = seq
-            if self.flies_mission:
-                self._enter(AUTO)
-        elif self.started:
+    def jump_to(self, seq: int) -> bool:
+        """Let a mission go on with item seq; a segment goes on as if it began now.
+
+        Args:
+            seq: Number of the item; 0, home, stands for the first one.
+
+        Returns:
+            False, and all is as it was, if it cannot be flown from here.
+        """
+        seq = max(seq, 1)
+        if seq == self.current_item():
+            return True
+        if not self.has_profile and self.flies_mission:
+            return self._enter(AUTO, item=seq)
+        self._item = seq
+        if self.has_profile and self.started:
             self._guidance["start_step"] = self._hot.step - self._steps_to(seq)
+        return True
+
+    def move_home(self, home: Home) -> None:
+        """Move home, and at once the path of AUTO or RTL that depends on it.
+
+        Raises:
+            ItemError: The mission could not be flown then; all is as it was.
+        """
+        path, way = self.path, None
+        if path.items:
+            path.check(path.items, home)
+        if path.flown and self.mode == AUTO:
+            item, airspeed = self._item, None
+            if self.running:
+                item, airspeed = path.item(), path.point().airspeed
+            way = path.mission(item, home=home, airspeed=airspeed)
+        elif path.flown and self.mode == RTL:
+            way = path.way_home(home)
+        moves, path.home.at = home != path.home.at, home
+        if moves and way is not None:
+            path.begin(way)
+
+    def guide(self, way: Way) -> None:
+        """Fly along a path in GUIDED."""
+        self.path.begin(way)
+        self._note_mode(GUIDED)
 
     def note_item(self, seq: int) -> None:
         """Take note of the item that a mission goes on with when it is flown again."""
@@ -166,10 +213,8 @@ class Modes:
             if self.status == dialect.MAV_STATE_BOOT:
                 self._refuse("Arm: no state from the simulator yet")
                 return dialect.MAV_RESULT_TEMPORARILY_REJECTED
-            if not self.armed:
-                restart_law(self._controllers.states[0])
-                self._set_armed(True)
-                self._enter(self.mode)
+            if not self.armed and not self._enter(self.mode, armed=True):
+                return _DENIED
         elif self.armed:
             if self.running and params[1] != FORCE_DISARM:
                 return self._refuse(
@@ -189,10 +234,9 @@ class Modes:
         if self.running and not self.armed:
             return self._refuse("Mission start: not armed")
         first = self._hot.step + 1 if self.running else 0
-        self._item = max(seq, 1)
         steps = self._steps_to(seq) if self.has_profile and seq > 1 else 0
-        self._guidance["start_step"] = first - steps
-        return _ACCEPTED if self._enter(AUTO) else _DENIED
+        entered = self._enter(AUTO, item=max(seq, 1), start_step=first - steps)
+        return _ACCEPTED if entered else _DENIED
 
     def set_mode(self, mode: float) -> int:
         """Execute MAV_CMD_DO_SET_MODE; `mode` is the custom_mode."""
@@ -232,6 +276,7 @@ class Modes:
     def restart(self) -> None:
         """Return to the initial state, for another flight: disarmed, in LOITER."""
         self._set_armed(False)
+        self._item = 1
         self._enter(LOITER)
 
     def resume(self, mode: int) -> None:
@@ -257,33 +302,57 @@ class Modes:
         start_s = float(self._controllers.profiles[0]["start"][seq - 1])
         return math.ceil(start_s * 1e6 / self._hot.step_us)
 
-    def _enter(self, mode: int) -> bool:
-        """Change the mode; return False, and leave all as it was, if it cannot be flown."""
+    def _enter(
+        self,
+        mode: int,
+        *,
+        item: int | None = None,
+        start_step: int | None = None,
+        armed: bool | None = None,
+    ) -> bool:
+        """Change the mode, and what goes with it; return False, all as it was, if it cannot be.
+
+        Args:
+            mode: custom_mode.
+            item: Item of the mission to go on with; None: as before, as with the others.
+            start_step: Step at which the mission's clock is 0.
+            armed: Whether the vehicle is armed.
+        """
+        item = self._item if item is None else item
+        start_step = int(self._guidance["start_step"]) if start_step is None else start_step
+        armed = self.armed if armed is None else armed
         try:
-            self._follow(mode)
+            way = self._way(mode, item, started=start_step != NOT_STARTED, armed=armed)
         except ItemError as error:
             self._refuse(f"Mode {MODE_NAMES[mode]}: {error.text}")
             return False
+        self._item, self._guidance["start_step"] = item, start_step
+        if armed and not self.armed:
+            restart_law(self._controllers.states[0])
+            self._set_armed(True)
+        if way is not None:
+            self.path.begin(way)
+        elif mode == AUTO and self.started and self.has_profile:
+            self._guidance["follows"] = Source.PROFILE
+        else:
+            self._fly_straight()
+        self._note_mode(mode)
+        return True
+
+    def _way(self, mode: int, item: int, *, started: bool, armed: bool) -> Way | None:
+        """Return the path that a mode flies; None if it flies none."""
+        if mode == AUTO and started and not self.has_profile:
+            return self.path.mission(item)
+        if mode == RTL:
+            return self.path.way_home()
+        if mode == LOITER and self.running and armed:
+            return self.path.circle_here()
+        return None
+
+    def _note_mode(self, mode: int) -> None:
         if mode != self.mode:
             self.mode = mode
             self._say(dialect.MAV_SEVERITY_INFO, f"mode {MODE_NAMES[mode]}")
-        return True
-
-    def _follow(self, mode: int) -> None:
-        """Let the references come from where a mode has them.
-
-        Without path or profile it flies straight and level.
-        """
-        if mode == AUTO and self.started and self.has_profile:
-            self._guidance["follows"] = Source.PROFILE
-        elif mode == AUTO and self.started:
-            self.path.fly_mission(self._item)
-        elif mode == RTL:
-            self.path.fly_home()
-        elif mode == LOITER and self.running and self.armed:
-            self.path.circle_here()
-        else:
-            self._fly_straight()
 
     def _fly_straight(self) -> None:
         """Command straight and level flight, as fast as the aircraft is."""

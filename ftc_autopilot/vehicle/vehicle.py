@@ -97,7 +97,7 @@ class Vehicle:
         self._home = VehicleHome(config.origin)
         path = FlightPath(config, hot, controllers, self._home)
         self.modes = Modes(config, hot, controllers, path, self.say)
-        self._guided = Guided(config.origin, self._home, self.modes, controllers, self.say)
+        self._guided = Guided(config.origin, self.modes, controllers, self.say)
         self._mission = Mission(own, self.modes, self._home, self._guided.fly_to_item, self.say)
         self._diagnosis = DiagnosisMessages(hot, controllers)
         self._formation = FormationMessages(config, hot, controllers, self.say)

@@ -70,6 +70,8 @@ def item_text(item: MissionItem) -> str:
             return f"loiter {p1:g} s{_radius(p3)}"
         case dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             return "return to launch"
+        case dialect.MAV_CMD_NAV_TAKEOFF:
+            return "takeoff, taken as past"
         case dialect.MAV_CMD_DO_CHANGE_SPEED:
             return f"speed {p2:g} m/s"
         case dialect.MAV_CMD_DO_JUMP:

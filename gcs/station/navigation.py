@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ftc_autopilot.geography import Origin, place_of, position_of
-from ftc_autopilot.guidance.mission_items import RELATIVE_FRAMES, has_place
+from ftc_autopilot.guidance.mission_items import has_place
+from ftc_autopilot.guidance.mission_places import RELATIVE_FRAMES
 from gcs.station.mission import HAS_PLACE
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect

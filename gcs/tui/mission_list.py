@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ftc_autopilot.guidance.mission_items import ANYWHERE_M
+from ftc_autopilot.guidance.mission_places import ANYWHERE_M
 from gcs.station.mission import Mission, item_text
 from gcs.station.navigation import Home, current_item, distance_to_item
 from gcs.station.vehicle_state import VehicleState

@@ -32,7 +32,6 @@ from mavlink_defs.services.mission import (
 from mavlink_defs.services.mission_upload import Client, Upload
 
 __all__ = [
-    "CurrentChanged",
     "MissionAccepted",
     "MissionEvent",
     "MissionRefused",
@@ -69,14 +68,7 @@ class MissionRefused:
     text: str
 
 
-@dataclass(frozen=True)
-class CurrentChanged:
-    """The current item was set to `seq`; its MISSION_CURRENT is among the messages to send."""
-
-    seq: int
-
-
-MissionEvent: TypeAlias = MissionAccepted | MissionRefused | CurrentChanged
+MissionEvent: TypeAlias = MissionAccepted | MissionRefused
 
 
 class MissionServer(Machine[MissionEvent]):
@@ -104,6 +96,7 @@ class MissionServer(Machine[MissionEvent]):
         max_items: int = MAX_ITEMS,
         home: Callable[[], MissionItem] | None = None,
         guide: Callable[[MissionItem], int] | None = None,
+        jump: Callable[[int], bool] | None = None,
     ) -> None:
         """Start without a mission.
 
@@ -114,10 +107,11 @@ class MissionServer(Machine[MissionEvent]):
             home: Returns what item 0 of every mission is, whatever was uploaded; None leaves it.
             guide: Flies to an item that is sent on its own, as ArduPilot's clients do by `current`
                 = 2, and returns MAV_MISSION_RESULT; None refuses it.
+            jump: Goes on with an item that is there; False, all as it was, if that cannot be flown.
         """
         super().__init__()
         self._own, self._validate, self._max_items = own, validate, max_items
-        self._home, self._guide = home, guide
+        self._home, self._guide, self._jump = home, guide, jump
         self._items: tuple[MissionItem, ...] = ()
         self._current = 0
         self._upload: Upload | None = None
@@ -148,8 +142,17 @@ class MissionServer(Machine[MissionEvent]):
             return False
         self._current = seq
         self._outbox.append(self.mission_current())
-        self._happened.append(CurrentChanged(seq))
         return True
+
+    def go_to(self, seq: int) -> bool:
+        """Let the mission go on with item `seq`; False, and all is as it was, if it cannot."""
+        if not 0 <= seq < len(self._items):
+            text = f"Mission has no item {seq} to go to"
+            self._happened.append(MissionRefused(dialect.MAV_MISSION_INVALID_SEQUENCE, text))
+            return False
+        if self._jump is not None and not self._jump(seq):
+            return False
+        return self.set_current(seq)
 
     def restore(self, items: tuple[MissionItem, ...], current: int) -> None:
         """Put a mission in force again that was accepted before; nobody is told."""
@@ -198,10 +201,7 @@ class MissionServer(Machine[MissionEvent]):
             case MAVLink_mission_ack_message():
                 self._on_ack(message, sender)
             case MAVLink_mission_set_current_message():
-                if not self.set_current(message.seq):
-                    text = f"Mission has no item {message.seq} to go to"
-                    refused = MissionRefused(dialect.MAV_MISSION_INVALID_SEQUENCE, text)
-                    self._happened.append(refused)
+                self.go_to(message.seq)
             case (
                 MAVLink_mission_write_partial_list_message()
                 | MAVLink_mission_request_partial_list_message()

@@ -55,16 +55,35 @@ class GuidanceParameters(Model):
     airspeed_max_m_s: float = quantity(
         "m/s", gt=0.0, default=60.0, doc="Highest airspeed commanded."
     )
+    min_altitude_m: float = quantity(
+        "m",
+        ge=-10_000.0,
+        le=100_000.0,
+        default=0.0,
+        doc="Lowest height above home of a place that is flown to.",
+    )
+    max_altitude_m: float = quantity(
+        "m",
+        ge=-10_000.0,
+        le=100_000.0,
+        default=10_000.0,
+        doc="Greatest height above home of such a place.",
+    )
     acceleration_max_m_s2: float = quantity(
         "m/s^2", gt=0.0, default=20.0, doc="Fastest change of the commanded airspeed."
     )
 
     @model_validator(mode="after")
-    def _airspeeds_in_order(self) -> "GuidanceParameters":
-        low, high = self.airspeed_min_m_s, self.airspeed_max_m_s
-        if low > high:
-            text = f"expected <= {high:g} m/s, airspeed_max_m_s, got {low!r}"
-            raise Problems([(("airspeed_min_m_s",), text)])
+    def _ranges_in_order(self) -> "GuidanceParameters":
+        ranges = (
+            ("airspeed_min_m_s", "airspeed_max_m_s", "m/s"),
+            ("min_altitude_m", "max_altitude_m", "m"),
+        )
+        Problems.check(
+            ((least,), f"expected <= {high:g} {unit}, {greatest}, got {low!r}")
+            for least, greatest, unit in ranges
+            if (low := getattr(self, least)) > (high := getattr(self, greatest))
+        )
         return self
 
 

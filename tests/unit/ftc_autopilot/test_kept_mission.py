@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.guidance.mission_items import Home
+from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.kept_mission import KeptMission, read_kept_mission, write_kept_mission
 from mavlink_defs.mission_files import mission_item
 

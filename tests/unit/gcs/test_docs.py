@@ -15,8 +15,11 @@ import typer
 from pydantic import BaseModel, RootModel
 
 import ftc_autopilot.link
-from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
+from ftc_autopilot.guidance import mission_items
+from ftc_autopilot.guidance.jumps import MAX_VISITS
+from ftc_autopilot.guidance.path import MAX_LEGS
 from gcs.cli import app
 from gcs.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
 from gcs.fleet.in_process import fly_in_process
@@ -24,6 +27,8 @@ from gcs.results.recording import Recording
 from gcs.results.run_folder import save_flight
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs import dialect
+from mavlink_defs.constants import MAX_MISSION_ITEMS, MODE_NAMES
 from mavlink_defs.faults import MAX_FAULTS, fault_to_params
 from scripts import docs_pages
 
@@ -257,3 +262,31 @@ def test_functions_named_in_the_equation_table_exist() -> None:
         source = (ROOT / path).read_text()
         for function in re.findall(r"\w+", functions):
             assert f"def {function}(" in source, f"{path}: {function}"
+
+
+def test_modes_in_the_docs_are_those_of_the_code() -> None:
+    named = {str(number): name for number, name in MODE_NAMES.items()}
+    wire = (DOCS / "reference" / "wire.md").read_text()
+    missions = (DOCS / "reference" / "missions.md").read_text()
+    assert dict(re.findall(r"^\| (\d+) ([A-Z]+)[ |(]", wire, re.MULTILINE)) == named
+    rows = re.findall(
+        r"^\| ([A-Z]+) \| (\d+) \| (?!\d)", missions.partition("## Modes")[2], re.MULTILINE
+    )
+    assert {number: name for name, number in rows} == named
+    (absent,) = re.findall(r"modes that there are\]\(\S+\) are (.*), others", wire)
+    assert set(re.findall("[A-Z]+", absent)) == set(named.values())
+
+
+def test_numbers_of_laws_in_the_docs_are_those_of_the_code() -> None:
+    (listed,) = re.findall(r"`CTRL_LAW` \(([^)]*)\)", (DOCS / "reference" / "wire.md").read_text())
+    assert listed.split() == ", ".join(f"{i} {kind}" for i, kind in enumerate(KINDS)).split()
+
+
+def test_items_and_limits_of_missions_in_the_docs_are_those_of_the_code() -> None:
+    missions = (DOCS / "reference" / "missions.md").read_text()
+    table = missions.partition("## Items")[2].partition("## The path")[0]
+    listed = re.findall(r"^\| ([A-Z_]+) \| (\d+) \|", table, re.MULTILINE)
+    assert {int(number) for _, number in listed} == mission_items._DECODERS.keys()
+    assert all(getattr(dialect, f"MAV_CMD_{name}") == int(number) for name, number in listed)
+    for text in (f"{MAX_MISSION_ITEMS} items", f"{MAX_LEGS} legs", f"{MAX_VISITS} visits"):
+        assert f" {text}" in missions

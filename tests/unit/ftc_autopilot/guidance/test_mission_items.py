@@ -9,26 +9,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.geography import Origin, place_of, position_of
+from ftc_autopilot.guidance.limits import FlightLimits
 from ftc_autopilot.guidance.mission_items import (
     Delay,
-    Home,
     Jump,
     Loiter,
     Return,
     SetHome,
     SetSpeed,
+    Takeoff,
     Task,
     Waypoint,
     decode_items,
 )
+from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.mission_files import mission_item
-from mavlink_defs.profile import AirspeedLimits, ItemError
+from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
 ORIGIN = Origin()
-LIMITS = AirspeedLimits(25.0, 60.0)
+LIMITS = FlightLimits(
+    40.0, 0.7, 25.0, 0.3, 0.0, 0.0, 9.8, 25.0, 60.0, lowest_m=-10.0, highest_m=3000.0
+)
 HOME = Home(0.0, 0.0, 20.0)
 HERE = place_of(ORIGIN, 800.0, -300.0, 0.0)[:2]
 RELATIVE, ABSOLUTE = (
@@ -70,6 +74,8 @@ def test_east_is_near_across_the_date_line() -> None:
         (mission_item(1, 17, (), 0, 0, 100.0), Loiter(1, None, 120.0)),
         (mission_item(1, 17, (), INT32_MAX, INT32_MAX, 100.0), Loiter(1, None, 120.0)),
         (item(20), Return(1)),
+        (item(22, z=-500.0), Takeoff(1)),
+        (item(16, z=-10.0), Waypoint(1, 800.0, -300.0, 10.0)),
         (item(178, 1.0, 45.0, -1.0), SetSpeed(1, 45.0)),
         (item(177, 1.0, -1.0), Jump(1, 1, -1)),
         (item(112, 12.5), Delay(1, 12.5)),
@@ -107,7 +113,6 @@ def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
     ("sent", "result", "text"),
     [
         (item(21), "UNSUPPORTED", "Item 1: command 21 is not supported: flights begin and end"),
-        (item(22), "UNSUPPORTED", "Item 1: command 22 is not supported: flights begin and end"),
         (item(84), "UNSUPPORTED", "Item 1: command 84 is not supported: the aircraft cannot hover"),
         (item(201), "UNSUPPORTED", "Item 1: command 201 is not supported"),
         (item(53100), "UNSUPPORTED", "a mission is a profile of segments or a path, not both"),
@@ -121,6 +126,10 @@ def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
         (item(177, 2.0, -1.0), "INVALID_PARAM1", "jump to item 2, must be 1 to 1"),
         (item(177, 1.0, 0.5), "INVALID_PARAM2", "jumps 0.5, must be -1"),
         (item(16, z=math.nan), "INVALID_PARAM7", "altitude is not given"),
+        (item(16, z=-10.5), "INVALID_PARAM7", "is -10.5 m above home, must be -10 to 3000 m"),
+        (item(18, 1.0, z=3001.0), "INVALID_PARAM7", "is 3001 m above home, must be -10 to 3000"),
+        (item(16, z=593.0, frame=ABSOLUTE), "INVALID_PARAM7", "is -11 m above home, must be"),
+        (item(16, z=math.inf), "INVALID_PARAM7", "altitude inf m, must be within 100 km"),
         (mission_item(2, 16, (), *HERE), "INVALID_SEQUENCE", "stands at place 1, but has number 2"),
         (mission_item(1, 16, (), 0, 0, 1.0), "INVALID_PARAM5_X", "km from the origin, must be <="),
         (
@@ -158,3 +167,12 @@ def test_no_item_is_too_strange_to_be_refused(
         (task,) = decoded(mission_item(1, command, params, x, y, z, frame))
         if isinstance(task, Waypoint):
             assert all(math.isfinite(number) for number in flattened(vars(task)))
+
+
+@pytest.mark.parametrize("place", [16, 17, 20])
+def test_a_takeoff_is_taken_as_past_before_the_first_place_only(place: int) -> None:
+    speed = mission_item(1, 178, (0.0, 45.0))
+    takeoff = mission_item(2, 22, (15.0, 0.0, 0.0, math.nan), 0, 0, 50.0)
+    assert decoded(speed, takeoff, mission_item(3, place, (), *HERE, 100.0))[1] == Takeoff(2)
+    with pytest.raises(ItemError, match=r"^Item 2: command 22 .* taken as past before the first"):
+        decoded(mission_item(1, place, (), *HERE, 100.0), takeoff)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn
 from ftc_autopilot.guidance.mission_items import (
     Delay,
-    Home,
     Jump,
     Loiter,
     Return,
@@ -20,6 +19,7 @@ from ftc_autopilot.guidance.mission_items import (
     Waypoint,
 )
 from ftc_autopilot.guidance.mission_path import MissionPath, Start, mission_path, path_id_of
+from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import NO_LOOP, Leg, path_record, point_at
 from ftc_autopilot.guidance.pieces import Pose
 from mavlink_defs.profile import ItemError
@@ -235,16 +235,18 @@ def test_a_climb_is_even_and_one_too_steep_for_its_way_is_refused() -> None:
         ([Loiter(1, (0.0, 0.0), 100.0, 100.0)], 1, "radius 100 m, must be >= "),
         ([SetSpeed(1, 40.0)], 1, "no waypoint or circle follows"),
         ([*square(), Jump(5, 6, -1), Jump(6, 5, -1)], 5, "leads around without a waypoint"),
-        ([*square(), Jump(5, 1, 300)], 2, "more than 1000 places"),
-        ([*square(), Jump(5, 1, 200)], 2, "more than 256 legs"),
+        ([*square(), Jump(5, 1, 300)], 5, "jumps make more than 1000 places"),
+        ([*square(), Jump(5, 1, 200)], 5, "with this jump the path has more than 256 legs"),
+        ([Waypoint(k, 9e2 * k, 9e2 * (k % 2), 0.0) for k in range(1, 90)], 86, "more than 256"),
         ([*square(side=400.0), Jump(5, 1, -1)], 1, "waypoints are too near to go around: turns "),
     ],
 )
 def test_what_cannot_be_flown_is_refused_with_its_item(
     tasks: list[Task], item: int, reason: str
 ) -> None:
-    with pytest.raises(ItemError, match=reason):
+    with pytest.raises(ItemError, match=reason) as refusal:
         mission_path(tasks, LIMITS, Home(), START)
+    assert refusal.value.seq == item
 
 
 def test_other_missions_have_other_numbers() -> None:

@@ -19,6 +19,7 @@ ORIGIN = Origin()
 SET_MODE = dialect.MAV_CMD_DO_SET_MODE
 WAYPOINT, SPEED = dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_CMD_DO_CHANGE_SPEED
 HOME = mission_item(0, WAYPOINT)
+PLACE = (-353500000, 1491652370)
 
 
 def waypoint(seq: int, north: float, east: float, height: float = 100.0) -> MissionItem:
@@ -297,6 +298,65 @@ def test_what_no_vehicle_in_the_air_can_do_is_refused_with_the_reason(
     assert f"command {command} is not supported: " in bench.texts(answers)
 
 
+def test_home_moves_relative_heights_at_once(bench: PathBench) -> None:
+    altitude = dialect.MAV_FRAME_GLOBAL
+    bench.upload_items(
+        (HOME, *TRIANGLE[:2], mission_item(3, WAYPOINT, (), *PLACE, 734.0, altitude))
+    )
+    bench.fly()
+    bench.command(START)
+    assert bench.path.target()[2] == pytest.approx(100.0)
+    to = (dialect.MAV_CMD_DO_SET_HOME, 0.0, 0, 0, 0, -35.36, 149.16)
+    assert bench.command(*to, 634.0) == ACCEPTED
+    assert bench.path.target()[2] == pytest.approx(150.0)
+    bench.command(SET_MODE, 1.0, RTL)
+    assert bench.command(*to, 644.0) == ACCEPTED
+    assert bench.circle()[0] == pytest.approx(363.1, abs=0.1)
+    answers = bench.say(dialect.MAVLink_command_long_message(UAV, 1, to[0], 0, *to[1:], 800.0))
+    assert of_type(answers, "COMMAND_ACK")[0].result == DENIED
+    text = "the mission could not be flown, Item 3: altitude is -66 m above home, must be 0 to"
+    assert text in bench.texts(answers)
+
+
+@pytest.mark.parametrize("first", [1, 2])
+def test_a_takeoff_at_the_head_is_passed(bench: PathBench, first: int) -> None:
+    takeoff = mission_item(1, dialect.MAV_CMD_NAV_TAKEOFF, (15.0, 0.0, 0.0, math.nan), 0, 0, 50.0)
+    items = (HOME, takeoff, waypoint(2, 3000.0, 0.0), waypoint(3, 3000.0, 3000.0))
+    assert bench.upload_items(items) == dialect.MAV_MISSION_ACCEPTED
+    held = bench.vehicle._mission.server.items[1]
+    assert (held.command, held.param1, held.z) == (dialect.MAV_CMD_NAV_TAKEOFF, 15.0, 50.0)
+    bench.fly()
+    bench.command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, float(first))
+    assert bench.command(START) == ACCEPTED
+    assert bench.path.item() == 2
+    path = bench.path.record
+    told = [m for s in path["start"][: path["count"]] for m in bench.go_to(float(s) + 0.1)]
+    assert [m.seq for m in of_type(told, "MISSION_ITEM_REACHED")] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("radius", "z", "frame", "text"),
+    [
+        (math.inf, 684.0, 0, "radius inf, must be at most 100000 m"),
+        (0.0, -500.0, 6, "altitude is -500 m above home, must be 0 to 10000 m"),
+        (0.0, 50_000.0, 6, "altitude is 50000 m above home, must be 0 to 10000 m"),
+        (0.0, 583.0, 0, "altitude is -1 m above home, must be 0 to 10000 m"),
+    ],
+)
+def test_a_target_has_the_limits_of_an_item(
+    bench: PathBench, radius: float, z: float, frame: int, text: str
+) -> None:
+    bench.fly()
+    place = place_of(ORIGIN, 3000.0, -2000.0, 0.0)[:2]
+    reposition = dialect.MAVLink_command_int_message(
+        UAV, 1, frame, dialect.MAV_CMD_DO_REPOSITION, 0, 0, -1.0, 1.0, radius, 0.0, *place, z
+    )
+    answers = bench.say(reposition)
+    assert of_type(answers, "COMMAND_ACK")[0].result == DENIED
+    assert text in bench.texts(answers)
+    assert bench.vehicle.modes.mode == LOITER
+
+
 def test_a_mission_that_cannot_be_flown_is_refused_and_the_old_one_stays(bench: PathBench) -> None:
     bench.upload_items((HOME, *TRIANGLE))
     tight = mission_item(1, dialect.MAV_CMD_NAV_LOITER_UNLIM, (0.0, 0.0, 50.0), 1, 1, 100.0)
@@ -306,4 +366,4 @@ def test_a_mission_that_cannot_be_flown_is_refused_and_the_old_one_stays(bench: 
     mixed = mission_item(2, dialect.MAV_CMD_FTC_REFERENCE_SEGMENT)
     assert bench.upload_items((HOME, TRIANGLE[0], mixed)) == dialect.MAV_MISSION_UNSUPPORTED
     assert len(bench.vehicle._mission.server.items) == 4
-    assert len(bench.path.tasks) == 3
+    assert len(bench.path.items) == 4

@@ -42,7 +42,6 @@ from mavlink_defs.services.mission import (
     item_as_int,
 )
 from mavlink_defs.services.mission_server import (
-    CurrentChanged,
     MissionAccepted,
     MissionRefused,
     MissionServer,
@@ -276,7 +275,6 @@ class TestCurrent:
         assert isinstance(current, MAVLink_mission_current_message)
         assert (current.seq, current.total) == (2, 2)
         assert (current.mission_state, current.mission_mode) == (3, 1)
-        assert vehicle.server.events() == [CurrentChanged(2)]
 
     def test_no_such_item(self) -> None:
         vehicle = Vehicle(segments=2)
