@@ -22,6 +22,7 @@ from mavlink_defs.dialect import (
     MAVLink_mission_write_partial_list_message,
 )
 from mavlink_defs.profile import MAX_ITEMS, ProfileError
+from mavlink_defs.services.command_server import LATE_S
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 from mavlink_defs.services.mission import (
     ITEM_TIMEOUT_S,
@@ -75,12 +76,13 @@ class MissionServer(Machine[MissionEvent]):
     """Holds the mission of one vehicle and answers every client.
 
     A mission is replaced only when the new one is complete and valid. Geofences and rally
-    points are always empty. One client can upload at a time; any number can download, and a
-    download is cancelled if the mission changes meanwhile, so that none is a mixture.
+    points are always empty. One client can upload at a time, and begins anew with another
+    MISSION_COUNT; any number can download, and a download is cancelled if the mission changes
+    meanwhile, so that none is a mixture.
 
     Two ground stations may have the same address by mistake. Their uploads are not mixed: from
-    another station the second one is denied; from the same one it must wait until the first is
-    over or stuck, and is cancelled with it when they are seen to differ.
+    another station the second one is denied; from the same one it takes the place of the first,
+    and is cancelled with it when items are seen to differ.
 
     The vehicle keeps `mission_state` (MISSION_STATE) and `mission_mode` (of MISSION_CURRENT)
     up to date, and broadcasts `mission_current()` at its own rate besides.
@@ -254,14 +256,13 @@ class MissionServer(Machine[MissionEvent]):
         if self._busy_for(sender):
             self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
             return
-        before = self._going_on()
-        if before is not None and before.retries == 0:
-            if (before.mission_type, before.count) != (mission_type, count):
-                text = f"Mission upload: another one of {count} items was begun meanwhile"
-                self._end_upload(before, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
-            return  # delayed, or of another client with this address
-        # Without items the upload begins anew: it may be another mission of a restarted client.
-        self._upload = upload = Upload(sender, mission_type, count, heard_s=now)
+        before, sequence = self._going_on(), message.get_seq()
+        if before and before.sequence == sequence and now <= before.begun_s + LATE_S:
+            return  # the network has duplicated it
+        # From the same client the upload begins anew: it may be another mission.
+        self._upload = upload = Upload(
+            sender, mission_type, count, sequence=sequence, begun_s=now, heard_s=now
+        )
         if mission_type not in _TYPES or (mission_type != _MISSION and count > 0):
             text = f"Mission type {mission_type} is not supported"
             self._end_upload(upload, dialect.MAV_MISSION_UNSUPPORTED, text)

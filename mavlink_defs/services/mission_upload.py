@@ -25,6 +25,8 @@ class Upload:
     sender: Client
     mission_type: int
     count: int
+    sequence: int = -1  # number of the frame of its MISSION_COUNT
+    begun_s: float = 0.0  # when that came
     items: list[MissionItem] = field(default_factory=list)
     retries: int = 0  # repeated requests since the last item
     ignored: int = 0  # those of them after which the client was heard, but no item came

@@ -66,15 +66,22 @@ class Vehicle:
 
     def __init__(self, segments: int = 0) -> None:
         self.server = MissionServer(VEHICLE, validate)
+        self._frames = 0
         if segments:
             self.upload(mission(segments))
             self.server.events()
 
     def answers(
-        self, message: MAVLink_message, source: SystemId = GCS, now: float = 0.0
+        self,
+        message: MAVLink_message,
+        source: SystemId = GCS,
+        now: float = 0.0,
+        seq: int | None = None,
     ) -> list[tuple[str, int]]:
-        """Type of each answer, and what it says."""
-        self.server.receive(over_the_wire(message, source), now)
+        """Type of each answer, and what it says; `seq`: a frame's number, if not the next one."""
+        self._frames += 1
+        number = self._frames % 256 if seq is None else seq
+        self.server.receive(over_the_wire(message, source, number), now)
         return self.sent(source)
 
     def sent(self, to: SystemId = GCS) -> list[tuple[str, int]]:
