@@ -9,6 +9,7 @@ periods it acted: the delay of the link there and back.
 import numpy as np
 
 from ftc_autopilot.control.controllers import Controllers
+from ftc_autopilot.control.delay import LONGEST_S
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled, inlined
 
@@ -23,6 +24,7 @@ ACKNOWLEDGEMENT: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
     ("applied_usec", "i8"),  # time_usec of the message in force, -1: none
     ("delay", "f8"),  # mean time until a message acts [control periods], -1: not known
     ("deviation", "f8"),  # mean deviation from it [control periods]
+    ("gap_usec", "i8"),  # time of the first state after a long gap [µs]
 ]
 """Fields of a link's state: real time only, but for `pending_usec` and `repeated`."""
 
@@ -31,14 +33,19 @@ ACKNOWLEDGEMENT: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
 def note_delay(state: np.void, sim_state: np.void) -> int:
     """Return the delay of the link [control periods], estimated as RFC 6298 does round trips.
 
-    Only a message that the state before did not show tells it.
+    Only a message that the state before did not show tells it, if it was made after the last long
+    gap: one made before may have been sent when this process had time again.
 
     Args:
         state: Record with the fields `ACKNOWLEDGEMENT` and the last step, updated in place.
         sim_state: FTC_SIM_STATE payload of a later step.
     """
     step, applied_usec = int(sim_state["step"]), _applied_usec(sim_state)
-    if applied_usec > state["applied_usec"] and step == state["step"] + 1:
+    gap_us = (step - state["step"]) * state["step_us"]
+    if gap_us > 1e6 * LONGEST_S:
+        state["gap_usec"] = step * state["step_us"]
+    fresh = applied_usec > state["applied_usec"] and applied_usec >= state["gap_usec"]
+    if fresh and step == state["step"] + 1:
         delay = max(step - 1 - applied_usec / state["step_us"], 0.0)
         if state["delay"] < 0.0:
             state["delay"], state["deviation"] = delay, 0.5 * delay

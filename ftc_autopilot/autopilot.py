@@ -19,6 +19,7 @@ from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, 
 from ftc_autopilot.link import GCS, PLANT, RECORD, SIMULATOR, new_link, records_to_keep
 from ftc_autopilot.loop import Loop
 from ftc_autopilot.recorder import RECORD_ROWS, Recorder
+from ftc_autopilot.state_age import forget_age
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -45,6 +46,8 @@ _LOCKSTEP_TURN_US = 100_000
 """Lockstep: telemetry is made at multiples of this time of its clock, or of a shorter one [µs]."""
 _LOCKSTEP_WAIT_S = 0.5
 """Lockstep: longest time between two turns to the services [s]."""
+_MOST_AT_ONCE = 32
+"""Real time: most messages to a ground station after steps that were missed."""
 _MAX_GCS_DATAGRAMS = 8
 """Most datagrams of ground stations handled at a time while no control step can be late."""
 _AWAY_S = 1.0
@@ -120,6 +123,7 @@ class Autopilot:
         # each has its own sequence numbers: not all get the same messages
         self._to_gcs = [FramePacker(config.id, component) for _ in config.gcs]
         self._most_per_step = self._vehicle.most_per_step(config.step_us)
+        self._served_step = 0  # after which messages were handled last
         self._more_to_do = False
         self._gcs_signing = GcsSigning(config.id, config.signing_key)
         self._to_plant = FramePacker(config.id, component, self._next_sequence)
@@ -146,6 +150,8 @@ class Autopilot:
         if resumes:
             state = link.state[0]
             state["heard_s"] = 0.0
+            state["due"] = 0
+            forget_age(state)  # told with the restart
             state["away"] = round(_AWAY_S * 1e6 / self._config.step_us)
         return resumes
 
@@ -220,10 +226,13 @@ class Autopilot:
         return self._hot.sequence - 1
 
     def _handle_messages(self) -> None:
-        """Receive from ground stations and answer; in real time a few messages between steps."""
+        """Receive from ground stations and answer; in real time a few messages for each step."""
         if self._key_file is not None:
             self._key_file.refresh(self._link.simulator.signer, self._link.formation.signer)
-        most = self._most_per_step if self._in_real_time else None
+        passed, self._served_step = self._hot.step - self._served_step, self._hot.step
+        most = None
+        if self._in_real_time:
+            most = min(self._most_per_step * max(passed, 1), _MOST_AT_ONCE)
         more = True
         if not self._vehicle.has_gcs_messages:  # answer earlier requests first
             more = self._receive_from_ground_stations(most or _MAX_GCS_DATAGRAMS)
@@ -285,7 +294,8 @@ class Autopilot:
     def _silence(self) -> str | None:
         heard_s = self._hot.heard_s
         limit_s = self._config.silence_timeout_s
-        if heard_s > 0.0 and time.monotonic() - heard_s > limit_s:
+        silent = heard_s > 0.0 and time.monotonic() - heard_s > limit_s
+        if silent and not _waits(self._plant):  # or this process had no time to hear it
             return f"the plant has been silent for {limit_s:g} s at {self._vehicle.time_s:.3f} s"
         return None
 
@@ -343,6 +353,15 @@ def _send(sock: socket.socket, frame: bytes, address: tuple[str, int] | None = N
             sock.sendto(frame, address)
     except OSError:
         pass
+
+
+def _waits(sock: socket.socket) -> bool:
+    """Return whether a datagram waits in a socket."""
+    try:
+        sock.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+    except OSError:
+        return False
+    return True
 
 
 def log(system: int, text: str) -> None:

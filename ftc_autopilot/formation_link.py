@@ -1,8 +1,11 @@
 """The formation link: own states to the neighbours, their states into the control step.
 
-A step uses neighbour states of the step before. A state of a later step is kept as pending until
-its turn comes, so that it does not matter which neighbour is faster. In lockstep the plant tells
+In lockstep a step uses neighbour states of the step before. A state of a later step is kept as
+pending until its turn comes, so that it does not matter which neighbour is faster. The plant tells
 which autopilots sent nothing in the step before; the states of all others are waited for.
+
+In real time a step uses the newest state of each neighbour. One of a later step than the own tells
+that this autopilot is late, not that the neighbour is wrong, as long as the plant can be there.
 """
 
 from collections.abc import Sequence
@@ -51,6 +54,8 @@ _NEIGHBOUR_WAIT_S = 0.05
 _NEIGHBOUR_MISSES = 5
 """Messages of a neighbour missed in a row before later steps stop waiting for them."""
 _NEVER_HEARD = -1
+_FASTEST = 100.0
+"""Real time: simulated time does not pass faster than this, by the clock."""
 
 FORMATION_STATE = np.dtype(
     [
@@ -58,6 +63,11 @@ FORMATION_STATE = np.dtype(
         ("timeout_steps", "i8"),  # silence after which a neighbour is dropped
         ("fade_steps", "i8"),  # steps in which a dropped neighbour's weight goes to 0, and back
         ("edge_changes", "i8"),  # neighbours dropped or restored
+        ("most_steps_per_s", "f8"),  # that a plant makes in real time
+        ("real_time", "i8"),  # 1: simulated time waits for nobody
+        ("passed_over", "i8"),  # steps missed before the present one, whose messages have waited
+        ("plant_step", "i8"),  # that the plant is known to have reached
+        ("plant_s", "f8"),  # when it was heard of [s]
     ]
 )
 
@@ -72,6 +82,7 @@ class FormationLink(NamedTuple):
     weights: np.ndarray  # (degree,), a_ij as configured
     edges: np.ndarray  # (degree,), 1: the neighbour is heard, 0: it is dropped
     heard_step: np.ndarray  # (degree,), step of each neighbour's state in use
+    arrived_step: np.ndarray  # (degree,), that step and how long the state waited to be taken
     pending: np.ndarray  # (degree,), dtype NEIGHBOUR: its state of a step that is not over here
     pending_step: np.ndarray  # (degree,), the step of that state
     silent: np.ndarray  # (degree,), 1: it sent no message in the step before
@@ -89,6 +100,7 @@ def new_formation_link(
     neighbours: Sequence[Neighbour],
     timeout_steps: int,
     fade_steps: int,
+    steps_per_s: float,
     drops: np.ndarray,
     signer: LinkSigner,
 ) -> FormationLink:
@@ -99,6 +111,7 @@ def new_formation_link(
         neighbours: Neighbours with addresses and weights.
         timeout_steps: Steps of silence after which a neighbour is dropped.
         fade_steps: Steps in which its weight then goes to 0, and back when it is heard again.
+        steps_per_s: Control periods in a second.
         drops: Counts datagrams dropped, shape (DROPS_SIZE,).
         signer: Signs the link.
     """
@@ -108,6 +121,7 @@ def new_formation_link(
         addresses[d] = sockaddr(parse_address(neighbour.address))
     state = np.zeros(1, FORMATION_STATE)
     state["timeout_steps"], state["fade_steps"] = timeout_steps, fade_steps
+    state["most_steps_per_s"] = _FASTEST * steps_per_s
     received = codec.new_buffer()
     link = FormationLink(
         state=state,
@@ -117,6 +131,7 @@ def new_formation_link(
         weights=np.array([neighbour.weight for neighbour in neighbours], np.float64),
         edges=np.zeros(degree, np.int64),
         heard_step=np.zeros(degree, np.int64),
+        arrived_step=np.zeros(degree, np.int64),
         pending=np.zeros(degree, codec.NEIGHBOUR),
         pending_step=np.zeros(degree, np.int64),
         silent=np.zeros(degree, np.int64),
@@ -135,7 +150,7 @@ def new_formation_link(
 def reset_formation_link(link: FormationLink) -> None:
     """Forget the neighbours' states; frames and drops are counted on."""
     link.state["edge_changes"] = 0
-    link.heard_step[:] = link.pending_step[:] = _NEVER_HEARD
+    link.heard_step[:] = link.pending_step[:] = link.arrived_step[:] = _NEVER_HEARD
     link.edges[:] = link.silent[:] = link.misses[:] = 0
 
 
@@ -166,6 +181,24 @@ def send_own_state(fd: int, link: FormationLink, controllers: Controllers) -> No
 
 
 @inlined
+def note_plant(
+    link: FormationLink, lockstep: bool, passed_over: int, step: int, heard_s: float
+) -> None:
+    """Note how far the plant is.
+
+    Args:
+        link: The link.
+        lockstep: Whether it waits for this autopilot.
+        passed_over: Steps that this autopilot has missed before the present one.
+        step: Step that the plant is known to have reached.
+        heard_s: When, as `monotonic_s` gives it [s].
+    """
+    state = link.state[0]
+    state["real_time"], state["passed_over"] = 0 if lockstep else 1, passed_over
+    state["plant_step"], state["plant_s"] = step, heard_s
+
+
+@inlined
 def note_silent_neighbours(link: FormationLink, silent: np.ndarray) -> None:
     """Note which neighbours sent nothing in the step before, by FTC_SIM_STATE.silent."""
     for d in range(len(link.neighbours)):
@@ -192,7 +225,7 @@ def collect_neighbour_states(
     for d in range(len(link.neighbours)):
         if link.heard_step[d] < link.pending_step[d] <= newest:
             copy_record(controllers.neighbour_states[0, d], link.pending[d])
-            link.heard_step[d] = link.pending_step[d]
+            link.heard_step[d] = link.arrived_step[d] = link.pending_step[d]
     if not lockstep or _some_given_up(link):
         receive_neighbour_states(fd, link, controllers, newest)
     if lockstep and _some_missing(link, newest):
@@ -219,7 +252,7 @@ def receive_neighbour_states(
         fd: Socket bound to the own formation port.
         link: The link.
         controllers: The controllers of one UAV; neighbour states are updated.
-        newest: Last step whose states are for use; those of later steps become pending.
+        newest: Last step whose states are for use; in lockstep those of later steps become pending.
     """
     while True:
         length = receive_from_now(fd, link.received, link.sender)
@@ -238,8 +271,8 @@ def _update_edges(link: FormationLink, controllers: Controllers, step: int) -> N
     state = link.state[0]
     flying = controllers.states[0]["steps"] > 0
     for d in range(len(link.neighbours)):
-        heard = link.heard_step[d] != _NEVER_HEARD
-        fresh = heard and step - link.heard_step[d] <= state["timeout_steps"]
+        heard = link.arrived_step[d] != _NEVER_HEARD
+        fresh = heard and step - link.arrived_step[d] <= state["timeout_steps"]
         edge = 1 if fresh else 0
         if edge != link.edges[d]:
             link.edges[d] = edge
@@ -291,7 +324,7 @@ def _take_neighbour_state(
 
 @inlined
 def _keep_neighbour_state(link: FormationLink, controllers: Controllers, newest: int) -> int:
-    """Keep the received state: in use if its step is over here, pending if not.
+    """Keep the received state: in use, or in lockstep pending if its step is not over here.
 
     Returns:
         0, or the `DropReason` for which the state was not kept.
@@ -301,20 +334,39 @@ def _keep_neighbour_state(link: FormationLink, controllers: Controllers, newest:
         return DropReason.STRANGER
     received = link.neighbour_state[0]
     step = int(received["step"])
-    if not _is_finite(received) or step > newest + link.state[0]["timeout_steps"]:
+    real_time = link.state[0]["real_time"] != 0
+    if not _is_finite(received) or not _is_plausible(link.state[0], step, newest, real_time):
         return DropReason.OUT_OF_RANGE
     if received["frame"] > FTC_NEIGHBOUR_FRAME_REFERENCE:  # of a newer dialect
         return DropReason.OUT_OF_RANGE
     link.misses[d] = 0
-    if step > newest:
+    if step > newest and not real_time:
         copy_record(link.pending[d], received)
         link.pending_step[d] = step
         return 0
     if step < link.heard_step[d]:
         return DropReason.NOT_NEWER
     copy_record(controllers.neighbour_states[0, d], received)
-    link.heard_step[d] = step
+    link.heard_step[d] = link.arrived_step[d] = step
+    if real_time:  # the time of one that is ahead is not believed when the next comes
+        link.heard_step[d] = min(step, newest)
+        link.arrived_step[d] = min(step + link.state[0]["passed_over"], newest)
     return 0
+
+
+@inlined
+def _is_plausible(state: np.void, step: int, newest: int, real_time: bool) -> bool:
+    """Return whether a neighbour can have come to a step.
+
+    It is a little ahead of this autopilot at most; in real time a little ahead of the plant, which
+    has gone on since it was heard of.
+    """
+    if step <= newest + state["timeout_steps"]:
+        return True
+    if not real_time:
+        return False
+    gone_on = (monotonic_s() - state["plant_s"]) * state["most_steps_per_s"]
+    return bool(step <= state["plant_step"] + state["timeout_steps"] + gone_on)
 
 
 @inlined

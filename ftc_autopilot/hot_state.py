@@ -75,6 +75,14 @@ class HotState:
         return int(self._time_us[0])
 
     @property
+    def oldest_state_us(self) -> int:
+        """Longest time for which it acted on one state, of the last second or two [µs, simulated].
+
+        0 in lockstep, where simulated time waits.
+        """
+        return int(self._link["oldest"].max()) * self.step_us
+
+    @property
     def running(self) -> bool:
         """Whether simulated time runs."""
         return bool(self.flags & FTC_SIM_FLAGS_RUNNING)

@@ -1,5 +1,8 @@
 """The autopilot's hot path, compiled: from a received state to the datagrams it causes.
 
+In lockstep every state is worked on. In real time the newest that has come is, and those before it
+are passed over: an autopilot that was kept waiting for the processor misses steps, but is not late.
+
 For each running state: take the neighbour states of the step before, make the control step, send
 an actuator message if a trigger fired (or if the plant has not acknowledged one), send the own
 state to the neighbours if it is due, and in lockstep report the step done.
@@ -19,12 +22,14 @@ from ftc_autopilot.formation_link import (
     FormationLink,
     collect_neighbour_states,
     new_formation_link,
+    note_plant,
     note_silent_neighbours,
     receive_neighbour_states,
     reset_formation_link,
     send_own_state,
 )
 from ftc_autopilot.kept_state import KeptState, keep, no_kept_state
+from ftc_autopilot.state_age import STATE_AGE, forget_age, note_age
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
     FTC_SIM_FLAGS_LOCKSTEP,
@@ -45,7 +50,7 @@ from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_f
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.runtime.jit import inlined
 from mavlink_defs.runtime.memory import copy_record
-from mavlink_defs.runtime.native import monotonic_s, send
+from mavlink_defs.runtime.native import monotonic_s, receive_now, send, waits
 
 __all__ = [
     "FORMATION",
@@ -73,7 +78,9 @@ LINK_STATE = np.dtype(
         ("flags", "i8"),  # FTC_SIM_FLAGS of the last state
         ("heard_s", "f8"),  # wall-clock time of the last state [s], 0: none
         ("run", "i8"),  # the plant's, -1: no state yet
+        ("due", "i8"),  # 1: the last state is not worked on yet
         *ACKNOWLEDGEMENT,
+        *STATE_AGE,
         ("sequence", "i8"),  # frames sent to the plant
         ("received", "i8"),  # length of the datagram in `SimulatorLink.received`
         ("away", "i8"),  # lockstep: steps to let pass before control is taken up again
@@ -150,6 +157,7 @@ def new_link(
         neighbours,
         timeout_steps=round(neighbour_timeout_s * 1e6 / step_us),
         fade_steps=max(round(_EDGE_FADE_S * 1e6 / step_us), 1),
+        steps_per_s=1e6 / step_us,
         drops=drops[FORMATION],
         signer=formation_signer or new_link_signer(b"", FORMATION_LINK),
     )
@@ -193,6 +201,8 @@ def reset_link(link: AutopilotLink) -> None:
     state = link.state
     state["step"] = state["pending_usec"] = state["applied_usec"] = state["delay"] = NONE
     state["pending_step"] = state["repeated"] = state["deviation"] = state["recorded"] = 0
+    state["gap_usec"] = state["due"] = 0
+    forget_age(state)
     reset_formation_link(link.formation)
 
 
@@ -201,6 +211,8 @@ def work_on(
     length: int, fds: tuple[int, int], link: AutopilotLink, controllers: Controllers
 ) -> Outcome:
     """Work on a datagram of the plant, which lies in `SimulatorLink.received`.
+
+    In real time on the newest state of all datagrams that wait in the socket.
 
     Args:
         length: Its length [bytes].
@@ -211,6 +223,40 @@ def work_on(
 
     Returns:
         NONE; SERVICE, OVER or RESTARTED if Python is needed.
+    """
+    state, simulator = link.state[0], link.simulator
+    outcome = _take_in(length, link)
+    while outcome == Outcome.NONE and _is_real_time(state):
+        length = receive_now(fds[0], simulator.received)
+        if length < 0:
+            break
+        outcome = _take_in(length, link)
+    if outcome == Outcome.RESTARTED or state["due"] == 0:
+        return outcome
+    if outcome == Outcome.SERVICE and waits(fds[0], simulator.sent):
+        return outcome  # and there may be a newer state behind
+    state["due"] = 0
+    _work(fds[0], fds[1], link, controllers)
+    return Outcome.OVER if state["flags"] & FTC_SIM_FLAGS_ENDED else outcome
+
+
+@inlined
+def _is_real_time(state: np.void) -> bool:
+    """Return whether states pass without waiting for this autopilot, and another may follow."""
+    waiting_or_over = FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED
+    return bool(state["run"] >= 0 and state["flags"] & waiting_or_over == 0)
+
+
+@inlined
+def _take_in(length: int, link: AutopilotLink) -> Outcome:
+    """Keep the state that lies in `SimulatorLink.received`, if it is one; it is due then.
+
+    Args:
+        length: Length of the datagram [bytes].
+        link: The link.
+
+    Returns:
+        NONE, SERVICE or RESTARTED.
     """
     state, simulator = link.state[0], link.simulator
     message_id = take(simulator.signer, simulator.received, length, simulator.drops)
@@ -225,10 +271,7 @@ def work_on(
     if problem != 0:
         simulator.drops[-problem] += 1
         return Outcome.NONE
-    if _is_of_another_run(link):
-        return Outcome.RESTARTED
-    _work(fds[0], fds[1], link, controllers)
-    return Outcome.OVER if state["flags"] & FTC_SIM_FLAGS_ENDED else Outcome.NONE
+    return Outcome.RESTARTED if _is_of_another_run(link) else Outcome.NONE
 
 
 @inlined
@@ -252,25 +295,32 @@ def _check_state(link: SimulatorLink) -> int:
 
 @inlined
 def _is_of_another_run(link: AutopilotLink) -> bool:
-    """Keep the received state; return whether another plant process than before has sent it."""
-    state, sim_state = link.state[0], link.simulator.sim_state[0]
+    """Keep the received state; return whether another plant process than before has sent it.
+
+    In real time one that was overtaken on its way is not kept.
+    """
+    state, measured = link.state[0], link.simulator.measured[0]
+    sim_state = link.simulator.sim_state[0]
     before, run = state["run"], int(sim_state["run"])
-    state["flags"] = int(sim_state["flags"])
     state["heard_s"] = monotonic_s()
-    state["run"] = run
-    copy_record(link.simulator.measured[0], sim_state)
+    overtaken = before == run and int(sim_state["step"]) < int(measured["step"])
+    if overtaken and not int(sim_state["flags"]) & FTC_SIM_FLAGS_LOCKSTEP:
+        return False
+    state["flags"] = int(sim_state["flags"])
+    state["run"], state["due"] = run, 1
+    copy_record(measured, sim_state)
     return bool(before >= 0 and before != run)
 
 
 @inlined
 def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers) -> None:
-    """Answer one received state; in lockstep nothing is left to send after FTC_STEP_DONE.
+    """Answer the state that is due; in lockstep nothing is left to send after FTC_STEP_DONE.
 
     So when the next state comes, every neighbour has been sent the message of this step, if there
     is one; whether there is, the plant hears with FTC_STEP_DONE and passes on with the next state.
     A step that was not flown is never reported done.
     """
-    state, sim_state = link.state[0], link.simulator.sim_state[0]
+    state, sim_state = link.state[0], link.simulator.measured[0]
     formation, step, flags = link.formation, int(sim_state["step"]), int(sim_state["flags"])
     running, ended = flags & FTC_SIM_FLAGS_RUNNING, flags & FTC_SIM_FLAGS_ENDED
     lockstep = (flags & FTC_SIM_FLAGS_LOCKSTEP) != 0
@@ -278,6 +328,11 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         announce(controllers, 0, sim_state)
         send_own_state(formation_fd, formation, controllers)
     fresh = running and step > state["step"]
+    ahead = passed_over = 0
+    if fresh and not lockstep:
+        ahead = note_age(state, plant_fd, step, 1_000_000 // state["step_us"])
+        passed_over = step - state["step"] - 1 if state["step"] >= 0 else 0
+    note_plant(formation, lockstep, passed_over, step + ahead, state["heard_s"])
     if fresh and lockstep and state["away"] > 0:
         state["away"] -= 1
         state["step"] = step

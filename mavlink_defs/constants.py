@@ -27,6 +27,7 @@ __all__ = [
     "MAX_MISSION_ITEMS",
     "MODE_NAMES",
     "N_CHANNELS",
+    "OLD_STATE_S",
     "PLANT_PORT",
     "RTL",
     "RUDDER",
@@ -78,6 +79,9 @@ FORCE_DISARM = 21196.0
 
 INT32_MAX = 2**31 - 1
 """Largest int32; in x and y of COMMAND_INT and of mission items it stands for NaN."""
+
+OLD_STATE_S = 0.1
+"""Real time: an autopilot that acts on a state older than this says so [s, simulated]."""
 
 STATUSTEXT_SIZE = 50
 """Characters that one STATUSTEXT holds; a full one announces that another one follows."""

@@ -48,6 +48,7 @@ class ControllerMessages:
             edge_changes=self._hot.edge_changes,
             predicted_exit=float32s(self._controllers.signals[0]["predicted_exit"]),
             neighbour_messages=int(controller["neighbour_messages"]) * len(self._hot.neighbours),
+            oldest_state_us=min(self._hot.oldest_state_us, NO_INTERVAL),
         )
 
     def adaptation(self) -> MAVLink_message:

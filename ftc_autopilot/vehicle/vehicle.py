@@ -26,6 +26,7 @@ from ftc_autopilot.vehicle.guided import Guided
 from ftc_autopilot.vehicle.home import VehicleHome
 from ftc_autopilot.vehicle.mission import Mission
 from ftc_autopilot.vehicle.modes import Modes
+from ftc_autopilot.vehicle.old_states import OldStates
 from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.path_messages import PathMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
@@ -101,6 +102,7 @@ class Vehicle:
         self._mission = Mission(own, self.modes, self._home, self._guided.fly_to_item, self.say)
         self._diagnosis = DiagnosisMessages(hot, controllers)
         self._formation = FormationMessages(config, hot, controllers, self.say)
+        self._old_states = OldStates(hot)
         self._clock = VehicleClock(round(unix_s * 1e6))
         makers = makers_of(
             StateMessages(hot, controllers, config.origin, self._home, self._clock),
@@ -206,6 +208,7 @@ class Vehicle:
         self.modes.restart()
         self._mission.restart()
         self._edges, self._edge_changes = self._hot.edges.tolist(), 0
+        self._old_states = OldStates(self._hot)
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
@@ -379,7 +382,8 @@ class Vehicle:
         """Announce what has changed since the last report."""
         self._report_resumption()
         self._report_edges()
-        for severity, text in (*self._diagnosis.changes(), *self._formation.changes()):
+        services = (self._old_states, self._diagnosis, self._formation)
+        for severity, text in (change for service in services for change in service.changes()):
             self.say(severity, text)
 
     def _report_resumption(self) -> None:

@@ -37,6 +37,7 @@ class EventCounts:
         messages: Actuator messages sent because of an event.
         edge_changes: Times that a neighbour was dropped or re-added.
         neighbour_messages: Messages sent to neighbours after the first step.
+        oldest_state_s: Longest time for which it acted on one state lately [s]; 0 in lockstep.
     """
 
     def __init__(self) -> None:
@@ -48,6 +49,7 @@ class EventCounts:
         self.messages = 0
         self.edge_changes = 0
         self.neighbour_messages = 0
+        self.oldest_state_s = 0.0
         self._samples: deque[tuple[float, Four]] = deque()
 
     def receive(self, message: MAVLink_ftc_events_message) -> None:
@@ -62,6 +64,7 @@ class EventCounts:
         )
         self.messages, self.edge_changes = message.messages, message.edge_changes
         self.neighbour_messages = message.neighbour_messages
+        self.oldest_state_s = message.oldest_state_us / 1e6
         if self._samples and self._samples[-1][0] == time_s:
             self._samples.pop()
         self._samples.append((time_s, self.events))

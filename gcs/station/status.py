@@ -10,7 +10,7 @@ from rich.table import Table
 from gcs.station.event_counts import EventCounts
 from gcs.station.vehicle_state import VehicleState
 from gcs.terminal import numbers, table_of, words
-from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.constants import ACTUATORS, OLD_STATE_S
 from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 
@@ -63,6 +63,8 @@ class LinkStatus:
         age_s: Time since anything was received [s].
         rate_hz: Messages per second of wall-clock time.
         restarts: Restarts of the vehicle since it was first heard.
+        oldest_state_s: Longest simulated time for which its autopilot acted on one state in the
+            last second or two [s]; 0 in lockstep; None if unknown.
         drops: Datagrams dropped by vehicle and plant, by link and reason; None if unknown.
     """
 
@@ -70,6 +72,7 @@ class LinkStatus:
     age_s: float
     rate_hz: float
     restarts: int
+    oldest_state_s: float | None
     drops: Mapping[str, Mapping[str, int]] | None
 
 
@@ -151,6 +154,7 @@ def vehicle_status(state: VehicleState, now: float) -> VehicleStatus:
             age_s=state.age_s(now),
             rate_hz=state.rate_hz(now),
             restarts=state.restarts,
+            oldest_state_s=state.counts.oldest_state_s if state.tells_private else None,
             drops=state.drops,
         ),
         armed=state.armed,
@@ -236,7 +240,7 @@ def _row(state: VehicleState, now: float) -> list[str]:
     faults = "?" if state.faults is None else f"{len(state.active_faults)}/{len(state.faults)}"
     return [
         str(state.system),
-        f"LOST {state.age_s(now):.0f} s" if state.lost else "up",
+        _link(state, now),
         "armed" if state.armed else "no",
         state.mode,
         _shown(state.time_s),
@@ -245,6 +249,13 @@ def _row(state: VehicleState, now: float) -> list[str]:
         "-" if saving is None else f"{100.0 * saving:.1f}%",
         faults,
     ]
+
+
+def _link(state: VehicleState, now: float) -> str:
+    if state.lost:
+        return f"LOST {state.age_s(now):.0f} s"
+    old_s = state.counts.oldest_state_s
+    return f"old {old_s:.1f} s" if old_s > OLD_STATE_S else "up"
 
 
 def _shown(value: float | None) -> str:

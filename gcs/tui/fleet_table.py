@@ -14,6 +14,7 @@ from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView
 from mavlink_defs.config.models import counted
+from mavlink_defs.constants import OLD_STATE_S
 
 __all__ = ["FleetTable"]
 
@@ -155,6 +156,8 @@ def _group_cells(state: VehicleState, group: int) -> list[Cell]:
 
 def _link(view: FleetView, state: VehicleState) -> Cell:
     age = state.age_s(view.now)
+    if not view.is_silent(state) and (old_s := state.counts.oldest_state_s) > OLD_STATE_S:
+        return (f"old {old_s:.1f}s" if old_s < 100.0 else "old", "warn")
     if not view.is_silent(state):
         return (f"● {age:.1f} s", "good" if age < 1.0 else "warn")
     word = "LOST" if state.lost else "SILENT"

@@ -15,6 +15,7 @@ returns -1 long before its timeout, so that a caller must look at the clock, not
 import ctypes
 import select
 import socket
+import sys
 import time
 from collections.abc import Callable
 from typing import Any, cast
@@ -30,6 +31,7 @@ __all__ = [
     "POLLED",
     "READABLE",
     "SPIN_S",
+    "datagrams_lost",
     "let_others_run",
     "monotonic_s",
     "receive",
@@ -55,6 +57,12 @@ READABLE = int(select.POLLIN)
 _MONOTONIC, _UNIX = int(time.CLOCK_MONOTONIC), int(time.CLOCK_REALTIME)
 _NOW = int(socket.MSG_DONTWAIT)
 _LOOK = _NOW | int(socket.MSG_PEEK)
+_SOCKET, _MEMORY_INFO, _LOST = (
+    int(socket.SOL_SOCKET),
+    55,
+    8,
+)  # SO_MEMINFO, SK_MEMINFO_DROPS of Linux
+_COUNTS_LOST = sys.platform == "linux"
 SPIN_S = 1e-4
 """Longest wait that keeps the processor, offered to others [s].
 
@@ -83,6 +91,7 @@ _recv = _libc("recv", _SSIZE, _INT, _POINTER, _SIZE, _INT)
 _recvfrom = _libc("recvfrom", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _POINTER)
 _send = _libc("send", _SSIZE, _INT, _POINTER, _SIZE, _INT)
 _sendto = _libc("sendto", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _INT)
+_getsockopt = _libc("getsockopt", _INT, _INT, _INT, _INT, _POINTER, _POINTER)
 _clock_gettime = _libc("clock_gettime", _INT, _INT, _POINTER)
 _poll = _libc("poll", _INT, _POINTER, _SIZE, _INT)
 _sched_yield = _libc("sched_yield", _INT)
@@ -165,6 +174,18 @@ def waits(fd: int, buffer: np.ndarray) -> bool:
         buffer: A buffer, uint8, whose first byte is lost.
     """
     return _recv(fd, buffer.ctypes.data, 1, _LOOK) >= 0
+
+
+@compiled
+def datagrams_lost(fd: int) -> int:
+    """Return how many datagrams a socket has lost, most of them because its buffer was full.
+
+    A full buffer keeps the oldest. On systems other than Linux, which do not tell, 0.
+    """
+    if not _COUNTS_LOST:
+        return 0
+    memory, size = np.zeros(_LOST + 1, np.uint32), np.full(1, 4 * (_LOST + 1), np.uint32)
+    return int(memory[_LOST]) if _read_option(fd, memory, size) == 0 else 0
 
 
 @compiled
@@ -252,6 +273,11 @@ def _receive_from(
     return _recvfrom(
         fd, buffer.ctypes.data, buffer.size, flags, address.ctypes.data, size.ctypes.data
     )
+
+
+@compiled
+def _read_option(fd: int, memory: np.ndarray, size: np.ndarray) -> int:
+    return _getsockopt(fd, _SOCKET, _MEMORY_INFO, memory.ctypes.data, size.ctypes.data)
 
 
 @compiled

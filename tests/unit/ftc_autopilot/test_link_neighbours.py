@@ -61,7 +61,7 @@ def test_a_state_of_a_far_later_step_is_not_kept_as_pending(rig: Rig) -> None:
     """As they lie in the socket when the plant, and so the count of steps, was started again."""
     rig.send_neighbour_state(1)
     rig.send_neighbour_state(25_000)
-    rig.state(0, FTC_SIM_FLAGS_RUNNING)
+    rig.state(0)
     assert rig.link.drops[FORMATION, -DropReason.OUT_OF_RANGE] == 1
     assert rig.link.formation.pending_step[0] == 1
 

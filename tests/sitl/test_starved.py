@@ -1,0 +1,127 @@
+"""Real time: an autopilot without processor time says so, and is late by no more than it lacked."""
+
+import asyncio
+import contextlib
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from flying import TIMEOUT_S, process_of, scenario_tree
+from station import up
+
+from gcs.station.client import Client
+from mavlink_defs import dialect
+from mavlink_defs.constants import OLD_STATE_S
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.endpoint import parse_connection
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.services.machine import SystemId
+
+pytestmark = [
+    pytest.mark.sitl,
+    pytest.mark.skipif(sys.platform != "linux", reason="processes are bound to a core"),
+]
+STARVED, OTHER = 1, 2
+BUSY_LOOPS = 80
+OLD, NEW = "acted on a state", "acts on new states again"
+INTERVAL_S = 0.02  # of FTC_EVENTS
+RESOLUTION_S = 5 * INTERVAL_S  # of times compared
+MESSAGES = 50
+LEVEL = [{"start_s": 0.0, "airspeed_m_s": 40.0, "roll_deg": 0.0, "pitch_deg": 1.0, "yaw_deg": 0.0}]
+CALM = {"faults": [], "profile": LEVEL, "disturbance": {}}
+
+
+class Heard(NamedTuple):
+    """An FTC_EVENTS of the starved autopilot; times are simulated [s]."""
+
+    own_s: float  # its time
+    other_s: float  # newest of the other autopilot's at its arrival
+    oldest_s: float  # age that it tells
+
+
+class Listener:
+    """Notes what the starved autopilot says, beside the time of another one.
+
+    All times are of the wire, in the order of one socket: how busy this process is has no part.
+    """
+
+    def __init__(self) -> None:
+        self.heard: list[Heard] = []
+        self.texts = ""
+        self._other_s = 0.0
+
+    def receive(self, message: MAVLink_message) -> None:
+        system = message.get_srcSystem()
+        if isinstance(message, dialect.MAVLink_statustext_message) and system == STARVED:
+            self.texts += message.text
+        if not isinstance(message, dialect.MAVLink_ftc_events_message):
+            return
+        time_s = message.time_boot_ms / 1e3
+        if system == OTHER:
+            self._other_s = time_s
+        elif system == STARVED:
+            oldest_s = message.oldest_state_us / 1e6
+            self.heard.append(Heard(time_s, self._other_s, oldest_s))
+
+
+@contextlib.contextmanager
+def starving(pid: int) -> Iterator[None]:
+    """Bind a process to a core that it shares with busy loops."""
+    cores = os.sched_getaffinity(pid)
+    core = max(cores)
+
+    loops = [
+        subprocess.Popen(["sh", "-c", "while :; do :; done"], start_new_session=True)
+        for _ in range(BUSY_LOOPS)  # each by itself for a scheduler that is fair to sessions
+    ]
+    for bound in (pid, *(loop.pid for loop in loops)):
+        os.sched_setaffinity(bound, {core})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(pid, cores)
+        for loop in loops:
+            loop.kill()
+        for loop in loops:
+            loop.wait()
+
+
+async def starve(hub: str, pid: int, listener: Listener) -> int:
+    """Let an autopilot fly, starve until it has said so, and get time until it has said that.
+
+    Returns:
+        How many messages of its neighbours it has dropped as out of range.
+    """
+    own, connection = SystemId(255, 78), parse_connection(hub)
+    async with Client(connection, on_message=listener.receive, own=own) as client:
+        await client.wait_for((STARVED, OTHER), TIMEOUT_S)
+        for system in (STARVED, OTHER):
+            vehicle = client.vehicle(system)
+            await vehicle.set_interval(dialect.MAVLINK_MSG_ID_FTC_EVENTS, INTERVAL_S)
+        assert await client.until(lambda: len(listener.heard) > MESSAGES, TIMEOUT_S)
+        with starving(pid):
+            begun = len(listener.heard)
+            assert await client.until(
+                lambda: OLD in listener.texts and len(listener.heard) > begun + MESSAGES, TIMEOUT_S
+            ), listener.texts
+        assert await client.until(lambda: NEW in listener.texts, TIMEOUT_S), listener.texts
+        vehicle = client.vehicle(STARVED)
+        await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_DROPS)
+        assert vehicle.state.drops is not None
+        return vehicle.state.drops["formation"].get(DropReason.OUT_OF_RANGE.words, 0)
+
+
+def test_a_starved_autopilot_is_late_by_no_more_than_it_lacked_and_says_so(tmp_path: Path) -> None:
+    listener = Listener()
+    with up(tmp_path / "up", "--start", tree=scenario_tree(**CALM)) as fleet:
+        pid = process_of(fleet.folder, f"uav{STARVED}")
+        assert asyncio.run(starve(fleet.hub, pid, listener)) == 0
+    heard = listener.heard
+    lacked_s = [heard[k].other_s - heard[k - 3].other_s for k in range(3, len(heard))]
+    for message, lately_s in zip(heard[3:], lacked_s, strict=True):
+        assert message.other_s - message.own_s <= lately_s + RESOLUTION_S
+    assert OLD_STATE_S < max(message.oldest_s for message in heard) <= max(lacked_s) + RESOLUTION_S
