@@ -1,8 +1,9 @@
 """The parameters of a vehicle, made from the models of its configuration.
 
 A field's name in capitals is the parameter's name; unit and range are those that the field
-declares. Setting a parameter changes the record that compiled code reads, between two steps. A
-scheduled value is read as of now; setting it makes it constant.
+declares. A field without an upper bound gets one for its parameter: `SPAN` times the largest number
+of its default. Setting a parameter changes the record that compiled code reads, between two steps.
+A scheduled value is read as of now; setting it makes it constant.
 """
 
 import math
@@ -37,7 +38,10 @@ from mavlink_defs.services.param_server import (
     ParamValueError,
 )
 
-__all__ = ["Tunable", "parameters_of", "trigger_tunables", "tunables"]
+__all__ = ["SPAN", "Tunable", "parameters_of", "trigger_tunables", "tunables"]
+
+SPAN = 10.0
+"""Largest value of a parameter whose field declares no upper bound, by its default."""
 
 _ALWAYS = np.array([math.inf])
 _AXES = ("ROLL", "PITCH", "YAW")
@@ -158,7 +162,7 @@ def parameters_of(
     parameters = [
         Parameter(name, INT32, partial(float, value)) for name, value in read_only.items()
     ]
-    for tunable in _distinct(found, read_only):
+    for tunable in map(_with_own, _distinct(found, read_only)):
         put: Callable[[float], None] = tunable.put
         if tunable.name == "TRIG_MODE":
             put = partial(put_mode, tunable)
@@ -218,11 +222,11 @@ def tunables(
         parts = get_args(annotation) if get_origin(annotation) is tuple else ()
         for column, (part, axis) in enumerate(zip(parts, _axes(len(parts)), strict=True)):
             cells = places[:, column : column + 1]
-            quantity = _quantity(part, info)
+            quantity = _bounded(_quantity(part, info), info.default)
             yield Tunable(_cut(name, axis), field, REAL32, quantity, times, cells, factor)
         if not parts:
             whole = annotation in {int, bool} or get_origin(annotation) is Literal
-            quantity = _quantity(annotation, info)
+            quantity = _bounded(_quantity(annotation, info), info.default)
             type_ = INT32 if whole else REAL32
             yield Tunable(_cut(name), field, type_, quantity, times, places, factor)
 
@@ -239,6 +243,31 @@ def _quantity(annotation: Any, info: FieldInfo) -> Quantity:
         if isinstance(declared, FieldInfo) and (quantity := describe(declared)) is not None:
             return quantity
     return Quantity("", None, None, None, None, info.description or "")
+
+
+def _bounded(quantity: Quantity, default: Any) -> Quantity:
+    """Return a declaration with an upper bound, by the default if it has none and that is not 0."""
+    largest = max(map(abs, _numbers(default)), default=0.0)
+    if largest == 0.0 or quantity.le is not None or quantity.lt is not None:
+        return quantity
+    return replace(quantity, le=float(f"{SPAN * largest:.12g}"))
+
+
+def _with_own(tunable: Tunable) -> Tunable:
+    """Return a number whose range holds the vehicle's own value: a scenario may put it higher."""
+    own = float(tunable.cells[np.isfinite(tunable.cells)].max(initial=0.0)) / tunable.factor
+    if tunable.quantity.le is None or own <= tunable.quantity.le:
+        return tunable
+    return replace(tunable, quantity=replace(tunable.quantity, le=float(f"{own:.12g}")))
+
+
+def _numbers(default: Any) -> Iterator[float]:
+    """Yield the numbers of a default: one, one for each axis, or of each window of a schedule."""
+    if isinstance(default, list | tuple):
+        for part in default:
+            yield from _numbers(part["value"] if isinstance(part, dict) else part)
+    elif isinstance(default, int | float):
+        yield float(default)
 
 
 def _axes(n: int) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ class Diagnosis(Model):
         doc="Lag of the servos, as the diagnosis models them; that of `servos` unless given.",
     )
     servo_rate_limit_deg_s: float | None = quantity(
-        "deg/s", gt=0.0, default=None, doc="Their rate limit, likewise."
+        "deg/s", gt=0.0, le=_UNLIMITED_DEG_S, default=None, doc="Their rate limit, likewise."
     )
     throttle_lag_s: float | None = quantity(
         "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust, likewise."

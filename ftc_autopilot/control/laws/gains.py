@@ -6,7 +6,7 @@ from mavlink_defs.config.quantity import quantity
 
 __all__ = ["TABLE_III_K1", "TABLE_III_K2", "Gains"]
 
-_Gain = Annotated[float, quantity("1/s", gt=0.0, doc="Gain of one axis.")]
+_Gain = Annotated[float, quantity("1/s", gt=0.0, le=500.0, doc="Gain of one axis.")]
 Gains: TypeAlias = tuple[_Gain, _Gain, _Gain]
 
 TABLE_III_K1 = (

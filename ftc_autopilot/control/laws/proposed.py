@@ -57,14 +57,18 @@ class Proposed(LawParameters):
     h_omega2: float = quantity("", gt=0.0, default=3.4, doc="Weight of the robust term (37).")
     tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of omega_d (57).")
     omega_d_limit_deg_s: float = quantity(
-        "deg/s", ge=0.0, default=0.0, doc="Limit of each component of omega_d (57); 0: none."
+        "deg/s",
+        ge=0.0,
+        le=3600.0,
+        default=0.0,
+        doc="Limit of each component of omega_d (57); 0: none.",
     )
     tau_delta_s: float = quantity("s", gt=0.0, default=0.01, doc="Filter of delta_0 (23).")
 
-    phi_v0: float = quantity("", ge=0.0, default=0.0, doc="Phi_v at t = 0.")
-    g_v0: float = quantity("", ge=0.0, default=0.0, doc="g_v at t = 0.")
+    phi_v0: float = quantity("", ge=0.0, le=100.0, default=0.0, doc="Phi_v at t = 0.")
+    g_v0: float = quantity("", ge=0.0, le=100.0, default=0.0, doc="g_v at t = 0.")
     beta_v0: float = quantity("", ge=0.0, default=1.0, doc="beta_v at t = 0.")
-    phi_omega0: float = quantity("", ge=0.0, default=0.0, doc="Phi_omega at t = 0.")
+    phi_omega0: float = quantity("", ge=0.0, le=100.0, default=0.0, doc="Phi_omega at t = 0.")
     beta_omega0: float = quantity("", ge=0.0, default=0.011, doc="beta_omega at t = 0.")
 
     rbf: Rbf = Field(default=Rbf(), description="The network's radial basis functions.")

@@ -28,19 +28,23 @@ class Periodic(TriggerParameters):
     mode: Literal["periodic"] = Field(default="periodic", description="Name of the trigger.")
 
     period_s: float = quantity(
-        "s", ge=0.0, default=0.0, doc="Time between transmissions; 0: one in every control period."
+        "s",
+        ge=0.0,
+        le=3600.0,
+        default=0.0,
+        doc="Time between transmissions; 0: one in every control period.",
     )
     aileron_period_s: float = quantity(
-        "s", ge=0.0, default=0.0, doc="The same of the aileron; 0: `period_s`."
+        "s", ge=0.0, le=3600.0, default=0.0, doc="The same of the aileron; 0: `period_s`."
     )
     elevator_period_s: float = quantity(
-        "s", ge=0.0, default=0.0, doc="The same of the elevator; 0: `period_s`."
+        "s", ge=0.0, le=3600.0, default=0.0, doc="The same of the elevator; 0: `period_s`."
     )
     rudder_period_s: float = quantity(
-        "s", ge=0.0, default=0.0, doc="The same of the rudder; 0: `period_s`."
+        "s", ge=0.0, le=3600.0, default=0.0, doc="The same of the rudder; 0: `period_s`."
     )
     throttle_period_s: float = quantity(
-        "s", ge=0.0, default=0.0, doc="The same of the throttle; 0: `period_s`."
+        "s", ge=0.0, le=3600.0, default=0.0, doc="The same of the throttle; 0: `period_s`."
     )
 
     def by_channel(self) -> dict[Actuator, float]:

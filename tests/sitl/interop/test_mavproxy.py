@@ -52,7 +52,7 @@ def test_parameters(mavproxy: MavProxy) -> None:
     mavproxy.ask("param show K1_ROLL", r"K1_ROLL +42\.5")
     mavproxy.say("param set TRIG_MODE 1", r"AP: TRIG_MODE is 1 now")
     mavproxy.say("param set TRIG_MODE 0", r"AP: TRIG_MODE is 0 now")
-    mavproxy.say("param set K1_ROLL -3", r"AP: K1_ROLL is -3, must be > 0 1/s")
+    mavproxy.say("param set K1_ROLL -3", r"AP: K1_ROLL is -3, must be in \(0, 500\] 1/s")
     mavproxy.ask("param fetch K1_ROLL", r"K1_ROLL = 42\.5")
 
 

@@ -68,7 +68,7 @@ class Surviving(LawParameters):
         "m/s", gt=0.0, default=37.0, doc="Airspeed below which the gains decrease."
     )
     tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of the wanted rates.")
-    c_v: float = quantity("1/s", gt=0.0, default=10.5, doc="Gain of the speed error.")
+    c_v: float = quantity("1/s", gt=0.0, le=100.0, default=10.5, doc="Gain of the speed error.")
     alpha_limit_deg: float = quantity(
         "deg", gt=0.0, lt=90.0, default=33.0, doc="Angle of attack above which the nose is lowered."
     )

@@ -315,7 +315,7 @@ def test_a_parameter_acts_between_two_steps_and_is_announced(scenario1: Scenario
     assert (value.param_id, value.param_value) == ("LAMBDA3", 4.5)
     assert [m.text for m in of_type(said, "STATUSTEXT")] == ["LAMBDA3 is 4.5 now"]
     said = bench.say(dialect.MAVLink_param_set_message(UAV, 1, b"LAMBDA3", -1.0, 9))
-    assert [m.text for m in of_type(said, "STATUSTEXT")] == ["LAMBDA3 is -1, must be > 0"]
+    assert [m.text for m in of_type(said, "STATUSTEXT")] == ["LAMBDA3 is -1, must be in (0, 50]"]
 
 
 def test_what_is_for_others_is_left_alone(scenario1: Scenario) -> None:

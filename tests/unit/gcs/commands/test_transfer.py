@@ -59,7 +59,7 @@ def test_home_alone_is_no_mission_to_write(tmp_path: Path) -> None:
     ("name", "expected"),
     [
         ("FORM_ON_LOST", "UAV 3 refused FORM_ON_LOST = 7: expected [0, 3]"),
-        ("GUID_XTRACK_P", "UAV 3 refused GUID_XTRACK_P = 7: expected > 0 1/s"),
+        ("GUID_XTRACK_P", "UAV 3 refused GUID_XTRACK_P = 7: expected (0, 8] 1/s"),
         ("NO_SUCH", "UAV 3 refused NO_SUCH = 7"),
     ],
 )
