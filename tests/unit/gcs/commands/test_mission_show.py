@@ -75,6 +75,34 @@ def test_what_a_vehicle_would_refuse_is_refused(tmp_path: Path) -> None:
     assert show(tmp_path / "none.plan")[0] == 2
 
 
+def test_a_plan_that_begins_with_a_takeoff_is_shown_without_a_way_to_it(tmp_path: Path) -> None:
+    home, *places = items((2000.0, 0.0), (2000.0, 3000.0))
+    takeoff = mission_item(1, dialect.MAV_CMD_NAV_TAKEOFF, (15.0, 0.0, 0.0, math.nan), 0, 0, 50.0)
+    for item in places:
+        item.seq += 1
+    path = tmp_path / "survey.plan"
+    path.write_text(plan_text([home, takeoff, *places]))
+    told = json.loads(show(path, "--json")[1])
+    assert [stage["item"] for stage in told["stages"]] == [2, 3]
+    assert told["items"][0] == {"item": 1, "text": "takeoff, taken as past"}
+    assert "takeoff, taken as past" in show(path)[1]
+
+
+@pytest.mark.parametrize("low", ["-5", "-50"])
+def test_places_below_home_are_refused_unless_the_scenario_permits_them(
+    tmp_path: Path, low: str
+) -> None:
+    path, fleet = tmp_path / "low.waypoints", tmp_path / "valley.yaml"
+    mission = items((2000.0, 0.0), (2000.0, 3000.0))
+    mission[2].z = -20.0
+    mission[1].z = 0.0
+    path.write_text(waypoints_text(mission))
+    text = "Item 2: altitude is -20 m above home, must be 0 to 10000 m"
+    assert show(path) == (2, f"{path}: {text}")
+    fleet.write_text(f"extends: paper/scenario1\nguidance: {{min_altitude_m: {low}}}\n")
+    assert show(path, "--fleet", str(fleet))[0] == (2 if low == "-5" else 0)
+
+
 def test_the_fleet_decides_what_can_be_flown(tmp_path: Path) -> None:
     path, fleet = tmp_path / "fast.waypoints", tmp_path / "slow.yaml"
     fast = mission_item(2, dialect.MAV_CMD_DO_CHANGE_SPEED, (0.0, 55.0, -1.0))

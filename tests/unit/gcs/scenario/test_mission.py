@@ -129,6 +129,10 @@ def test_a_profile_is_replaced_by_a_mission(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("mission", "problem"),
     [
+        (
+            {"items": [{"waypoint": {"north_m": 2e3, "east_m": 0.0, "height_m": -5.0}}]},
+            "mission.items[0]: altitude is -5 m above home, must be 0 to 10000 m",
+        ),
         ({"items": []}, "mission.items: expected at least 1 entry, got a list of 0"),
         ({"items": [{}]}, "mission.items[0]: expected one of the keys waypoint, loiter, "),
         (
