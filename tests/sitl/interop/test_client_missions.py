@@ -116,9 +116,10 @@ def test_mavsdk_transfers_raw_missions(system: System) -> None:
     place = place_of(ORIGIN, 2000.0, 0.0, 0.0)[:2]
     items = [
         RawItem(0, 0, 16, 1, 1, 0.0, 0.0, 0.0, 0.0, *place, 584.0, 0),
-        RawItem(1, 6, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, *place, 120.0, 0),
-        RawItem(2, 6, 18, 0, 1, 2.0, 0.0, 600.0, 0.0, *place, 120.0, 0),
-        RawItem(3, 6, 20, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0),
+        RawItem(1, 6, 22, 0, 1, 15.0, 0.0, 0.0, 0.0, *place, 50.0, 0),  # takeoff, as plans begin
+        RawItem(2, 6, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, *place, 120.0, 0),
+        RawItem(3, 6, 18, 0, 1, 2.0, 0.0, 600.0, 0.0, *place, 120.0, 0),
+        RawItem(4, 6, 20, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0),
     ]
     raw.upload_mission(items)
     found = raw.download_mission()
@@ -129,12 +130,13 @@ def test_mavsdk_transfers_raw_missions(system: System) -> None:
 
 def test_mavproxy_flies_waypoints_and_places(fleet: Standing, tmp_path: Path) -> None:
     items = [mission_item(0, 16, (), -353632620, 1491652370, 584.0, 0)]
-    for seq, (north, east) in enumerate(((800.0, 0.0), (2000.0, 1500.0), (0.0, 1500.0)), start=1):
+    items.append(mission_item(1, 22, (15.0,), -353632620, 1491652370, 50.0))  # takeoff: skipped
+    for seq, (north, east) in enumerate(((800.0, 0.0), (2000.0, 1500.0), (0.0, 1500.0)), start=2):
         items.append(mission_item(seq, 16, (), *place_of(ORIGIN, north, east, 0.0)[:2], 120.0))
     mine = tmp_path / "mine.waypoints"
     mine.write_text(waypoints_text(items))
     loader = mavwp.MAVWPLoader()
-    assert loader.load(str(mine)) == 4
+    assert loader.load(str(mine)) == 5
     with MavProxy(fleet.port, tmp_path) as mavproxy:
         mavproxy.wait_for(r"Detected vehicle 1:1 on link 0")
         mavproxy.wait_for(r"Received \d\d+ parameters")
@@ -143,8 +145,8 @@ def test_mavproxy_flies_waypoints_and_places(fleet: Standing, tmp_path: Path) ->
         mavproxy.say("wp loop", r"Got MISSION_ACK: TYPE_MISSION: ACCEPTED")
         mavproxy.say("arm throttle", r"ARMED")
         mavproxy.say("long MISSION_START 0 0 0 0 0 0 0", r"MISSION_START: ACCEPTED")
-        mavproxy.wait_for(r"waypoint 2")
-        mavproxy.say("wp set 3", r"waypoint 3(?s:.*)\nwaypoint 1\n(?s:.*)waypoint 2")  # it loops
+        mavproxy.wait_for(r"waypoint 3")
+        mavproxy.say("wp set 4", r"waypoint 4(?s:.*)\nwaypoint 2\n(?s:.*)waypoint 3")  # it loops
         latitude, longitude = degrees(3000.0, -3000.0)
         mavproxy.say(f"guided {latitude} {longitude} 150", r"AP: mode GUIDED")
         mavproxy.say("mode RTL", r"AP: mode RTL")
