@@ -175,9 +175,7 @@ class Autopilot:
             os.kill(os.getpid(), signal.SIGKILL)
         self.loss = self._keep_record(outcome == Outcome.RESTARTED)
         if self.loss is None and outcome == Outcome.OVER:
-            lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
-            how = "lost" if lost else "over"
-            self._vehicle.farewell(f"simulation {how} at {self._vehicle.time_s:.3f} s")
+            self._tell_end()
             self.stop()
             return
         if outcome == Outcome.SERVICE:
@@ -190,6 +188,15 @@ class Autopilot:
         else:
             self._vehicle.farewell(self.loss)
             self.stop()
+
+    def _tell_end(self) -> None:
+        """Tell ground stations how the simulation ended, as far as this aircraft knows."""
+        time_s, severity = self._vehicle.time_s, dialect.MAV_SEVERITY_NOTICE
+        lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
+        text = f"simulation {'lost' if lost else 'over'} at {time_s:.3f} s"
+        if lost and self._hot.measured["position"][2] > 0.0:
+            text, severity = f"hit the ground at {time_s:.3f} s", dialect.MAV_SEVERITY_CRITICAL
+        self._vehicle.farewell(text, severity)
 
     def stop(self) -> None:
         """Send the last messages; the flight is over."""

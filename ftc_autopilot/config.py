@@ -36,6 +36,7 @@ __all__ = [
     "Origin",
     "TelemetryClockKind",
     "Trigger",
+    "law_problems",
     "trigger_problems",
 ]
 
@@ -71,6 +72,14 @@ def trigger_problems(
         chooses = ", ".join(kind for kind, law in LAWS.items() if law.CHOOSES)
         text = f"'consequence' needs a law that chooses what is sent ({chooses})"
         yield ("trigger", "mode"), f"{text}, got the law {controller.kind!r}"
+
+
+def law_problems(controller: Controller, aircraft: Aircraft) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text if a law cannot fly a nominal aircraft."""
+    for reason in controller.misfits(aircraft):
+        able = [kind for kind, law in LAWS.items() if not any(law(kind=kind).misfits(aircraft))]
+        text = f"expected one of {', '.join(able)}, as {reason}"
+        yield ("controller", "kind"), f"{text}; got {controller.kind!r}"
 
 
 class FormationTrigger(Model):
@@ -201,4 +210,5 @@ class AutopilotConfig(Model):
     @model_validator(mode="after")
     def _law_and_trigger_fit(self) -> "AutopilotConfig":
         Problems.check(trigger_problems(self.controller, self.trigger, self.step_us))
+        Problems.check(law_problems(self.controller, self.aircraft))
         return self

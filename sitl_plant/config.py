@@ -211,7 +211,7 @@ class InitialState(Model):
 
     north_m: float = quantity("m", doc="North.")
     east_m: float = quantity("m", doc="East.")
-    altitude_m: float = quantity("m", doc="Altitude, up.")
+    altitude_m: float = quantity("m", ge=0.0, doc="Height above the ground, that of the origin.")
     airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed V.")
     roll_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Roll angle.")
     pitch_deg: float = quantity("deg", gt=-89.0, lt=89.0, default=0.0, doc="Pitch angle.")

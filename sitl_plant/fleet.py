@@ -17,7 +17,14 @@ from sitl_plant.disturbance import (
     disturbances,
     disturbances_over,
 )
-from sitl_plant.plant import Environment, is_lost, specific_force, step_aircraft, time_s
+from sitl_plant.plant import (
+    Environment,
+    is_below_ground,
+    is_lost,
+    specific_force,
+    step_aircraft,
+    time_s,
+)
 from sitl_plant.sensors import measure, new_sensors, true_motions
 from sitl_plant.servo import begin_period, new_servos, sent_commands
 from sitl_plant.turbulence import advance_turbulence, start_turbulence
@@ -160,14 +167,18 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
 def fly(fleet: PlantState, step: int, step_us: int) -> int:
     """Advance every aircraft from a step to the next.
 
+    One that is below the ground at this step has hit it: so the record of its states has where.
+
     Returns:
-        Index of the first aircraft that left the model's range of validity, or -1.
+        Index of the first aircraft that hit the ground or left the model's range of validity, or
+        -1.
     """
     t, dt = time_s(step, step_us), step_us / 1e6
     now = _disturbances_at(fleet, step, step_us)
     disturbed = disturbances_over(now, fleet.disturbance, t, dt)
     lost = -1
     for i in range(len(fleet.states)):
+        hit_ground = is_below_ground(fleet.states[i])
         commanded = fleet.messages[i]["actuator_time_usec"] != _NOTHING_APPLIED
         begin_period(fleet.servos[i], fleet.sent[i], fleet.controls[i], step, commanded)
         around = Environment(
@@ -183,7 +194,7 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
             system, seed = fleet.sensors[i]["system"], fleet.sensors[i]["seed"]
             advance_turbulence(fleet.turbulence[i], V, dt, seed, system, step + 1)
             look_at_air(fleet, i, time_s(step + 1, step_us))
-        if lost < 0 and is_lost(fleet.states[i], fleet.air[i, :3]):
+        if lost < 0 and (hit_ground or is_lost(fleet.states[i], fleet.air[i, :3])):
             lost = i
     return lost
 

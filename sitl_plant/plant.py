@@ -15,9 +15,17 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import apply_faults
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.disturbance import Disturbances
-from sitl_plant.rigid_body import Air, State, advance, load_state, state_derivative, store_state
+from sitl_plant.rigid_body import (
+    R1,
+    Air,
+    State,
+    advance,
+    load_state,
+    state_derivative,
+    store_state,
+)
 from sitl_plant.servo import end_period, positions
-from sitl_plant.vec3 import Vec3, add, norm, scale, sub, vec3
+from sitl_plant.vec3 import Vec3, add, mul, norm, scale, sub, vec3
 from sitl_plant.wind import air_around
 
 __all__ = [
@@ -26,6 +34,7 @@ __all__ = [
     "PITCH_MAX_RAD",
     "Environment",
     "describe_loss",
+    "is_below_ground",
     "is_lost",
     "rk4_step",
     "specific_force",
@@ -157,6 +166,12 @@ def specific_force(
 
 
 @compiled
+def is_below_ground(x: np.ndarray) -> bool:
+    """Return whether a state, shape (12,), is below the ground, a plane at the origin's height."""
+    return bool(x[2] > 0.0)
+
+
+@compiled
 def is_lost(x: np.ndarray, wind: np.ndarray) -> bool:
     """Return whether a state, shape (12,), has left the range in which the model is valid.
 
@@ -175,8 +190,15 @@ def is_lost(x: np.ndarray, wind: np.ndarray) -> bool:
 
 
 def describe_loss(x: np.ndarray, wind: np.ndarray) -> str:
-    """Describe in what way a state is lost; arguments as of `is_lost`."""
+    """Describe in what way a state is lost, or the hit of the ground; arguments as of `is_lost`."""
     if not np.isfinite(x).all():
         return "its state is not finite"
+    if not is_lost(x, wind):
+        return f"it hit the ground, sinking at {_sink_rate_m_s(x):.1f} m/s"
     pitch_deg, V = math.degrees(x[7]), norm(sub(vec3(x[3:6]), vec3(wind)))
     return f"pitch {pitch_deg:.1f}° (limit ±89°), airspeed {V:.1f} m/s (limits 3 to 300 m/s)"
+
+
+def _sink_rate_m_s(x: np.ndarray) -> float:
+    """Return the rate of descent of a state, shape (12,) [m/s]."""
+    return mul(R1(vec3(x[6:9])), vec3(x[3:6]))[2]

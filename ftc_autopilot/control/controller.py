@@ -17,7 +17,7 @@ from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.schedule import scheduled
-from ftc_autopilot.control.trigger import trigger
+from ftc_autopilot.control.trigger import not_finite, trigger
 from ftc_autopilot.control.triggers import MODES, TRIGGERS, clock_of
 from ftc_autopilot.control.triggers.base import ALL, TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
@@ -88,6 +88,7 @@ CONTROLLER = np.dtype(
         ("events", "i8", (N_CHANNELS,)),
         ("last_event", "i8", (N_CHANNELS,)),  # step of the channel's last event
         ("min_interval", "i8", (N_CHANNELS,)),  # smallest interval between two events [steps]
+        ("not_finite", "i8", (N_CHANNELS,)),  # steps with a demand that was not finite, so not sent
         ("neighbour_messages", "i8"),  # steps after the first with a message to the neighbours
     ]
 )
@@ -108,6 +109,7 @@ SIGNALS = np.dtype(
         ("report_size", "u1"),  # bytes of FTC_NEIGHBOUR.report without the zeros at its end
         ("slot", "f8", (3,)),  # in force: ahead, to the right, up [m], NaN likewise
         ("events", "u1"),  # bit per channel
+        ("not_finite", "u1"),  # bit per channel: its demand was not finite, and not sent
         ("neighbour_message", "u1"),  # 1: sent in this step, which is not the first
         ("Phi_v", "f8"),
         ("g_v", "f8"),
@@ -278,6 +280,7 @@ def _record_signals(
     """Write what a step computed; a law's inner quantities are written by the law."""
     motion, reference, errors = now.motion, now.reference, now.errors
     signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
+    signals["not_finite"] = not_finite(demand)
     _write(signals["reference"], reference.V, reference.phi)
     _write(signals["reference_dot"], reference.V_dot, reference.phi_dot)
     _write(signals["error"], errors.V_tilde, errors.e)

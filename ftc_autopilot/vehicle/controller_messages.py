@@ -1,6 +1,7 @@
 """Private messages: tracking, events, adaptation, and datagrams dropped on the links."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
 from mavlink_defs.framing.codec import drop_counts
@@ -21,6 +23,23 @@ class ControllerMessages:
 
     def __init__(self, hot: HotState, controllers: Controllers) -> None:
         self._hot, self._controllers = hot, controllers
+        self._failed = [False] * len(ACTUATORS)
+
+    def changes(self) -> Iterator[tuple[int, str]]:
+        """Yield severity and text if the law gave no finite command, once for each channel."""
+        before, self._failed = (
+            self._failed,
+            (self._controllers.states[0]["not_finite"] > 0).tolist(),
+        )
+        new = [
+            name
+            for name, now, was in zip(ACTUATORS, self._failed, before, strict=True)
+            if now > was
+        ]
+        if new:
+            at = f"at {self._hot.time_us * 1e-6:.2f} s"
+            text = f"law failed {at}: no finite command of {' and '.join(new)}, last one held"
+            yield dialect.MAV_SEVERITY_CRITICAL, text
 
     def tracking(self) -> MAVLink_message:
         """Return FTC_TRACKING."""

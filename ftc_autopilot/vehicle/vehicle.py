@@ -100,13 +100,14 @@ class Vehicle:
         self.modes = Modes(config, hot, controllers, path, self.say)
         self._guided = Guided(config.origin, self.modes, controllers, self.say)
         self._mission = Mission(own, self.modes, self._home, self._guided.fly_to_item, self.say)
+        self._controller = ControllerMessages(hot, controllers)
         self._diagnosis = DiagnosisMessages(hot, controllers)
         self._formation = FormationMessages(config, hot, controllers, self.say)
         self._old_states = OldStates(hot)
         self._clock = VehicleClock(round(unix_s * 1e6))
         makers = makers_of(
             StateMessages(hot, controllers, config.origin, self._home, self._clock),
-            ControllerMessages(hot, controllers),
+            self._controller,
             self._diagnosis,
             self._formation,
             StatusMessages(
@@ -238,10 +239,10 @@ class Vehicle:
         kept = KeptMission(server.items, self._home.at, airspeed)
         return hash((server.revision, airspeed, self._home.at)), kept
 
-    def farewell(self, text: str) -> None:
+    def farewell(self, text: str, severity: int = dialect.MAV_SEVERITY_NOTICE) -> None:
         """Send what is not yet told, a last text and the final counters before the process ends."""
         self._report_changes()
-        self.say(dialect.MAV_SEVERITY_NOTICE, text)
+        self.say(severity, text)
         for station, telemetry in enumerate(self.telemetry):
             if telemetry.streams(dialect.MAVLINK_MSG_ID_FTC_EVENTS):
                 self._queue([telemetry.make(dialect.MAVLINK_MSG_ID_FTC_EVENTS)], station)
@@ -382,7 +383,7 @@ class Vehicle:
         """Announce what has changed since the last report."""
         self._report_resumption()
         self._report_edges()
-        services = (self._old_states, self._diagnosis, self._formation)
+        services = (self._old_states, self._controller, self._diagnosis, self._formation)
         for severity, text in (change for service in services for change in service.changes()):
             self.say(severity, text)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from gcs.campaigns.flights import figures_of, flights_of, outcome_of
 from gcs.campaigns.mark import mark_of
 from gcs.campaigns.plan import row_of
-from gcs.campaigns.store import read_draws, read_results
+from gcs.campaigns.store import Results, read_draws, read_results
 from gcs.errors import BadInput, GcsError
 from gcs.results.summary import FlightSummary
 from gcs.scenario.code import code_digest
@@ -41,7 +41,8 @@ def check_same(folder: Path, row: int, summary: FlightSummary) -> None:
     import pyarrow.compute as pc
 
     figures = figures_of(summary) | {"outcome": outcome_of(summary)[0]}
-    names = [name for name in figures if name != "wall_s"]
+    stored_names = Results(folder).schema.names  # an earlier version has fewer
+    names = [name for name in figures if name != "wall_s" and name in stored_names]
     table = read_results(folder, ["row", *names])
     stored = table.filter(pc.equal(table.column("row"), row)).select(names).to_pylist()
     if not stored:

@@ -202,7 +202,9 @@ def ended(row: Row, outcome: Outcome, reason: str) -> dict[str, Any]:
 def outcome_of(summary: FlightSummary) -> tuple[Outcome, str]:
     """Return how a flight ended, and why not better; the worst that applies."""
     if summary.loss is not None:
-        return "model_left", summary.loss
+        if summary.control_failed:
+            return "control_failed", summary.loss
+        return ("ground" if summary.hit_ground else "model_left"), summary.loss
     parts: dict[Outcome, str] = {"attitude_lost": "roll or pitch", "heading_lost": "yaw"}
     for outcome, part in parts.items():
         times = ((getattr(uav, f"{outcome}_at_s"), uav.id) for uav in summary.uavs)
@@ -243,6 +245,8 @@ def _figures_of_uav(uav: UavSummary) -> dict[str, Any]:
         "min_interval_s": uav.min_interval_s,
         "attitude_lost_at_s": uav.attitude_lost_at_s,
         "heading_lost_at_s": uav.heading_lost_at_s,
+        "control_failed_at_s": uav.control_failure and uav.control_failure.time_s,
+        "lowest_altitude_m": uav.lowest_altitude_m,
         "detection_s": uav.first_delay_s("lost"),
         "return_s": uav.first_delay_s("back"),
         **{name: uav.path and getattr(uav.path, name) for name in PATH_FIGURES},

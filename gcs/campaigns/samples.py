@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["Sample", "figures_of", "higher_is_better", "read_samples", "same_draws", "samples_of"]
 
 _DRAWN = ("factor.", "fault.")
-_HIGHER_IS_BETTER = "saving"
-_NO_FIGURES = ("wall_s", "duration_s", "min_interval_s", "lost_at_s")
+_HIGHER_IS_BETTER = ("saving", "least_separation_m", "lowest_altitude_m")
+_NO_FIGURES = ("wall_s", "duration_s", "min_interval_s", "lost_at_s", "failed_at_s")
 """Ends of names of columns that are neither good nor bad, or that have none where all is well."""
 _UAV = re.compile(r"uav\d+\.")
 
@@ -98,9 +98,9 @@ class Sample:
 
         Args:
             figure: A column of the results, as in uav3.iae_roll; without the UAV, as in iae_roll,
-                the worst of all UAVs counts. Where more is better, as with savings, the cost is
-                the negative figure. A flight that succeeded but has no such figure counts as a
-                failure, too.
+                the worst of all UAVs counts. Where more is better, as with savings and distances,
+                the cost is the negative figure. A flight that succeeded but has no such figure
+                counts as a failure, too.
 
         Returns:
             The costs, shape (flights,).

@@ -48,13 +48,22 @@ __all__ = [
 ]
 
 Outcome = Literal[
-    "completed", "heading_lost", "attitude_lost", "model_left", "crashed", "failed", "invalid"
+    "completed",
+    "heading_lost",
+    "attitude_lost",
+    "ground",
+    "model_left",
+    "control_failed",
+    "crashed",
+    "failed",
+    "invalid",
 ]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 """From best to worst. A flight has the worst that applies: a UAV's heading was more than 90° off,
-its roll or pitch, the model's validity ended and with it the flight, the flight killed its process
-three times. ``failed``: it could not be computed for another reason. ``invalid``: the values are
-no scenario, which only points of a sweep may be."""
+its roll or pitch, it hit the ground, the model's validity ended, either of which ends the flight, a
+law's command was not finite, the flight killed its process three times. ``failed``: it could not be
+computed for another reason. ``invalid``: the values are no scenario, which only points of a sweep
+may be."""
 
 _DRAWS = "draws.parquet"
 _COLUMNS = 16  # that are kept in memory
@@ -95,6 +104,8 @@ def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
             "min_interval_s",
             "attitude_lost_at_s",
             "heading_lost_at_s",
+            "control_failed_at_s",
+            "lowest_altitude_m",
             "detection_s",
             "return_s",
             *PATH_FIGURES,

@@ -29,7 +29,14 @@ def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Te
     tables = [_transmissions(summary, names), _links(summary, names), _tracking(summary, names)]
     if any(uav.path is not None for uav in summary.uavs):
         tables.append(_path(summary, names))
-    return [*tables, *remarks, *_separation(summary), total]
+    return [*tables, *remarks, *_separation(summary), *_lowest(summary), total]
+
+
+def _lowest(summary: FlightSummary) -> Iterator[str]:
+    heights = [(u.lowest_altitude_m, u.id) for u in summary.uavs if u.lowest_altitude_m is not None]
+    if heights:
+        height, system = min(heights)
+        yield f"lowest altitude {height:.2f} m above the ground, of UAV {system}"
 
 
 def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
@@ -44,6 +51,13 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
                 (f"UAV {uav.id} lost its {name}", "bold red"),
                 f": {angles} was more than 90° off first at {lost_at_s:.3f} s",
             )
+    if (failure := uav.control_failure) is not None:
+        counts = ", ".join(f"{name} {steps}" for name, steps in failure.steps.items())
+        yield Text.assemble(
+            (f"the law of UAV {uav.id} failed", "bold red"),
+            f" first at {failure.time_s:.3f} s: steps without a finite command, where the last one "
+            f"was held: {counts}",
+        )
     for decision in uav.diagnosis:
         at = f"at {decision.time_s:.3f} s"
         caused = "start" if decision.phase == "lost" else "end"

@@ -72,6 +72,8 @@ _UAV_COLUMNS = {
             "min_interval_s",
             "attitude_lost_at_s",
             "heading_lost_at_s",
+            "control_failed_at_s",
+            "lowest_altitude_m",
             "messages",
             "neighbour_messages",
             "neighbour_saving",
@@ -100,7 +102,7 @@ def write_csv(points: Sequence[Point], path: Path) -> None:
             start += [point.figures["duration_s"], point.figures["saving"]]
             for uav_id in ids:
                 uav = point.uav(uav_id)
-                rows.writerow([*start, uav_id, *(uav[name] for name in _UAV_COLUMNS.values())])
+                rows.writerow([*start, uav_id, *(uav.get(name) for name in _UAV_COLUMNS.values())])
 
 
 def write_markdown(points: Sequence[Point], uav_id: int | None, path: Path) -> None:

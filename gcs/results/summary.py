@@ -1,6 +1,6 @@
 """Figures of one flight: events, savings, intervals, tracking errors."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Self
 
@@ -20,6 +20,7 @@ from mavlink_defs.constants import ACTUATORS
 
 __all__ = [
     "ChannelSummary",
+    "ControlFailure",
     "DiagnosisSummary",
     "FlightSummary",
     "UavSummary",
@@ -65,6 +66,24 @@ class DiagnosisSummary:
 
 
 @dataclass(frozen=True)
+class ControlFailure:
+    """A law that asked for commands that are not finite: they were not sent, the last ones held.
+
+    Attributes:
+        time_s: When it did first [s].
+        steps: At how many steps, by the name of each such channel.
+    """
+
+    time_s: float
+    steps: Mapping[str, int]
+
+    @property
+    def channels(self) -> str:
+        """The channels."""
+        return " and ".join(self.steps)
+
+
+@dataclass(frozen=True)
 class UavSummary:
     """One UAV's part of a flight; errors are by quantity, None where no step has one.
 
@@ -90,6 +109,9 @@ class UavSummary:
         diagnosis: Decisions of its diagnosis, in order; none of a law without one.
         restarts: How often its autopilot was started again.
         path: How it followed the path of the mission; None in a flight without one.
+        lowest_altitude_m: Least height above the ground, that of the origin [m]; below 0 it has
+            hit the ground. None of a flight without steps, or of an earlier version.
+        control_failure: Commands of its law that were not finite; None if all were.
     """
 
     id: int
@@ -111,6 +133,13 @@ class UavSummary:
     diagnosis: tuple[DiagnosisSummary, ...] = ()
     restarts: int = 0
     path: PathSummary | None = None
+    lowest_altitude_m: float | None = None
+    control_failure: ControlFailure | None = None
+
+    @property
+    def hit_ground(self) -> bool:
+        """Whether it went below the ground, where its flight ended."""
+        return self.lowest_altitude_m is not None and self.lowest_altitude_m < 0.0
 
     @property
     def false_alarms(self) -> int:
@@ -141,8 +170,8 @@ class FlightSummary:
 
     Attributes:
         scenario: Name of the scenario.
-        completed: Whether the flight reached the scenario's end.
-        loss: Why it did not; None if it did.
+        completed: Whether the flight reached the scenario's end, and all laws controlled it.
+        loss: Why it did not, or which law failed; None if it is completed.
         mode: How it was flown.
         duration_s: Simulated time flown [s].
         steps: Control periods flown.
@@ -166,6 +195,16 @@ class FlightSummary:
     neighbour_saving: float | None
     uavs: tuple[UavSummary, ...]
     separation: SeparationSummary | None = None
+
+    @property
+    def hit_ground(self) -> bool:
+        """Whether an aircraft hit the ground, which ended the flight."""
+        return any(uav.hit_ground for uav in self.uavs)
+
+    @property
+    def control_failed(self) -> bool:
+        """Whether a law gave a command that was not finite."""
+        return any(uav.control_failure is not None for uav in self.uavs)
 
     def uav(self, system: int) -> UavSummary | None:
         """Return the part of one UAV, by its system id; None if it did not fly."""
@@ -213,6 +252,7 @@ def summary_of(tally: Tally, ending: Ending, scenario: Scenario) -> FlightSummar
     duration_s, wall_s, loss = ending.steps * scenario.step_us / 1e6, ending.wall_s, ending.loss
     if loss is None and ending.steps < scenario.steps:
         loss = f"stopped at {duration_s:g} s of {scenario.duration_s:g} s"
+    loss = _control_failure(uavs, loss)
     return FlightSummary(
         scenario=scenario.name,
         completed=loss is None,
@@ -275,7 +315,31 @@ def _summarise_uav(
         diagnosis=tuple(_diagnosis(tally.decisions(i), system, scenario)),
         restarts=ending.restarts[i] if ending.restarts else 0,
         path=None if tally.following is None else tally.following.summary(i),
+        lowest_altitude_m=_finite(-own["highest_down"]),
+        control_failure=_failure(own, step_us),
     )
+
+
+def _failure(own: np.void, step_us: int) -> ControlFailure | None:
+    """Return what a UAV's law asked for that is not finite; None if nothing."""
+    time_s = _time_s(own["control_failed"], step_us)
+    if time_s is None:
+        return None
+    counts = zip(ACTUATORS, own["not_finite"].tolist(), strict=True)
+    return ControlFailure(time_s, {name: steps for name, steps in counts if steps > 0})
+
+
+def _control_failure(uavs: Iterable[UavSummary], loss: str | None) -> str | None:
+    """Return which law failed first, and how, before what the flight was lost by, if it was."""
+    failures = [(uav.control_failure, uav.id) for uav in uavs if uav.control_failure is not None]
+    if not failures:
+        return loss
+    failure, system = min(failures, key=lambda one: one[0].time_s)
+    text = (
+        f"the law of UAV {system} gave no finite command of {failure.channels} at "
+        f"{failure.time_s:g} s, and the last one was held"
+    )
+    return text if loss is None else f"{text}; {loss}"
 
 
 def _diagnosis(
@@ -320,9 +384,13 @@ def _time_s(step: int, step_us: int) -> float | None:
     return None if step < 0 else int(step) * step_us / 1e6
 
 
+def _finite(value: float) -> float | None:
+    """Return a number; None for one that is not finite."""
+    return float(value) if np.isfinite(value) else None
+
+
 def _by_quantity(values: np.ndarray) -> dict[str, float | None]:
     """Name four values; angles from rad to deg; NaN becomes None."""
     return {
-        name: float(value) if np.isfinite(value) else None
-        for name, value in zip(QUANTITIES, in_degrees(values), strict=True)
+        name: _finite(value) for name, value in zip(QUANTITIES, in_degrees(values), strict=True)
     }

@@ -49,6 +49,9 @@ TALLY = np.dtype(
         ("heading_lost", "i8"),
         ("lost", "i8"),  # bit per channel: its diagnosis has it as lost
         ("changes", "i8"),  # steps at which that changed
+        ("control_failed", "i8"),  # first step with a demand that was not finite, -1: none
+        ("not_finite", "i8", (N_CHANNELS,)),  # steps with one
+        ("highest_down", "f8"),  # largest of down [m]
     ]
 )
 """What is counted of one UAV."""
@@ -88,8 +91,9 @@ class Tally:
             None if paths is None else PathFollowing(paths, leaders_of(scenario), step_us)
         )
         self.uavs = np.zeros(n, TALLY)
-        for name in ("last_event", "attitude_lost", "heading_lost"):
+        for name in ("last_event", "attitude_lost", "heading_lost", "control_failed"):
             self.uavs[name] = _NEVER
+        self.uavs["highest_down"] = -np.inf
         self.uavs["wanted"] = np.nan
         # errors against the reference, over the window of the final error: row step % length
         self._tail = np.full((n, math.ceil(FINAL_S * 1e6 / step_us) + 1, 4), np.nan)
@@ -225,6 +229,12 @@ def count_steps(
         if math.isfinite(signal["command"][0]):
             tally["active"] += 1
         _count_events(step, signal["events"], tally)
+        if signal["not_finite"] != 0:
+            if tally["control_failed"] < 0:
+                tally["control_failed"] = step
+            for c in range(N_CHANNELS):
+                tally["not_finite"][c] += (signal["not_finite"] >> c) & 1
+        tally["highest_down"] = max(tally["highest_down"], states[k, i, 2])
         u = states[k, i, 3] - wind[k, i, 0]
         v = states[k, i, 4] - wind[k, i, 1]
         w = states[k, i, 5] - wind[k, i, 2]

@@ -19,6 +19,7 @@ from ftc_autopilot.config import (
     Neighbour,
     Origin,
     Trigger,
+    law_problems,
     trigger_problems,
 )
 from ftc_autopilot.control.communication_graph import formation_problems
@@ -212,6 +213,7 @@ class Scenario(Model):
             self._uav_problems,
             self._aircraft_problems,
             lambda: trigger_problems(self.controller, self.trigger, self.step_us),
+            lambda: law_problems(self.controller, self.aircraft),
             self._hardware_problems,
             self._network_problems,
             self._formation_problems,

@@ -89,6 +89,7 @@ class UavFlight:
         saving: Share of the periodic sender's transmissions that were not sent.
         attitude_lost_at_s: When roll or pitch was more than 90° off first [s]; None if never.
         heading_lost_at_s: The same for yaw.
+        lowest_altitude_m: Least height above the ground [m]; below 0 it has hit the ground.
         missing_steps: Steps at which no state reached its autopilot.
     """
 
@@ -99,6 +100,7 @@ class UavFlight:
         self.summary = asdict(summary)
         self.attitude_lost_at_s = summary.attitude_lost_at_s
         self.heading_lost_at_s = summary.heading_lost_at_s
+        self.lowest_altitude_m = summary.lowest_altitude_m
         self.missing_steps = summary.missing_steps
         self._time_s, self._errors = recording.time_s, recording.error("reference")[:, i]
         counted: Mapping[str, ChannelSummary | ChannelReport] = {}
@@ -208,7 +210,8 @@ class FlightResult:
         folder: Configurations, logs and tlog of the processes; None in process.
         saving: Share of the periodic sender's transmissions that were not sent.
         completed: Whether it was flown until the scenario's end.
-        loss: Why the flight was lost, an aircraft or the link to an autopilot; None if it was not.
+        loss: Why the flight was lost: an aircraft, the link to an autopilot, or a law that gave no
+            finite command; None if it was not.
     """
 
     def __init__(
@@ -225,7 +228,7 @@ class FlightResult:
         for array in (recording.states, recording.applied, recording.signals, recording.repeats):
             array.flags.writeable = False
         self.summary = summary.to_json()
-        self.loss = recording.loss
+        self.loss = summary.loss if summary.control_failed else recording.loss
         self.completed = summary.completed
         self.uavs = {
             uav.id: UavFlight(recording, i, uav, wire) for i, uav in enumerate(summary.uavs)

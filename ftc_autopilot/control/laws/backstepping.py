@@ -5,18 +5,24 @@ that the nominal aircraft needs, computed by inverting it: no adaptation, no tol
 faults, nothing that depends on a trigger.
 """
 
+from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.control.attitude import virtual_control
-from ftc_autopilot.control.inversion import acceleration_without_thrust, surfaces_for
+from ftc_autopilot.control.inversion import (
+    acceleration_without_thrust,
+    inversion_problem,
+    surfaces_for,
+)
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from ftc_autopilot.control.laws.gains import TABLE_III_K1, TABLE_III_K2, Gains
 from ftc_autopilot.control.schedule import Schedule, schedule, scheduled
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R2_inv, angular_acceleration
 from sitl_plant.vec3 import add, mat3, mul, mul_t, scale, sub, vec3
 
@@ -34,6 +40,11 @@ class Backstepping(LawParameters):
     K1: Schedule[Gains] = schedule(TABLE_III_K1, doc="Gains of the attitude errors (57) [1/s].")
     K2: Schedule[Gains] = schedule(TABLE_III_K2, doc="Gains of the rate errors [1/s].")
     tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of omega_d (57).")
+
+    def misfits(self, aircraft: Aircraft) -> Iterator[str]:
+        """Yield why the law cannot fly a nominal aircraft: its surfaces cannot be inverted."""
+        if (problem := inversion_problem(aircraft)) is not None:
+            yield problem
 
 
 @compiled

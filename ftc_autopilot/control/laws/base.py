@@ -1,5 +1,6 @@
 """Input and output of every control law."""
 
+from collections.abc import Iterator
 from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -38,6 +39,10 @@ class LawParameters(Model):
             aircraft: The nominal aircraft.
             record: The law's parameters, whose fields `DERIVED` are written.
         """
+
+    def misfits(self, aircraft: Aircraft) -> Iterator[str]:
+        """Yield why the law cannot fly a nominal aircraft: nothing."""
+        yield from ()
 
     kind: str = Field(description="Name of the law.")
 

@@ -1,11 +1,13 @@
 """Parameters and state of the surviving law."""
 
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, Diagnosis
+from ftc_autopilot.control.inversion import inversion_problem
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.laws.gains import Gains
 from ftc_autopilot.control.laws.surviving.gains import (
@@ -84,6 +86,16 @@ class Surviving(LawParameters):
         "offset and effectiveness.",
     )
     diagnosis: Diagnosis = Field(default=Diagnosis(), description="Diagnosis of the actuators.")
+
+    def misfits(self, aircraft: Aircraft) -> Iterator[str]:
+        """Yield why the law cannot fly a nominal aircraft: neither inversion nor gains exist."""
+        if (problem := inversion_problem(aircraft)) is not None:
+            yield problem
+            return
+        try:
+            gains_of(aircraft)
+        except ValueError:  # of the linear algebra, which names neither aircraft nor cause
+            yield "rudder or thrust alone cannot hold it, so that the loops without a surface fail"
 
     def derive(self, aircraft: Aircraft, record: np.void) -> None:
         """Compute the gains of the reconfigured loops."""

@@ -19,8 +19,9 @@ from gcs.campaigns.store import OUTCOMES, append_results, read_results
 from gcs.errors import BadInput, GcsError
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.quantities import PAPER_ORDER
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.summary import ControlFailure, FlightSummary, summarise
 from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs.config.models import ConfigError
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +31,8 @@ def summary() -> FlightSummary:
     return summarise(fly_in_process(scenario), scenario)
 
 
-def lost(summary: FlightSummary, **times: dict[int, float]) -> FlightSummary:
-    """The same flight with times of loss, by UAV."""
+def lost(summary: FlightSummary, **times: dict[int, Any]) -> FlightSummary:
+    """The same flight with times of loss, and other figures, by UAV."""
     uavs: Any = summary.uavs
     for name, at in times.items():
         uavs = tuple(dataclasses.replace(uav, **{name: at.get(uav.id)}) for uav in uavs)
@@ -42,14 +43,16 @@ def test_the_outcome_is_the_worst_that_applies(summary: FlightSummary) -> None:
     heading = lost(summary, heading_lost_at_s={2: 3.0, 3: 2.0})
     attitude = lost(summary, heading_lost_at_s={2: 3.0}, attitude_lost_at_s={1: 4.0})
     left = dataclasses.replace(attitude, loss="UAV 1 was lost", completed=False)
-    cases = (summary, heading, attitude, left)
+    ground = lost(left, lowest_altitude_m={1: -0.01, 2: 3.0})
+    failed = lost(ground, control_failure={2: ControlFailure(0.5, {"rudder": 2})})
+    cases = (summary, heading, attitude, ground, left, failed)
     found = [outcome_of(case) for case in cases]
-    assert [outcome for outcome, _ in found] == list(OUTCOMES[:4])
+    assert [outcome for outcome, _ in found] == list(OUTCOMES[:6])
     assert [reason for _, reason in found] == [
         "",
         "UAV 3 was more than 90° off in yaw at 2 s",
         "UAV 1 was more than 90° off in roll or pitch at 4 s",
-        "UAV 1 was lost",
+        *["UAV 1 was lost"] * 3,
     ]
 
 
@@ -62,6 +65,16 @@ def test_every_figure_has_a_column_and_every_column_a_figure(summary: FlightSumm
     assert {**row, **figures, "wall_s": 0.0} == {**row, "wall_s": 0.0}
     assert row["uav3.events"] == sum(row[f"uav3.events_{name}"] for name in PAPER_ORDER)
     assert row["digest"] == plan.mark.digest
+
+
+def test_a_drawn_aircraft_that_the_law_cannot_fly_is_refused_with_the_reason() -> None:
+    rudder = {
+        f"aircraft.coefficients.{name}": {"draw": {"kind": "choice", "values": [0.0]}}
+        for name in ("cl_dr", "cn_dr")
+    }
+    changes = {"duration_s": 0.01, "controller": {"kind": "surviving"}}
+    with pytest.raises(ConfigError, match=r"draw 0 of variant surviving: .* by its rudder"):
+        planned(factors=rudder, variants={"surviving": changes})
 
 
 class Hopeless(Flights):

@@ -62,10 +62,10 @@ def text(mixed: Findings) -> str:
 
 def test_every_flight_is_counted_as_what_it_was(text: str) -> None:
     good, bad = rows_of(text, "Success")
-    assert good[:8] == ["`good`", "60", "60", "0", "0", "0", "0", "0"]
-    assert bad[:8] == ["`bad`", "60", "56", "0", "2", "0", "1", "1"]
-    assert good[8:] == ["100.0 % [94.0 %, 100.0 %]", "95.1 %"]  # 0.025^(1/60), 0.05^(1/60)
-    assert bad[8].startswith("93.3 % [83.8 %, 98.2 %]")
+    assert good[:10] == ["`good`", "60", "60", *["0"] * 7]
+    assert bad[:10] == ["`bad`", "60", "56", "0", "2", "0", "0", "0", "1", "1"]
+    assert good[10:] == ["100.0 % [94.0 %, 100.0 %]", "95.1 %"]  # 0.025^(1/60), 0.05^(1/60)
+    assert bad[10].startswith("93.3 % [83.8 %, 98.2 %]")
 
 
 def test_failures_are_above_every_figure(text: str) -> None:
@@ -148,7 +148,7 @@ def test_a_report_of_no_flights_says_so(tmp_path: Path) -> None:
 
 def test_all_flights_may_fail(tmp_path: Path) -> None:
     report = report_of(written(tmp_path, {"a": ["crashed"] * DRAWS, "b": GOOD}))
-    assert rows_of(report, "Success")[0][8].startswith("0.0 % [0.0 %, 6.0 %]")
+    assert rows_of(report, "Success")[0][10].startswith("0.0 % [0.0 %, 6.0 %]")
 
 
 def test_flights_of_different_code_are_told(tmp_path: Path) -> None:
@@ -162,8 +162,8 @@ def test_a_grid_has_no_probabilities(tmp_path: Path) -> None:
     factors = {name: {"key": "aircraft.mass_kg", "draw": choice} for name in ("mass", "idle")}
     report = report_of(written(tmp_path, {"a": GOOD, "b": MANY}, design="grid", factors=factors))
     for row in rows_of(report, "Success"):
-        assert "[" not in row[8]
-        assert row[9] == "-"
+        assert "[" not in row[10]
+        assert row[11] == "-"
     assert "not probabilities" in report
     assert "McNemar" not in report
 
@@ -203,7 +203,7 @@ def test_a_saltelli_design_has_sobol_indices_and_no_intervals(tmp_path: Path) ->
 
 def test_a_campaign_that_could_be_stopped_has_other_intervals(tmp_path: Path) -> None:
     findings = written(tmp_path, {"a": GOOD})
-    fixed = rows_of(report_of(findings), "Success")[0][8]
+    fixed = rows_of(report_of(findings), "Success")[0][10]
     condition = stopping_condition("p(failure) < 0.1 at 95 %", findings.mark.campaign)
     assert is_decided(tmp_path, findings.mark.campaign, condition)
     note_condition(tmp_path, condition)
@@ -211,7 +211,7 @@ def test_a_campaign_that_could_be_stopped_has_other_intervals(tmp_path: Path) ->
     findings = findings_of(tmp_path)
     assert findings.until == [str(condition)]
     report = report_of(findings)
-    assert (fixed, rows_of(report, "Success")[0][8]) == (
+    assert (fixed, rows_of(report, "Success")[0][10]) == (
         "100.0 % [94.0 %, 100.0 %]",
         "100.0 % [91.1 %, 100.0 %]",  # 0.05 C(120, 60) / 4⁶⁰ = 0.911⁶⁰
     )

@@ -69,9 +69,10 @@ def test_every_problem_of_a_condition_is_named(text: str, messages: list[str]) -
 
 def test_an_event_counts_what_is_worse_too() -> None:
     every = np.array(OUTCOMES, dtype=object)
-    assert list(happened("attitude_lost", every)) == [False, False, *[True] * 5]
-    assert list(happened("success", every)) == [True] + [False] * 6
-    assert list(happened("failure", every)) == [False] + [True] * 6
+    assert list(happened("attitude_lost", every)) == [False, False, *[True] * 7]
+    assert list(happened("ground", every)) == [*[False] * 3, *[True] * 6]
+    assert list(happened("success", every)) == [True] + [False] * 8
+    assert list(happened("failure", every)) == [False] + [True] * 8
     with pytest.raises(ValueError, match="landed"):
         happened("success", np.array(["landed"], dtype=object))
 
