@@ -3,14 +3,14 @@
 import asyncio
 import contextlib
 import os
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from subprocess import DEVNULL, Popen
 from typing import NamedTuple
 
 import pytest
-from flying import TIMEOUT_S, process_of, scenario_tree
+from flying import process_of, scenario_tree
 from station import up
 
 from gcs.station.client import Client
@@ -26,11 +26,12 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="processes are bound to a core"),
 ]
 STARVED, OTHER = 1, 2
-BUSY_LOOPS = 80
+BUSY_LOOP, BUSY_LOOPS = ("sh", "-c", "while kill -0 $PPID; do :; done"), 40
 OLD, NEW = "acted on a state", "acts on new states again"
 INTERVAL_S = 0.02  # of FTC_EVENTS
 RESOLUTION_S = 5 * INTERVAL_S  # of times compared
 MESSAGES = 50
+LONGEST_S = 40.0  # of a wait: busy loops are no good company
 LEVEL = [{"start_s": 0.0, "airspeed_m_s": 40.0, "roll_deg": 0.0, "pitch_deg": 1.0, "yaw_deg": 0.0}]
 CALM = {"faults": [], "profile": LEVEL, "disturbance": {}}
 
@@ -72,22 +73,20 @@ class Listener:
 def starving(pid: int) -> Iterator[None]:
     """Bind a process to a core that it shares with busy loops."""
     cores = os.sched_getaffinity(pid)
-    core = max(cores)
-
-    loops = [
-        subprocess.Popen(["sh", "-c", "while :; do :; done"], start_new_session=True)
-        for _ in range(BUSY_LOOPS)  # each by itself for a scheduler that is fair to sessions
-    ]
-    for bound in (pid, *(loop.pid for loop in loops)):
-        os.sched_setaffinity(bound, {core})
+    loops: list[Popen[bytes]] = []
     try:
+        for _ in range(BUSY_LOOPS):  # each by itself for a scheduler that is fair to sessions
+            loops.append(Popen(BUSY_LOOP, stderr=DEVNULL, start_new_session=True))
+        for bound in (pid, *(loop.pid for loop in loops)):
+            os.sched_setaffinity(bound, {max(cores)})
         yield
     finally:
-        os.sched_setaffinity(pid, cores)
         for loop in loops:
             loop.kill()
         for loop in loops:
             loop.wait()
+        with contextlib.suppress(ProcessLookupError):  # its end is told elsewhere
+            os.sched_setaffinity(pid, cores)
 
 
 async def starve(hub: str, pid: int, listener: Listener) -> int:
@@ -98,17 +97,17 @@ async def starve(hub: str, pid: int, listener: Listener) -> int:
     """
     own, connection = SystemId(255, 78), parse_connection(hub)
     async with Client(connection, on_message=listener.receive, own=own) as client:
-        await client.wait_for((STARVED, OTHER), TIMEOUT_S)
+        await client.wait_for((STARVED, OTHER), LONGEST_S)
         for system in (STARVED, OTHER):
             vehicle = client.vehicle(system)
             await vehicle.set_interval(dialect.MAVLINK_MSG_ID_FTC_EVENTS, INTERVAL_S)
-        assert await client.until(lambda: len(listener.heard) > MESSAGES, TIMEOUT_S)
+        assert await client.until(lambda: len(listener.heard) > MESSAGES, LONGEST_S)
         with starving(pid):
             begun = len(listener.heard)
             assert await client.until(
-                lambda: OLD in listener.texts and len(listener.heard) > begun + MESSAGES, TIMEOUT_S
+                lambda: OLD in listener.texts and len(listener.heard) > begun + MESSAGES, LONGEST_S
             ), listener.texts
-        assert await client.until(lambda: NEW in listener.texts, TIMEOUT_S), listener.texts
+        assert await client.until(lambda: NEW in listener.texts, LONGEST_S), listener.texts
         vehicle = client.vehicle(STARVED)
         await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_DROPS)
         assert vehicle.state.drops is not None
