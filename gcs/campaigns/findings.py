@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gcs.campaigns.draws import dimensions
+from gcs.campaigns.factors import title_of, unit_of
 from gcs.campaigns.importance import Importance, SobolIndex, importances, sobol_indices
 from gcs.campaigns.mark import Mark, mark_of
 from gcs.campaigns.outcomes import severity
@@ -17,6 +18,8 @@ from gcs.campaigns.stopping import leading
 from gcs.campaigns.store import planned_rows
 from gcs.campaigns.until import noted_conditions
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
+from gcs.scenario.model import Scenario, scenario_of
+from mavlink_defs.config.models import ConfigError
 
 __all__ = ["FIGURES", "Findings", "Worst", "findings_of"]
 
@@ -116,22 +119,48 @@ class Findings:
             found[variant] = importances(flights.factors(), costs)
         return found
 
-    def most_important(self, count: int) -> list[str]:
-        """Return the numeric factors that matter most on the average of all variants.
+    def most_important_pair(self) -> tuple[str, str] | None:
+        """Return the two numeric factors that matter most, of those that some flight has together.
 
-        For failure where any flight failed, or else for the tracking error.
+        By the average of all variants, for failure where any flight failed, or else for the
+        tracking error. What few flights have counts less, as its share of the ranks' deviation.
         """
         found = [self.importances(name) for name in self.counted]
         what = "failure" if any(each["failure"] for each in found) else "tracking error"
         total: dict[str, float] = {}
-        for each in found:
+        for each, flights in zip(found, self.counted.values(), strict=True):
             for factor in each[what]:
-                if factor.correlation is not None and self._is_finite(factor.factor):
-                    total[factor.factor] = total.get(factor.factor, 0.0) + factor.strength
-        return sorted(total, key=lambda name: -total[name])[:count]
+                if factor.correlation is not None and self._known(factor.factor).any():
+                    share = (factor.flights / len(flights)) ** 0.5
+                    total[factor.factor] = total.get(factor.factor, 0.0) + share * factor.strength
+        first, *others = sorted(total, key=lambda name: -total[name]) or [""]
+        for other in others:
+            if (self._known(first) & self._known(other)).any():
+                return first, other
+        return None
 
-    def _is_finite(self, factor: str) -> bool:
-        return all(np.isfinite(own.factor(factor)).all() for own in self.counted.values())
+    def _known(self, factor: str) -> np.ndarray:
+        """Return which flights of all variants have a factor that can be drawn."""
+        drawn = np.concatenate([own.factor(factor) for own in self.counted.values()])
+        return np.asarray(np.isfinite(drawn))
+
+    def title(self, factor: str) -> str:
+        """Return a factor's name with its unit, as reports show it."""
+        own = self.mark.campaign.factors.get(factor.removeprefix("factor."))
+        if own is None:
+            return title_of(factor)
+        if own.relative:
+            return title_of(factor, "× nominal")
+        key = own.key or factor.removeprefix("factor.")
+        return title_of(factor, unit_of(self._base, key) if self._base else "")
+
+    @cached_property
+    def _base(self) -> Scenario | None:
+        """The base scenario; None if it is none without the values that are drawn."""
+        try:
+            return scenario_of(self.mark.file, self.mark.scenario)
+        except ConfigError:
+            return None
 
     def sobol(self, variant: str) -> dict[str, list[SobolIndex]]:
         """Return Sobol indices by cost: of failure, and of the tracking error if none failed.

@@ -19,12 +19,14 @@ class Importance:
             Spearman's |ρ|, or the correlation ratio of the ranks if the factor has no order.
         correlation: Spearman's ρ; None if the factor has no order.
         p_value: Of no association, by Spearman's or by Kruskal and Wallis's test.
+        flights: Flights that have the factor, of which alone the association is.
     """
 
     factor: str
     strength: float
     correlation: float | None
     p_value: float
+    flights: int
 
 
 def importances(
@@ -32,12 +34,12 @@ def importances(
 ) -> dict[str, list[Importance]]:
     """Rank factors by their association with costs, the strongest first.
 
-    Failures, with an infinite cost, rank worst and equal. A factor that does not vary, and any
-    factor of a cost that does not, has no association and is left out.
+    Failures, with an infinite cost, rank worst and equal. A factor that does not vary among the
+    flights that have it, or whose cost does not, has no association and is left out.
 
     Args:
-        factors: Name and drawn values of each, shape (flights,); objects have no order. Each is
-            asked for once.
+        factors: Name and drawn values of each, shape (flights,); objects have no order, flights
+            with NaN do not have the factor. Each is asked for once.
         costs: Of the same flights by name, shape (flights,); may be infinite.
 
     Returns:
@@ -50,18 +52,22 @@ def importances(
     }
     found: dict[str, list[Importance]] = {what: [] for what in costs}
     for name, values in factors if ranks else ():
-        if len(np.unique(values)) < 2:
+        ordered = values.dtype != object
+        having = ~np.isnan(values) if ordered else np.ones(len(values), bool)
+        own = values[having]
+        if len(own) < 3 or len(np.unique(own)) < 2:
             continue
-        of = _of_categories if values.dtype == object else _of_numbers
-        for what, own in ranks.items():
-            found[what].append(of(name, values, own))
+        of = _of_numbers if ordered else _of_categories
+        for what, all_ranks in ranks.items():
+            if np.ptp(all_ranks[having]) > 0.0:
+                found[what].append(of(name, own, all_ranks[having]))
     return {what: sorted(own, key=lambda each: -each.strength) for what, own in found.items()}
 
 
 def _of_numbers(name: str, values: np.ndarray, ranks: np.ndarray) -> Importance:
     result = stats.spearmanr(stats.rankdata(values), ranks)
     rho = float(result.statistic)
-    return Importance(name, abs(rho), rho, float(result.pvalue))
+    return Importance(name, abs(rho), rho, float(result.pvalue), len(ranks))
 
 
 def _of_categories(name: str, values: np.ndarray, ranks: np.ndarray) -> Importance:
@@ -69,7 +75,7 @@ def _of_categories(name: str, values: np.ndarray, ranks: np.ndarray) -> Importan
     result = stats.kruskal(*groups)
     # H is (n - 1) times the share of the ranks' variance between the groups
     ratio = min(float(result.statistic) / (len(ranks) - 1), 1.0)
-    return Importance(name, ratio**0.5, None, float(result.pvalue))
+    return Importance(name, ratio**0.5, None, float(result.pvalue), len(ranks))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ _CAPTIONS = {
     "importance": "Strength of the association of factors with failure and with the tracking "
     "error; filled bars are significant (5 %, Bonferroni), + and − show the direction.",
     "sobol": "Sobol indices: bars are total indices, dots first-order ones, with 95 % intervals.",
-    "two_factors": "Every flight over the two most important numeric factors.",
+    "two_factors": "Every flight that has both of the two most important numeric factors.",
 }
 
 

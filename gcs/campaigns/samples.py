@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.campaigns.factors import SEVERITY, Factor, drawn_columns, fault_of
 from gcs.campaigns.outcomes import happened
 from gcs.campaigns.store import Results
 from gcs.errors import BadInput
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Sample", "figures_of", "higher_is_better", "read_samples", "same_draws", "samples_of"]
 
-_DRAWN = ("factor.", "fault.")
 _HIGHER_IS_BETTER = ("saving", "least_separation_m", "lowest_altitude_m")
 _NO_FIGURES = ("wall_s", "duration_s", "min_interval_s", "lost_at_s", "failed_at_s")
 """Ends of names of columns that are neither good nor bad, or that have none where all is well."""
@@ -65,16 +65,40 @@ class Sample:
     def factors(self) -> Iterator[tuple[str, np.ndarray]]:
         """Yield name and drawn values of each factor; numbers, or texts as objects.
 
-        A fault's UAV is a text: it has no order. The severity of a fault is signed, and both signs
-        are as bad: its size counts.
+        A fault's UAV is a text: it has no order. A severity is NaN for flights with a fault of
+        another kind. It is signed, and both signs are as bad: its size counts.
         """
-        for name in _drawn_names(self.source):
-            yield _factor_name(name), self._factor(name)
+        for each in self._factors:
+            yield each.name, self._values(each)
 
     def factor(self, factor: str) -> np.ndarray:
         """Return the drawn values of one factor, by its name as `factors` has it."""
-        names = {_factor_name(name): name for name in _drawn_names(self.source)}
-        return self._factor(names[factor])
+        return self._values(next(each for each in self._factors if each.name == factor))
+
+    @cached_property
+    def _factors(self) -> list[Factor]:
+        """The factors of all variants, also those that none of these flights has."""
+        whole = Sample("", self.source, np.arange(len(self.source.column("row"))))
+        return [
+            factor
+            for column in drawn_columns(self.source.schema)
+            for factor in (
+                whole._severities(column) if column.endswith(SEVERITY) else [Factor(column)]
+            )
+        ]
+
+    def _severities(self, column: str) -> list[Factor]:
+        """Return the severities of a fault that mean the same, each with the kinds that it has."""
+        alike = len(np.unique(self._throttle(column))) < 2
+        return [
+            Factor(column, kind, actuators)
+            for kind in sorted(set(self.texts(f"{fault_of(column)}.kind")))
+            for actuators in ([None] if alike or kind == "loss" else ["surface", "throttle"])
+        ]
+
+    def _throttle(self, column: str) -> np.ndarray:
+        """Return which flights have their fault at the throttle, bool, shape (flights,)."""
+        return np.asarray(self.texts(f"{fault_of(column)}.actuator") == "throttle")
 
     def numbers(self, name: str) -> np.ndarray:
         """Return a column of numbers, shape (flights,); NaN where there is none."""
@@ -137,14 +161,18 @@ class Sample:
         known = np.array([*coded.dictionary.to_pylist(), None], dtype=object)
         return np.asarray(known[coded.indices.fill_null(len(known) - 1).to_numpy()])
 
-    def _factor(self, name: str) -> np.ndarray:
+    def _values(self, factor: Factor) -> np.ndarray:
         import pyarrow as pa
 
+        name = factor.column
+        if factor.kind is not None:
+            meant = self.texts(f"{fault_of(name)}.kind") == factor.kind
+            if factor.actuators is not None:
+                meant &= self._throttle(name) == (factor.actuators == "throttle")
+            return np.where(meant, np.abs(self.numbers(name)), np.nan)
         kind = self.source.schema.field(name).type
         if pa.types.is_floating(kind):
             values = self.numbers(name)
-            if _is_severity(name):
-                return np.asarray(np.abs(values))
             return np.where(np.isnan(values), np.inf, values)  # the end of a fault for good
         if pa.types.is_integer(kind):
             return np.asarray(self._column(name).astype(str), dtype=object)
@@ -160,12 +188,12 @@ def figures_of(schema: "pa.Schema") -> list[str]:
     """Return the columns that hold figures of flights."""
     import pyarrow as pa
 
+    drawn = drawn_columns(schema)
     return [
         field.name
         for field in schema
         if (pa.types.is_floating(field.type) or pa.types.is_integer(field.type))
-        and not field.name.startswith(_DRAWN)
-        and field.name not in {"row", "draw", "seed"}
+        and field.name not in {"row", "draw", "seed", *drawn}
         and not field.name.endswith(_NO_FIGURES)
     ]
 
@@ -212,8 +240,8 @@ def same_draws(old: Sample, new: Sample) -> tuple[Sample, Sample] | None:
     first, second = old.take(in_old), new.take(in_new)
     if old.source is new.source:
         return first, second
-    names = _drawn_names(old.source)
-    if set(names) != set(_drawn_names(new.source)):
+    names = drawn_columns(old.source.schema)
+    if set(names) != set(drawn_columns(new.source.schema)):
         return None
     if any(_differs(first, second, name) for name in ("seed", *names)):
         return None
@@ -225,15 +253,3 @@ def _differs(first: Sample, second: Sample, name: str) -> bool:
     if hasattr(old, "dictionary") or hasattr(new, "dictionary"):
         old, new = old.cast("string"), new.cast("string")
     return not old.equals(new)
-
-
-def _drawn_names(source: "Results | pa.Table") -> list[str]:
-    return [name for name in source.schema.names if name.startswith(_DRAWN)]
-
-
-def _factor_name(column: str) -> str:
-    return f"size of {column}" if _is_severity(column) else column.removeprefix("factor.")
-
-
-def _is_severity(column: str) -> bool:
-    return column.startswith("fault.") and column.endswith(".severity")

@@ -86,7 +86,7 @@ def importance(findings: Findings) -> "Figure":
     for panel, what in zip(panels, ("failure", "tracking error"), strict=True):
         _draw_bars(panel, names, {variant: own[what] for variant, own in found.items()})
         panel.set_xlabel(f"strength of the association with {what}")
-    panels[0].set_yticks(range(len(names)), [literal(name) for name in names])
+    panels[0].set_yticks(range(len(names)), [literal(findings.title(n)) for n in names])
     panels[0].set_ylim(len(names) - 0.4, -0.6)
     draw_legend(figure)
     return figure
@@ -146,7 +146,7 @@ def sobol_indices(findings: Findings) -> "Figure | None":
     for panel, cost in zip(panels, costs, strict=True):
         _draw_indices(panel, names, {variant: own.get(cost, []) for variant, own in found.items()})
         panel.set_xlabel(f"share of the variance of {cost}")
-    panels[0].set_yticks(range(len(names)), [literal(n.removeprefix("factor.")) for n in names])
+    panels[0].set_yticks(range(len(names)), [literal(findings.title(n)) for n in names])
     panels[0].set_ylim(len(names) - 0.4, -0.6)
     draw_legend(figure)
     return figure
@@ -173,13 +173,13 @@ def _draw_indices(
 
 
 def two_factors(findings: Findings) -> "Figure | None":
-    """Draw every flight over the two most important numeric factors, failures as crosses.
+    """Draw the flights over the two most important numeric factors, failures as crosses.
 
     Returns:
         The figure, a panel for each variant; None if there are fewer than two such factors.
     """
-    names = findings.most_important(2)
-    if len(names) < 2:
+    names = findings.most_important_pair()
+    if names is None:
         return None
     variants = findings.counted
     columns = min(len(variants), 3)
@@ -190,18 +190,19 @@ def two_factors(findings: Findings) -> "Figure | None":
         panel.set_visible(False)
     for panel, flights in zip(panels.flat, variants.values(), strict=False):
         x, y = (flights.factor(name) for name in names)
-        failed = ~flights.success
-        shown = _sample(np.flatnonzero(~failed)), _sample(np.flatnonzero(failed))
+        known, failed = np.isfinite(x) & np.isfinite(y), ~flights.success
+        shown = _sample(np.flatnonzero(known & ~failed)), _sample(np.flatnonzero(known & failed))
         good: dict[str, Any] = {"s": 9.0, "color": style(2).colour, "alpha": 0.6, "lw": 0.0}
         panel.scatter(x[shown[0]], y[shown[0]], label="succeeded", **good)
         panel.scatter(x[shown[1]], y[shown[1]], label="failed", **_FAILED)
         panel.set_title(literal(flights.variant), loc="left", size=SMALL + 1.0)
-        note(panel, f"{failed.sum()} of {len(flights)} failed{_left_out(shown, len(flights))}")
+        counts = f"{failed[known].sum()} of {known.sum()} failed"
+        note(panel, f"{counts}{_left_out(shown, known.sum())}")
         tidy(panel)
     for panel in panels[:, 0]:
-        panel.set_ylabel(literal(names[1]))
+        panel.set_ylabel(literal(findings.title(names[1])))
     for panel in panels[-1]:
-        panel.set_xlabel(literal(names[0]))
+        panel.set_xlabel(literal(findings.title(names[0])))
     draw_legend(figure)
     return figure
 

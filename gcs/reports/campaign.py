@@ -281,7 +281,7 @@ def _factors(findings: Findings) -> str:
         for what, found in findings.importances(name).items():
             level = 0.05 / max(len(found), 1) if findings.is_sample else 1.0
             strong = [each for each in found if each.p_value <= level][:_FACTORS]
-            listed = ", ".join(map(_strength, strong))
+            listed = ", ".join(_strength(findings, each, name) for each in strong)
             rows.append([f"`{name}`", what, len(found), listed or "none"])
     which = "significant, the" if findings.is_sample else "no test: the"
     head = ["variant", "cost", "factors", f"{which} strongest first"]
@@ -291,23 +291,27 @@ def _factors(findings: Findings) -> str:
         + "\nSpearman's rank correlation of a factor with failure (0 or 1), or with the tracking "
         "error: the mean of the four IAEs, each relative to its median over all flights, "
         "failures ranked worst. A factor without an order has the correlation ratio of the "
-        "ranks, without a sign (Kruskal and Wallis's test). Significant: at 5 % after "
+        "ranks, without a sign (Kruskal and Wallis's test). A severity counts by its size, among "
+        "the flights with that kind of fault alone: severities of unlike faults are not "
+        "comparable. Significant: at 5 % after "
         "Bonferroni's correction for the number of factors. Rank correlation sees monotonic "
         "effects only: a factor that harms at both ends may be missing here.\n"
     )
 
 
-def _strength(found: Importance) -> str:
+def _strength(findings: Findings, found: Importance, variant: str) -> str:
     value = found.strength if found.correlation is None else found.correlation
     sign = "" if found.correlation is None else "+"
-    return f"{plain(found.factor)} {value:{sign}.2f}"
+    part = found.flights < len(findings.counted[variant])
+    flights = f" (of {found.flights} flights)" if part else ""
+    return f"{plain(findings.title(found.factor))} {value:{sign}.2f}{flights}"
 
 
 def _sobol(findings: Findings) -> str:
     """Return a table of Sobol indices; empty if the design has none."""
     rows = [
         [
-            plain(each.factor),
+            plain(findings.title(each.factor)),
             f"`{name}`",
             what,
             f"{each.first:.2f} ± {each.first_half_width:.2f}",

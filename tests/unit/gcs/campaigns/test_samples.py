@@ -16,6 +16,7 @@ OUTCOMES = ["completed", "completed", "attitude_lost", "completed", "failed", "c
 FAULT = {
     "fault.f.uav": pa.array([3, 1, 2] * 4, pa.int64()),
     "fault.f.kind": pa.array(["loss", "bias", "stuck", "loss"] * 3),
+    "fault.f.actuator": pa.array(["rudder"] * 12),
     "fault.f.end_s": pa.array([None, 7.5, None] * 4, pa.float64()),
     "fault.f.severity": pa.array([-0.5, 0.25] * 6),
 }
@@ -75,15 +76,17 @@ def test_factors_are_numbers_or_texts_without_an_order(samples: dict[str, Sample
     factors = dict(samples["b"].factors())
     assert list(factors) == [
         *("mass", "cl_alpha", "idle"),
-        *("fault.f.uav", "fault.f.kind", "fault.f.end_s", "size of fault.f.severity"),
+        *("fault.f.uav", "fault.f.kind", "fault.f.actuator", "fault.f.end_s"),
+        *(f"fault.f.severity[{kind}]" for kind in ("bias", "loss", "stuck")),
     ]
     assert factors["fault.f.uav"].tolist() == ["3", "2", "1"] * 2
     assert factors["fault.f.uav"].dtype == object
     assert factors["fault.f.kind"].tolist() == ["loss", "stuck"] * 3
     assert factors["fault.f.end_s"].tolist() == [np.inf, np.inf, 7.5] * 2  # for good
-    assert factors["size of fault.f.severity"].tolist() == [0.5] * 6
+    np.testing.assert_equal(factors["fault.f.severity[loss]"], [0.5, np.nan] * 3)
+    assert np.isnan(factors["fault.f.severity[bias]"]).all()  # those flights are of the other
     for name, values in factors.items():
-        assert np.array_equal(samples["b"].factor(name), values)
+        np.testing.assert_equal(samples["b"].factor(name), values)
 
 
 def test_only_a_few_columns_are_kept(folder: Path) -> None:
