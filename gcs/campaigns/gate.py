@@ -10,6 +10,7 @@ from gcs.campaigns.conditions import Condition, parse_condition, parsed
 from gcs.campaigns.outcomes import EVENTS, happened
 from gcs.campaigns.samples import Sample, higher_is_better, same_draws
 from gcs.campaigns.statistics import (
+    Estimate,
     compare_costs,
     compare_paired_costs,
     compare_paired_successes,
@@ -137,8 +138,7 @@ def gate(
         if isinstance(rule, Condition):
             checks += [_absolute(rule, sample) for sample in new.values()]
         else:
-            limit = rule.error / max(len(common), 1)
-            checks += [_relative(rule, old[name], new[name], limit) for name in common]
+            checks += [_relative(rule, old[name], new[name], len(common)) for name in common]
     return checks
 
 
@@ -156,7 +156,8 @@ def _absolute(rule: Condition, new: Sample) -> Check:
     )
 
 
-def _relative(rule: Worse, old: Sample, new: Sample, limit: float) -> Check:
+def _relative(rule: Worse, old: Sample, new: Sample, variants: int) -> Check:
+    limit = rule.error / variants
     pair = same_draws(old, new)
     paired = pair is not None
     left = 0
@@ -166,40 +167,64 @@ def _relative(rule: Worse, old: Sample, new: Sample, limit: float) -> Check:
     draws = f"the same {len(old)} draws" if paired else "different draws"
     if left:
         draws += f" ({left} flights without a partner left out)"
-    p_value, text = _event(rule, old, new, paired) if rule.event else _cost(rule, old, new, paired)
+    compared = _event if rule.event else _cost
+    p_value, text = compared(rule, old, new, paired, 1.0 - 2.0 * limit)
+    shared = "" if variants == 1 else f" ({rule.error:.3g} shared by {variants} variants)"
     return Check(
         new.variant,
         str(rule),
         p_value <= limit,
-        f"{text}, {draws}; p = {p_value:.3g}, limit {limit:.3g}",
+        f"{text}, {draws}; p = {p_value:.3g}, limit {limit:.3g}{shared}",
     )
 
 
-def _event(rule: Worse, old: Sample, new: Sample, paired: bool) -> tuple[float, str]:
+def _counts(worse: int, better: int, share: Estimate, level: float) -> str:
+    """Return in how many draws the new flights are worse, with limits that belong to the test."""
+    text = f"worse in {worse} draws, better in {better}"
+    if worse + better == 0:
+        return text
+    low, value, high = (100.0 * each for each in (share.low, share.value, share.high))
+    return f"{text}: worse in {value:.1f} % of these [{low:.1f} %, {high:.1f} %], {_each(level)}"
+
+
+def _each(level: float) -> str:
+    return f"limits at {50.0 * (1.0 + level):.6g} % each"
+
+
+def _event(rule: Worse, old: Sample, new: Sample, paired: bool, level: float) -> tuple[float, str]:
     event = rule.event or ""
     before, after = happened(event, old.outcome), happened(event, new.outcome)
     good = (before, after) if event == "success" else (~before, ~after)
     compare = compare_paired_successes if paired else compare_successes
-    found = compare(*good, "worse")
+    found = compare(*good, "worse", level)
     counts = f"{after.sum()} of {len(after)} flights, was {before.sum()} of {len(before)}"
-    if found.only_old is not None:
-        counts += f"; worse in {found.only_old} draws, better in {found.only_new}"
+    if found.only_old is not None and found.only_new is not None:
+        worse = proportion(found.only_old, found.only_old + found.only_new, level)
+        counts += f"; {_counts(found.only_old, found.only_new, worse, level)}"
     change = found.difference
     return found.p_value, (
         f"{counts}; {'success' if event == 'success' else 'its absence'} changed by "
-        f"{100.0 * change.value:+.1f} points, with 95 % confidence [{100.0 * change.low:+.1f}, "
-        f"{100.0 * change.high:+.1f}]; {found.test}"
+        f"{100.0 * change.value:+.1f} points [{100.0 * change.low:+.1f}, "
+        f"{100.0 * change.high:+.1f}], {_each(level)}; {found.test}"
     )
 
 
-def _cost(rule: Worse, old: Sample, new: Sample, paired: bool) -> tuple[float, str]:
-    compare = compare_paired_costs if paired else compare_costs
+def _cost(rule: Worse, old: Sample, new: Sample, paired: bool, level: float) -> tuple[float, str]:
     before, after = old.cost(rule.figure), new.cost(rule.figure)
-    found = compare(before, after, "worse")
+    found = (
+        compare_paired_costs(before, after, "worse", level)
+        if paired
+        else compare_costs(before, after, "worse")
+    )
+    if found.worse is not None and found.better is not None:
+        counts = _counts(found.worse, found.better, found.share, level)
+    else:
+        counts = f"worse with a probability of {100.0 * found.share.value:.1f} %, equal ones half"
     sign = -1.0 if higher_is_better(rule.figure) else 1.0
     medians = (sign * quantile(costs, 0.5).value for costs in (after, before))
     what = "draws" if paired else "flights"
     return found.p_value, (
         "median {:.4g}, was {:.4g}; ".format(*medians)
-        + f"{found.test}; {found.failed} of {found.flights} {what} with a failure, ranked worst"
+        + f"{counts}; {found.test}; {found.failed} of {found.flights} {what} with a failure, "
+        "ranked worst"
     )

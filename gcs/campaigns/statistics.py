@@ -7,6 +7,7 @@ what they leave out is counted. docs/explanation/campaign-statistics.md has sour
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -23,6 +24,7 @@ __all__ = [
     "compare_paired_successes",
     "compare_successes",
     "flights_needed",
+    "holm",
     "mean_difference",
     "median_difference",
     "proportion",
@@ -127,6 +129,9 @@ class SuccessComparison:
         new: The same of the new flights.
         only_old: Pairs in which only the old flight succeeded; None if unpaired.
         only_new: Pairs in which only the new flight succeeded; None if unpaired.
+        share: Of the pairs with two outcomes, those in which only the new flight succeeded, as a
+            probability, with an interval that leaves ½ out exactly where the test rejects at its
+            level; None if unpaired.
         difference: New less old success probability, with a conservative interval.
         p_value: Of the test.
         test: Name of the test.
@@ -136,6 +141,7 @@ class SuccessComparison:
     new: tuple[int, int]
     only_old: int | None
     only_new: int | None
+    share: Estimate | None
     difference: Estimate
     p_value: float
     test: str
@@ -150,8 +156,9 @@ def compare_paired_successes(
         old: Success of each draw, bool, shape (pairs,).
         new: The same with the other law or code.
         alternative: Of the test.
-        level: Of the interval of the difference: that of Bonferroni for the two discordant
-            probabilities, each with Clopper and Pearson's. It covers at least that often.
+        level: Of both intervals. That of the share is Clopper and Pearson's; that of the difference
+            is Bonferroni's for the two discordant probabilities, each with Clopper and Pearson's.
+            It covers at least that often.
     """
     old, new, n = old.astype(bool), new.astype(bool), len(old)
     only_old, only_new = int((old & ~new).sum()), int((new & ~old).sum())
@@ -164,6 +171,7 @@ def compare_paired_successes(
         (int(new.sum()), n),
         only_old,
         only_new,
+        proportion(only_new, discordant, level),
         Estimate(won.value - lost.value, won.low - lost.high, won.high - lost.low),
         float(p_value),
         "McNemar's exact test",
@@ -190,7 +198,7 @@ def compare_successes(
         second.value - first.value, second.low - first.high, second.high - first.low
     )
     return SuccessComparison(
-        (a, n), (b, m), None, None, difference, float(p_value), "Fisher's exact test"
+        (a, n), (b, m), None, None, None, difference, float(p_value), "Fisher's exact test"
     )
 
 
@@ -201,40 +209,46 @@ class Comparison:
     Attributes:
         flights: Pairs compared, or flights of both sides together.
         failed: Of these, how many have a failure on one side or on both.
+        worse: Pairs in which the new flight is worse; None if unpaired.
+        better: Pairs in which it is better; None if unpaired.
+        share: Probability that the new flight is worse than the old one. Of pairs: if they differ,
+            with an interval that leaves ½ out exactly where the test rejects at its level.
+            Unpaired: equal costs count half, without an interval.
         p_value: Of the test.
         test: Name of the test.
     """
 
     flights: int
     failed: int
+    worse: int | None
+    better: int | None
+    share: Estimate
     p_value: float
     test: str
 
 
 def compare_paired_costs(
-    old: np.ndarray, new: np.ndarray, alternative: Alternative = "two-sided"
+    old: np.ndarray, new: np.ndarray, alternative: Alternative = "two-sided", level: float = 0.95
 ) -> Comparison:
-    """Compare on the same draws: Wilcoxon's signed rank test (1945), zeros by Pratt's method.
+    """Compare on the same draws: the sign test of the pairs that differ, which assumes nothing.
 
-    A pair in which one flight failed differs by more than every pair in which both have a cost;
-    one in which both failed does not differ.
+    A failure is worse than every cost; two failures do not differ. For costs of 0 and 1 this is
+    McNemar's test of successes.
 
     Args:
         old: Cost of each draw, shape (pairs,); infinite for failures.
         new: The same with the other law or code.
         alternative: Of the test.
+        level: Of the interval, that of Clopper and Pearson, whose tails are those of the test. It
+            is two-sided: the test "worse" at the level α has its limits at 1 - 2 α.
     """
-    failed = np.isinf(old) | np.isinf(new)
-    both = np.isinf(old) & np.isinf(new)
-    differences = np.zeros(len(old))
-    np.subtract(new, old, out=differences, where=~both)
-    largest = np.abs(differences[~failed]).max(initial=0.0)
-    differences = np.clip(differences, -2.0 * largest - 1.0, 2.0 * largest + 1.0)
-    p_value = 1.0
-    if differences.any():
-        side = "two-sided" if alternative == "two-sided" else "greater"
-        p_value = float(stats.wilcoxon(differences, zero_method="pratt", alternative=side).pvalue)
-    return Comparison(len(old), int(failed.sum()), p_value, "Wilcoxon's signed rank test")
+    worse, better = int((new > old).sum()), int((new < old).sum())
+    differing = worse + better
+    side = "two-sided" if alternative == "two-sided" else "greater"
+    p_value = stats.binomtest(worse, differing, alternative=side).pvalue if differing else 1.0
+    failed = int((np.isinf(old) | np.isinf(new)).sum())
+    share = proportion(worse, differing, level)
+    return Comparison(len(old), failed, worse, better, share, float(p_value), "sign test")
 
 
 def compare_costs(
@@ -248,11 +262,28 @@ def compare_costs(
         alternative: Of the test.
     """
     failed = int(np.isinf(old).sum() + np.isinf(new).sum())
-    p_value = 1.0
+    p_value, share = 1.0, math.nan
     if len(old) and len(new):
         side = "two-sided" if alternative == "two-sided" else "greater"
-        p_value = float(stats.mannwhitneyu(new, old, alternative=side).pvalue)
-    return Comparison(len(old) + len(new), failed, p_value, "Mann and Whitney's test")
+        found = stats.mannwhitneyu(new, old, alternative=side)
+        p_value, share = float(found.pvalue), float(found.statistic) / (len(old) * len(new))
+    estimate = Estimate(share, -math.inf, math.inf)
+    test = "Mann and Whitney's test"
+    return Comparison(len(old) + len(new), failed, None, None, estimate, p_value, test)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Adjust p-values of several tests by Holm's method (1979).
+
+    Whoever rejects where the adjusted value is at most α rejects any true hypothesis with a
+    probability of at most α, however the tests depend on each other.
+    """
+    n, largest = len(p_values), 0.0
+    adjusted = [0.0] * n
+    for k, i in enumerate(sorted(range(n), key=lambda i: p_values[i])):
+        largest = max(largest, min(1.0, (n - k) * p_values[i]))
+        adjusted[i] = largest
+    return adjusted
 
 
 def mean_difference(old: np.ndarray, new: np.ndarray, level: float = 0.95) -> Estimate:

@@ -46,10 +46,10 @@ def compare(
 ) -> None:
     """Test whether a campaign is worse than another one.
 
-    If both flew the same draws, flights are compared in pairs (McNemar's exact test, Wilcoxon's
-    signed rank test), else as two samples (Fisher's exact test, Mann and Whitney's test). A test
-    that finds nothing does not prove that both are equal; the interval beside it shows what
-    could have escaped it.
+    If both flew the same draws, flights are compared in pairs (McNemar's exact test, the sign
+    test), else as two samples (Fisher's exact test, Mann and Whitney's test). A test that finds
+    nothing does not prove that both are equal; the interval beside it, at the level of the
+    condition, shows what could have escaped it.
     """
     from gcs.campaigns.findings import findings_of
     from gcs.campaigns.gate import DEFAULT, gate, parse_rules

@@ -1,67 +1,25 @@
 """The report of a campaign, in Markdown."""
 
-import math
-import re
 import shlex
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from gcs.campaigns.conditions import parse_condition
 from gcs.campaigns.findings import FIGURES, Findings
 from gcs.campaigns.importance import Importance
-from gcs.campaigns.samples import Sample, same_draws
-from gcs.campaigns.statistics import (
-    Estimate,
-    compare_paired_costs,
-    compare_paired_successes,
-    flights_needed,
-    mean_difference,
-    median_difference,
-    proportion,
-    quantile,
-    tolerance_bound,
-)
+from gcs.campaigns.statistics import flights_needed, proportion, quantile, tolerance_bound
 from gcs.campaigns.stopping import anytime_proportion, judge
 from gcs.campaigns.store import OUTCOMES
-from gcs.reports.markdown import bullets, table
+from gcs.reports.campaign_comparisons import comparisons
+from gcs.reports.formatting import interval, number, probability
+from gcs.reports.markdown import bullets, plain, table
 
-__all__ = ["campaign_report", "interval", "number", "p_value", "plain", "share"]
+__all__ = ["campaign_report"]
 
 _WORST = 10
 _FACTORS = 8
-_SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#|&~])")
-
-
-def plain(text: str) -> str:
-    """Return a text such that Markdown shows it as it is, on one line."""
-    return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
-
-
-def share(value: float) -> str:
-    """Format a probability; what is unknown is a dash."""
-    return "-" if math.isnan(value) else f"{100.0 * value:.1f} %"
-
-
-def number(value: float) -> str:
-    """Format a figure with four digits; a dash if it is unknown or unbounded."""
-    if not math.isfinite(value):
-        return "-"
-    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
-
-
-def p_value(value: float) -> str:
-    """Format a p-value."""
-    return "< 0.0001" if value < 1e-4 else f"{value:.4f}" if value < 0.1 else f"{value:.2f}"
-
-
-def interval(estimate: Estimate, of: str = "number") -> str:
-    """Format an estimate with its interval, of a figure or of a share."""
-    show = share if of == "share" else number
-    if not math.isfinite(estimate.value):
-        return "-"
-    return f"{show(estimate.value)} [{show(estimate.low)}, {show(estimate.high)}]"
 
 
 def campaign_report(findings: Findings, figures: Mapping[str, str]) -> str:
@@ -84,11 +42,7 @@ def campaign_report(findings: Findings, figures: Mapping[str, str]) -> str:
         _success(findings) + _stopping(findings),
         "## Tracking and events\n",
         _quantiles(findings) + shown("distributions"),
-        *(
-            ["## Variants on the same draws\n", _comparisons(findings)]
-            if _several(findings)
-            else []
-        ),
+        *(["## Variants on the same draws\n", comparisons(findings)] if _several(findings) else []),
         "## Factors that matter\n",
         _factors(findings) + shown("importance") + shown("sobol") + shown("two_factors"),
         "## The worst flights\n",
@@ -139,8 +93,12 @@ def _success(findings: Findings) -> str:
         counts, n = Counter(flights.outcome.tolist()), len(flights)
         good = int(flights.success.sum())
         sure = estimate(good, n, 0.90).low
-        found = interval(estimate(good, n), "share")
-        limits = [found, share(sure)] if findings.is_sample else [share(good / max(n, 1)), "-"]
+        found = interval(estimate(good, n), "probability")
+        limits = (
+            [found, probability(sure)]
+            if findings.is_sample
+            else [probability(good / max(n, 1)), "-"]
+        )
         rows.append([f"`{name}`", n, *(counts[each] for each in outcomes), *limits])
     head = [
         "variant",
@@ -219,60 +177,6 @@ def _quantiles(findings: Findings) -> str:
         "assume no distribution; the bound holds with 95 % confidence. A dash: too few flights or "
         "too many failures.\n"
     )
-
-
-def _comparisons(findings: Findings) -> str:
-    if not findings.is_sample:
-        return "The points are not independent draws: tests would say nothing about them.\n"
-    first, *others = findings.counted.values()
-    success, figures = [], []
-    for other in others:
-        if (pair := same_draws(first, other)) is None:
-            continue
-        old, new = pair
-        found = compare_paired_successes(old.success, new.success)
-        success.append(
-            [
-                f"`{other.variant}`",
-                len(old),
-                found.only_new,
-                found.only_old,
-                interval(found.difference, "share"),
-                p_value(found.p_value),
-            ]
-        )
-        figures += [_figure_row(old, new, figure, title) for figure, title in FIGURES.items()]
-    if not success:
-        return "No two variants have flown the same draws.\n"
-    tests = len(success) + len(figures)
-    against = f"against `{first.variant}`"
-    head = [against, "draws", "only it succeeds", "only the other", "difference [95 %]", "p"]
-    costs = [against, "figure", "both have it", "mean difference [95 %]"]
-    costs += ["difference of medians [95 %]", "p"]
-    return (
-        table(head, success)
-        + "\n"
-        + table(costs, figures)
-        + "\nThe same draws, flown by both. Success: McNemar's exact test; the interval covers at "
-        "least as often as it says, and may include 0 although p is small. Figures: Wilcoxon's "
-        "signed rank test over all draws, in which a failure is worse than any figure; "
-        "differences with bootstrap intervals over the draws in which both have the figure. The "
-        f"p-values are two-sided and not corrected: of {tests} tests of equals, {0.05 * tests:.1f} "
-        "have p < 0.05 on the average.\n"
-    )
-
-
-def _figure_row(old: Sample, new: Sample, figure: str, title: str) -> Sequence[object]:
-    first, second = old.cost(figure), new.cost(figure)
-    test = compare_paired_costs(first, second)
-    return [
-        f"`{new.variant}`",
-        title,
-        f"{test.flights - test.failed} of {test.flights}",
-        interval(mean_difference(first, second)),
-        interval(median_difference(first, second)),
-        p_value(test.p_value),
-    ]
 
 
 def _factors(findings: Findings) -> str:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-__all__ = ["bullets", "html_of", "table"]
+__all__ = ["bullets", "html_of", "plain", "table"]
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
@@ -14,20 +14,34 @@ body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
 h1, h2, h3 { line-height: 1.2; margin-top: 2em; } h1 { margin-top: 0; }
 img { max-width: 100%; height: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.9rem; }
-th, td { padding: 0.25rem 0.7rem; border-bottom: 1px solid #ccc; text-align: right; }
-th:first-child, td:first-child { text-align: left; } th { border-bottom: 2px solid #666; }
+th, td { padding: 0.25rem 0.7rem; border-bottom: 1px solid #ccc; text-align: left; }
+th { border-bottom: 2px solid #666; }
 code { background: #f2f2f2; padding: 0 0.2em; }
-div.wide { overflow-x: auto; }
+div.wide { overflow-x: auto; margin: 1.2em 0; }
 @media print { body { max-width: none; font-size: 11pt; } h2 { break-after: avoid; }
                img, table { break-inside: avoid; } }
 """
 
 
+_NUMBER = re.compile(r"[-+−<±]?\s*\d|-$")
+"""Begin of a number; a dash is one that is unknown."""
+_SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#|&~])")
+
+
+def plain(text: str) -> str:
+    """Return a text such that Markdown shows it as it is, on one line."""
+    return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
+
+
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a Markdown table; the first column is left-aligned, the others right-aligned."""
-    rule = ["---", *["---:"] * (len(header) - 1)]
-    lines = [header, rule, *rows]
-    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines) + "\n"
+    """Return a Markdown table; columns of numbers are right-aligned, those of words left."""
+    cells = [list(map(str, row)) for row in rows]
+    rule = [
+        "---:" if cells and all(_NUMBER.match(cell) for cell in column) else "---"
+        for column in (zip(*cells, strict=True) if cells else [()] * len(header))
+    ]
+    lines = [header, rule, *cells]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
 def bullets(sentences: Iterable[str]) -> str:

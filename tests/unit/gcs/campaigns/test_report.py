@@ -76,9 +76,27 @@ def test_failures_are_above_every_figure(text: str) -> None:
 
 
 def test_variants_are_compared_on_the_same_draws(text: str) -> None:
-    [row] = [r for r in rows_of(text, "Variants on the same draws") if len(r) == 6][:1]
+    row = rows_of(text, "Variants on the same draws")[0]
     assert row[:4] == ["`bad`", "60", "0", "4"]
-    assert row[5] == "0.12"  # McNemar: 2 / 2⁴
+    assert row[4].startswith("0.0 % [0.0 %, 60.2 %]")  # 1 - 0.025^(1/4)
+    assert row[5:7] == ["0.12", "0.75"]  # McNemar: 2 / 2⁴; Holm: six times the smallest
+    assert "over all 6 tests" in text
+
+
+def test_all_draws_come_first_and_survivors_apart(tmp_path: Path) -> None:
+    """Lost in its ten hardest draws and little worse in the others."""
+    lost = np.arange(DRAWS) < 10
+    iae = [value for hard in lost for value in ((500.0, 1.0) if hard else (10.0, 11.0))]
+    columns = {f"uav{k}.iae_roll": iae for k in UAVS}
+    outcomes = {"old": GOOD, "new": ["attitude_lost" if each else "completed" for each in lost]}
+    text = report_of(written(tmp_path, outcomes, figures=columns))
+    section = text.partition("## Variants on the same draws")[2].partition("\n## ")[0]
+    everything, _, survivors = section.partition("### Of the draws that both survived")
+    [row] = [line for line in everything.splitlines() if "IAE of roll" in line]
+    assert row.startswith("| `new` | IAE of roll [deg s] | 60 | 60 | 0 | 100.0 % [94.0 %, 100.0 %]")
+    assert "mean" not in everything
+    [row] = [line for line in survivors.splitlines() if "IAE of roll" in line]
+    assert "| 50 of 60 | 1 [1, 1] | 1 [1, 1] |" in row
 
 
 def test_the_worst_flights_come_with_a_command_that_flies_them(mixed: Findings, text: str) -> None:

@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from gcs.campaigns.statistics import (
+    Estimate,
     compare_costs,
     compare_paired_costs,
     compare_paired_successes,
     compare_successes,
     flights_needed,
+    holm,
     mean_difference,
     median_difference,
     proportion,
@@ -24,7 +26,8 @@ from gcs.campaigns.statistics import (
     tolerance_bound,
 )
 
-costs = st.lists(st.sampled_from([0.0, 1.0, 1.5, 2.0, 7.0, math.inf]), min_size=0, max_size=20)
+cost = st.sampled_from([0.0, 1.0, 1.5, 2.0, 7.0, math.inf])
+costs = st.lists(cost, max_size=20)
 
 
 @pytest.mark.parametrize(
@@ -186,11 +189,62 @@ DARWIN = np.array([6, 8, 14, 16, 23, 24, 28, 29, 41, -48, 49, 56, 60, -67, 75], 
 """Differences of heights of maize, cross- less self-fertilised [1/8 in] (Darwin 1876)."""
 
 
-def test_wilcoxon_on_darwins_maize() -> None:
+def test_the_sign_test_on_darwins_maize() -> None:
     found = compare_paired_costs(np.full(15, 200.0), 200.0 + DARWIN)
-    assert found.p_value == pytest.approx(0.041259765625)  # Cureton 1967
+    assert (found.worse, found.better) == (13, 2)
+    assert found.p_value == pytest.approx(2 * (1 + 15 + 105) / 2**15)
+    assert (found.share.low, found.share.high) == pytest.approx((0.5954, 0.9834), abs=5e-5)
     worse = compare_paired_costs(np.full(15, 200.0), 200.0 + DARWIN, "worse")
-    assert worse.p_value == pytest.approx(0.041259765625 / 2)
+    assert worse.p_value == pytest.approx((1 + 15 + 105) / 2**15)
+
+
+@given(
+    st.lists(st.tuples(cost, cost), max_size=120),
+    st.sampled_from([0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999]),
+)
+def test_the_interval_of_an_estimate_and_its_test_never_contradict_each_other(
+    drawn: list[tuple[float, float]], level: float
+) -> None:
+    """With ties and failures: ½ is left out where the test of the same level rejects, and only."""
+    old, new = np.array(drawn, dtype=float).reshape(-1, 2).T
+    compared = compare_paired_costs(old, new, level=level)
+    assert (compared.p_value < 1.0 - level) == (not contains_half(compared.share))
+    one_sided = compare_paired_costs(old, new, "worse", level=2.0 * level - 1.0)
+    assert (one_sided.p_value < 1.0 - level) == (one_sided.share.low > 0.5)
+    success = compare_paired_successes(np.isfinite(old), np.isfinite(new), level=level)
+    assert success.share is not None
+    assert (success.p_value < 1.0 - level) == (not contains_half(success.share))
+    if not success.difference.low <= 0.0 <= success.difference.high:  # conservative: one way only
+        assert success.p_value < 1.0 - level
+
+
+def contains_half(estimate: Estimate) -> bool:
+    return estimate.low <= 0.5 <= estimate.high
+
+
+def test_the_test_of_figures_is_that_of_success_where_figures_are_failures() -> None:
+    old, new = pairs(40, 9, 1, 3)
+    success = compare_paired_successes(old, new)
+    figures = compare_paired_costs(*(np.where(each, 1.0, math.inf) for each in (old, new)))
+    assert (figures.worse, figures.better) == (success.only_old, success.only_new)
+    assert figures.p_value == success.p_value
+
+
+def test_holm_by_hand() -> None:
+    # Holm's method on 0.01, 0.04, 0.03, 0.005: 4 · 0.005, 3 · 0.01, 2 · 0.03, then at least that
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([]) == []
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=20))
+def test_adjusted_p_values_keep_the_order_and_lie_between_p_and_bonferroni(
+    p_values: list[float],
+) -> None:
+    adjusted = holm(p_values)
+    for p, own in zip(p_values, adjusted, strict=True):
+        assert p <= own <= min(1.0, len(p_values) * p) + 1e-12
+    order = np.argsort(p_values)
+    assert np.all(np.diff(np.array(adjusted)[order]) >= 0.0)
 
 
 def test_a_new_failure_is_worse_than_any_difference() -> None:

@@ -1,5 +1,6 @@
 """Markdown, and the page made of it."""
 
+import re
 from pathlib import Path
 
 from hypothesis import given
@@ -31,3 +32,15 @@ def test_a_table_keeps_every_cell(rows: list[list[str]]) -> None:
 
 def test_bullets() -> None:
     assert html_of(bullets(["one", "two"]), Path()).count("<li>") == 2
+
+
+def test_only_numbers_are_right_aligned() -> None:
+    numbers = ["1", "-", "< 0.0001", "−3 [−4, −1]", "+0.5 ± 0.1", "12.5 %"]
+    words = ["`a`", "none", "3 of 4", "roll", "-", "x 1"]
+    text = table(["numbers", "words"], zip(numbers, words, strict=True))
+    assert text.splitlines()[1] == "| ---: | --- |"
+    page = html_of(f"# T\n\n{text}", Path())
+    cells = re.findall(r"<t[hd]([^>]*)>([^<]*)", page)
+    assert all("right" in style for style, cell in cells if cell in {"numbers", "1", "+0.5 ± 0.1"})
+    assert not any("right" in style for style, cell in cells if cell in {"words", "none", "roll"})
+    assert table(["a", "b"], []).splitlines()[1] == "| --- | --- |"
