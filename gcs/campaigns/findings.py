@@ -79,6 +79,11 @@ class Findings:
         return self.mark.campaign.design not in {"grid", "saltelli"}
 
     @property
+    def anytime(self) -> bool:
+        """Whether results so far could decide how many flights there are."""
+        return bool(self.until or self.mark.extended_from)
+
+    @property
     def codes(self) -> list[tuple[str, str]]:
         """Versions and digests of the code that flew."""
         pairs = (

@@ -38,6 +38,7 @@ class Mark:
         uav_ids: System ids of all UAVs that fly in it.
         version: Version of the package.
         digest: Digest of the code that flies it.
+        extended_from: Numbers of draws that it had before more were added, the first one first.
     """
 
     campaign: Campaign
@@ -46,6 +47,7 @@ class Mark:
     uav_ids: Sequence[int]
     version: str
     digest: str
+    extended_from: Sequence[int] = ()
 
     def to_yaml(self) -> str:
         """Return the content of `request.yaml`."""
@@ -56,6 +58,7 @@ class Mark:
                 "digest": self.digest,
                 "file": self.file,
                 "uav_ids": list(self.uav_ids),
+                **({"extended_from": list(self.extended_from)} if self.extended_from else {}),
                 "campaign": plain(self.campaign.model_dump()),
             }
         )
@@ -85,6 +88,7 @@ def mark_of(folder: Path) -> Mark:
                 uav_ids=tree["uav_ids"],
                 version=tree["version"],
                 digest=tree["digest"],
+                extended_from=tuple(tree.get("extended_from", ())),
             )
     except FileNotFoundError:
         raise BadInput(

@@ -10,12 +10,19 @@ from pathlib import Path
 from gcs.campaigns.conditions import Condition, parse_condition
 from gcs.campaigns.model import Campaign
 from gcs.campaigns.samples import samples_of
-from gcs.campaigns.stopping import judge, leading
+from gcs.campaigns.stopping import Verdict, judge, leading
 from gcs.campaigns.store import read_results
 from gcs.errors import BadInput
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["is_decided", "note_condition", "noted_conditions", "stopping_condition"]
+__all__ = [
+    "is_decided",
+    "note_condition",
+    "noted_conditions",
+    "stopping_condition",
+    "verdict_lines",
+    "verdicts",
+]
 
 _FILE = "until.json"
 
@@ -68,9 +75,32 @@ def is_decided(folder: Path, campaign: Campaign, condition: Condition) -> bool:
     Raises:
         BadInput: The results cannot be read.
     """
+    found = verdicts(folder, condition)
+    decided = all(verdict.decided != "open" for verdict in found.values())
+    return decided and len(found) == len(campaign.variants)
+
+
+def verdicts(folder: Path, condition: Condition) -> dict[str, Verdict]:
+    """Return what the stored flights say of a condition, for each variant that has some.
+
+    Raises:
+        BadInput: The results cannot be read.
+    """
     table = read_results(folder, ["row", "variant", "draw", "outcome"])
-    samples = samples_of(table, folder)
-    outcomes = [own.take(leading(own.draw)).outcome for own in samples.values()]
-    return len(samples) == len(campaign.variants) and all(
-        judge(condition, outcome).decided != "open" for outcome in outcomes
-    )
+    return {
+        name: judge(condition, own.take(leading(own.draw)).outcome)
+        for name, own in samples_of(table, folder).items()
+    }
+
+
+def verdict_lines(folder: Path, condition: Condition) -> list[str]:
+    """Return a line on each variant, for people.
+
+    Raises:
+        BadInput: The results cannot be read.
+    """
+    return [
+        f"{condition}: {found.decided} for {name}, {condition.event} in {found.count} of its first "
+        f"{found.flights} draws"
+        for name, found in verdicts(folder, condition).items()
+    ]

@@ -74,6 +74,7 @@ def campaign(
     from gcs.campaigns.folder import default_folder
     from gcs.campaigns.plan import load_plan
     from gcs.campaigns.run import begin_campaign
+    from gcs.campaigns.until import stopping_condition, verdict_lines
     from gcs.errors import BadInput
     from gcs.scenario.bundled import find_scenario
 
@@ -90,9 +91,11 @@ def campaign(
     with interruptible(folder, planned.draws.num_rows):
         if not enough():
             fly_plan(planned, folder, jobs, console, scheduler, enough)
-        if enough():
-            console_of(stderr=False, quiet=quiet).print(f"{until} is decided for every variant")
         _keep(planned, folder, console)
+    if until is not None:
+        output = console_of(stderr=False, quiet=quiet)
+        for line in verdict_lines(folder, stopping_condition(until, planned.mark.campaign)):
+            output.print(line, soft_wrap=True)
     _report(folder, console)
 
 
@@ -117,6 +120,7 @@ def _report(folder: Path, console: Terminal) -> None:
     for variant, own in counts.items():
         table.add_row(variant, *(str(own[name]) for name in shown))
     output = console_of(stderr=False, quiet=console.quiet)
+    output.print(f"All {sum(map(len, samples.values()))} flights that ended:")
     output.print(table)
     with working(console, "writing the report"):
         page = write_report(folder)

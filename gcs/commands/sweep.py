@@ -26,8 +26,9 @@ Examples:
 - gcs sweep scenarios/paper/scenario2_*.yaml --set 'faults[0].effectiveness=0.9,0.5,0.1' --uav 3
 - gcs sweep my.yaml --set 'controller.K1=[40, 40, 40], [50, 50, 50]' --jobs 2
 
-Exit status: 0 the sweep is complete (lost flights and impossible values are results too),
-1 a flight could not be computed or written, 2 bad input, 70 a defect of ftc-sitl, 130 Ctrl-C; the
+Exit status: 0 the sweep is complete (lost flights and single impossible values are results too),
+1 a flight could not be computed or written, 2 bad input, such
+as a key of which no value is valid, 70 a defect of ftc-sitl, 130 Ctrl-C; the
 same command continues.
 """
 
@@ -84,6 +85,10 @@ def sweep(
         fly_plan(grid.plan, folder, jobs, console)
         points = read_points(folder, grid)
         _report(points, uav_id, folder, console)
+    invalid = [point.reason for point in points if point.outcome == "invalid"]
+    if invalid:
+        text = f"{len(invalid)} of {len(points)} points have values that are no scenario"
+        console.print(f"{text}: {invalid[0]}; each is named in table.md", soft_wrap=True)
     failed = [point.reason for point in points if point.outcome == "failed"]
     if failed:
         raise GcsError(f"{len(failed)} of {len(points)} flights could not be computed: {failed[0]}")

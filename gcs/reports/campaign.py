@@ -74,6 +74,13 @@ def _introduction(findings: Findings) -> str:
         text += "\n**The flights were flown by different code.**\n"
     if ended < findings.planned:
         text += f"\n**{findings.planned - ended} planned flights have not been flown.**\n"
+    if mark.extended_from:
+        before = ", then ".join(map(str, mark.extended_from))
+        text += (
+            f"\nThe campaign had {before} draws before more were added, perhaps because of its "
+            "results. Probabilities below allow for that; medians, bounds, comparisons and factors "
+            "are computed as if the number of flights had been fixed beforehand.\n"
+        )
     if counted < ended:
         text += (
             f"\nStatistics leave out {ended - counted} flights that ended before an earlier draw "
@@ -84,7 +91,7 @@ def _introduction(findings: Findings) -> str:
 
 
 def _success(findings: Findings) -> str:
-    anytime = bool(findings.until)
+    anytime = findings.anytime
     invalid = any("invalid" in flights.outcome for flights in findings.counted.values())
     outcomes = OUTCOMES if invalid else OUTCOMES[: OUTCOMES.index("invalid")]
     estimate = anytime_proportion if anytime else proportion
@@ -110,7 +117,9 @@ def _success(findings: Findings) -> str:
     text = table(head, rows) + (
         "\nA flight succeeded if it was flown to its end and every UAV kept attitude and heading "
         "within 90° of the reference. Every other outcome is a failure, also a crashed process "
-        "and a flight that could not be computed; none is left out. "
+        "and a flight that could not be computed; none is left out. Each variant's flights count "
+        "up to its first draw that has not been flown"
+        + (", here and in the verdicts below. " if findings.until else ". ")
     )
     if not findings.is_sample:
         return text + (
@@ -118,8 +127,8 @@ def _success(findings: Findings) -> str:
             "draws: shares are of its points, not probabilities, and have no intervals.**\n"
         )
     text += (
-        "Intervals are those of a confidence sequence, which hold although the results so far "
-        "could stop the campaign. "
+        "Intervals are those of a confidence sequence, which hold although results could decide "
+        "how many flights there are. "
         if anytime
         else "Intervals are Clopper and Pearson's, two-sided. "
     )

@@ -34,7 +34,8 @@ def comparisons(findings: Findings) -> str:
         for old, new in pairs
         for figure, title in FIGURES.items()
     ]
-    adjusted = holm([each.p_value for each in (*success, *(found for *_, found in figures))])
+    p_values = [found.p_value for found in success]
+    adjusted = holm([*p_values, *(found.p_value for _, _, found in figures)])
     of_success = [
         [f"`{new.variant}`", *_of_success(found, own)]
         for (_, new), found, own in zip(pairs, success, adjusted, strict=False)

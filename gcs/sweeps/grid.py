@@ -2,11 +2,11 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gcs.campaigns.distributions import Choice
+from gcs.campaigns.distributions import Choice, label
 from gcs.campaigns.draws import draw_table
 from gcs.campaigns.flights import Flights, Row, flights_of
 from gcs.campaigns.mark import Mark
@@ -17,7 +17,7 @@ from gcs.errors import BadInput
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from gcs.sweeps.axes import Axis
-from mavlink_defs.config.inherit import PlaceError, check_place, difference
+from mavlink_defs.config.inherit import PlaceError, check_place, difference, with_values
 from mavlink_defs.config.models import ConfigError, Problem, ProblemKind
 
 __all__ = ["Grid", "plan_grid"]
@@ -43,7 +43,7 @@ def plan_grid(files: Sequence[Path], axes: Sequence[Axis]) -> Grid:
 
     Raises:
         ConfigError: A file cannot be read, or has a problem that no combination fixes.
-        BadInput: A key is wrong in every file, whatever the values.
+        BadInput: A key is wrong in every file, whatever the values, or no combination is valid.
     """
     _check_keys(axes)
     named = _named(files)
@@ -70,6 +70,8 @@ def plan_grid(files: Sequence[Path], axes: Sequence[Axis]) -> Grid:
         raise BadInput("\n".join(f"--set {problem}" for problem in mistyped))
     scenarios = [scenario for scenario, _ in points]
     good = [scenario for scenario in scenarios if scenario is not None]
+    if not good:
+        raise BadInput(_no_valid(axes, named, trees, points[0][1]))
     ids = sorted({uav.id for scenario in good for uav in scenario.uavs})
     flights = replace(flights, schema=results_schema(draws.schema, ids))
     plan = Plan(replace(mark, uav_ids=ids), flights, draws, next(iter(good), None))
@@ -115,6 +117,26 @@ def _problems_of(file: Path, tree: dict[str, object]) -> list[Problem]:
     except ConfigError as error:
         return error.problems
     return []
+
+
+def _no_valid(
+    axes: Sequence[Axis],
+    files: Mapping[str, Path],
+    trees: Mapping[str, dict[str, object]],
+    of_first: Sequence[Problem],
+) -> str:
+    """Return which axes have no valid value in any file, with a problem; or that none fits."""
+    lines = []
+    for axis in axes:
+        found = [
+            _problems_of(file, with_values(trees[name], {axis.key: value}))
+            for value in axis.values
+            for name, file in files.items()
+        ]
+        if all(found):
+            values = ",".join(map(label, axis.values))
+            lines.append(f"--set {axis.key}={values}: no value is valid: {found[0][0]}")
+    return "\n".join(lines) or f"no combination of the values is valid: {of_first[0]}"
 
 
 def _shared(groups: Iterable[list[Problem]]) -> list[Problem]:

@@ -225,7 +225,8 @@ def contains_half(estimate: Estimate) -> bool:
 def test_the_test_of_figures_is_that_of_success_where_figures_are_failures() -> None:
     old, new = pairs(40, 9, 1, 3)
     success = compare_paired_successes(old, new)
-    figures = compare_paired_costs(*(np.where(each, 1.0, math.inf) for each in (old, new)))
+    costs_of = [np.where(each, 1.0, math.inf) for each in (old, new)]
+    figures = compare_paired_costs(costs_of[0], costs_of[1])
     assert (figures.worse, figures.better) == (success.only_old, success.only_new)
     assert figures.p_value == success.p_value
 

@@ -110,8 +110,30 @@ def test_values_that_do_not_fit_stay_in_the_grid(short: Path, tmp_path: Path) ->
 
 
 def test_a_value_that_reads_like_an_unknown_key_is_one_more_bad_value(short: Path) -> None:
-    grid = plan_grid([short], [Axis("trigger.mode", ("mode: unknown key",))])
-    assert list(grid.scenarios) == [None]
+    grid = plan_grid([short], [Axis("trigger.mode", ("mode: unknown key", "joint"))])
+    assert [scenario is None for scenario in grid.scenarios] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("settings", "lines"),
+    [
+        (["trigger.b2_deg=x,-1"], ["--set trigger.b2_deg=x,-1: no value is valid: trigger.b2_deg"]),
+        (["trigger.b2_deg=1,x", "duration_s=-1"], ["--set duration_s=-1: no value is valid"]),
+        (["controller.kind=pid", "controller.c_v=5"], ["--set controller.c_v", "unknown key"]),
+        (
+            ["trigger.b2_deg=x", "seed=y,z"],
+            ["--set trigger.b2_deg=x: no value", "--set seed=y,z: no value"],
+        ),
+    ],
+)
+def test_an_axis_without_a_valid_value_is_refused(
+    short: Path, settings: list[str], lines: list[str]
+) -> None:
+    with pytest.raises(BadInput) as caught:
+        grid_of([short], *settings)
+    for line in lines:
+        assert line in str(caught.value)
+    assert "1,x" not in str(caught.value)  # one value of that axis is valid
 
 
 @pytest.mark.parametrize(
