@@ -1,5 +1,6 @@
 """Which drawn factor drives a cost: rank correlations, and Sobol indices of Saltelli designs."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -67,7 +68,8 @@ def importances(
 def _of_numbers(name: str, values: np.ndarray, ranks: np.ndarray) -> Importance:
     result = stats.spearmanr(stats.rankdata(values), ranks)
     rho = float(result.statistic)
-    return Importance(name, abs(rho), rho, float(result.pvalue), len(ranks))
+    smallest = 2.0 / math.factorial(min(len(ranks), 20))  # of few flights: n! orders are as likely
+    return Importance(name, abs(rho), rho, max(float(result.pvalue), smallest), len(ranks))
 
 
 def _of_categories(name: str, values: np.ndarray, ranks: np.ndarray) -> Importance:

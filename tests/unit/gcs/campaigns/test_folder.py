@@ -19,8 +19,6 @@ from gcs.campaigns.store import alone_in, append_results, read_draws, results_sc
 from gcs.campaigns.until import stopping_condition, verdict_lines
 from gcs.errors import BadInput
 
-UNIFORM = {"kind": "uniform", "low": 0.8}
-
 
 def planned(draws: int, **changes: Any) -> Plan:
     """A plan that nothing flies."""
@@ -87,7 +85,7 @@ def test_an_extension_that_was_cut_off_is_completed(tmp_path: Path) -> None:
         ),
         (
             {"variants": {"a": {}, "b": {}}, "factors": {}, "faults": {}, "design": "grid"},
-            ["design is 'grid', the folder has 'random'", "factors.mass is missing"],
+            ["design is 'grid', the folder has 'random'", "factors.mass.key is missing"],
         ),
         ({"base": {"uavs": [{"id": 1}, {"id": 3}]}}, ["base scenario: uavs[1].id is 3"]),
         ({"digest": "xyz"}, ["digest abc", "with xyz"]),

@@ -35,6 +35,14 @@ def test_spearman_by_hand() -> None:
     assert found.correlation == pytest.approx(0.8)
 
 
+def test_few_flights_in_order_are_no_evidence() -> None:
+    """4! orders are as likely: two of 24 are as strong."""
+    values = np.where(np.arange(40) < 4, np.arange(40.0), np.nan)
+    [found] = ranked({"x": values}, np.arange(40.0))
+    assert (found.correlation, found.flights) == (pytest.approx(1.0), 4)
+    assert found.p_value >= 2 / 24
+
+
 def test_failures_count_and_are_worst() -> None:
     x = np.linspace(0.0, 1.0, 60)
     failing = np.where(x > 0.8, math.inf, 1.0)  # a cost that the survivors do not show
