@@ -3,7 +3,6 @@
 import os
 import signal
 import socket
-import sys
 import time
 from collections import Counter
 from pathlib import Path
@@ -36,6 +35,7 @@ from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import sign_bytes
 from mavlink_defs.framing.key_file import KeyFile, load_link_signer
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
+from mavlink_defs.visible import log_line
 
 __all__ = ["Autopilot", "log"]
 
@@ -373,4 +373,4 @@ def _waits(sock: socket.socket) -> bool:
 
 def log(system: int, text: str) -> None:
     """Write a line about a UAV to standard error, which is its log."""
-    print(f"ftc-autopilot {system}: {text}", file=sys.stderr)
+    log_line(f"ftc-autopilot {system}: {text}")

@@ -19,7 +19,7 @@ from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from mavlink_defs import dialect
-from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
+from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, Title, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
 from sitl_plant.hardware import ActuatorServos
@@ -133,7 +133,7 @@ class AutopilotConfig(Model):
     """All that one autopilot process needs."""
 
     id: SystemId
-    name: str = Field(min_length=1, description="Name of the UAV.")
+    name: Title = Field(min_length=1, description="Name of the UAV.")
     step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
     identity: Identity = Field(
         default="ardupilot", description="Autopilot whose MAVLink conventions it follows."

@@ -29,6 +29,7 @@ from mavlink_defs.endpoint import (
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import SigningError, words_of
 from mavlink_defs.runtime.shutdown import on_stop
+from mavlink_defs.visible import log_line
 
 __all__ = ["main"]
 
@@ -77,10 +78,10 @@ def main(arguments: list[str] | None = None) -> None:
                 for config, record in zip(configs, records, strict=True)
             ]
         except (ConfigError, EndpointError, SigningError) as problem:
-            print(problem, file=sys.stderr)
+            log_line(problem)
             sys.exit(2)
         except OSError as problem:
-            print(f"cannot write {problem.filename}: {problem.strerror}", file=sys.stderr)
+            log_line(f"cannot write {problem.filename}: {problem.strerror}")
             sys.exit(2)
         if options.crash_at is not None:
             autopilots[0].crash_at = options.crash_at

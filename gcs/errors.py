@@ -10,6 +10,7 @@ GcsError            1  something could not be done
 """
 
 from mavlink_defs.endpoint import EndpointError, PortTaken
+from mavlink_defs.visible import visible_lines
 
 __all__ = [
     "BadInput",
@@ -29,7 +30,7 @@ class GcsError(Exception):
     exit_status = 1
 
     def __init__(self, text: str, hint: str = "") -> None:
-        super().__init__(text)
+        super().__init__(visible_lines(text))
         self.hint = hint
 
 

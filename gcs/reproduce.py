@@ -16,7 +16,7 @@ from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import save
 from gcs.fleet.in_process import fly_in_process
 from gcs.reports.combinations import combinations_csv, combinations_section
-from gcs.reports.markdown import html_of
+from gcs.reports.markdown import html_of, save_markdown
 from gcs.reports.paper import CONTROLLERS, MODES, Results, paper_report
 from gcs.reports.published_values import FIG_9
 from gcs.reports.theory import theory_section
@@ -129,7 +129,7 @@ def reproduce(
     )
     text = paper_report(results)
     text += "\n" + _second_chapter(scenarios, summaries, jobs, out, on_step, faults=faults)
-    write_text(out / "report.md", text)
+    save_markdown(out / "report.md", text)
     write_text(out / "report.html", html_of(text, out))
     on_step("wrote the report")
     return summaries

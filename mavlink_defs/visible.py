@@ -4,9 +4,10 @@ A control character in them could steer the reader's terminal, forge a line of a
 around. Whoever shows or stores text that is not the project's own passes it through here.
 """
 
+import sys
 import unicodedata
 
-__all__ = ["visible", "visible_lines"]
+__all__ = ["log_line", "visible", "visible_lines"]
 
 _UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Unicode categories: controls (C0, DEL, C1), formats, lone surrogates, separators of lines and
@@ -25,6 +26,11 @@ def visible(text: str) -> str:
 def visible_lines(text: str) -> str:
     """Return `visible` text whose line feeds stay: the caller has laid out the lines."""
     return text if text.isprintable() else "\n".join(map(visible, text.split("\n")))
+
+
+def log_line(text: object) -> None:
+    """Write lines to standard error, which is the log of a process."""
+    print(visible_lines(str(text)), file=sys.stderr, flush=True)
 
 
 def _seen(character: str) -> str:

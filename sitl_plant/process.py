@@ -45,6 +45,7 @@ from mavlink_defs.framing.hot_signing import sign_bytes
 from mavlink_defs.framing.key_file import KeyFile, load_link_signer
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.shutdown import on_stop
+from mavlink_defs.visible import log_line
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
 from sitl_plant.link import new_link, run, send_states
@@ -283,17 +284,17 @@ def main(arguments: list[str] | None = None) -> None:
         address = parse_address(config.bind)
         sock = bind_udp(address, "plant", "change `bind`")
     except (ConfigError, EndpointError, SigningError) as problem:
-        print(problem, file=sys.stderr)
+        log_line(problem)
         sys.exit(2)
     if not is_loopback(address):
         _log(exposed(address, config.signing_key is not None))
     try:
         plant = Plant(config, sock, options.record, key_file)
     except SigningError as problem:
-        print(problem, file=sys.stderr)
+        log_line(problem)
         sys.exit(2)
     except OSError as problem:
-        print(f"cannot write {problem.filename}: {problem.strerror}", file=sys.stderr)
+        log_line(f"cannot write {problem.filename}: {problem.strerror}")
         sys.exit(2)
 
     def stop() -> None:
@@ -312,4 +313,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _log(text: str) -> None:
     with contextlib.suppress(OSError):  # a full disk must not end the flight
-        print(f"sitl-plant: {text}", file=sys.stderr, flush=True)
+        log_line(f"sitl-plant: {text}")

@@ -7,7 +7,7 @@ Errors of a file are found as those of a scenario are, all at once; what needs t
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from gcs.campaigns.distributions import Choice, Distribution, is_number, support
 from mavlink_defs.config.files import read, validate
@@ -17,11 +17,14 @@ from mavlink_defs.config.models import (
     Model,
     Problem,
     Problems,
+    Prose,
     SystemId,
+    Title,
     repeated,
 )
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import ACTUATORS, Actuator
+from mavlink_defs.visible import visible
 
 __all__ = [
     "Campaign",
@@ -38,7 +41,9 @@ Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
 FaultKind = Literal["loss", "bias", "stuck"]
 
 Name = Annotated[str, StringConstraints(pattern=r"^[\w.\[\]-]+$")]
-VariantName = Annotated[str, StringConstraints(pattern=r"^[^`|\x00-\x1f]+$")]
+VariantName = Annotated[
+    str, StringConstraints(pattern=r"^[^`|\x00-\x1f]+$"), AfterValidator(visible)
+]
 
 
 class Factor(Model):
@@ -116,8 +121,8 @@ class Kept(Model):
 class Campaign(Model):
     """Many flights of one scenario, with values drawn from distributions."""
 
-    name: str = Field(min_length=1, description="Name of the campaign.")
-    description: str = Field(default="", description="Purpose, in a line or more.")
+    name: Title = Field(min_length=1, description="Name of the campaign.")
+    description: Prose = Field(default="", description="Purpose, in a line or more.")
     scenario: str = Field(
         min_length=1, description="The base: a file beside this one, or a bundled scenario."
     )

@@ -6,7 +6,7 @@ from gcs.campaigns.findings import findings_of
 from gcs.figures.campaign import distributions, importance, sobol_indices, two_factors
 from gcs.figures.style import save
 from gcs.reports.campaign import campaign_report
-from gcs.reports.markdown import html_of
+from gcs.reports.markdown import html_of, save_markdown
 from mavlink_defs.runtime.files import write_text
 
 __all__ = ["write_report"]
@@ -44,6 +44,6 @@ def write_report(folder: Path) -> Path:
             save(figure, folder / "figures", name)
             figures[name] = _CAPTIONS[name]
     markdown = campaign_report(findings, figures)
-    write_text(folder / "report.md", markdown)
+    save_markdown(folder / "report.md", markdown)
     write_text(folder / "report.html", html_of(markdown, folder))
     return folder / "report.html"

@@ -115,6 +115,7 @@ def baseline(
     from gcs.baselines.senders import periodic_base
     from gcs.campaigns.model import load_campaign
     from gcs.reports.baseline import COLUMNS, baseline_report, baseline_rows, baseline_words
+    from gcs.reports.markdown import save_markdown
     from gcs.results.run_folder import make_run_folder
     from gcs.scenario.bundled import find_scenario
     from mavlink_defs.runtime.files import write_text
@@ -157,7 +158,7 @@ def baseline(
         pool.shutdown(cancel_futures=True)
     text = json.dumps(found.to_json(), indent=2) + "\n"
     write_text(folder / "baseline.json", text)
-    write_text(folder / "baseline.md", baseline_report(found))
+    save_markdown(folder / "baseline.md", baseline_report(found))
     if as_json:
         print_json(found.to_json(), indent=2)
         return

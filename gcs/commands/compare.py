@@ -54,6 +54,7 @@ def compare(
     from gcs.campaigns.findings import findings_of
     from gcs.campaigns.gate import DEFAULT, gate, parse_rules
     from gcs.reports import gate as reports
+    from gcs.reports.markdown import save_markdown
     from mavlink_defs.runtime.files import write_text
 
     both = findings_of(old), findings_of(new)
@@ -62,7 +63,7 @@ def compare(
     rules = parse_rules(fail_if or [DEFAULT], [*before.values(), *after.values()])
     checks = gate(before, after, rules)
     if markdown is not None:
-        write_text(markdown, reports.gate_markdown(str(old), str(new), checks, notes))
+        save_markdown(markdown, reports.gate_markdown(str(old), str(new), checks, notes))
     if junit is not None:
         write_text(junit, reports.junit(str(old), str(new), checks, notes))
     console = console_of(stderr=False)

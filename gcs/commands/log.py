@@ -10,6 +10,7 @@ from gcs.commands.dashboard import ThemeOption, run_dashboard
 from gcs.commands.station import run_interruptible
 from gcs.errors import BadInput
 from mavlink_defs.capture.tlog import TlogError, read_frames
+from mavlink_defs.visible import visible
 
 __all__ = ["EPILOG", "log"]
 
@@ -46,7 +47,7 @@ def log(
     from gcs.tui.app import Dashboard
     from gcs.tui.playback import Playback
 
-    playback = Playback(file.name, frames, time.monotonic)
+    playback = Playback(visible(file.name), frames, time.monotonic)
     playback.speed = speed
     playback.seek(at)
     run_interruptible(run_dashboard(Dashboard(playback, theme)))

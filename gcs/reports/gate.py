@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from gcs.campaigns.gate import Check
 from gcs.reports.markdown import bullets, table
+from mavlink_defs.visible import visible, visible_lines
 
 __all__ = ["gate_lines", "gate_markdown", "junit"]
 
@@ -42,6 +43,9 @@ def junit(old: str, new: str, checks: Sequence[Check], notes: Sequence[str]) -> 
     if notes:
         ET.SubElement(suite, "system-out").text = "\n".join(notes)
     ET.indent(suites)
+    for element in suites.iter():  # XML has no way to write most control characters
+        element.text = visible_lines(element.text or "")
+        element.attrib.update({key: visible(text) for key, text in element.attrib.items()})
     return ET.tostring(suites, encoding="unicode", xml_declaration=True) + "\n"
 
 

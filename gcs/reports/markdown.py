@@ -6,7 +6,10 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-__all__ = ["bullets", "html_of", "plain", "table"]
+from mavlink_defs.runtime.files import write_text
+from mavlink_defs.visible import visible_lines
+
+__all__ = ["bullets", "html_of", "plain", "save_markdown", "table"]
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
@@ -49,6 +52,15 @@ def bullets(sentences: Iterable[str]) -> str:
     return "".join(f"- {sentence}\n" for sentence in sentences)
 
 
+def save_markdown(path: Path, markdown: str) -> None:
+    """Write a report, whose names and reasons may be anyone's.
+
+    Raises:
+        OSError: It cannot be written; it is named.
+    """
+    write_text(path, visible_lines(markdown))
+
+
 def html_of(markdown: str, folder: Path) -> str:
     """Return the report as one HTML page that needs no other file.
 
@@ -58,6 +70,7 @@ def html_of(markdown: str, folder: Path) -> str:
     """
     from markdown_it import MarkdownIt
 
+    markdown = visible_lines(markdown)
     body = MarkdownIt("commonmark").enable("table").render(markdown)
     body = body.replace("<table>", '<div class="wide"><table>').replace(
         "</table>", "</table></div>"

@@ -14,12 +14,14 @@ from rich.table import Table
 
 from gcs.errors import BadInput
 from gcs.reports.formatting import milliseconds, percent
+from gcs.reports.markdown import save_markdown
 from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
 from gcs.results.traffic import KINDS
 from gcs.scenario.model import Scenario
 from gcs.sweeps.points import Point
 from gcs.terminal import numbers, table_of, words
-from mavlink_defs.runtime.files import naming, write_text
+from mavlink_defs.runtime.files import naming
+from mavlink_defs.visible import visible
 
 __all__ = [
     "Dimension",
@@ -93,8 +95,8 @@ def write_csv(points: Sequence[Point], path: Path) -> None:
         rows = csv.writer(file)
         rows.writerow(head)
         for point in points:
-            start: list[Any] = [point.row, point.file, *point.values.values()]
-            start += [point.outcome, point.reason]
+            texts = (point.file, *point.values.values(), point.outcome, point.reason)
+            start: list[Any] = [point.row, *map(visible, texts)]
             ids = point.uav_ids()
             if not ids:
                 rows.writerow(start + [None] * (len(head) - len(start)))
@@ -122,7 +124,7 @@ def write_markdown(points: Sequence[Point], uav_id: int | None, path: Path) -> N
         if triggered:
             cells[-1:-1] = _neighbour_figures(point, uav_id)
         lines.append(_markdown_row(cells))
-    write_text(path, "\n".join(lines) + "\n")
+    save_markdown(path, "\n".join(lines) + "\n")
 
 
 def _markdown_row(cells: Sequence[str]) -> str:

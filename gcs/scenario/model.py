@@ -39,7 +39,16 @@ from gcs.scenario.sections import (
 )
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
-from mavlink_defs.config.models import ConfigError, Loc, Model, Problem, Problems, repeated
+from mavlink_defs.config.models import (
+    ConfigError,
+    Loc,
+    Model,
+    Problem,
+    Problems,
+    Prose,
+    Title,
+    repeated,
+)
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.mission_files import is_mission_file
@@ -63,8 +72,10 @@ __all__ = ["Scenario", "load_scenario", "scenario_of", "scenario_tree"]
 class Scenario(Model):
     """One flight: fleet, aircraft, controller, network, references, faults, links."""
 
-    name: str = Field(min_length=1, description="Name of the scenario.")
-    description: str = Field(default="", description="Purpose of the scenario, in a line or more.")
+    name: Title = Field(min_length=1, description="Name of the scenario.")
+    description: Prose = Field(
+        default="", description="Purpose of the scenario, in a line or more."
+    )
     duration_s: float = quantity("s", gt=0.0, le=86_400.0, doc="Length of the flight.")
     step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
     aircraft: Aircraft = Field(description="The nominal aircraft.")

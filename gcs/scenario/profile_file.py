@@ -14,7 +14,7 @@ from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
-from mavlink_defs.config.models import ConfigError, Model, Problem
+from mavlink_defs.config.models import ConfigError, Model, Problem, Prose, Title
 from mavlink_defs.mission_files import is_mission_file, read_mission_file
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
@@ -33,8 +33,8 @@ __all__ = ["ProfileFile", "load_profile", "profile_yaml"]
 class ProfileFile(Model):
     """A profile on its own."""
 
-    name: str = Field(default="", description="Name of the profile.")
-    description: str = Field(default="", description="Purpose of the profile.")
+    name: Title = Field(default="", description="Name of the profile.")
+    description: Prose = Field(default="", description="Purpose of the profile.")
     profile: tuple[ProfileSegment, ...] = Field(
         min_length=1, max_length=MAX_SEGMENTS, description="The segments, in order."
     )

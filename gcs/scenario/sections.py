@@ -11,7 +11,16 @@ from pydantic import Field, model_validator
 
 from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, FormationTrigger, TelemetryClockKind
 from mavlink_defs.capture.impairment import Impairment
-from mavlink_defs.config.models import HostPort, Loc, Model, Port, Problem, Problems, SystemId
+from mavlink_defs.config.models import (
+    HostPort,
+    Loc,
+    Model,
+    Port,
+    Problem,
+    Problems,
+    SystemId,
+    Title,
+)
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, parse_address
@@ -41,7 +50,7 @@ class ScenarioUav(Model):
     """One UAV of the fleet."""
 
     id: SystemId
-    name: str = Field(min_length=1, description="Name that displays show.")
+    name: Title = Field(min_length=1, description="Name that displays show.")
     initial: InitialState = Field(description="State at t = 0.")
     servos: Servos | None = Field(
         default=None, description="Its servos, in place of those of the scenario."

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from rich.text import Text
 from textual.widgets import DirectoryTree
 from textual_plotext import PlotextPlot
 
@@ -11,6 +12,7 @@ from gcs.tui.curves import palette_of
 from gcs.tui.formatting import Cell
 from gcs.tui.grid import Column, Grid, Row
 from mavlink_defs.profile import Segment
+from mavlink_defs.visible import visible
 
 __all__ = ["ProfileFiles", "ProfilePlot", "ProfileTable", "differences", "polyline"]
 
@@ -32,6 +34,10 @@ class ProfileFiles(DirectoryTree):
     """Folders and YAML files."""
 
     ICON_NODE, ICON_NODE_EXPANDED, ICON_FILE = "▸ ", "▾ ", "  "
+
+    def process_label(self, label: Any) -> Text:
+        """Return a file's name as the operator may see it."""
+        return Text(visible(str(label)))
 
     def filter_paths(self, paths: Any) -> Any:
         """Leave out what can be no profile."""

@@ -21,6 +21,7 @@ from gcs.tui.requests import Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.profile import Segment
+from mavlink_defs.visible import visible
 
 __all__ = ["Holdings", "ProfilesPanel"]
 
@@ -130,7 +131,7 @@ class ProfilesPanel(Horizontal):
         try:
             self.segments, self._file = load_profile(path), path
         except ConfigError as problem:
-            says.say("\n".join([f"{path.name}:", *map(str, problem.problems)]))
+            says.say("\n".join([f"{visible(path.name)}:", *map(str, problem.problems)]))
             says.add_class("-wrong")
         else:
             says.say("")
@@ -140,7 +141,9 @@ class ProfilesPanel(Horizontal):
 
     @property
     def _title_of_file(self) -> str:
-        return f"{self._file.name}, {len(self.segments or ())} segments" if self._file else ""
+        return (
+            f"{visible(self._file.name)}, {len(self.segments or ())} segments" if self._file else ""
+        )
 
     def _plot(self, segments: tuple[Segment, ...]) -> None:
         self.query_one(ProfilePlot).show_profile(segments)

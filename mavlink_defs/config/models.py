@@ -18,6 +18,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict
 from mavlink_defs.config.quantity import whole
 from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.endpoint import EndpointError, parse_address
+from mavlink_defs.visible import visible, visible_lines
 
 __all__ = [
     "ConfigError",
@@ -75,7 +76,7 @@ class Problem(NamedTuple):
             text = text.format(*(names.get(key, key) for key in self.keys))
         for part in self.loc:
             place += f"[{part}]" if isinstance(part, int) else f".{names.get(part, part)}"
-        return f"{place.removeprefix('.')}: {text}" if place else text
+        return visible(f"{place.removeprefix('.')}: {text}" if place else text)
 
 
 class ConfigError(ValueError):
@@ -86,7 +87,7 @@ class ConfigError(ValueError):
         super().__init__(self.path, self.problems)
 
     def __str__(self) -> str:
-        return "\n".join(f"{self.path}: {problem}" for problem in self.problems)
+        return "\n".join(f"{visible(str(self.path))}: {problem}" for problem in self.problems)
 
 
 class Problems(ValueError):  # noqa: N818 - several errors in one
@@ -119,6 +120,12 @@ def _normal_address(text: str) -> str:
     except EndpointError as exc:
         raise ValueError(str(exc)) from exc
 
+
+Title = Annotated[str, AfterValidator(visible)]
+"""A name or a line for people: control characters become escapes where it enters."""
+
+Prose = Annotated[str, AfterValidator(visible_lines)]
+"""Text for people, of several lines perhaps."""
 
 HostPort = Annotated[str, AfterValidator(_normal_address)]
 """A UDP address, "host:port"."""

@@ -20,6 +20,7 @@ from mavlink_defs.framing.header import (
     V2_MAGIC,
     FrameHeader,
 )
+from mavlink_defs.visible import visible
 
 __all__ = ["FramePacker", "drop_reason", "frame_size", "parse", "text_chunks"]
 
@@ -139,11 +140,11 @@ def text_chunks(severity: int, text: str, identity: int) -> list[dialect.MAVLink
 
     Args:
         severity: MAV_SEVERITY.
-        text: The text; characters outside ASCII are replaced.
+        text: The text; control characters become escapes, others outside ASCII are replaced.
         identity: Number that distinguishes this text from others while its chunks arrive; 0 is
             raised to 1, since 0 means a text of one chunk.
     """
-    raw = text.encode("ascii", "replace")
+    raw = visible(text).encode("ascii", "replace")
     chunks = [raw[i : i + STATUSTEXT_SIZE] for i in range(0, len(raw), STATUSTEXT_SIZE)] or [b""]
     if len(chunks) == 1:
         return [dialect.MAVLink_statustext_message(severity, chunks[0])]

@@ -12,6 +12,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from mavlink_defs.visible import log_line
+
 __all__ = ["main", "offer_dialect"]
 
 NAME = "ftc"
@@ -44,8 +46,8 @@ def main(arguments: list[str] | None = None) -> None:
     beside = Path(sys.executable).parent / arguments[0]
     program = str(beside) if beside.is_file() else shutil.which(arguments[0])
     if program is None:
-        print(f"ftc-mavlink: there is no program '{arguments[0]}'", file=sys.stderr)
-        print("hint: MAVProxy comes with `pip install MAVProxy`", file=sys.stderr)
+        log_line(f"ftc-mavlink: there is no program '{arguments[0]}'")
+        log_line("hint: MAVProxy comes with `pip install MAVProxy`")
         sys.exit(2)
     offer_dialect()
     if Path(program).name == "mavgraph.py":

@@ -21,6 +21,7 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
+from mavlink_defs.visible import visible
 
 __all__ = [
     "GAP_TIMEOUT_S",
@@ -289,4 +290,4 @@ def _param(message: MAVLink_param_value_message) -> Param:
     value: float = decimal_of_float32(message.param_value)
     if message.param_type not in _REALS and abs(value) < float("inf"):
         value = int(value)
-    return Param(str(message.param_id), value, message.param_type)
+    return Param(visible(str(message.param_id)), value, message.param_type)

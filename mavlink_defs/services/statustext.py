@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from mavlink_defs.constants import STATUSTEXT_SIZE
 from mavlink_defs.dialect import MAVLink_statustext_message
+from mavlink_defs.visible import visible
 
 __all__ = ["CHUNK_TIMEOUT_S", "Text", "TextAssembler"]
 
@@ -16,7 +17,7 @@ CHUNK_TIMEOUT_S = 1.0
 
 @dataclass(frozen=True)
 class Text:
-    """A complete text and its MAV_SEVERITY."""
+    """A complete text, without control characters, and its MAV_SEVERITY."""
 
     severity: int
     text: str
@@ -38,7 +39,7 @@ class _Pieces:
             parts.append(self.chunks.get(i, "…"))
         if len(parts[-1]) == STATUSTEXT_SIZE:
             parts.append("…")
-        return Text(self.severity, "".join(parts))
+        return Text(self.severity, visible("".join(parts)))
 
 
 class TextAssembler:
@@ -51,7 +52,7 @@ class TextAssembler:
         """Take in a message; the text that it completes, if it does."""
         chunk = str(message.text)
         if message.id == 0:
-            return [Text(message.severity, chunk)]
+            return [Text(message.severity, visible(chunk))]
         pieces = self._open.setdefault(message.id, _Pieces(message.severity, 0.0))
         pieces.deadline = now + CHUNK_TIMEOUT_S
         pieces.chunks[message.chunk_seq] = chunk
