@@ -1,5 +1,6 @@
 """One autopilot: its sockets and the wall clock, around the compiled loop and the services."""
 
+import contextlib
 import os
 import signal
 import socket
@@ -64,6 +65,7 @@ class Autopilot:
         is_over: Whether its flight has ended, or it was stopped.
         loss: Why it ended before the simulation did; None if it did not.
         crash_at: Step after which to die, as by SIGKILL: for tests.
+        record_optional: Whether to fly on if the record cannot be written.
     """
 
     def __init__(
@@ -130,6 +132,7 @@ class Autopilot:
         self.loss: str | None = None
         self.is_over = False
         self.crash_at = _NEVER
+        self.record_optional = False
 
     def _keep_in(self, path: Path) -> bool:
         """Keep the state in a file, path and signals beside it; return whether one was there.
@@ -210,7 +213,8 @@ class Autopilot:
             if self._recorder is not None:
                 self._recorder.finish(self.loss, self._hot.repeated, heard_end)
         except OSError as problem:
-            self.loss = f"cannot write {problem.filename}: {problem.strerror}"
+            if not self.record_optional:
+                self.loss = f"cannot write {problem.filename}: {problem.strerror}"
 
     def _keep_record(self, restarted: bool) -> str | None:
         """Write the record if it is full; return why it cannot be written."""
@@ -220,7 +224,11 @@ class Autopilot:
             elif self._recorder is not None:
                 self._recorder.keep()
         except OSError as problem:
-            return f"cannot write {problem.filename}: {problem.strerror}"
+            text = f"cannot write {problem.filename}: {problem.strerror}"
+            if self._recorder is None or not self.record_optional:
+                return text
+            self._recorder.give_up()
+            log(self.system, f"{text}; flying on without recording")
         return None
 
     def refused(self) -> Counter[str]:
@@ -373,4 +381,5 @@ def _waits(sock: socket.socket) -> bool:
 
 def log(system: int, text: str) -> None:
     """Write a line about a UAV to standard error, which is its log."""
-    log_line(f"ftc-autopilot {system}: {text}")
+    with contextlib.suppress(OSError):  # a full disk must not end the flight
+        log_line(f"ftc-autopilot {system}: {text}")

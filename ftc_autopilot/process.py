@@ -53,6 +53,9 @@ def main(arguments: list[str] | None = None) -> None:
         help="write all signals as .npy; with several CONFIGs once for each",
     )
     parser.add_argument(
+        "--record-optional", action="store_true", help="fly on if FOLDER cannot be written"
+    )
+    parser.add_argument(
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
     parser.add_argument(
@@ -83,6 +86,8 @@ def main(arguments: list[str] | None = None) -> None:
         except OSError as problem:
             log_line(f"cannot write {problem.filename}: {problem.strerror}")
             sys.exit(2)
+        for autopilot in autopilots:
+            autopilot.record_optional = options.record_optional
         if options.crash_at is not None:
             autopilots[0].crash_at = options.crash_at
         together = Autopilots(autopilots)

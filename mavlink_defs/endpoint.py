@@ -26,6 +26,7 @@ __all__ = [
     "address_of",
     "bind_udp",
     "connect_udp",
+    "connected_twin",
     "exposed",
     "free_ports",
     "is_loopback",
@@ -203,6 +204,32 @@ def connect_udp(address: UdpAddress) -> socket.socket:
         sock.close()
         raise EndpointError(f"cannot reach {address} over UDP: {exc.strerror}") from exc
     return sock
+
+
+def connected_twin(sock: socket.socket, peer: tuple[str, int]) -> socket.socket:
+    """Open another socket at the address of a bound one, which receives what one peer sends there.
+
+    For a moment before it is connected it may receive what others send. The port is shared no
+    longer than that: another program still cannot bind it.
+
+    Raises:
+        OSError: The system gives no such socket.
+    """
+    share = socket.SO_REUSEPORT if _BSD_LAYOUT else socket.SO_REUSEADDR
+    twin = _udp_socket()
+    try:
+        for one in (sock, twin):
+            one.setsockopt(socket.SOL_SOCKET, share, 1)
+        twin.bind(sock.getsockname())
+        twin.connect(peer)
+    except BaseException:
+        twin.close()
+        raise
+    finally:
+        for one in (sock, twin):
+            with suppress(OSError):
+                one.setsockopt(socket.SOL_SOCKET, share, 0)
+    return twin
 
 
 def open_udp(peers: Iterable[UdpAddress]) -> socket.socket:

@@ -72,8 +72,11 @@ class Plant:
         sock: socket.socket,
         record: Path | None,
         key_file: KeyFile | None,
+        *,
+        record_optional: bool = False,
     ) -> None:
         self._config = config
+        self._record_optional = record_optional
         self._sock = sock
         self._fd = sock.fileno()
         set_receive_timeout(sock, _TICK_S)
@@ -152,7 +155,7 @@ class Plant:
             if self._recorder is not None:
                 self._recorder.finish(loss, int(self._state["step"]), self.wall_s)
         except OSError as problem:
-            return f"cannot write {problem.filename}: {problem.strerror}"
+            return loss if self._record_optional else _unwritten(problem)
         return loss
 
     def _keep_record(self) -> str | None:
@@ -161,7 +164,10 @@ class Plant:
             if self._recorder is not None:
                 self._recorder.keep()
         except OSError as problem:
-            return f"cannot write {problem.filename}: {problem.strerror}"
+            if self._recorder is None or not self._record_optional:
+                return _unwritten(problem)
+            self._recorder.give_up()
+            _log(f"{_unwritten(problem)}; flying on without recording")
         return None
 
     @property
@@ -271,12 +277,17 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("config", type=Path, help="plant configuration (YAML)")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="write all steps as .npy")
     parser.add_argument(
+        "--record-optional",
+        action="store_true",
+        help="fly on if FOLDER cannot be written; who reads it removes what was read",
+    )
+    parser.add_argument(
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
     )
     options = parser.parse_args(arguments)
     try:
         config = load(options.config, PlantConfig)
-        if options.record and config.duration_s is None:
+        if options.record and config.duration_s is None and not options.record_optional:
             raise ConfigError(
                 options.config, [Problem(("duration_s",), "missing; --record needs an end")]
             )
@@ -289,12 +300,14 @@ def main(arguments: list[str] | None = None) -> None:
     if not is_loopback(address):
         _log(exposed(address, config.signing_key is not None))
     try:
-        plant = Plant(config, sock, options.record, key_file)
+        plant = Plant(
+            config, sock, options.record, key_file, record_optional=options.record_optional
+        )
     except SigningError as problem:
         log_line(problem)
         sys.exit(2)
     except OSError as problem:
-        log_line(f"cannot write {problem.filename}: {problem.strerror}")
+        log_line(_unwritten(problem))
         sys.exit(2)
 
     def stop() -> None:
@@ -309,6 +322,10 @@ def main(arguments: list[str] | None = None) -> None:
     if loss is not None:
         _log(loss)
     sys.exit(0 if loss is None else 1)
+
+
+def _unwritten(problem: OSError) -> str:
+    return f"cannot write {problem.filename}: {problem.strerror}"
 
 
 def _log(text: str) -> None:

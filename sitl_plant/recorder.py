@@ -21,12 +21,19 @@ class Recorder:
         self._link = link
         self._spool = Spool(folder)
         self._rows = 0
+        self._given_up = False
         self._dtype = np.dtype(
             [(name, "f8", array.shape[1:]) for name, array in link.record._asdict().items()]
         )
 
+    def give_up(self) -> None:
+        """Write nothing any more, as what follows a gap would not be what it seems."""
+        self._given_up = True
+
     def keep(self, at_least: int = RECORD_ROWS) -> None:
         """Write the record if it has so many rows; OSError with a file's name if it cannot."""
+        if self._given_up:
+            self._link.state["recorded"] = 0
         count = int(self._link.state[0]["recorded"])
         if count >= at_least:
             rows = np.empty(count, self._dtype)
@@ -39,4 +46,5 @@ class Recorder:
     def finish(self, loss: str | None, steps: int, wall_s: float) -> None:
         """Write the rest and how the flight ended; OSError with a file's name if it cannot."""
         self.keep(at_least=1)
-        self._spool.finish(loss=loss, steps=steps, wall_s=wall_s)
+        if not self._given_up:
+            self._spool.finish(loss=loss, steps=steps, wall_s=wall_s)

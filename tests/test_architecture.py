@@ -24,6 +24,8 @@ SHELLS = {
     "gcs.fleet.flight",
     "gcs.fleet.fork_server",
     "gcs.fleet.forked",
+    "gcs.fleet.hub_socket",
+    "gcs.fleet.standing_record",
     "gcs.fleet.processes",
     "gcs.fleet.relays",
     "gcs.fleet.standing",

@@ -20,6 +20,7 @@ from mavlink_defs.config.inherit import PlaceError, merged, with_values
 
 __all__ = [
     "FreePortsOption",
+    "ProcessesOption",
     "QuietOption",
     "Restart",
     "RestartOption",
@@ -41,6 +42,16 @@ RunFolderOption = Annotated[
 ]
 FreePortsOption = Annotated[
     bool, typer.Option("--free-ports", help="Use free UDP ports instead of the scenario's.")
+]
+ProcessesOption = Annotated[
+    int | None,
+    typer.Option(
+        "--autopilot-processes",
+        min=1,
+        help="Autopilots share so many processes, instead of one each. In lockstep a large "
+        "fleet flies faster in as many as there are cores; its messages are the same.",
+        metavar="NUMBER",
+    ),
 ]
 WithOption = Annotated[
     list[str] | None,

@@ -14,6 +14,7 @@ from rich.console import Console
 
 from gcs.commands.common import (
     FreePortsOption,
+    ProcessesOption,
     QuietOption,
     Restart,
     RestartOption,
@@ -77,16 +78,7 @@ def fly(
         typer.Option("--in-process", help="Plant and controllers in one process, without links."),
     ] = False,
     restart: RestartOption = Restart.NEVER,
-    processes: Annotated[
-        int | None,
-        typer.Option(
-            "--autopilot-processes",
-            min=1,
-            help="Autopilots share so many processes, instead of one each. In lockstep a large "
-            "fleet flies faster in as many as there are cores; its messages are the same.",
-            metavar="NUMBER",
-        ),
-    ] = None,
+    processes: ProcessesOption = None,
     free_ports: FreePortsOption = False,
     record: Annotated[
         Record,

@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +11,7 @@ from rich.console import Console
 
 from gcs.commands.common import (
     FreePortsOption,
+    ProcessesOption,
     QuietOption,
     Restart,
     RestartOption,
@@ -60,6 +61,13 @@ def up(
     ] = False,
     start: Annotated[bool, typer.Option("--start", help="Also start the mission and arm.")] = False,
     restart: RestartOption = Restart.ON_FAILURE,
+    processes: ProcessesOption = None,
+    record: Annotated[
+        bool,
+        typer.Option(
+            help="Keep a log and a light recording of the flight, the newest 256 MB of both."
+        ),
+    ] = True,
     hub_port: Annotated[
         int,
         typer.Option(
@@ -89,6 +97,12 @@ def up(
         raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
     if speed is not None and lockstep:
         raise BadInput("--speed paces the plant; --lockstep does not", "leave one of them out")
+    if processes is not None and (not lockstep or restart is Restart.ON_FAILURE):
+        raise BadInput(
+            f"--autopilot-processes is {processes}: autopilots share processes only in lockstep "
+            "and without restarts",
+            "add --lockstep --restart never, or leave it out",
+        )
     from gcs.fleet.processes import check_ports, on_free_ports
     from gcs.results.run_folder import make_run_folder
 
@@ -103,7 +117,18 @@ def up(
     pace = None if lockstep else speed or 1.0
 
     def fly(scenario: Scenario, hub: UdpAddress) -> None:
-        _up(scenario, folder, hub, pace, start, restart is Restart.ON_FAILURE, console, as_json)
+        _up(
+            scenario,
+            folder,
+            hub,
+            console,
+            as_json,
+            speed=pace,
+            start=start,
+            restart=restart is Restart.ON_FAILURE,
+            record=record,
+            autopilot_processes=processes,
+        )
 
     try:
         warm_up(loaded, console)
@@ -120,12 +145,11 @@ def _up(
     scenario: Scenario,
     folder: Path,
     hub: UdpAddress,
-    speed: float | None,
-    start: bool,
-    restart: bool,
     console: Console,
     as_json: bool,
+    **options: Any,
 ) -> None:
+    """Keep a fleet up until it is stopped; `options` are those of `keep_up`."""
     from gcs.fleet.standing import keep_up
 
     links = scenario.links
@@ -133,7 +157,7 @@ def _up(
         warn_if_exposed(address, links.signing_key is not None)
 
     def ready() -> None:
-        _announce(scenario, folder, hub, speed, start, console)
+        _announce(scenario, folder, hub, console, options)
         if as_json:
             print_json(_addresses(scenario, folder, hub))
 
@@ -142,11 +166,9 @@ def _up(
         scenario,
         folder,
         hub,
-        speed=speed,
-        start=start,
-        restart=restart,
         on_ready=ready,
         on_message=lambda text: words.print(text, soft_wrap=True),
+        **options,
     )
     asyncio.run(_until_stopped(keeping))
 
@@ -171,14 +193,25 @@ def _addresses(scenario: Scenario, folder: Path, hub: UdpAddress) -> dict[str, A
     }
 
 
+def _kept(folder: Path, record: bool) -> str:
+    """Say where the files of a fleet are."""
+    from gcs.fleet.standing_record import LIMIT_BYTES, LOG
+
+    processes = f"logs of the processes: {folder / 'processes'}"
+    if not record:
+        return processes
+    size = 2 * LIMIT_BYTES // 1_000_000
+    return f"log and recording, at most {size} MB: {folder / LOG}, trajectory.arrows; {processes}"
+
+
 def _announce(
     scenario: Scenario,
     folder: Path,
     hub: UdpAddress,
-    speed: float | None,
-    start: bool,
     console: Console,
+    options: Mapping[str, Any],
 ) -> None:
+    speed, start = options["speed"], options["start"]
     addresses = _addresses(scenario, folder, hub)
     mission = scenario.mission
     flown = (
@@ -196,7 +229,7 @@ def _announce(
         f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), {flown}, "
         f"{counted(len(scenario.faults), 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
-        f"  logs of the processes: {folder / 'processes'}",
+        f"  {_kept(folder, options['record'])}",
         *(f"  {'then:' if i == 0 else '     '} {words}" for i, words in enumerate(then)),
         "  Ctrl-C stops the fleet",
     ]

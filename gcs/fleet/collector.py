@@ -14,6 +14,8 @@ from mavlink_defs.runtime.spool import SpoolReader
 
 __all__ = ["Collector"]
 
+_MOST_WAITING = 3
+"""Pieces of the plant's recording that wait for an autopilot's."""
 _WHOLE = np.dtype((np.void, SIGNALS.itemsize))
 """Signals as one block of bytes; numpy copies a record by its fields, ten times as slowly."""
 
@@ -45,6 +47,13 @@ class Collector:
         for steps in self._complete(over):
             on_steps(steps)
 
+    def pass_on_without_stragglers(self, on_steps: Callable[[Steps], None]) -> None:
+        """Hand on the steps that are complete, and those that an autopilot has not had for long.
+
+        For flights in which an autopilot may be gone for good: nothing piles up on disk.
+        """
+        self.pass_on(on_steps, over=self._plant.waiting >= _MOST_WAITING)
+
     def ending(self, mode: Mode, restarts: tuple[int, ...] = ()) -> Ending:
         """Return how the flight ended, and remove the recordings of the processes.
 
@@ -68,8 +77,7 @@ class Collector:
             if self._next == self._scenario.steps and not facts["heard_end"]:
                 why = facts["loss"] or "its autopilot was stopped"
                 loss = loss or f"UAV {i} did not hear the end of the flight: {why}"
-        for reader in (self._plant, *(autopilot.reader for autopilot in self._autopilots)):
-            reader.remove()
+        self.remove()
         return Ending(
             mode=mode,
             steps=self._next,
@@ -78,6 +86,11 @@ class Collector:
             loss=loss,
             restarts=restarts,
         )
+
+    def remove(self) -> None:
+        """Remove the recordings of the processes."""
+        for reader in (self._plant, *(autopilot.reader for autopilot in self._autopilots)):
+            reader.remove()
 
     def recording(self, mode: Mode) -> Recording:
         """Return the whole flight, of which nothing has been handed on; raises as `ending`."""

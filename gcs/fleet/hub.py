@@ -6,7 +6,8 @@ datagrams and the time go in, destination addresses come out.
 """
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import TypeAlias
 
@@ -16,14 +17,36 @@ from mavlink_defs.framing.frames import drop_reason, parse
 from mavlink_defs.framing.header import FrameHeader
 from mavlink_defs.framing.signing import Signer
 
-__all__ = ["MAX_STATIONS", "PATIENCE_S", "Hub"]
+__all__ = ["MAX_STATIONS", "PATIENCE_S", "VEHICLE_RATE_HZ", "Hub", "rate_limit_hz"]
 
 PATIENCE_S = 5.0
 """Time without traffic after which a ground station is removed; they send heartbeats."""
 MAX_STATIONS = 256
 """Ground stations served at the same time; datagrams of further ones are dropped."""
 
+VEHICLE_RATE_HZ = 200.0
+"""Datagrams per second that the hub forwards from one ground station to one vehicle."""
+_BURST_S = 2.0
+_TOO_OFTEN = "of a station that sends more than its share"
+
 _Peer: TypeAlias = tuple[str, int]
+
+
+def rate_limit_hz(vehicles: int) -> float:
+    """Return how many datagrams per second the hub looks at of one ground station.
+
+    An upload to all vehicles at once stays below; a program that floods does not. For a moment
+    there may be more, as many as in two seconds.
+    """
+    return 1000.0 + 100.0 * vehicles
+
+
+@dataclass
+class _Share:
+    """What a sender may still send."""
+
+    left: float  # datagrams
+    at: float  # time of that [s]
 
 
 class Hub:
@@ -36,7 +59,11 @@ class Hub:
     """
 
     def __init__(
-        self, systems: Collection[int], signer: Signer | None = None, host: str = "127.0.0.1"
+        self,
+        systems: Collection[int],
+        signer: Signer | None = None,
+        host: str = "127.0.0.1",
+        on_vehicle: Callable[[bytes], None] = lambda _: None,
     ) -> None:
         """Make a hub.
 
@@ -44,19 +71,27 @@ class Hub:
             systems: System ids of the vehicles.
             signer: Verifies frames from both sides; they are forwarded unchanged.
             host: IPv4 address of the hub. Vehicles are on the same machine.
+            on_vehicle: Called with each datagram of a vehicle that is not dropped.
         """
         self.drops: Counter[str] = Counter()
         self.moved: list[int] = []
         self._systems = frozenset(systems)
         self._signer = signer
         self._host = host
+        self._on_vehicle = on_vehicle
         self._vehicles: dict[int, _Peer] = {}
         self._stations: dict[_Peer, float] = {}  # when each was heard last
+        self._shares: dict[tuple[_Peer, int | None], _Share] = {}
+        self._most_shares = MAX_STATIONS * (len(self._systems) + 2)
+        self._rate_hz = rate_limit_hz(len(self._systems))
 
     def route(self, datagram: bytes, sender: _Peer, now: float) -> list[_Peer]:
         """Return the addresses to forward a datagram to."""
         if not datagram:
             return []  # a command probes for a hub
+        is_vehicle = sender in self._vehicles.values()
+        if not (is_vehicle or self._is_within_share((sender, None), self._rate_hz, now)):
+            return self._drop(_TOO_OFTEN)
         wrong = None if self._signer is None else self._signer.problem(datagram)
         if wrong is not None:
             return self._drop(wrong.words)
@@ -73,6 +108,7 @@ class Hub:
                 self._vehicles[header.system] = sender
                 if known is not None:
                     self.moved.append(header.system)
+            self._on_vehicle(datagram)
             return list(alive)
         message = parse(datagram)
         if message is None:
@@ -81,6 +117,8 @@ class Hub:
             return self._drop(f"of more than {MAX_STATIONS} ground stations")
         alive[sender] = now
         target = getattr(message, "target_system", 0)
+        if not self._is_within_share((sender, target), VEHICLE_RATE_HZ, now):
+            return self._drop(_TOO_OFTEN)
         if isinstance(message, dialect.MAVLink_setup_signing_message) and (
             target == 0  # a key is for one
             # the vehicle would see it come from this machine
@@ -92,6 +130,28 @@ class Hub:
         if target not in self._vehicles:
             return self._drop(DropReason.OTHER_TARGET.words)
         return [self._vehicles[target]]
+
+    def knows(self, peer: _Peer) -> bool:
+        """Return whether an address is that of a vehicle, or of a ground station."""
+        return peer in self._stations or peer in self._vehicles.values()
+
+    def _is_within_share(self, whose: tuple[_Peer, int | None], rate_hz: float, now: float) -> bool:
+        """Count a datagram of a sender to a vehicle, or to anybody: None.
+
+        The latter before anything is parsed, so that a flood is cheap.
+        """
+        if whose not in self._shares and len(self._shares) >= self._most_shares:
+            self._shares = {k: s for k, s in self._shares.items() if now - s.at <= PATIENCE_S}
+            if len(self._shares) >= self._most_shares:
+                return False
+        most = _BURST_S * rate_hz
+        share = self._shares.setdefault(whose, _Share(most, now))
+        share.left = min(share.left + (now - share.at) * rate_hz, most)
+        share.at = now
+        if share.left < 1.0:
+            return False
+        share.left -= 1.0
+        return True
 
     def _drop(self, reason: str) -> list[_Peer]:
         self.drops[reason] += 1

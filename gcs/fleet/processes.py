@@ -49,7 +49,9 @@ class _Process:
         """Its last line on standard error, or its exit status."""
         if self.popen.returncode is not None and self.popen.returncode < 0:
             return f"ended by signal {-self.popen.returncode}"
-        lines = self.log.read_text(errors="replace").strip().splitlines()
+        lines: list[str] = []
+        with contextlib.suppress(OSError):  # the run folder is gone
+            lines = self.log.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else f"ended with status {self.popen.returncode}"
 
 
@@ -133,6 +135,7 @@ class FleetProcesses:
         folder: Path,
         *,
         endless: bool = False,
+        record: bool = True,
         restart: bool = False,
         autopilot_processes: int | None = None,
         crashes: Mapping[int, Sequence[int]] = MappingProxyType({}),
@@ -145,8 +148,9 @@ class FleetProcesses:
             scenario: The scenario.
             speed: Real-time factor; None for lockstep.
             folder: For the files of the processes.
-            endless: Ignore the scenario's duration, record nothing, and wait for autopilots that
-                have fallen silent.
+            endless: Ignore the scenario's duration, wait for autopilots that have fallen silent,
+                and fly on if a file of the run folder cannot be written.
+            record: Record what a `Collector` takes away.
             restart: Start autopilots that fail again; they take up what they kept.
             autopilot_processes: How many processes the autopilots share, only in lockstep and
                 without `restart`; None: each has its own.
@@ -159,6 +163,7 @@ class FleetProcesses:
         self._speed = speed
         self._folder = folder
         self._endless = endless
+        self._record = record
         self._restart = restart
         self._autopilot_processes = autopilot_processes
         self._crashes = {f"uav{uav}": list(steps) for uav, steps in crashes.items()}
@@ -168,6 +173,7 @@ class FleetProcesses:
         self._processes: list[_Process] = []
         self._server = ForkServer()
         self._ended: set[str] = set()
+        self._given_up: set[str] = set()
 
     def __enter__(self) -> Self:
         """Write the configurations and start all processes."""
@@ -233,17 +239,27 @@ class FleetProcesses:
         """
         for process in list(self._processes):
             status = process.popen.poll()
+            if process.name in self._given_up:
+                continue
             if status == BadInput.exit_status:
+                if self._endless and self._restarts.counts[process.name]:
+                    self._give_up(process, process.last_line())
+                    continue
                 try:
                     for address in process.addresses:
                         bind_udp(address, process.name).close()
                 except PortTaken:
                     raise PortInUse(process.last_line()) from None
                 raise BadInput(process.last_line())
-            if status and any(SpoolReader(path).facts is None for path in process.recordings):
+            if status and self._is_torn(process):
                 if process.name == _PLANT or not self._restart:
                     raise FlightLost(f"{process.name}: {process.last_line()}")
                 self._start_again(process)
+
+    def _is_torn(self, process: _Process) -> bool:
+        """Return whether a process ended without the end of its recording."""
+        readers = map(SpoolReader, process.recordings)
+        return self._endless or any(reader.facts is None for reader in readers)
 
     def newly_restarted(self) -> list[str]:
         """Return the autopilots that were started again since the last call, with the reason."""
@@ -257,7 +273,7 @@ class FleetProcesses:
             for p in self._processes
             if p.popen.poll() is not None
             and p.name not in self._ended
-            and not (self._restart and p.popen.returncode and p.name != _PLANT)
+            and (p.name in {*self._given_up, _PLANT} or not (self._restart and p.popen.returncode))
         ]
         self._ended |= {process.name for process in over}
         return [(process.name, process.last_line()) for process in over]
@@ -303,8 +319,9 @@ class FleetProcesses:
         log, recordings = self._folder / f"{name}.log", list(map(self.recording_of, parts))
         configs = [str(self._folder / f"{part}.yaml") for part in parts]
         arguments = [*configs, *options]
-        if not self._endless:
+        if self._record:
             arguments += itertools.chain(*(("--record", str(path)) for path in recordings))
+            arguments += ["--record-optional"] if self._endless else []
         log.write_bytes(b"")
         addresses = [UdpAddress(self._scenario.links.host, port) for port in ports]
         popen = self._launched(name, arguments, log)
@@ -315,15 +332,38 @@ class FleetProcesses:
 
         Raises:
             FlightLost: It has died too often.
+            OSError: A file cannot be written; with `endless` the process is given up instead.
         """
         now, words = time.monotonic(), process.last_line()
         due = self._restarts.is_due(process.name, now)
         if due is None:
             text = f"{process.name}: {words}, {MOST_IN_A_ROW + 1} times in a row"
             raise FlightLost(f"{text} soon after its start")
-        if due:
+        if not due:
+            return
+        try:
+            gone = self._restore_folder()
             process.popen = self._launched(process.name, process.arguments, process.log)
-            self._restarted.append(f"{process.name}: {words}; started again")
+        except OSError as problem:
+            if not self._endless:
+                raise
+            self._give_up(process, f"cannot write {problem.filename}: {problem.strerror}")
+        else:
+            how = ", without its checkpoint, which is gone: disarmed, no profile" if gone else ""
+            self._restarted.append(f"{process.name}: {words}; started again{how}")
+
+    def _give_up(self, process: _Process, reason: str) -> None:
+        """Leave a process dead, and the others flying."""
+        self._given_up.add(process.name)
+        self._restarted.append(f"{process.name}: not started again: {reason}")
+
+    def _restore_folder(self) -> bool:
+        """Write the configurations again if the run folder was removed; return whether it was."""
+        if (self._folder / f"{_PLANT}.yaml").exists():
+            return False
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._configure()
+        return True
 
     def _launched(
         self, name: str, arguments: list[str], log: Path

@@ -4,13 +4,14 @@ import asyncio
 import shlex
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from gcs.errors import BadInput, FlightLost, bad_endpoint
 from gcs.fleet.flight import prepare
 from gcs.fleet.hub import Hub
+from gcs.fleet.hub_socket import HubSocket
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
+from gcs.fleet.standing_record import StandingRecord
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from mavlink_defs.endpoint import Connection, EndpointError, UdpAddress, bind_udp
@@ -20,6 +21,7 @@ from mavlink_defs.framing.signing import SigningError, words_of
 __all__ = ["keep_up"]
 
 _LOOK_S = 0.1
+_END_OF_PLANT_S = 1.0
 
 
 async def keep_up(
@@ -30,6 +32,8 @@ async def keep_up(
     speed: float | None,
     start: bool,
     restart: bool,
+    record: bool = True,
+    autopilot_processes: int | None = None,
     on_ready: Callable[[], None],
     on_message: Callable[[str], None],
 ) -> None:
@@ -37,11 +41,13 @@ async def keep_up(
 
     Args:
         scenario: The scenario; its duration does not matter.
-        folder: Run folder, exists; gets `processes/`.
+        folder: Run folder, exists; gets `processes/`, and what `StandingRecord` writes.
         hub: Address to which any number of ground stations can connect.
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         start: Start the mission and arm, too.
         restart: Start autopilots that fail again; they take up what they kept.
+        record: Keep a log and a light recording.
+        autopilot_processes: As of `FleetProcesses`.
         on_ready: Called when the fleet is up.
         on_message: Called with later messages to the user.
 
@@ -50,6 +56,7 @@ async def keep_up(
         FlightLost: The plant ended, because an aircraft was lost or otherwise.
         CommandRefused: A vehicle refused its profile, a fault, its mission or arming.
         NoAnswer: A vehicle did not appear or did not answer.
+        OSError: A file of the run folder cannot be written at the start; it is named.
     """
     key = scenario.links.signing_key
     try:
@@ -59,11 +66,11 @@ async def keep_up(
         raise BadInput(str(problem)) from problem
     except EndpointError as problem:
         raise bad_endpoint(problem) from problem
-    sock.setblocking(False)
-    loop = asyncio.get_running_loop()
     ids = [uav.id for uav in scenario.uavs]
-    route = Hub(ids, signer, sock.getsockname()[0])
-    transport, _ = await loop.create_datagram_endpoint(lambda: _HubProtocol(route), sock=sock)
+    recording = StandingRecord(scenario, folder, on_message) if record else None
+    log = (lambda _: None) if recording is None else recording.log
+    route = Hub(ids, signer, sock.getsockname()[0], log)
+    served = HubSocket(sock, route)
     try:
         processes = folder / "processes"
         with (
@@ -73,7 +80,9 @@ async def keep_up(
                 speed,
                 processes,
                 endless=True,
+                record=record,
                 restart=restart,
+                autopilot_processes=autopilot_processes,
                 ground_stations=[hub],
                 via=relay.via,
             ) as fleet,
@@ -81,51 +90,71 @@ async def keep_up(
             async with Client(Connection("out", hub), signing_key=key) as client:
                 await prepare(client, fleet, scenario, start)
             on_ready()
-            ended: set[int] = set()
-            told: set[str] = set()
-            while True:
-                await asyncio.sleep(_LOOK_S)
-                if restart:
-                    fleet.check()
-                for words in fleet.newly_restarted():
-                    on_message(words)
-                for name, words in fleet.newly_ended():
-                    if name == "plant":
-                        raise FlightLost(words)
-                    ended.add(int(name.removeprefix("uav")))
-                    again = shlex.join(["ftc-autopilot", f"{processes / name}.yaml"])
-                    on_message(
-                        f"{name}: {words}; the others fly on, its aircraft with the last command. "
-                        f"`{again}` starts it again, disarmed and without a profile"
-                    )
-                for system in sorted(ended & set(route.moved)):
-                    ended.remove(system)
-                    on_message(
-                        f"uav{system} is back, disarmed and without a profile: "
-                        f"`gcs profile upload FILE --uav {system}`, `gcs start --uav {system}`, "
-                        f"`gcs arm --uav {system}`"
-                    )
-                route.moved.clear()
-                if route.drops.keys() - told:
-                    told |= route.drops.keys()
-                    on_message(f"hub: dropped {words_of(route.drops)}")
+            await _watch(fleet, route, recording, processes, restart, on_message)
     finally:
-        transport.close()
+        served.close()
+        if recording is not None:
+            recording.close()
         if route.drops:
             on_message(f"hub: dropped {words_of(route.drops)} in all")
 
 
-class _HubProtocol(asyncio.DatagramProtocol):
-    """The hub's socket."""
+async def _watch(
+    fleet: FleetProcesses,
+    hub: Hub,
+    recording: StandingRecord | None,
+    folder: Path,
+    restart: bool,
+    on_message: Callable[[str], None],
+) -> None:
+    """Supervise, record and report, until this task is cancelled; arguments as of `keep_up`."""
+    ended: set[int] = set()
+    reported: set[str] = set()
+    while True:
+        await asyncio.sleep(_LOOK_S)
+        if recording is not None:
+            recording.collect(asyncio.get_running_loop().time())
+        if restart:
+            fleet.check()
+        for text in fleet.newly_restarted():
+            on_message(text)
+        for name, text in await _newly_ended(fleet):
+            ended.add(int(name.removeprefix("uav")))
+            again = shlex.join(["ftc-autopilot", f"{folder / name}.yaml"])
+            on_message(
+                f"{name}: {text}; the others fly on, its aircraft with the last command. "
+                f"`{again}` starts it again, disarmed and without a profile"
+            )
+        for system in sorted(ended & set(hub.moved)):
+            ended.remove(system)
+            on_message(
+                f"uav{system} is back, disarmed and without a profile: "
+                f"`gcs profile upload FILE --uav {system}`, `gcs start --uav {system}`, "
+                f"`gcs arm --uav {system}`"
+            )
+        hub.moved.clear()
+        if hub.drops.keys() - reported:
+            reported |= hub.drops.keys()
+            on_message(f"hub: dropped {words_of(hub.drops)}")
 
-    def __init__(self, hub: Hub) -> None:
-        self._hub = hub
-        self._transport: Any = None
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = transport
+async def _newly_ended(fleet: FleetProcesses) -> list[tuple[str, str]]:
+    """Return the autopilots that have ended without the others, with the reason.
 
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        now = asyncio.get_running_loop().time()
-        for peer in self._hub.route(data, addr, now):
-            self._transport.sendto(data, peer)
+    Autopilots end when the plant does: a moment is waited, so that the cause is reported, and not
+    what follows from it.
+
+    Raises:
+        FlightLost: The plant has ended, or a process of several autopilots, for which it waits.
+    """
+    over = fleet.newly_ended()
+    if over:
+        await asyncio.sleep(_END_OF_PLANT_S)
+        over += fleet.newly_ended()
+    for name, text in over:
+        if name == "plant":
+            raise FlightLost(text)
+    for name, text in over:
+        if "-" in name:
+            raise FlightLost(f"{name}: {text}")
+    return over

@@ -20,7 +20,7 @@ from gcs.results.tally import Tally
 from gcs.scenario.itinerary import outline
 from gcs.scenario.model import Scenario
 
-__all__ = ["LIGHT_PERIOD_US", "FlightRecorder", "trajectory_bytes"]
+__all__ = ["LIGHT_PERIOD_US", "FlightRecorder", "streams_of", "trajectory_bytes"]
 
 LIGHT_PERIOD_US = 20_000
 """Steps of a light recording are so far apart, or one control period."""
@@ -38,6 +38,34 @@ def trajectory_bytes(scenario: Scenario, record: Record) -> int:
 
 def _light_every(scenario: Scenario) -> int:
     return max(LIGHT_PERIOD_US // scenario.step_us, 1)
+
+
+def streams_of(
+    scenario: Scenario, folder: Path, record: Record
+) -> tuple[EventStream, TrajectoryStream]:
+    """Make the files of events and trajectory of a full or light recording.
+
+    Raises:
+        OSError: With a file's name.
+    """
+    light = record is Record.LIGHT
+    columns, every = (LIGHT, _light_every(scenario)) if light else (COLUMNS, 1)
+    events = EventStream(folder / EVENTS, scenario.step_us)
+    trajectory = TrajectoryStream(
+        folder / TRAJECTORY,
+        columns,
+        every,
+        tuple(uav.id for uav in scenario.uavs),
+        scenario.step_us,
+        compressed=light,
+        about={
+            "scenario": scenario.name,
+            "origin": scenario.origin.model_dump_json(),
+            "names": json.dumps({str(uav.id): uav.name for uav in scenario.uavs}),
+            "paths": json.dumps(_outlines(scenario)),
+        },
+    )
+    return events, trajectory
 
 
 class FlightRecorder:
@@ -73,23 +101,7 @@ class FlightRecorder:
         self._trajectory: TrajectoryStream | None = None
         self._events: EventStream | None = None
         if record in {Record.FULL, Record.LIGHT}:
-            light = record is Record.LIGHT
-            columns, every = (LIGHT, _light_every(scenario)) if light else (COLUMNS, 1)
-            self._events = EventStream(folder / EVENTS, scenario.step_us)
-            self._trajectory = TrajectoryStream(
-                folder / TRAJECTORY,
-                columns,
-                every,
-                self._ids,
-                scenario.step_us,
-                compressed=light,
-                about={
-                    "scenario": scenario.name,
-                    "origin": scenario.origin.model_dump_json(),
-                    "names": json.dumps({str(uav.id): uav.name for uav in scenario.uavs}),
-                    "paths": json.dumps(_outlines(scenario)),
-                },
-            )
+            self._events, self._trajectory = streams_of(scenario, folder, record)
 
     def load_code(self) -> None:
         """Load the compiled code of the counts, so that no flight waits for it."""

@@ -104,6 +104,11 @@ class SpoolReader:
         return np.frombuffer(content, _dtype_of(content[:begin]), offset=begin)
 
     @property
+    def waiting(self) -> int:
+        """How many pieces have been written and not taken."""
+        return sum(1 for _ in self._folder.glob("*.npy"))
+
+    @property
     def facts(self) -> dict[str, Any] | None:
         """What the process wrote at its end; None if it did not come to that."""
         try:

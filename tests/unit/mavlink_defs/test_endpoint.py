@@ -11,6 +11,7 @@ from mavlink_defs.endpoint import (
     address_of,
     bind_udp,
     connect_udp,
+    connected_twin,
     free_ports,
     is_loopback,
     open_udp,
@@ -152,3 +153,24 @@ def test_receive_buffer_is_enlarged() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain, bind_udp(ANY_PORT, "x") as ours:
         size = [s.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) for s in (plain, ours)]
     assert size[0] <= size[1]
+
+
+def test_a_twin_receives_what_its_peer_sends_and_no_other_program_can_bind_the_port() -> None:
+    with (
+        bind_udp(UdpAddress("127.0.0.1", 0), "hub") as sock,
+        bind_udp(UdpAddress("127.0.0.1", 0), "peer") as peer,
+        bind_udp(UdpAddress("127.0.0.1", 0), "other") as other,
+        connected_twin(sock, peer.getsockname()) as twin,
+    ):
+        for one in (sock, twin):
+            one.settimeout(5.0)
+        for _ in range(2):
+            other.sendto(b"other", sock.getsockname())
+            peer.sendto(b"peer", sock.getsockname())
+            assert sock.recv(9) == b"other"
+            assert twin.recv(9) == b"peer"
+        for reuse in (False, True):
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as thief:
+                thief.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, reuse)
+                with pytest.raises(OSError, match="in use"):
+                    thief.bind(sock.getsockname())

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gcs.fleet.hub import MAX_STATIONS, PATIENCE_S, Hub
+from gcs.fleet.hub import MAX_STATIONS, PATIENCE_S, VEHICLE_RATE_HZ, Hub
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker
 
@@ -98,3 +98,18 @@ def test_a_vehicle_that_moves_is_noted_once() -> None:
     hub.route(telemetry(2), ONE, 1.0)
     hub.route(telemetry(2), ONE, 1.1)
     assert hub.moved == [2]
+
+
+def test_a_station_that_floods_has_its_share_and_no_more() -> None:
+    """Forwarded of a flood in a second: what the limit says, and what it may save up."""
+    hub, sent = fleet(), 0
+    for k in range(20_000):
+        sent += bool(hub.route(command(1), GCS, k / 20_000))
+        if k % 1000 == 0:
+            assert hub.route(command(1), OTHER, k / 20_000) == [ONE]
+            assert hub.route(telemetry(1), ONE, k / 20_000)
+    limit = VEHICLE_RATE_HZ
+    assert limit <= sent <= 3.0 * limit + 1.0
+    assert hub.drops.total() == 20_000 - sent
+    later = sum(bool(hub.route(command(1), GCS, 1.0 + k / 20_000)) for k in range(20_000))
+    assert 0.9 * limit <= later <= 1.1 * limit  # a flood that goes on is not cut off

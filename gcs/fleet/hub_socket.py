@@ -1,0 +1,72 @@
+"""The sockets of the hub: one that everybody knows, and one for each that it talks to.
+
+A datagram of a known peer goes to the socket that is connected to it, with a buffer of its own:
+so a ground station that floods the hub fills its own buffer, and nobody else's.
+"""
+
+import asyncio
+import contextlib
+import socket
+from functools import partial
+
+from gcs.fleet.hub import Hub
+from mavlink_defs.endpoint import connected_twin
+
+__all__ = ["HubSocket"]
+
+_BATCH = 64  # datagrams that are received from one peer before it is another's turn
+_LONGEST = 2048  # bytes; a MAVLink frame has 280 at most
+_FORGET_S = 1.0
+
+
+class HubSocket:
+    """Serves a hub while the running event loop does."""
+
+    def __init__(self, sock: socket.socket, hub: Hub) -> None:
+        """Serve from now on.
+
+        Args:
+            sock: Bound UDP socket; closed by `close`.
+            hub: Decides who gets what.
+        """
+        self._sock, self._hub = sock, hub
+        self._twins: dict[tuple[str, int], socket.socket] = {}
+        self._loop = asyncio.get_running_loop()
+        self._listen(sock)
+        self._timer = self._loop.call_later(_FORGET_S, self._forget)
+
+    def close(self) -> None:
+        """Stop, and close the sockets."""
+        self._timer.cancel()
+        for sock in (self._sock, *self._twins.values()):
+            self._loop.remove_reader(sock)
+            sock.close()
+        self._twins.clear()
+
+    def _listen(self, sock: socket.socket) -> None:
+        sock.setblocking(False)
+        self._loop.add_reader(sock, partial(self._receive, sock))
+
+    def _receive(self, sock: socket.socket) -> None:
+        now = self._loop.time()
+        for _ in range(_BATCH):
+            try:
+                datagram, sender = sock.recvfrom(_LONGEST)
+            except BlockingIOError:
+                return
+            except OSError:  # of a datagram sent before, to a port that was closed
+                continue
+            for peer in self._hub.route(datagram, sender, now):
+                with contextlib.suppress(OSError):  # a full buffer, or nobody there
+                    self._sock.sendto(datagram, peer)
+            if sender not in self._twins and self._hub.knows(sender):
+                with contextlib.suppress(OSError):  # none to be had: the common one serves it
+                    self._twins[sender] = connected_twin(self._sock, sender)
+                    self._listen(self._twins[sender])
+
+    def _forget(self) -> None:
+        """Close the sockets of those that the hub has forgotten."""
+        for peer in [peer for peer in self._twins if not self._hub.knows(peer)]:
+            self._loop.remove_reader(self._twins[peer])
+            self._twins.pop(peer).close()
+        self._timer = self._loop.call_later(_FORGET_S, self._forget)
