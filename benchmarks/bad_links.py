@@ -19,7 +19,7 @@ from ftc_autopilot.control.controller import no_signals
 from ftc_autopilot.control.controllers import Source, new_controllers
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.control.stepping import announce, controller_step, tell_neighbours
+from ftc_autopilot.control.stepping import announce, controller_step, hear, tell_neighbours
 from ftc_autopilot.link import new_link
 from gcs.results.quantities import QUANTITIES
 from gcs.results.recording import Recording
@@ -153,7 +153,7 @@ def _exchange(autopilots: dict[int, _Autopilot]) -> None:
     """Deliver what every autopilot has told its neighbours."""
     for autopilot in autopilots.values():
         for d, uav in enumerate(autopilot.neighbours):
-            autopilot.controllers.neighbour_states[0, d] = autopilots[uav].controllers.told[0]
+            hear(autopilot.controllers, 0, d, autopilots[uav].controllers.told[0])
 
 
 def scenario_with(law: str, duration_s: float) -> Scenario:

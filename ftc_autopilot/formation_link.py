@@ -15,6 +15,7 @@ import numpy as np
 
 from ftc_autopilot.config import Neighbour
 from ftc_autopilot.control.controllers import Controllers
+from ftc_autopilot.control.stepping import hear
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_COMP_ID_AUTOPILOT1
 from mavlink_defs.endpoint import parse_address, sockaddr
 from mavlink_defs.framing import codec
@@ -224,7 +225,7 @@ def collect_neighbour_states(
     newest = max(step - 1, 0)  # the first step uses the states before the start
     for d in range(len(link.neighbours)):
         if link.heard_step[d] < link.pending_step[d] <= newest:
-            copy_record(controllers.neighbour_states[0, d], link.pending[d])
+            hear(controllers, 0, d, link.pending[d])
             link.heard_step[d] = link.arrived_step[d] = link.pending_step[d]
     if not lockstep or _some_given_up(link):
         receive_neighbour_states(fd, link, controllers, newest)
@@ -346,7 +347,7 @@ def _keep_neighbour_state(link: FormationLink, controllers: Controllers, newest:
         return 0
     if step < link.heard_step[d]:
         return DropReason.NOT_NEWER
-    copy_record(controllers.neighbour_states[0, d], received)
+    hear(controllers, 0, d, received)
     link.heard_step[d] = link.arrived_step[d] = step
     if real_time:  # the time of one that is ahead is not believed when the next comes
         link.heard_step[d] = min(step, newest)
@@ -383,6 +384,10 @@ def _index_of_sender(link: FormationLink) -> int:
 def _is_finite(neighbour_state: np.void) -> bool:
     """Return whether a state holds finite numbers only: a NaN would spread in the formation."""
     total = neighbour_state["airspeed"] + neighbour_state["airspeed_rate"]
+    total += neighbour_state["path_position"] + neighbour_state["path_rate"]
     for i in range(3):
         total += neighbour_state["attitude"][i] + neighbour_state["attitude_rate"][i]
+        total += neighbour_state["position"][i] + neighbour_state["ground_velocity"][i]
+    for i in range(len(neighbour_state["relayed_position"])):
+        total += neighbour_state["relayed_position"][i] + neighbour_state["relayed_velocity"][i]
     return bool(np.isfinite(total))

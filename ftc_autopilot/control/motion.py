@@ -67,3 +67,7 @@ def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
             message["position"][i], message["ground_velocity"][i] = 0.0, 0.0
         for m in range(len(message["report"])):
             message["report"][m] = 0
+        for r in range(len(message["relayed"])):
+            message["relayed"][r], message["relayed_step"][r] = 0, 0
+        for k in range(len(message["relayed_position"])):
+            message["relayed_position"][k], message["relayed_velocity"][k] = 0.0, 0.0

@@ -27,13 +27,15 @@ from ftc_autopilot.guidance.coordination import no_coordination
 from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
 from ftc_autopilot.guidance.laws import guide
 from ftc_autopilot.guidance.laws.base import Situation
+from ftc_autopilot.guidance.places import note_relayed, take_in
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
 
-__all__ = ["announce", "controller_step", "tell_neighbours"]
+__all__ = ["announce", "controller_step", "hear", "tell_neighbours"]
 
 _NO_SIGNALS = no_signals(1)
 _LONGEST_UPDATE_S = 0.1
@@ -110,17 +112,39 @@ def tell_neighbours(controllers: Controllers, i: int, step: int, step_us: int) -
         step_us: Control period [µs].
     """
     parameters, own, told = controllers.parameters[i], controllers.own_states[i], controllers.told
+    formation = controllers.formations[i]
     if parameters["formation_triggered"] != 0:
         dt, extrapolated = step_us / 1e6, controllers.extrapolated[i, -1]
         extrapolate(told[i], step, dt, extrapolated)
-        if not is_message_due(own, told[i], extrapolated, dt, parameters["formation_trigger"]):
+        trigger = parameters["formation_trigger"]
+        relays = own["relayed"][0] != 0 and formation["relay_error"] > trigger["position_m"]
+        if not relays and not is_message_due(own, told[i], extrapolated, dt, trigger):
             controllers.signals[i]["neighbour_message"] = 0
             return False
     copy_record(told[i], own)
+    if own["relayed"][0] != 0:
+        note_relayed(own, controllers.layouts[i], formation)
     counted = 1 if step > 0 else 0  # the first message is known before the start
     controllers.signals[i]["neighbour_message"] = counted
     controllers.states[i]["neighbour_messages"] += counted
     return True
+
+
+@inlined
+def hear(controllers: Controllers, i: int, d: int, message: np.void) -> None:
+    """Let UAV i use the message of its neighbour d from now on.
+
+    Args:
+        controllers: Arrays over UAVs; what UAV i knows of others is updated.
+        i: Index of the UAV.
+        d: Index of the neighbour.
+        message: Payload of dtype NEIGHBOUR, newer than the one in use.
+    """
+    copy_record(controllers.neighbour_states[i, d], message)
+    layout = controllers.layouts[i]
+    if layout["count"] > 0 and layout["neighbours"][d] >= 0:
+        places = controllers.formations[i]["places"]
+        take_in(message, layout["neighbours"][d], layout, places)
 
 
 @inlined
@@ -170,10 +194,10 @@ def _control(
         controllers.signals[i],
         may_send,
     )
-    _record_guidance(controllers, i, on_path)
     if on_path and controllers.layouts[i]["count"] > 0:
-        own, path = controllers.own_states[i], controllers.paths[i]
-        tell_place(own, path["id"], measured, motion, dt, controllers.formations[i])
+        own, path, layout = controllers.own_states[i], controllers.paths[i], controllers.layouts[i]
+        tell_place(own, path["id"], measured, motion, dt, layout, controllers.formations[i])
+    _record_guidance(controllers, i, on_path)
     if on_path or controllers.parameters[i]["formation_triggered"] != 0:
         # on a path each UAV has a reference of its own
         refer_to_reference(controllers.own_states[i], controllers.signals[i])
@@ -246,9 +270,14 @@ def _record_guidance(controllers: Controllers, i: int, on_path: bool) -> None:
     signals["path_position"] = controllers.guidance[i]["path_position"] if on_path else math.nan
     for k in range(3):
         signals["slot"][k] = formation["slot"]["place"][k] if on_path else math.nan
-    size = controllers.layouts[i]["count"] if on_path else 0
-    while size > 0 and formation["table"][size - 1] == 0:
-        size -= 1
+    size, relayed = 0, controllers.own_states[i]["relayed"]
+    if on_path:
+        size = controllers.layouts[i]["count"]
+        while size > 0 and formation["table"][size - 1] == 0:
+            size -= 1
+        for r in range(len(relayed)):
+            if relayed[r] != 0:
+                size = RELAYED_AT - REPORT_AT + r + 1
     signals["report_size"] = size
 
 

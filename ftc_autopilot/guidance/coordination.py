@@ -36,6 +36,7 @@ from ftc_autopilot.guidance.members import (
     occupants,
     policy_of,
 )
+from ftc_autopilot.guidance.places import MAX_RELAYED, NO_PLACE, PLACE
 from ftc_autopilot.guidance.slots import SLOT_MOTION, move, place_of_slot
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, vec3
@@ -76,7 +77,11 @@ FORMATION = np.dtype(
             "f8",
             (3,),
         ),  # ahead of the neighbours; right of the slot, above it; NaN: unknown [m]
-        ("nearest", "i8"),  # system id of the nearest neighbour, 0: none is known
+        ("places", PLACE, (MAX_MEMBERS,)),  # of the other members, as heard from anyone
+        ("told", PLACE, (MAX_MEMBERS,)),  # the same as last relayed
+        ("relayed", "i8", (MAX_RELAYED,)),  # members that the next message relays, -1: none
+        ("relay_error", "f8"),  # what the neighbours are wrong by of the others' places [m]
+        ("nearest", "i8"),  # system id of the nearest member, 0: none is known
         ("distance", "f8"),  # to it [m]
         ("evading", "i8"),  # 1: the barrier acts
     ]
@@ -120,6 +125,8 @@ def new_formation() -> np.void:
     state["plan"] = -1
     state["commanded"] = math.nan
     state["distance"] = math.nan
+    state["places"]["step"] = state["told"]["step"] = NO_PLACE
+    state["relayed"] = -1
     return state
 
 

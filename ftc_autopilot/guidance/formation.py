@@ -181,7 +181,6 @@ LAYOUT = np.dtype(
         ("own", "i8"),  # index of this UAV among them, in the order of their ids
         ("ids", "i8", (MAX_MEMBERS,)),
         ("neighbours", "i8", (MAX_MEMBERS,)),  # member that each neighbour is, or -1
-        ("upwards", "f8", (MAX_MEMBERS,)),  # 1: goes up to evade a neighbour as high, -1: down
         ("access", "f8"),  # leader access h_i
         ("weight", "f8"),  # h_i + sum of a_ij while every neighbour is heard
         ("plans", "i8"),
@@ -209,7 +208,6 @@ def layout_record(
     record["ids"][: len(members)] = members
     record["neighbours"] = -1
     for d, uav in enumerate(neighbours):
-        record["upwards"][d] = 1.0 if own < uav else -1.0
         if uav in members:
             record["neighbours"][d] = members.index(uav)
     record["access"] = access

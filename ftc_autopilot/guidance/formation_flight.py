@@ -8,6 +8,7 @@ from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.guidance.coordination import Coordination, Progress, coordinate
 from ftc_autopilot.guidance.laws import intention_of, pace_of
 from ftc_autopilot.guidance.laws.base import Intention, Situation
+from ftc_autopilot.guidance.places import choose_relayed, relay
 from ftc_autopilot.guidance.separation import kept_apart, nearest
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import R1
@@ -69,19 +70,20 @@ def fly_in_formation(
         asked,
         now.position,
         now.velocity,
-        neighbours,
-        weights,
-        layout["upwards"],
-        step * dt,
+        state["places"],
+        layout,
+        state["table"],
+        step,
         dt,
         least,
         rate,
     )
     change = sub(apart, asked)
-    d, distance = nearest(now.position, neighbours, weights, step * dt, dt)
-    m = layout["neighbours"][d] if d >= 0 else -1
+    m, state["distance"] = nearest(now.position, state["places"], layout, step, dt)
     state["nearest"] = layout["ids"][m] if m >= 0 else 0
-    state["distance"] = distance
+    state["relay_error"] = choose_relayed(
+        step, dt, layout, state["places"], state["told"], state["relayed"]
+    )
     state["evading"] = (
         1 if math.hypot(math.hypot(change[0], change[1]), change[2]) > _EVADING_M_S else 0
     )
@@ -97,7 +99,13 @@ def fly_in_formation(
 
 @compiled
 def tell_place(
-    message: np.void, path_id: int, measured: np.void, motion: Motion, dt: float, state: np.void
+    message: np.void,
+    path_id: int,
+    measured: np.void,
+    motion: Motion,
+    dt: float,
+    layout: np.void,
+    state: np.void,
 ) -> None:
     """Write the own place, and what is known of all members, into a message to the neighbours.
 
@@ -107,6 +115,7 @@ def tell_place(
         measured: FTC_SIM_STATE payload.
         motion: Own motion.
         dt: Control period [s].
+        layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
         state: Record of dtype `ftc_autopilot.guidance.coordination.FORMATION`.
     """
     age = np.int64(message["step"]) - state["updated"]
@@ -119,6 +128,7 @@ def tell_place(
         message["ground_velocity"][k] = velocity[k]
     for m in range(len(message["report"])):
         message["report"][m] = state["table"][m]
+    relay(state["relayed"], layout, state["places"], message)
 
 
 @compiled

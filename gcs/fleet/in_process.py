@@ -11,7 +11,7 @@ import numpy as np
 
 from ftc_autopilot.control.controllers import Controllers, Source, begin_path, new_controllers
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.control.stepping import announce, controller_step, tell_neighbours
+from ftc_autopilot.control.stepping import announce, controller_step, hear, tell_neighbours
 from gcs.results.mission_path import paths_of
 from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps
@@ -185,4 +185,4 @@ def _deliver(controllers: Controllers, sources: np.ndarray, step: int) -> None:
         for d in range(sources.shape[1]):
             j = sources[i, d]
             if j >= 0 and controllers.told[j]["step"] == step:
-                copy_record(controllers.neighbour_states[i, d], controllers.told[j])
+                hear(controllers, i, d, controllers.told[j])

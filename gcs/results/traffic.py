@@ -12,7 +12,7 @@ from gcs.results.steps import Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_MODE_FLAG_SAFETY_ARMED
-from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, SIM_STATE
+from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, RELAYED_AT, REPORT_AT, SIM_STATE
 from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, SIGNATURE_SIZE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import Sensor
@@ -123,7 +123,7 @@ def fill_places(
         on_path: Whether a path is flown, shape (m,).
         attitudes: Measured, shape (m, 3) [rad].
         velocities: Body axes, shape (m, 3) [m/s].
-        report_sizes: Bytes of the report without the zeros at its end, shape (m,).
+        report_sizes: Bytes from the report on without the zeros at the end, shape (m,).
     """
     for k in range(len(messages)):
         if not on_path[k]:
@@ -134,7 +134,9 @@ def fill_places(
         velocity = mul(R1(vec3(attitudes[k])), vec3(velocities[k]))
         for axis in range(3):
             message["ground_velocity"][axis] = velocity[axis]
-        if size > 0:
+        if size > RELAYED_AT - REPORT_AT:
+            message["relayed"][size - 1 - (RELAYED_AT - REPORT_AT)] = 1
+        elif size > 0:
             message["report"][size - 1] = 1
 
 

@@ -27,6 +27,7 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers.per_channel import PerChannel
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
+from ftc_autopilot.guidance.reach import most_links, reach_problems
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.mission import MissionSection, with_mission_file
 from gcs.scenario.sections import (
@@ -286,6 +287,14 @@ class Scenario(Model):
         for uav_id in sorted(self.formation.slots.keys() - set(self._ids)):
             ids = ", ".join(map(str, self._ids))
             yield ("formation", "slots", uav_id), f"expected one of the UAVs {ids}, got {uav_id}"
+        if self.formation.slots.keys() != set(self._ids):
+            return
+        trigger = self.links.formation.trigger
+        silence_s = None if trigger is None else trigger.longest_silence_s
+        most = most_links(len(self._ids), self.guidance.period_s, silence_s)
+        edges = [edge.between for edge in self.network.edges]
+        for loc, text in reach_problems(self.formation, edges, most):
+            yield ("formation", *loc), text
 
     def _profile_problems(self) -> Found:
         if not self.profile and self.mission is None:

@@ -55,6 +55,8 @@ __all__ = [
     "FOREIGN",
     "NEIGHBOUR",
     "NEIGHBOUR_SIZE",
+    "RELAYED_AT",
+    "REPORT_AT",
     "SIGNED",
     "SIM_STATE",
     "SIM_STATE_SIZE",
@@ -107,6 +109,10 @@ SIM_STATE_SIZE = SIM_STATE.itemsize
 STEP_DONE_SIZE = STEP_DONE.itemsize
 NEIGHBOUR_SIZE = NEIGHBOUR.itemsize
 ACTUATORS_SIZE = ACTUATORS.itemsize
+REPORT_AT = NEIGHBOUR.fields["report"][1]
+"""First byte of FTC_NEIGHBOUR.report in the payload."""
+RELAYED_AT = NEIGHBOUR.fields["relayed"][1]
+"""First byte of FTC_NEIGHBOUR.relayed, the last field."""
 
 
 class MessageId(IntEnum):

@@ -142,3 +142,31 @@ def test_flights_of_ten_are_equal_bit_for_bit(tmp_path: Path) -> None:
     flown = arrays_of(udp / "trajectory.npz")
     assert flown["state"].shape == (300, 10, 12)
     assert_equal_bit_for_bit(flown, arrays_of(in_process / "trajectory.npz"))
+
+
+def test_a_line_astern_on_a_chain_is_equal_bit_for_bit_and_keeps_its_distance(
+    tmp_path: Path,
+) -> None:
+    """Places are relayed: the first loses thrust, and the third and fourth do not hear it."""
+    initial = {"east_m": 0.0, "altitude_m": 100.0, "airspeed_m_s": 40.0}
+    scenario = write_scenario(
+        tmp_path,
+        {"extends": str(HEXAGON)},
+        duration_s=18.0,
+        uavs=[
+            {"id": k + 1, "name": f"UAV {k + 1}", "initial": {"north_m": -25.0 * k, **initial}}
+            for k in range(4)
+        ],
+        network={
+            "leader_access": {1: 1.0},
+            "edges": [{"between": [k, k + 1], "weight": 1.0} for k in (1, 2, 3)],
+        },
+        formation={"slots": {k + 1: {"ahead_m": -25.0 * k} for k in range(4)}},
+        faults=[{"uav": 1, "actuator": "throttle", "stuck_n": 500.0, "start_s": 2.0}],
+    )
+    udp, in_process = tmp_path / "udp", tmp_path / "in_process"
+    fly_well(scenario, "--quiet", "--free-ports", "--record=npz", "--out", udp)
+    fly_well(scenario, "--quiet", "--in-process", "--record=npz", "--out", in_process)
+    flown = arrays_of(udp / "trajectory.npz")
+    assert_equal_bit_for_bit(flown, arrays_of(in_process / "trajectory.npz"))
+    assert summary_of(udp)["separation"]["least_m"] >= 14.0

@@ -123,6 +123,39 @@ def test_without_the_barrier_they_would_come_close() -> None:
     assert distances(recording).min() < 5.0
 
 
+GRAPHS = {
+    "chain": [(1, 2), (2, 3), (3, 4)],
+    "the ends are neighbours": [(1, 4), (2, 4), (2, 3)],
+    "star of the last": [(1, 4), (2, 4), (3, 4)],
+    "others than the slots": [(1, 3), (2, 3), (2, 4)],
+}
+
+
+@pytest.mark.parametrize("edges", GRAPHS.values(), ids=GRAPHS)
+def test_word_of_places_keeps_those_apart_who_do_not_hear_each_other(
+    edges: list[tuple[int, int]],
+) -> None:
+    """Line astern; the first loses thrust, and falls back along the line."""
+    initial = {"east_m": 0.0, "altitude_m": 100.0, "airspeed_m_s": 40.0}
+    fault = {"uav": 1, "actuator": "throttle", "stuck_n": 500.0, "start_s": 10.0, "end_s": 30.0}
+    scenario, recording = flown(
+        "missions/hexagon",
+        duration_s=45.0,
+        uavs=[
+            {"id": k + 1, "name": f"UAV {k + 1}", "initial": {"north_m": -25.0 * k, **initial}}
+            for k in range(4)
+        ],
+        network={
+            "leader_access": {1: 1.0},
+            "edges": [{"between": list(edge), "weight": 1.0} for edge in edges],
+        },
+        formation={"slots": {k + 1: {"ahead_m": -25.0 * k} for k in range(4)}},
+        faults=[fault],
+    )
+    assert scenario.formation is not None
+    assert distances(recording).min() >= scenario.formation.separation_m - 1.0
+
+
 def test_who_has_lost_an_actuator_leaves_and_the_gap_is_closed() -> None:
     fault = {"uav": 2, "actuator": "aileron", "stuck_deg": 4.0, "start_s": 10.0}
     scenario, recording = flown("missions/departure", duration_s=75.0, faults=[fault])

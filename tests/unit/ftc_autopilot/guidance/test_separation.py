@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ftc_autopilot.guidance.formation import LAYOUT
+from ftc_autopilot.guidance.members import LOST, STAY
+from ftc_autopilot.guidance.places import FORGOTTEN_S, PLACE
 from ftc_autopilot.guidance.separation import kept_apart, nearest
-from mavlink_defs.framing.codec import NEIGHBOUR
 
 DT = 0.02
 LEAST_M, RATE = 15.0, 0.3
@@ -16,21 +18,34 @@ LAG_S = 0.4  # three times in a row, as the reference filter
 Vector = tuple[float, float, float]
 
 
-def message(position: np.ndarray, velocity: np.ndarray, step: int = 0) -> np.ndarray:
-    told = np.zeros(1, NEIGHBOUR)
-    told["step"], told["path_id"] = step, 7
-    told["position"], told["ground_velocity"] = position, velocity
-    return told
+def place(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    known = np.zeros(1, PLACE)
+    known["position"], known["velocity"] = position, velocity
+    return known
+
+
+def seen(others: np.ndarray, own: int = 0) -> tuple[np.ndarray, np.void]:
+    """Return places and layout of who is the first member, or the last one, beside others."""
+    layout: np.void = np.zeros(1, LAYOUT)[0]
+    layout["count"], layout["own"] = len(others) + 1, own
+    return np.insert(others, own, np.zeros((), PLACE)), layout
 
 
 def evaded(
-    wanted: Vector, position: Vector, velocity: Vector, others: np.ndarray, upwards: float = 1.0
+    wanted: Vector,
+    position: Vector,
+    velocity: Vector,
+    others: np.ndarray,
+    own: int = 0,
+    *,
+    step: int = 0,
+    state: int = 0,
 ) -> np.ndarray:
-    ones = np.ones(len(others))
-    result = kept_apart(
-        wanted, position, velocity, others, ones, upwards * ones, 0.0, DT, LEAST_M, RATE
+    places, layout = seen(others, own)
+    table = np.full(len(places), state, np.uint8)
+    return np.array(
+        kept_apart(wanted, position, velocity, places, layout, table, step, DT, LEAST_M, RATE)
     )
-    return np.array(result)
 
 
 class Uav:
@@ -42,14 +57,15 @@ class Uav:
         self.lags = [velocity.copy() for _ in range(3)]
         self.evades = evades
 
-    def ask(self, others: list["Uav"], upwards: float) -> np.ndarray:
+    def ask(self, others: list["Uav"], own: int, state: int = 0) -> np.ndarray:
         pull = 0.8 * (self.place - self.position)
         pull *= min(1.0, 8.0 / max(float(np.linalg.norm(pull)), 1e-9))
         wanted = self.velocity + pull
         if not self.evades:
             return np.asarray(wanted)
-        told = np.concatenate([message(other.position, other.lags[-1]) for other in others])
-        return evaded(tuple(wanted), tuple(self.position), tuple(self.lags[-1]), told, upwards)
+        told = np.concatenate([place(other.position, other.lags[-1]) for other in others])
+        flown = tuple(self.position), tuple(self.lags[-1])
+        return evaded(tuple(wanted), *flown, told, own, state=state)
 
     def move(self, asked: np.ndarray) -> None:
         for k, goal in enumerate([asked, *self.lags[:-1]]):
@@ -61,7 +77,7 @@ class Uav:
 def least_distance(first: Uav, second: Uav, time_s: float) -> float:
     least = math.inf
     for _ in range(round(time_s / DT)):
-        asked = first.ask([second], 1.0), second.ask([first], -1.0)
+        asked = first.ask([second], 0), second.ask([first], 1)
         first.move(asked[0])
         second.move(asked[1])
         least = min(least, float(np.linalg.norm(first.position - second.position)))
@@ -106,7 +122,7 @@ def test_the_approach_asked_for_is_within_the_bound(
 ) -> None:
     away = np.array(position)
     distance = float(np.linalg.norm(away))
-    asked = evaded(wanted, position, velocity, message(np.zeros(3), np.array(theirs)))
+    asked = evaded(wanted, position, velocity, place(np.zeros(3), np.array(theirs)))
     if distance < 1e-3:
         return
     away = away / distance
@@ -120,33 +136,63 @@ def test_the_approach_asked_for_is_within_the_bound(
         assert asked @ away >= bound - evading - 1e-6
 
 
-def test_those_far_apart_silent_or_off_a_path_are_left_alone() -> None:
-    wanted = (40.0, 0.0, 0.0)
-    far = message(np.array([100.0, 0.0, 0.0]), np.array([40.0, 0.0, 0.0]))
-    near = message(np.array([16.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
-    off_path = near.copy()
-    off_path["path_id"] = 0
-    assert evaded(wanted, (0.0, 0.0, 0.0), wanted, far).tolist() == list(wanted)
-    assert evaded(wanted, (0.0, 0.0, 0.0), wanted, off_path).tolist() == list(wanted)
-    assert evaded(wanted, (0.0, 0.0, 0.0), wanted, near)[0] < 39.0
-    silent = np.zeros(1)
-    up = np.ones(1)
-    asked = kept_apart(wanted, (0.0, 0.0, 0.0), wanted, near, silent, up, 0.0, DT, LEAST_M, RATE)
-    assert asked == wanted
+def test_those_far_apart_or_forgotten_are_left_alone() -> None:
+    wanted, here = (40.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    far = place(np.array([100.0, 0.0, 0.0]), np.array([40.0, 0.0, 0.0]))
+    near = place(np.array([16.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
+    assert evaded(wanted, here, wanted, far).tolist() == list(wanted)
+    assert evaded(wanted, here, wanted, near)[0] < 39.0
+    aged = near.copy()
+    aged["position"][0, 0] -= (
+        30.0 * FORGOTTEN_S
+    )  # it is there when its place is about to be forgotten
+    last = round(FORGOTTEN_S / DT)
+    assert evaded(wanted, here, wanted, aged, step=last)[0] < 39.0
+    assert evaded(wanted, here, wanted, aged, step=last + 1).tolist() == list(wanted)
+    near["step"] = -1
+    assert evaded(wanted, here, wanted, near).tolist() == list(wanted)
 
 
-def test_the_nearest_neighbour_is_where_it_has_gone_since_it_told() -> None:
+@given(angles, st.floats(2.0, 6.0), st.floats(-8.0, 8.0))
+def test_one_that_is_hurt_is_evaded_by_the_other_alone(
+    angle: float, speed: float, miss: float
+) -> None:
+    """It comes nearer where only half of the evasion is left to the other."""
+    towards = np.array([math.cos(angle), math.sin(angle), 0.0])
+    aside = np.array([-towards[1], towards[0], 0.0])
+
+    def least(state: int) -> float:
+        hurt = Uav(np.zeros(3), np.array([40.0, 0.0, 0.0]), evades=False)
+        hurt.place, hurt.velocity = hurt.place - 30.0 * towards, hurt.velocity + speed * towards
+        hurt.position = hurt.place.copy()
+        hurt.lags = [hurt.velocity.copy() for _ in range(3)]
+        other = Uav(miss * aside, np.array([40.0, 0.0, 0.0]))
+        nearest_m = math.inf
+        for _ in range(round(15.0 / DT)):
+            asked = hurt.ask([other], 0), other.ask([hurt], 1, state)
+            hurt.move(asked[0])
+            other.move(asked[1])
+            nearest_m = min(nearest_m, float(np.linalg.norm(hurt.position - other.position)))
+        return nearest_m
+
+    known = least(4 * LOST + STAY)
+    assert known >= MET
+    assert known >= least(0) - 1e-6
+
+
+def test_the_nearest_member_is_where_it_has_gone_since_it_told() -> None:
     told = np.concatenate(
         [
-            message(np.array([-50.0, 0.0, 0.0]), np.array([40.0, 0.0, 0.0])),
-            message(np.array([0.0, 30.0, 0.0]), np.array([0.0, 0.0, 0.0])),
+            place(np.array([-50.0, 0.0, 0.0]), np.array([40.0, 0.0, 0.0])),
+            place(np.array([0.0, 30.0, 0.0]), np.array([0.0, 0.0, 0.0])),
         ]
     )
-    here, ones = (0.0, 0.0, 0.0), np.ones(2)
-    assert nearest(here, told, ones, 0.0, DT) == (1, 30.0)
-    d, distance = nearest(here, told, ones, 1.0, DT)
-    assert d == 0
+    here, (places, layout) = (0.0, 0.0, 0.0), seen(told)
+    assert nearest(here, places, layout, 0, DT) == (2, 30.0)
+    m, distance = nearest(here, places, layout, round(1.0 / DT), DT)
+    assert m == 1
     assert distance == pytest.approx(10.0)
-    d, distance = nearest(here, told, np.zeros(2), 0.0, DT)
-    assert d == -1
+    places["step"] = -1
+    m, distance = nearest(here, places, layout, 0, DT)
+    assert m == -1
     assert math.isnan(distance)
