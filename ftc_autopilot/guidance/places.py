@@ -89,7 +89,7 @@ def take_in(message: np.void, sender: int, layout: np.void, places: np.ndarray) 
 def _take_in_relayed(message: np.void, layout: np.void, places: np.ndarray) -> None:
     """Note whom a message relays; arguments as those of `take_in`."""
     for r in range(MAX_RELAYED):
-        m = _member(np.int64(message["relayed"][r]), layout)
+        m = _member(int(np.int64(message["relayed"][r])), layout)
         step = np.int64(message["relayed_step"][r])
         if m < 0 or m == layout["own"] or step > np.int64(message["step"]):
             continue

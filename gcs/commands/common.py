@@ -32,6 +32,7 @@ __all__ = [
     "flight_progress",
     "values_of",
     "warm_up",
+    "warn_of_one_path",
 ]
 
 ScenarioArgument = Annotated[
@@ -132,6 +133,18 @@ def _only(axis: Axis, option: str) -> Any:
             "a list stands in brackets; gcs sweep flies several values",
         )
     return axis.values[0]
+
+
+def warn_of_one_path(scenario: Scenario, console: Console) -> None:
+    """Warn if several UAVs fly one mission without slots: nothing keeps them apart."""
+    if scenario.mission is None or scenario.formation is not None or len(scenario.uavs) < 2:
+        return
+    uavs = ", ".join(str(uav.id) for uav in scenario.uavs)
+    console.print(
+        f"warning: UAVs {uavs} fly one path, and nothing keeps them apart: "
+        "give each a slot in the section formation, as missions/hexagon does",
+        soft_wrap=True,
+    )
 
 
 def warm_up(scenario: Scenario, console: Console) -> None:

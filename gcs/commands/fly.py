@@ -24,6 +24,7 @@ from gcs.commands.common import (
     changed_scenario,
     flight_progress,
     warm_up,
+    warn_of_one_path,
 )
 from gcs.commands.progress import working
 from gcs.commands.station import SigningKeyOption
@@ -148,6 +149,7 @@ def fly(
         if (size := trajectory_bytes(loaded, record)) > _LARGE:
             console.print(f"recording the trajectory takes up to {size / 1e6:.0f} MB")
         with contextlib.closing(recorder):
+            warn_of_one_path(loaded, console)
             warm_up(loaded, console)
             if not in_process and speed is None and not again and processes is None:
                 _tell_faster_way(len(loaded.uavs), console)

@@ -21,6 +21,7 @@ from gcs.commands.common import (
     WithOption,
     changed_scenario,
     warm_up,
+    warn_of_one_path,
 )
 from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, Interrupted
@@ -131,6 +132,7 @@ def up(
         )
 
     try:
+        warn_of_one_path(loaded, console)
         warm_up(loaded, console)
         if free:
             on_free_ports(loaded, fly)

@@ -109,9 +109,9 @@ SIM_STATE_SIZE = SIM_STATE.itemsize
 STEP_DONE_SIZE = STEP_DONE.itemsize
 NEIGHBOUR_SIZE = NEIGHBOUR.itemsize
 ACTUATORS_SIZE = ACTUATORS.itemsize
-REPORT_AT = NEIGHBOUR.fields["report"][1]
+REPORT_AT = dict(NEIGHBOUR.fields or {})["report"][1]
 """First byte of FTC_NEIGHBOUR.report in the payload."""
-RELAYED_AT = NEIGHBOUR.fields["relayed"][1]
+RELAYED_AT = dict(NEIGHBOUR.fields or {})["relayed"][1]
 """First byte of FTC_NEIGHBOUR.relayed, the last field."""
 
 
