@@ -74,9 +74,9 @@ def take_in(message: np.void, sender: int, layout: np.void, places: np.ndarray) 
         layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
         places: By member, dtype `PLACE`, shape (MAX_MEMBERS,), updated in place.
     """
-    if np.int64(message["path_id"]) == 0:
-        return
     step = np.int64(message["step"])
+    if np.int64(message["path_id"]) == 0 or step == 0:  # over UDP, those of step 0 may cross it
+        return
     if step > places[sender]["step"]:
         places[sender]["step"] = step
         for k in range(3):
