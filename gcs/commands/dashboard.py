@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import time
+import traceback
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
@@ -97,5 +98,9 @@ async def run_dashboard(app: "Dashboard") -> None:
     for number in (signal.SIGTERM, signal.SIGHUP):  # the terminal is left as it was found
         loop.add_signal_handler(number, app.exit)
     await app.run_async()
+    for text, error in app.failures.items():
+        print(f"warning: {text}", file=sys.stderr)
+        if os.environ.get("FTC_SITL_DEBUG"):
+            traceback.print_exception(error)
     if app.defect is not None:
         raise app.defect

@@ -8,6 +8,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic import ValidationError
+
 from ftc_autopilot.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.mission_items import has_place
 from ftc_autopilot.guidance.mission_places import RELATIVE_FRAMES
@@ -88,15 +90,18 @@ class Home:
 
 
 def home_of(state: VehicleState) -> Home | None:
-    """Return a vehicle's home, from HOME_POSITION."""
+    """Return a vehicle's home, from HOME_POSITION; None, too, if that is no place on Earth."""
     message = state.latest.get(dialect.MAVLINK_MSG_ID_HOME_POSITION)
     if message is None:
         return None
-    origin = Origin(
-        latitude_deg=message.latitude / _DEG_E7,
-        longitude_deg=message.longitude / _DEG_E7,
-        altitude_m=message.altitude / 1e3,
-    )
+    try:
+        origin = Origin(
+            latitude_deg=message.latitude / _DEG_E7,
+            longitude_deg=message.longitude / _DEG_E7,
+            altitude_m=message.altitude / 1e3,
+        )
+    except ValidationError:
+        return None
     return Home(origin, message.x, message.y)
 
 

@@ -40,6 +40,7 @@ _FAULT_COMMANDS = {
     dialect.MAV_CMD_INJECT_FAILURE,
 }
 _UNREPORTED = {dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL}
+_PHASES = {dialect.FTC_PHASE_HEALTHY, dialect.FTC_PHASE_SUSPECT, dialect.FTC_PHASE_LOST}
 _ACKED = {dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS}
 
 
@@ -278,7 +279,7 @@ class VehicleState:
     def diagnosis(self) -> tuple[float, ...] | None:
         """FTC_PHASE of each actuator; None while nothing is known, or under a law without any."""
         phases = self._four(dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS, "phase")
-        return None if phases is None or dialect.FTC_PHASE_UNKNOWN in phases else phases
+        return phases if phases is not None and _PHASES.issuperset(phases) else None
 
     @property
     def drops(self) -> dict[str, dict[str, int]] | None:

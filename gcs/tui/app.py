@@ -1,17 +1,19 @@
 """The dashboard: panels in tabs, one timer that refreshes the visible one."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import ClassVar
 
-from textual import on
+from textual.actions import ActionParseResult
 from textual.app import App, ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
+from textual.dom import DOMNode
 from textual.events import Resize
 from textual.screen import Screen
 from textual.widgets import Footer, TabbedContent, TabPane
 
+from gcs.station.notifications import ERROR
 from gcs.tui.actions import arm, change_mode, disarm, start_mission
 from gcs.tui.cached_static import CachedStatic
 from gcs.tui.dialogs import Help, Question
@@ -19,6 +21,7 @@ from gcs.tui.events import EventsPanel
 from gcs.tui.faults import FaultsPanel, clear_all, repeat
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
+from gcs.tui.guard import Failed, guarded, on, one_line
 from gcs.tui.keys import ACTING, KEYS, REPLAYING
 from gcs.tui.missions import MissionsPanel
 from gcs.tui.operations import Operations
@@ -43,7 +46,11 @@ MIN_SIZE = (80, 24)
 
 
 class Dashboard(App[None]):
-    """The operator's terminal."""
+    """The operator's terminal.
+
+    Attributes:
+        failures: What widgets could not do, in one line each, and why.
+    """
 
     TITLE = "ftc-sitl"
     CSS_PATH = "style.tcss"
@@ -62,6 +69,7 @@ class Dashboard(App[None]):
         self.view = FleetView(source)
         self.playback = source if isinstance(source, Playback) else None
         self.operations = Operations(self.view, self._tell)
+        self.failures: dict[str, Exception] = {}
         for known in (DARK, LIGHT):
             self.register_theme(known)
         self.theme = LIGHT.name if theme == "light" else DARK.name
@@ -95,6 +103,7 @@ class Dashboard(App[None]):
         self.query_one(FleetTable).focus()
         self.refresh_view(force=True)
 
+    @guarded
     def on_resize(self, event: Resize) -> None:
         """Show a notice if the terminal is too small."""
         width, height = event.size
@@ -106,20 +115,24 @@ class Dashboard(App[None]):
 
     # data
 
+    @guarded
     def refresh_view(self, force: bool = False) -> None:
         """Update the data; draw the changes on the visible panel."""
         if not self.is_running:  # the timer outlives the widgets by a moment
             return
         if self.playback is not None:
             self.playback.advance()
-            self.query_one(ReplayBar).show_playback(self.playback)
+            bar = self.query_one(ReplayBar)
+            bar.attempt(bar.show_playback, self.playback)
         if self.view.update() or force or self.operations.going_on:
-            self.query_one(StatusBar).show_view(self.view, self.operations.going_on)
-            if (panel := self._panel) is not None:
-                panel.show_view(self.view)
+            status = self.query_one(StatusBar)
+            status.attempt(status.show_view, self.view, self.operations.going_on)
+            if (panel := self.panel) is not None:
+                panel.attempt(panel.show_view, self.view)
 
     @property
-    def _panel(self) -> Panel | None:
+    def panel(self) -> Panel | None:
+        """The panel that is shown."""
         pane = self.query_one(TabbedContent).active_pane
         widgets = () if pane is None else pane.children
         return next((widget for widget in widgets if isinstance(widget, Panel)), None)
@@ -246,7 +259,13 @@ class Dashboard(App[None]):
             self._carry_out(action, "")
 
     def _carry_out(self, action: VehicleAction, choice: str) -> None:
-        self.run_worker(self.operations.carry_out(action, choice), group="operations")
+        async def work() -> None:
+            try:
+                await self.operations.carry_out(action, choice)
+            except Exception as error:
+                self.post_message(Failed(f"finish '{action.what}'", error))
+
+        self.run_worker(work(), group="operations")
         self.refresh_view()
 
     def _tell(self, text: str, severity: str) -> None:
@@ -286,6 +305,31 @@ class Dashboard(App[None]):
     def action_clear_all(self) -> None:
         """Clear all faults."""
         self.post_message(clear_all(self.view))
+
+    # failures
+
+    async def run_action(
+        self,
+        action: "str | ActionParseResult",  # an alias that is a text itself
+        default_namespace: DOMNode | None = None,
+        namespaces: Mapping[str, DOMNode] | None = None,
+    ) -> bool:
+        """Run an action of any widget; one that fails is told and ends nothing."""
+        try:
+            return await super().run_action(action, default_namespace, namespaces)
+        except Exception as error:
+            self.post_message(Failed(f"do '{action}'", error))
+            return True
+
+    @on(Failed)
+    def _note_failure(self, failed: Failed) -> None:
+        """Put a failure into the event log, once."""
+        text = f"the dashboard cannot {failed.what}: {one_line(failed.error)}"
+        if text not in self.failures:
+            self.failures[text] = failed.error
+            source = self.view.source
+            at = source.since_1970(source.now())
+            source.event_log.note(at, None, 0, "station", ERROR, text)
 
     # the end
 

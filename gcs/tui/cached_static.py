@@ -4,10 +4,12 @@ from typing import Any
 
 from textual.widgets import Static
 
+from gcs.tui.guard import Guarded
+
 __all__ = ["CachedStatic"]
 
 
-class CachedStatic(Static):
+class CachedStatic(Guarded, Static):
     """A Static for texts that are set often; its size is fixed unless `grow` is set."""
 
     def __init__(self, text: str = "", grow: bool = False, **kwargs: Any) -> None:

@@ -12,6 +12,7 @@ from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.faults import Fault
 
 __all__ = [
+    "DRAWABLE",
     "Colour",
     "Palette",
     "arrow",
@@ -30,6 +31,10 @@ Colour: TypeAlias = tuple[int, int, int]
 _ARROWS = "↑↗→↘↓↙←↖"
 _FRAME_LINES = 3  # of a plot: upper and lower edge, and the time
 _MIN_REACH_M = 20.0
+_MEASURED = ("actual", "reference", "held", "predicted_exit", "position")
+
+DRAWABLE = 1e8
+"""Largest magnitude that is drawn, whatever its unit: larger ones are no measurements."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ def palette_of(variables: Mapping[str, str]) -> Palette:
 
 
 def latest(state: VehicleState, span_s: float, until_s: float | None, points: int) -> np.ndarray:
-    """Rows of a vehicle's history, thinned out to about `points`.
+    """Rows of a vehicle's history, thinned out to about `points`; NaN for what cannot be drawn.
 
     Args:
         state: The vehicle.
@@ -81,7 +86,10 @@ def latest(state: VehicleState, span_s: float, until_s: float | None, points: in
         time_s = rows["time_s"]
         rows = rows[(time_s <= until_s) & (time_s >= until_s - span_s)]
     rows = rows[rows["time_s"] > 0.0]  # before that nothing is flown, and the reference is 0
-    return rows[:: max(1, len(rows) // max(points, 1))]
+    rows = rows[:: max(1, len(rows) // max(points, 1))]
+    for name in _MEASURED:
+        rows[name][~(np.abs(rows[name]) <= DRAWABLE)] = np.nan
+    return rows
 
 
 def draw_quantity(
@@ -159,11 +167,12 @@ def draw_formation(
         plt: Where to.
         states: The vehicles.
         selected: System id of the one that stands out.
-        trails: Positions (n, 3) of each.
+        trails: Positions (n, 3) of each; rows that are not finite are left out.
         size: Width and height of the plot in characters, for equal scales.
         palette: Colours.
     """
-    there = [(s, t) for s, t in zip(states, trails, strict=True) if len(t)]
+    tracks = [trail[np.isfinite(trail).all(axis=1)] for trail in trails]
+    there = [(s, t) for s, t in zip(states, tracks, strict=True) if len(t)]
     if not there:
         return
     now = np.array([trail[-1, :2] for _, trail in there])
@@ -194,7 +203,9 @@ def arrow(state: VehicleState) -> str:
 
 
 def arrow_to(direction_deg: float) -> str:
-    """Return an arrow to a direction, from north by east [deg]."""
+    """Return an arrow to a direction, from north by east [deg]; a dot if it is not finite."""
+    if not math.isfinite(direction_deg):
+        return "·"
     return _ARROWS[round(direction_deg / 45.0) % 8]
 
 

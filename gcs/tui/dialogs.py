@@ -5,13 +5,13 @@ from typing import Any, ClassVar
 
 from rich.table import Table
 from rich.text import Text
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
+from gcs.tui.guard import on
 from gcs.tui.requests import Choice
 
 __all__ = ["Help", "Question", "key_name"]

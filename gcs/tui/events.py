@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar
 
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
@@ -12,8 +11,9 @@ from gcs.station.notifications import severity_name
 from gcs.tui.event_log import KINDS, Entry
 from gcs.tui.formatting import clock, role_of, seconds
 from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.guard import on
 from gcs.tui.requests import Refresh
-from gcs.tui.view import FleetView
+from gcs.tui.view import FleetView, Panel
 from mavlink_defs import dialect
 
 __all__ = ["EventLog", "EventsPanel"]
@@ -81,7 +81,7 @@ class EventLog(Grid):
         )
 
 
-class EventsPanel(Vertical):
+class EventsPanel(Panel, Vertical):
     """The whole log with its filters."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -114,7 +114,8 @@ class EventsPanel(Vertical):
             chosen = of.value if of.value in view.systems else 0
             of.set_options([("all", 0), *((str(i), i) for i in view.systems)])
             of.value = chosen
-        self.query_one(EventLog).show_view(view)
+        log = self.query_one(EventLog)
+        log.attempt(log.show_view, view)
 
     def action_search(self) -> None:
         """Go to the search field."""

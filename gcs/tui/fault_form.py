@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pydantic import ValidationError
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Grid as Cells
@@ -14,6 +13,7 @@ from textual.message import Message
 from textual.widgets import Button, Input, Select, Static
 
 from gcs.tui.cached_static import CachedStatic
+from gcs.tui.guard import Guarded, on
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.fault_spec import FaultSpec
@@ -78,7 +78,7 @@ def read_fault(actuator: str, kind: str, texts: dict[str, str]) -> _Read:
         return _Read(None, tuple(problem.line({value_key: "value"}) for problem in found))
 
 
-class FaultForm(Vertical):
+class FaultForm(Guarded, Vertical):
     """Vehicle, actuator, effectiveness, value, start and end; says at once what does not fit."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

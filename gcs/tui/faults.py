@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar
 
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
@@ -14,8 +13,9 @@ from gcs.tui.fault_form import ALL, FaultForm
 from gcs.tui.fault_history import FaultRecord
 from gcs.tui.formatting import Cell, clock, ids
 from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.guard import on
 from gcs.tui.requests import VehicleAction
-from gcs.tui.view import FleetView
+from gcs.tui.view import FleetView, Panel
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.faults import Fault
 
@@ -74,7 +74,7 @@ class FaultList(Grid):
         return self.records[self.cursor] if self.cursor < len(self.records) else None
 
 
-class FaultsPanel(Horizontal):
+class FaultsPanel(Panel, Horizontal):
     """The form beside the list."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -93,15 +93,12 @@ class FaultsPanel(Horizontal):
     def show_view(self, view: FleetView) -> None:
         """Show vehicles and faults."""
         form = self.query_one(FaultForm)
-        form.set_systems(view.systems, view.selected)
+        form.attempt(form.set_systems, view.systems, view.selected)
         form.disabled = not view.source.can_act
         faults = self.query_one(FaultList)
-        faults.show_view(view)
-        details = self.query_one("#fault-details", CachedStatic)
-        record = faults.chosen
-        details.border_title = "Details"
-        details.say("" if record is None else _details(record))
         self._systems = view.systems
+        faults.attempt(faults.show_view, view)
+        self._show_details()
 
     def action_new(self) -> None:
         """Go to the form."""
@@ -133,9 +130,11 @@ class FaultsPanel(Horizontal):
         self.post_message(set_fault(systems, event.fault))
 
     @on(Grid.Moved)
-    def _moved(self) -> None:
+    def _show_details(self) -> None:
         record = self.query_one(FaultList).chosen
-        self.query_one("#fault-details", CachedStatic).say(_details(record) if record else "")
+        details = self.query_one("#fault-details", CachedStatic)
+        details.border_title = "Details"
+        details.attempt(lambda: details.say(_details(record) if record else ""))
 
 
 def set_fault(systems: tuple[int, ...], fault: Fault) -> VehicleAction:

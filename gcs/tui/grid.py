@@ -21,6 +21,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from gcs.tui.formatting import Cell
+from gcs.tui.guard import Guarded, guarded
 
 __all__ = ["Column", "Grid", "Row"]
 
@@ -48,7 +49,7 @@ class Row:
     cells: tuple[Cell, ...]
 
 
-class Grid(ScrollView, can_focus=True):
+class Grid(Guarded, ScrollView, can_focus=True):
     """A table with fixed headings and a cursor."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
@@ -157,6 +158,7 @@ class Grid(ScrollView, can_focus=True):
         self._widths = [column.width or free for column in self.columns]
         self.virtual_size = Size(self._room, self._head + max(len(self.rows), 1))
 
+    @guarded
     def on_resize(self, event: events.Resize) -> None:
         """Fit the column of width 0, and keep the cursor in sight."""
         self._resize()
@@ -259,6 +261,7 @@ class Grid(ScrollView, can_focus=True):
         if self.key is not None:
             self.post_message(self.Activated(self, self.key))
 
+    @guarded
     def on_click(self, event: events.Click) -> None:
         """Move the cursor where the mouse is; there already: choose the row."""
         place = event.y - self._head + self.scroll_offset.y

@@ -2,9 +2,10 @@
 
 from textual.binding import Binding
 
-__all__ = ["ACTING", "KEYS", "REPLAYING"]
+__all__ = ["ACTING", "KEYS", "REPLAYING", "TABS"]
 
-_TABS = ("fleet", "plots", "faults", "profiles", "parameters", "events", "map")
+TABS = ("fleet", "plots", "faults", "profiles", "parameters", "events", "map")
+"""The panels, in the order of their keys."""
 
 ACTING = {"arm", "start", "mode", "disarm", "repeat", "clear_all"}
 """Actions that do something with vehicles: off in a log."""
@@ -14,7 +15,7 @@ REPLAYING = {"play", "seek", "speed"}
 KEYS: list[Binding] = [
     *(
         Binding(str(i + 1), f"tab('{name}')", f"{name} panel", show=False)
-        for i, name in enumerate(_TABS)
+        for i, name in enumerate(TABS)
     ),
     Binding("left_square_bracket", "select(-1)", "UAV before", show=False),
     Binding("right_square_bracket", "select(1)", "next UAV", show=False),

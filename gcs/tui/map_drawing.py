@@ -10,7 +10,7 @@ import numpy as np
 from gcs.station.mission import HAS_PLACE, Mission
 from gcs.station.navigation import Home, home_of, slot_place_of, wind_of
 from gcs.station.vehicle_state import VehicleState
-from gcs.tui.curves import Colour, Palette, arrow, arrow_to, latest, ticks
+from gcs.tui.curves import DRAWABLE, Colour, Palette, arrow, arrow_to, latest, ticks
 from mavlink_defs import dialect
 
 __all__ = ["Scene", "Window", "draw_map", "scene_of", "wind_text"]
@@ -108,8 +108,9 @@ def scene_of(
         if len(track):
             place = (float(track[-1, 0]), float(track[-1, 1]))
             vehicles.append((state.system, arrow(state), place, state.system == selected, track))
-    slots = [place for place in map(slot_place_of, states) if place is not None]
+    slots = [place for place in map(slot_place_of, states) if place and _is_drawable(*place)]
     homes = {state.system: home for state in states if (home := home_of(state)) is not None}
+    homes = {i: home for i, home in homes.items() if _is_drawable(home.north_m, home.east_m)}
     home = homes.get(selected or 0) or next(iter(homes.values()), None)
     if home is None:
         return Scene(vehicles, slots)
@@ -132,9 +133,13 @@ def _route(
         if place is None:
             continue
         route.append((item.seq, place))
-        if item.command in HAS_PLACE and math.isfinite(item.param3) and item.param3 != 0.0:
+        if item.command in HAS_PLACE and _is_drawable(item.param3) and item.param3 != 0.0:
             circles.append((place, abs(item.param3)))
     return route, circles
+
+
+def _is_drawable(*values: float) -> bool:
+    return all(abs(value) <= DRAWABLE for value in values)
 
 
 def wind_text(state: VehicleState | None) -> str:

@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar
 
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
@@ -15,10 +14,11 @@ from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.curves import palette_of
 from gcs.tui.formatting import ids
+from gcs.tui.guard import Guarded, on
 from gcs.tui.map_drawing import Window, draw_map, scene_of, wind_text
 from gcs.tui.mission_list import MissionList, PlaceError, insertion_place, read_place
 from gcs.tui.requests import Outcome, Refresh, VehicleAction
-from gcs.tui.view import FleetView
+from gcs.tui.view import FleetView, Panel
 
 __all__ = ["MapView", "MissionsPanel"]
 
@@ -27,7 +27,7 @@ _ZOOM = 1.5
 _PAN = 0.4  # of half the width
 
 
-class MapView(PlotextPlot):
+class MapView(Guarded, PlotextPlot):
     """The map. North is up.
 
     Attributes:
@@ -54,13 +54,14 @@ class MapView(PlotextPlot):
         token = (view.now // _DRAW_S, len(view.states), shown, self.size, self.app.theme, mission)
         if token == self._drawn or not self.size:
             return
-        self._drawn = token
+        self._drawn = None  # until it is
         scene = scene_of(view.states, view.selected, mission, 2 * self.size.width)
         self.plt.clear_figure()
         size = (self.size.width, self.size.height)
         draw_map(self.plt, scene, window, size, palette_of(self.app.theme_variables))
         follows = " · follows" if window.follows else ""
         self.border_title = f"Map, m (↑ north) · {wind_text(view.state)}{follows}"
+        self._drawn = token
         self.refresh()
 
     def action_pan(self, north: int, east: int) -> None:
@@ -88,7 +89,7 @@ class MapView(PlotextPlot):
         self.post_message(Refresh())
 
 
-class MissionsPanel(Horizontal):
+class MissionsPanel(Panel, Horizontal):
     """The map beside the mission of the selected vehicle.
 
     Attributes:
@@ -144,8 +145,9 @@ class MissionsPanel(Horizontal):
         self._view = view
         home = None if view.state is None else home_of(view.state)
         edited = self.draft is not None
-        self.query_one(MissionList).show_mission(self.mission, view.state, home, edited)
-        self.query_one(MapView).show_map(view, self.mission)
+        items, drawn = self.query_one(MissionList), self.query_one(MapView)
+        items.attempt(items.show_mission, self.mission, view.state, home, edited)
+        drawn.attempt(drawn.show_map, view, self.mission)
 
     # the map
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from gcs.errors import CommandRefused, GcsError
 from gcs.station.notifications import ERROR, NOTICE, WARNING
 from gcs.tui.formatting import ids
+from gcs.tui.guard import one_line
 from gcs.tui.requests import Outcome, VehicleAction
 from gcs.tui.view import FleetView
 
@@ -60,6 +61,10 @@ class Operations:
         except KeyError:
             severity = ERROR
             outcome = Outcome(system, False, f"UAV {system} has not been heard of")
+        except Exception as problem:
+            severity = ERROR
+            words = f"{action.what}, UAV {system}: {one_line(problem)}"
+            outcome = Outcome(system, False, words)
         self._note(system, severity, outcome.words)
         if action.on_done is not None:
             action.on_done(outcome)

@@ -7,7 +7,7 @@ from textual.geometry import Size
 from gcs.tui.events import EventLog
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.plots import Chart
-from gcs.tui.view import FleetView
+from gcs.tui.view import FleetView, Panel
 from gcs.tui.wire_panel import WirePanel
 
 __all__ = ["Overview"]
@@ -17,7 +17,7 @@ _WIRE_S = 0.5
 _FORMATION_S = 1.0
 
 
-class Overview(Vertical):
+class Overview(Panel, Vertical):
     """The first panel: fleet, formation, transmissions and events."""
 
     def __init__(self) -> None:
@@ -34,13 +34,14 @@ class Overview(Vertical):
 
     def show_view(self, view: FleetView) -> None:
         """Show the present state; formation and transmissions less often."""
-        self.query_one(FleetTable).show_view(view)
-        self.query_one(EventLog).show_view(view)
+        fleet, events = self.query_one(FleetTable), self.query_one(EventLog)
+        fleet.attempt(fleet.show_view, view)
+        events.attempt(events.show_view, view)
         wire, formation = self.query_one(WirePanel), self.query_one(Chart)
         if self._is_due("wire", _WIRE_S, view, wire.size):
-            wire.show_view(view)
+            wire.attempt(wire.show_view, view)
         if formation.display and self._is_due("formation", _FORMATION_S, view, formation.size):
-            formation.draw(view, _TRAIL_S, None)
+            formation.attempt(formation.draw, view, _TRAIL_S, None)
 
     def _is_due(self, what: str, period_s: float, view: FleetView, size: Size) -> bool:
         choice = None if view.source.can_act else view.selected  # a log may stand still

@@ -3,7 +3,6 @@
 import math
 from typing import Any, ClassVar
 
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
@@ -14,8 +13,9 @@ from gcs.station.vehicle import Vehicle
 from gcs.tui.cached_static import CachedStatic
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.guard import on
 from gcs.tui.requests import Outcome, Refresh, VehicleAction
-from gcs.tui.view import FleetView
+from gcs.tui.view import FleetView, Panel
 from mavlink_defs.services.param import Param
 
 __all__ = ["ParametersPanel"]
@@ -29,7 +29,7 @@ _COLUMNS = (
 )
 
 
-class ParametersPanel(Vertical):
+class ParametersPanel(Panel, Vertical):
     """The parameters of the selected vehicle."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -71,7 +71,7 @@ class ParametersPanel(Vertical):
         shown = [param for param in params if words in param.name.casefold()]
         grid.empty = self._why_empty(system)
         grid.border_title = f"Parameters · {len(shown)} of {len(params)}"
-        grid.show(_COLUMNS, [_row(param) for param in shown])
+        grid.attempt(lambda: grid.show(_COLUMNS, [_row(param) for param in shown]))
         grid.refresh()
 
     def _why_empty(self, system: int | None) -> str:
@@ -132,7 +132,9 @@ class ParametersPanel(Vertical):
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            self.app.notify(f"expected a number, got '{event.value}'", severity="error")
+            self.app.notify(
+                f"expected a number, got '{event.value}'", severity="error", markup=False
+            )
             return
         before = next(param.value for param in self.params[system] if param.name == name)
         question = f"Set {name} of {ids([system])} from {before:g} to {value:g}?"

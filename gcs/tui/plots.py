@@ -18,8 +18,9 @@ from gcs.tui.curves import (
     palette_of,
 )
 from gcs.tui.formatting import number, seconds
+from gcs.tui.guard import Guarded, guarded
 from gcs.tui.requests import Refresh
-from gcs.tui.view import FleetView
+from gcs.tui.view import FleetView, Panel
 
 __all__ = ["Chart", "PlotsPanel"]
 
@@ -37,7 +38,7 @@ _EXITS = (
 _DRAW_S = 0.1  # one chart at a time, so that keys never wait for all of them
 
 
-class Chart(PlotextPlot):
+class Chart(Guarded, PlotextPlot):
     """One plot.
 
     Attributes:
@@ -45,7 +46,7 @@ class Chart(PlotextPlot):
     """
 
     def __init__(self, kind: str, **kwargs: Any) -> None:
-        super().__init__(**kwargs)
+        super().__init__(name=f"plot of {kind}", **kwargs)
         self.kind = kind
         self._drawn: object = None
 
@@ -56,7 +57,7 @@ class Chart(PlotextPlot):
         token = (view.selected, span_s, until_s, times, self.size, self.app.theme)
         if token == self._drawn or not self.size:
             return False
-        self._drawn = token
+        self._drawn = None  # until it is
         plt = self.plt
         plt.clear_figure()
         palette = palette_of(self.app.theme_variables)
@@ -81,6 +82,7 @@ class Chart(PlotextPlot):
                 name, unit = _QUANTITIES[i]
                 actual, wanted = rows["actual"][-1, i], rows["reference"][-1, i]
                 self.border_title = f"{name} {number(actual)} → {number(wanted)} {unit}"
+        self._drawn = token
         self.refresh()
         return True
 
@@ -99,7 +101,7 @@ class Chart(PlotextPlot):
         self.border_title = "formation from above, m (↑ north)"
 
 
-class PlotsPanel(Vertical):
+class PlotsPanel(Panel, Vertical):
     """All plots where there is room for them, one at a time where there is not."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -148,13 +150,15 @@ class PlotsPanel(Vertical):
         """The time that is plotted [s]."""
         return _SPANS_S[self._span]
 
+    @guarded
     def _draw_next(self) -> None:
         if self._view is None or not self.is_on_screen:
             return
         charts = [chart for chart in self.query(Chart) if chart.display and chart.size]
         for _ in charts:
             self._turn = (self._turn + 1) % len(charts)
-            if charts[self._turn].draw(self._view, self.span_s, self._until_s):
+            chart = charts[self._turn]
+            if chart.attempt(chart.draw, self._view, self.span_s, self._until_s):
                 return
 
     @property

@@ -11,6 +11,7 @@ from gcs.station.status import segment_dict
 from gcs.tui.curves import palette_of
 from gcs.tui.formatting import Cell
 from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.guard import Guarded
 from mavlink_defs.profile import Segment
 from mavlink_defs.visible import visible
 
@@ -61,7 +62,7 @@ class ProfileTable(Grid):
         self.border_title = title
 
 
-class ProfilePlot(PlotextPlot):
+class ProfilePlot(Guarded, PlotextPlot):
     """Airspeed and attitude over time."""
 
     def show_profile(self, segments: Sequence[Segment]) -> None:

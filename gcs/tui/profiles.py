@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any, ClassVar
 
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
@@ -16,9 +15,10 @@ from gcs.station.vehicle_state import VehicleState
 from gcs.tui.cached_static import CachedStatic
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.guard import on
 from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
 from gcs.tui.requests import Outcome, Refresh, VehicleAction
-from gcs.tui.view import FleetView
+from gcs.tui.view import FleetView, Panel
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.profile import Segment
 from mavlink_defs.visible import visible
@@ -68,7 +68,7 @@ class Holdings(Grid):
         return ("█" * full + "░" * (_BAR - full) + f" {done}/{total}", "accent")
 
 
-class ProfilesPanel(Horizontal):
+class ProfilesPanel(Panel, Horizontal):
     """Files and vehicles beside the profile."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -112,18 +112,22 @@ class ProfilesPanel(Horizontal):
         """Show the vehicles' profiles."""
         self._view = view
         holdings = self.query_one(Holdings)
-        holdings.show_holdings(view, self.segments)
+        holdings.attempt(holdings.show_holdings, view, self.segments)
         state = next((s for s in view.states if s.system == holdings.key), None)
         held = state.profile if state is not None else None
         table = self.query_one(ProfileTable)
         if self.segments is not None:
             against = f" ≠ UAV {holdings.key}" if held and held != self.segments else ""
-            table.show_profile(self.segments, held, f"{self._title_of_file}{against}")
+            table.attempt(
+                table.show_profile, self.segments, held, f"{self._title_of_file}{against}"
+            )
         elif held is not None:
-            table.show_profile(held, None, f"UAV {holdings.key} holds {len(held)} segments")
+            table.attempt(
+                table.show_profile, held, None, f"UAV {holdings.key} holds {len(held)} segments"
+            )
             self._plot(held)
         else:
-            table.show_profile((), None, "Profile")
+            table.attempt(table.show_profile, (), None, "Profile")
 
     def load(self, path: Path) -> None:
         """Show the profile of a file, or say what is wrong with it."""
@@ -146,7 +150,8 @@ class ProfilesPanel(Horizontal):
         )
 
     def _plot(self, segments: tuple[Segment, ...]) -> None:
-        self.query_one(ProfilePlot).show_profile(segments)
+        plot = self.query_one(ProfilePlot)
+        plot.attempt(plot.show_profile, segments)
 
     @on(DirectoryTree.FileSelected)
     def _file_chosen(self, event: DirectoryTree.FileSelected) -> None:

@@ -8,12 +8,13 @@ from textual.message import Message
 from textual.reactive import reactive
 from textual.widget import Widget
 
+from gcs.tui.guard import Guarded, guarded
 from gcs.tui.playback import Playback
 
 __all__ = ["ReplayBar"]
 
 
-class ReplayBar(Widget):
+class ReplayBar(Guarded, Widget):
     """One line: state, place, length, speed, and a bar that takes clicks."""
 
     line: reactive[tuple[str, float]] = reactive(("", 0.0))
@@ -50,6 +51,7 @@ class ReplayBar(Widget):
         text.append("─" * (width - 1 - done), style=colours["muted"])
         return text.append(keys, style=colours["muted"])
 
+    @guarded
     def on_click(self, event: events.Click) -> None:
         """Seek."""
         if event.x in self._bar:

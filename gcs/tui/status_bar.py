@@ -5,12 +5,13 @@ from textual.reactive import reactive
 from textual.widget import Widget
 
 from gcs.tui.formatting import percent, seconds
+from gcs.tui.guard import Guarded
 from gcs.tui.view import FleetView
 
 __all__ = ["StatusBar"]
 
 
-class StatusBar(Widget):
+class StatusBar(Guarded, Widget):
     """One line about everything."""
 
     line: reactive[tuple[tuple[str, str], ...]] = reactive(())

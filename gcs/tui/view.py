@@ -5,7 +5,7 @@
 """
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from gcs.station.fleet_state import FleetState
 from gcs.station.notifications import Notification
@@ -13,6 +13,7 @@ from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.event_log import EventLog
 from gcs.tui.fault_history import FaultHistory
+from gcs.tui.guard import Guarded
 
 __all__ = ["SILENT_S", "FleetClient", "FleetView", "LiveSource", "Panel", "Source"]
 
@@ -199,9 +200,9 @@ class FleetView:
         return next((state.system for state in order if wanted(state)), None)
 
 
-@runtime_checkable
-class Panel(Protocol):
-    """A widget that shows the vehicles."""
+class Panel(Guarded):
+    """A widget that shows the vehicles; mixed in before another widget class."""
 
     def show_view(self, view: FleetView) -> None:
         """Draw what has changed."""
+        raise NotImplementedError
