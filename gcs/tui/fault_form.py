@@ -19,10 +19,10 @@ from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault
 
-__all__ = ["ALL", "FaultForm", "read_fault"]
+__all__ = ["ALL", "MARKED", "FaultForm", "read_fault"]
 
-ALL = 0
-"""Stands for every vehicle."""
+ALL, MARKED = 0, -1
+"""Stand for every vehicle, and for the marked ones."""
 
 _FIELDS = ("effectiveness", "value", "frequency_hz", "start_s", "end_s")
 _HINTS = {
@@ -57,7 +57,7 @@ def read_fault(actuator: str, kind: str, texts: dict[str, str]) -> _Read:
         try:
             numbers[name] = float(text) if text else None
         except ValueError:
-            problems.append(f"{name}: expected a number, got '{text}'")
+            problems.append(f"{_label(name, actuator, kind)}: expected a number, got '{text}'")
     if problems:
         return _Read(None, tuple(problems))
     unit = "n" if actuator == "throttle" else "deg"
@@ -75,7 +75,15 @@ def read_fault(actuator: str, kind: str, texts: dict[str, str]) -> _Read:
         return _Read(FaultSpec.model_validate(keys).command())
     except ValidationError as error:
         found = problems_of(FaultSpec, error)
-        return _Read(None, tuple(problem.line({value_key: "value"}) for problem in found))
+        label = {value_key: _label("value", actuator, kind)}
+        return _Read(None, tuple(problem.line(label) for problem in found))
+
+
+def _label(name: str, actuator: str, kind: str) -> str:
+    """Return what the form calls a field."""
+    if name != "value":
+        return name
+    return f"{'stuck at' if kind == 'stuck' else 'bias'} {'N' if actuator == 'throttle' else '°'}"
 
 
 class FaultForm(Guarded, Vertical):
@@ -83,7 +91,11 @@ class FaultForm(Guarded, Vertical):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("ctrl+s", "submit", "set fault", tooltip="Set the fault that the form describes"),
+        Binding("escape", "leave", "list", tooltip="Leave the form for the list"),
     ]
+
+    class Left(Message):
+        """The operator leaves the form."""
 
     class Submitted(Message):
         """A fault is to be set."""
@@ -96,6 +108,7 @@ class FaultForm(Guarded, Vertical):
         super().__init__(**kwargs)
         self.border_title = "New fault"
         self._systems: tuple[int, ...] = ()
+        self._marked: frozenset[int] = frozenset()
 
     def compose(self) -> ComposeResult:
         """Lay out the fields."""
@@ -119,17 +132,21 @@ class FaultForm(Guarded, Vertical):
         with Horizontal(classes="buttons"):
             yield Button("Set fault", "primary", id="set", compact=True)
 
-    def set_systems(self, systems: Sequence[int], selected: int | None) -> None:
-        """Offer these vehicles; a newly selected one is put in."""
+    def set_systems(self, systems: Sequence[int], selected: int | None, marked: set[int]) -> None:
+        """Offer these vehicles; the marked ones are put in when the marks change."""
         field: Select[int] = self.query_one("#vehicle", Select)
-        if tuple(systems) != self._systems:
-            before = field.value
-            self._systems = tuple(systems)
-            options = [*((f"UAV {i}", i) for i in systems), ("all", ALL)]
-            with field.prevent(Select.Changed):
-                field.set_options(options)
-                known = [value for _, value in options]
-                field.value = before if before in known and before != ALL else selected or ALL
+        if tuple(systems) == self._systems and marked == self._marked:
+            return
+        before, changed = field.value, marked != self._marked
+        self._systems, self._marked = tuple(systems), frozenset(marked)
+        options = [*((f"UAV {i}", i) for i in systems), ("all", ALL)]
+        if marked:
+            options.insert(0, (f"{len(marked)} marked", MARKED))
+        known = {value for _, value in options} - {ALL}
+        chosen = before if before in known else selected or ALL
+        with field.prevent(Select.Changed):
+            field.set_options(options)
+            field.value = MARKED if marked and changed else chosen
 
     def choose(self, system: int) -> None:
         """Put a vehicle in."""
@@ -141,6 +158,10 @@ class FaultForm(Guarded, Vertical):
         """The present content of the form."""
         texts = {name: self.query_one(f"#{name}", Input).value for name in _FIELDS}
         return read_fault(self._chosen("actuator"), self._chosen("fault-kind"), texts)
+
+    def action_leave(self) -> None:
+        """Leave the form."""
+        self.post_message(self.Left())
 
     def action_submit(self) -> None:
         """Set the fault, or say what is wrong."""
@@ -159,10 +180,8 @@ class FaultForm(Guarded, Vertical):
     @on(Select.Changed)
     def _check(self, complain: bool = False) -> None:
         stuck = self._chosen("fault-kind") == "stuck"
-        unit = "N" if self._chosen("actuator") == "throttle" else "°"
-        self.query_one("#label-value", CachedStatic).say(
-            f"{'stuck at' if stuck else 'bias'} {unit}"
-        )
+        label = _label("value", self._chosen("actuator"), self._chosen("fault-kind"))
+        self.query_one("#label-value", CachedStatic).say(label)
         self.query_one("#effectiveness", Input).disabled = stuck
         read = self.read
         touched = any(self.query_one(f"#{name}", Input).value for name in _FIELDS)

@@ -1,5 +1,6 @@
 """Faults: a form, and all that were seen with who acknowledged what and when."""
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from textual.app import ComposeResult
@@ -9,12 +10,12 @@ from textual.containers import Horizontal, Vertical
 from gcs.station.fault_text import describe_fault
 from gcs.station.vehicle import Vehicle
 from gcs.tui.cached_static import CachedStatic
-from gcs.tui.fault_form import ALL, FaultForm
+from gcs.tui.fault_form import ALL, MARKED, FaultForm
 from gcs.tui.fault_history import FaultRecord
 from gcs.tui.formatting import Cell, clock, ids
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.guard import on
-from gcs.tui.requests import VehicleAction
+from gcs.tui.requests import Outcome, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.faults import Fault
@@ -30,8 +31,8 @@ _ROLES = {
     "restarted": "muted",
 }
 _COLUMNS = (Column("UAV", 3), Column("state", 9, "left"), Column("fault", 0, "left"))
-_WIDE = (*_COLUMNS[:2], Column("fault", 42, "left"), Column("acknowledged", 0, "left"))
 _WIDE_FROM = 92
+_LEAST_FAULT, _LEAST_HISTORY = 42, 30
 
 
 class FaultList(Grid):
@@ -62,7 +63,7 @@ class FaultList(Grid):
                 cells.append((_history(record), "muted"))
             rows.append(Row(count - i, tuple(cells)))
         new = len(rows) > len(self.rows)
-        self.show(_WIDE if wide else _COLUMNS, rows)
+        self.show(_wide(rows, self.room) if wide else _COLUMNS, rows)
         if new:
             self.cursor = 0
         active = sum(len(state.active_faults) for state in view.states)
@@ -74,13 +75,20 @@ class FaultList(Grid):
         return self.records[self.cursor] if self.cursor < len(self.records) else None
 
 
+def _wide(rows: list[Row], room: int) -> tuple[Column, ...]:
+    """Return columns of which that of the faults is as wide as they are, if there is room."""
+    longest = max((len(row.cells[2][0]) for row in rows), default=0)
+    left = room - sum(column.width + 1 for column in _COLUMNS[:2]) - 1 - _LEAST_HISTORY
+    width = max(min(longest, left), _LEAST_FAULT)
+    return (*_COLUMNS[:2], Column("fault", width, "left"), Column("acknowledged", 0, "left"))
+
+
 class FaultsPanel(Panel, Horizontal):
     """The form beside the list."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("n", "new", "new", tooltip="Go to the form for a new fault"),
         Binding("delete,d", "clear", "clear", tooltip="Clear the faults of the chosen actuator"),
-        Binding("escape", "list", "back to the list", show=False),
     ]
 
     def compose(self) -> ComposeResult:
@@ -93,10 +101,10 @@ class FaultsPanel(Panel, Horizontal):
     def show_view(self, view: FleetView) -> None:
         """Show vehicles and faults."""
         form = self.query_one(FaultForm)
-        form.attempt(form.set_systems, view.systems, view.selected)
+        form.attempt(form.set_systems, view.systems, view.selected, view.marked)
         form.disabled = not view.source.can_act
         faults = self.query_one(FaultList)
-        self._systems = view.systems
+        self._systems, self._marked = view.systems, tuple(sorted(view.marked))
         faults.attempt(faults.show_view, view)
         self._show_details()
 
@@ -104,9 +112,15 @@ class FaultsPanel(Panel, Horizontal):
         """Go to the form."""
         self.query_one("#actuator").focus()
 
-    def action_list(self) -> None:
-        """Go to the list."""
+    @on(FaultForm.Left)
+    def _to_list(self) -> None:
         self.query_one(FaultList).focus()
+
+    def _done(self, outcome: Outcome) -> None:
+        """Leave the form after an accepted fault, so that keys are no text any more."""
+        form = self.query_one(FaultForm)
+        if outcome.accepted and form.has_focus_within:
+            form.action_leave()
 
     def action_clear(self) -> None:
         """Clear the chosen fault."""
@@ -126,8 +140,9 @@ class FaultsPanel(Panel, Horizontal):
 
     @on(FaultForm.Submitted)
     def _set(self, event: FaultForm.Submitted) -> None:
-        systems = self._systems if event.system == ALL else (event.system,)
-        self.post_message(set_fault(systems, event.fault))
+        groups = {ALL: self._systems, MARKED: self._marked}
+        systems = groups.get(event.system, (event.system,))
+        self.post_message(set_fault(systems, event.fault, self._done))
 
     @on(Grid.Moved)
     def _show_details(self) -> None:
@@ -137,14 +152,17 @@ class FaultsPanel(Panel, Horizontal):
         details.attempt(lambda: details.say(_details(record) if record else ""))
 
 
-def set_fault(systems: tuple[int, ...], fault: Fault) -> VehicleAction:
+def set_fault(
+    systems: tuple[int, ...], fault: Fault, on_done: Callable[[Outcome], None] | None = None
+) -> VehicleAction:
     """The action to set a fault."""
 
     async def act(vehicle: Vehicle, _: str) -> str:
         await vehicle.set_fault(fault)
         return f"set: {describe_fault(fault)}"
 
-    return VehicleAction(f"set {ACTUATORS[fault.actuator]} fault", systems, act)
+    what = f"set {ACTUATORS[fault.actuator]} fault"
+    return VehicleAction(what, systems, act, on_done=on_done)
 
 
 def clear_all(view: FleetView) -> VehicleAction:

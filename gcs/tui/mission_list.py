@@ -46,6 +46,9 @@ class MissionList(Grid):
         current = None if state is None or edited else current_item(state)
         self.show(_COLUMNS, [_row(item, home, current) for item in mission[1:]])
         of = "Mission" if state is None else f"UAV {state.system}"
+        if state is not None and state.profile and not edited:
+            self.border_title = f"{of} · a profile: panel 4"
+            return
         if edited:
             self.border_title = f"{of} · edited, u uploads"
             return

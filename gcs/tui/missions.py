@@ -25,6 +25,7 @@ __all__ = ["MapView", "MissionsPanel"]
 _DRAW_S = 0.5
 _ZOOM = 1.5
 _PAN = 0.4  # of half the width
+_EDITING = {"insert", "edit", "delete", "shift", "upload"}
 
 
 class MapView(Guarded, PlotextPlot):
@@ -142,7 +143,9 @@ class MissionsPanel(Panel, Horizontal):
 
     def show_view(self, view: FleetView) -> None:
         """Show vehicles and mission."""
-        self._view = view
+        before, self._view = self._is_profile, view
+        if self._is_profile != before:
+            self.refresh_bindings()
         home = None if view.state is None else home_of(view.state)
         edited = self.draft is not None
         items, drawn = self.query_one(MissionList), self.query_one(MapView)
@@ -168,6 +171,15 @@ class MissionsPanel(Panel, Horizontal):
         self.query_one(MapView).fit()
 
     # the mission
+
+    @property
+    def _is_profile(self) -> bool:
+        """Whether the vehicle flies a profile, which panel 4 shows and uploads."""
+        return self.draft is None and bool(self._state and self._state.profile)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Return whether an action is possible: a profile is not edited here."""
+        return not (action in _EDITING and self._is_profile)
 
     @property
     def _at(self) -> int | None:

@@ -8,6 +8,7 @@ from waiting import answer, until, until_focused
 from gcs.errors import CommandRefused, NoAnswer
 from gcs.tui.app import Dashboard
 from gcs.tui.grid import Column, Grid, Row
+from mavlink_defs.faults import Fault
 from mavlink_defs.services.param import Param
 
 
@@ -164,3 +165,51 @@ def test_a_grid_keeps_its_cursor_on_what_it_stands_for() -> None:
         await until(pilot, lambda: grid.key == "0")
 
     at_screen(live(Station()), work)
+
+
+class FaultyVehicle(FakeVehicle):
+    """A vehicle that takes faults."""
+
+    def __init__(self, system: int) -> None:
+        super().__init__()
+        self.system = system
+        self.faults: list[Fault] = []
+
+    async def set_fault(self, fault: Fault) -> None:
+        if self.refuses:
+            raise CommandRefused(f"UAV {self.system} refused", 1)
+        self.faults.append(fault)
+
+
+def test_the_fault_form_is_left_after_an_accepted_fault_of_the_marked_vehicles() -> None:
+    station = Station(1, 2, 3)
+    for system in (1, 2, 3):
+        station.vehicles[system] = FaultyVehicle(system)
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        await pilot.press("space", "down", "space", "3")
+        await until_focused(pilot, "fault-list")
+        app.refresh_view(force=True)
+        await pilot.press("n")
+        await until_focused(pilot, "actuator")
+        await pilot.press("tab", "tab", *"0.5")
+        for system in (1, 2, 3):
+            station.vehicles[system].refuses = True
+        await pilot.press("ctrl+s")
+        await until(pilot, lambda: len(app.view.source.event_log.entries) == 2)
+        assert app.focused is app.query_one("#effectiveness")  # to be put right
+        for system in (1, 2, 3):
+            station.vehicles[system].refuses = False
+        await pilot.press("ctrl+s")
+        await until_focused(pilot, "fault-list")
+        counts = [len(station.vehicles[system].faults) for system in (1, 2, 3)]
+        assert counts == [1, 1, 0]
+        await pilot.press("n")
+        await until_focused(pilot, "actuator")
+        assert "esc" in shown(app)
+        await pilot.press("escape")
+        await until_focused(pilot, "fault-list")
+        await pilot.press("C")  # is a key again
+        await until(pilot, lambda: "Clear all faults of UAV 1, 2" in shown(app))
+
+    at_screen(live(station), work, (80, 24))
