@@ -30,7 +30,7 @@ explore: $(READY)  ## the property tests with new examples, ten times as many; S
 	  --hypothesis-seed=$(SEED) tests/unit
 
 docs: $(READY)  ## the documentation as a site in site/; every warning is an error
-	$(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 bench: $(READY)  ## the speed figures of the README
 	$(BIN)/python -m benchmarks

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import numpy as np
 import typer
+import yaml
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
@@ -41,7 +42,9 @@ from sitl_plant.atmosphere import Dryden, Wind
 from sitl_plant.config import Aircraft, Disturbance, Sinusoid, Uncertainty
 from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
 
-DIALECT = Path(__file__).parents[1] / "mavlink_defs" / "ftc.xml"
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+DIALECT = ROOT / "mavlink_defs" / "ftc.xml"
 MARK = re.compile(r"^<!-- generated: (\w+)(?: (\S+))? -->$", re.MULTILINE)
 SECTIONS: dict[str, type[BaseModel]] = {
     "scenario": Scenario,
@@ -80,8 +83,8 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "truncated_normal": distributions.TruncatedNormal,
     "choice": distributions.Choice,
 }
-OWN_TABLES = set(SECTIONS.values())
-"""Models with a table of their own; in the table of another model they are one line."""
+OWN_TABLES = {model: name for name, model in SECTIONS.items()}
+"""Models with a table of their own, which the one line in the table of another model links to."""
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
@@ -101,7 +104,16 @@ def keys(section: str) -> str:
     common = next(parents).model_fields if extends else {}
     rows = (row for row in key_rows(model) if row[0] not in common)
     shown = ((f"`{key}`", *rest) for key, *rest in rows)
-    return table(("key", "expected", "default", "meaning"), shown)
+    return f'<a id="keys-{section}"></a>\n\n' + table(
+        ("key", "expected", "default", "meaning"), shown
+    )
+
+
+def page_of(section: str) -> str:
+    """Return the page of the reference that has the table of a section."""
+    mark = f"<!-- generated: keys {section} -->"
+    pages = (path for path in sorted((DOCS / "reference").glob("*.md")) if mark in path.read_text())
+    return next(pages).name
 
 
 def key_rows(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
@@ -155,8 +167,10 @@ def expected(annotation: Any, field: FieldInfo | None = None) -> str:
         return "; or ".join(dict.fromkeys(expected(part) for part in arguments))
     if origin is Annotated:
         return expected(annotation.__origin__)
-    if part_of(annotation) is not None:
-        return "mapping"
+    if (part := part_of(annotation)) is not None:
+        section = OWN_TABLES.get(part, "")
+        section = "controller" if section in LAWS else "trigger" if section in TRIGGERS else section
+        return f"[mapping]({page_of(section)}#keys-{section})" if section else "mapping"
     return _PLAIN.get(annotation, "text")
 
 
@@ -302,10 +316,66 @@ def param_row(param: ET.Element) -> tuple[str, ...]:
 
 
 def command_line() -> str:
-    """Return a section for each command of `gcs`, as its help text has it."""
+    """Return a section for each command of `gcs`, as its help text has it.
+
+    Lists of commands have whole sentences, and link to the commands; usage lines can be copied.
+    """
     command = typer.main.get_command(app)
+    _show_whole_sentences(command)
     text = get_docs_for_click(obj=command, ctx=typer.Context(command, info_name="gcs"), name="gcs")
-    return re.sub(r"^#", "##", text.partition("\n")[2], flags=re.MULTILINE)
+    text = text.partition("\n")[2].replace("```console\n$ ", "```text\n")
+    name = "gcs"
+
+    def linked(line: re.Match[str]) -> str:
+        nonlocal name
+        if line["heading"]:
+            name = line["heading"]
+            return f"#{line[0]}"
+        command = f"{name} {line['entry']}"
+        return f"* [`{command}`](#{command.replace(' ', '-')})"
+
+    # commands have small letters only, unlike options and arguments
+    return re.sub(
+        r"^(?:#+ `(?P<heading>.+)`$|\* `(?P<entry>[a-z]+)`)", linked, text, flags=re.MULTILINE
+    )
+
+
+def _show_whole_sentences(command: Any) -> None:
+    for sub in getattr(command, "commands", {}).values():
+        sub.short_help = (sub.help or "").partition("\n\n")[0].replace("\n", " ")
+        _show_whole_sentences(sub)
+
+
+def pages(title: str) -> str:
+    """Return a list of the pages under a title of the navigation, each with its first sentence."""
+    entries = {name: part for entry in navigation() for name, part in entry.items()}[title]
+    return "\n".join(
+        f"- [{name}]({path}){first_sentence(DOCS / path)}"
+        for entry in entries
+        for name, path in entry.items()
+    )
+
+
+def navigation() -> list[dict[str, Any]]:
+    """Return the navigation of the site, as `mkdocs.yml` has it."""
+    nav: list[dict[str, Any]] = yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]
+    return nav
+
+
+def first_sentence(page: Path) -> str:
+    """Return ": " and the first sentence of a page without its links; nothing without prose."""
+    text = re.sub(r"^```.*?^```|^<!--.*?-->", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    prose = (part for part in text.split("\n\n") if re.match(r"[\w\"*`]", part.lstrip("\n")))
+    paragraph = " ".join(next(prose, "").split())
+    paragraph = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", paragraph)
+    sentence = re.match(r"((?:`[^`]*`|[^`])*?(?<!Fig))(?:[.?] |[.:]$)", paragraph)
+    return f": {sentence[1]}." if sentence else ""
+
+
+def readme(title: str) -> str:
+    """Return a section of the README without its heading; `_` in its title stand for blanks."""
+    text = (ROOT / "README.md").read_text().split(f"\n## {title.replace('_', ' ')}\n")[1]
+    return text.partition("\n## ")[0].strip("\n").replace("](docs/", "](")
 
 
 def table(head: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
@@ -324,4 +394,6 @@ GENERATORS: dict[str, Callable[..., str]] = {
     "enums": enums,
     "commands": commands,
     "command_line": command_line,
+    "pages": pages,
+    "readme": readme,
 }

@@ -54,6 +54,13 @@ def names_in_code(text: str) -> set[str]:
     return {name for span in re.findall(r"`([^`\n]+)`", text) for name in re.findall(r"\w+", span)}
 
 
+def nav_pages() -> set[str]:
+    """Paths of all pages of the site but the home page, relative to `docs`."""
+    entries = (item for entry in docs_pages.navigation() for item in entry.values())
+    lists = (entry for entry in entries if isinstance(entry, list))
+    return {path for pages in lists for page in pages for path in page.values()}
+
+
 def generated(page: str) -> str:
     """A page of the reference as the site has it, with its generated tables."""
     return docs_pages.on_page_markdown((DOCS / "reference" / f"{page}.md").read_text())
@@ -174,9 +181,39 @@ def test_every_command_of_gcs_is_documented() -> None:
         assert f"\n### `gcs {name}`\n" in page
 
 
-def test_a_page_cannot_ask_for_what_does_not_exist() -> None:
-    with pytest.raises(KeyError):
-        docs_pages.on_page_markdown("<!-- generated: keys wings -->")
+def test_listed_commands_have_whole_sentences_and_links() -> None:
+    page = generated("commands")
+    listed = re.findall(r"^\* \[`(gcs [a-z ]+)`\]\(#([a-z-]+)\): (.*)$", page, re.MULTILINE)
+    assert len(listed) == page.count("\n### ") + page.count("\n#### ")
+    assert all(anchor == name.replace(" ", "-") for name, anchor, _ in listed)
+    assert not [sentence for _, _, sentence in listed if sentence.endswith("...")]
+    assert "$ gcs" not in page  # it would be copied with the command
+
+
+@pytest.mark.parametrize("page", ["scenario", "campaign"])
+def test_a_key_that_holds_a_mapping_links_to_the_table_of_its_keys(page: str) -> None:
+    links = re.findall(r"\[mapping\]\((\w+)\.md#([\w-]+)\)", generated(page))
+    assert len(links) >= 3
+    assert all(f'<a id="{anchor}"></a>' in generated(target) for target, anchor in links)
+
+
+def test_the_home_page_lists_every_page_and_the_first_command() -> None:
+    home = docs_pages.on_page_markdown((DOCS / "index.md").read_text())
+    assert set(re.findall(r"^- \[[^]]+\]\(([^)]+)\)", home, re.MULTILINE)) == nav_pages()
+    assert "\n    make fly " in home
+
+
+@pytest.mark.parametrize("page", sorted(nav_pages()))
+def test_first_sentences_are_whole(page: str) -> None:
+    sentence = docs_pages.first_sentence(DOCS / page)
+    assert sentence.count("`") % 2 == 0
+    assert not sentence or re.match(r": [\w`\"*].{15,}\.$", sentence)
+
+
+@pytest.mark.parametrize("mark", ["keys wings", "pages Wings", "readme Wings", "wings"])
+def test_a_page_cannot_ask_for_what_does_not_exist(mark: str) -> None:
+    with pytest.raises(LookupError):
+        docs_pages.on_page_markdown(f"<!-- generated: {mark} -->")
 
 
 @pytest.mark.slow
@@ -186,18 +223,23 @@ def test_the_site_builds_without_a_warning_and_reads_offline(tmp_path: Path) -> 
     done = subprocess.run(
         [*build, tmp_path / "site"],
         cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        env=os.environ | {"PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"},
         capture_output=True,
         text=True,
         timeout=300.0,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stderr == ""
     page = (tmp_path / "site" / "reference" / "scenario.html").read_text()
     assert "<!-- generated" not in page
     assert "<code>rbf.speed_scale</code>" in page
     api = (tmp_path / "site" / "reference" / "api.html").read_text()
     assert 'id="gcs.station.client.Client"' in api
+    index = (tmp_path / "site" / "search" / "search_index.js").read_text()
+    assert index.startswith("var __index = {")  # a page in a folder can load a script, no JSON
+    assert '<script src="../javascripts/iframe-worker.js"></script>' in page
+    assert "IFrameWorker" in (tmp_path / "site" / "javascripts" / "iframe-worker.js").read_text()
     fetches = re.compile(r"<(?:script|img|link)[^>]*(?:src|href)=\"?(https?:[^\" >]*)")
     for html in (tmp_path / "site").rglob("*.html"):
         assert fetches.findall(html.read_text()) == [], html
