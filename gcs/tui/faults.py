@@ -178,7 +178,7 @@ def clear_all(view: FleetView) -> VehicleAction:
 
 
 def repeat(view: FleetView) -> tuple[VehicleAction | None, str]:
-    """The action to give the last fault to another vehicle: the first that has it not.
+    """Return the action that gives the last fault to the first vehicle that does not have it.
 
     The search begins at the selected one. Without such a vehicle, or without a fault, the
     second value says so.

@@ -29,7 +29,7 @@ KEYS: list[Binding] = [
         "repeat",
         "repeat fault",
         show=False,
-        tooltip="Give the last fault to another UAV: the next that has it not",
+        tooltip="Give the last fault to the next UAV that does not have it",
     ),
     Binding(
         "C",
