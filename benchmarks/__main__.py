@@ -7,6 +7,7 @@ to pymavlink, measured in alternating rounds.
 import json
 import os
 import platform
+import resource
 import shutil
 import statistics
 import subprocess
@@ -19,6 +20,14 @@ from benchmarks.fleet import gcs
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
 ROUNDS = 5
+NOWHERE = ("--connect", "udpout:127.0.0.1:9", "--timeout", "0.1")
+TALKING = (
+    ("--version",),
+    ("arm", *NOWHERE),
+    ("status", *NOWHERE),
+    ("fault", "set", "rudder", "--effectiveness", "0.5", *NOWHERE),
+    ("param", "list", *NOWHERE),
+)
 TRIGGERED = "links.formation.trigger={}"
 
 
@@ -39,6 +48,9 @@ def main() -> None:
     row("gcs reproduce: all flights, figures and the report", reproduced_s, "s", wanted="< 60")
     row("gcs fly to first simulated step, compile cache cold", cold_s, "s", wanted="< 30")
     row("gcs fly to first simulated step, compile cache warm", warm_s, "s", wanted="< 1.5")
+    for command in TALKING:
+        talking_s = [processor_time_s(command) for _ in range(ROUNDS)]
+        row(f"gcs {command[0]} until it listens, processor time", talking_s, "s", wanted="≤ 0.3")
     shares = [100.0 * ground_station.share_of_a_core() for _ in range(3)]
     row("gcs fly with 30 UAVs in flight, share of one core", shares, "%", wanted="< 15")
     load = dashboard.measure()
@@ -73,6 +85,16 @@ def first_step_s(folder: Path, new_cache: bool = False) -> float:
         started = next(line for line in log if "simulated time starts" in line)
     shutil.rmtree(folder)
     return float(started.rsplit(maxsplit=1)[1]) - begin
+
+
+def processor_time_s(command: tuple[str, ...]) -> float:
+    """Return the processor time of a command that finds nobody to talk to."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    environment = dict(os.environ)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    subprocess.run(gcs(*command), check=False, env=environment, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def reproduction_s(folder: Path) -> float:

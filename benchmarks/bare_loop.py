@@ -20,7 +20,7 @@ import time
 
 import numpy as np
 
-from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, set_receive_timeout, sockaddr
+from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, set_receive_timeout
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE
 from mavlink_defs.runtime.jit import compiled
@@ -37,6 +37,7 @@ from mavlink_defs.runtime.native import (
     send_to,
     wait_for_any,
 )
+from mavlink_defs.runtime.sockaddr import sockaddr
 
 __all__ = ["bare_us_per_step"]
 

@@ -34,7 +34,8 @@ from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.header import MAX_FRAME_SIZE
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import sign_bytes
-from mavlink_defs.framing.key_file import KeyFile, load_link_signer
+from mavlink_defs.framing.key_file import KeyFile
+from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.visible import log_line
 
@@ -243,7 +244,7 @@ class Autopilot:
     def _handle_messages(self) -> None:
         """Receive from ground stations and answer; in real time a few messages for each step."""
         if self._key_file is not None:
-            self._key_file.refresh(self._link.simulator.signer, self._link.formation.signer)
+            refresh(self._key_file, self._link.simulator.signer, self._link.formation.signer)
         passed, self._served_step = self._hot.step - self._served_step, self._hot.step
         most = None
         if self._in_real_time:

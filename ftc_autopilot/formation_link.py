@@ -17,7 +17,7 @@ from ftc_autopilot.config import Neighbour
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.stepping import hear
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_COMP_ID_AUTOPILOT1
-from mavlink_defs.endpoint import parse_address, sockaddr
+from mavlink_defs.endpoint import parse_address
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import (
     NEIGHBOUR_SIZE,
@@ -39,6 +39,7 @@ from mavlink_defs.runtime.native import (
     same_address,
     send_to,
 )
+from mavlink_defs.runtime.sockaddr import sockaddr
 
 __all__ = [
     "FormationLink",

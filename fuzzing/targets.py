@@ -22,12 +22,13 @@ from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, vehicle_status
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogError, read_tlog
-from mavlink_defs.endpoint import Connection, parse_address, sockaddr
+from mavlink_defs.endpoint import Connection, parse_address
 from mavlink_defs.endpoint import UdpAddress as Endpoint
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.runtime.sockaddr import sockaddr
 from sitl_plant import link as plant_link
 from sitl_plant.fleet import fly
 from sitl_plant.process import Plant

@@ -1,8 +1,7 @@
 """``gcs``: starts what a flight needs while the command line is still being imported."""
 
+import signal
 import sys
-
-from gcs.fleet.forked import start_server_ahead
 
 __all__ = ["main"]
 
@@ -11,8 +10,15 @@ _STARTS_NOTHING = {"--in-process", "--help"}
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line.
+
+    Until it is imported, Ctrl-C ends the program as a signal does, without a word.
+    """
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as a shell has it in the background
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     if sys.argv[1:2] and sys.argv[1] in _FLIES and not _STARTS_NOTHING & set(sys.argv):
+        from gcs.fleet.forked import start_server_ahead
+
         start_server_ahead()
     from gcs.cli import main as command_line
 

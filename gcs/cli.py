@@ -6,44 +6,19 @@ import gc
 import os
 import resource
 import sys
+from importlib import import_module
 from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
-from gcs.commands import (
-    baseline,
-    campaign,
-    compare,
-    config,
-    control,
-    dashboard,
-    export,
-    fault,
-    fly,
-    formation,
-    key,
-    log,
-    mission,
-    new,
-    param,
-    profile,
-    record,
-    reproduce,
-    scenarios,
-    status,
-    sweep,
-    trim,
-    up,
-    wire,
-    wireshark,
-)
-from gcs.commands.station import ConnectOption
+from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.errors import BadInput, GcsError, Interrupted
-from gcs.stopping import stop_as_ctrl_c
+from gcs.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.terminal import print_line
-from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.problems import ConfigError
 
-__all__ = ["app", "main"]
+__all__ = ["COMMANDS", "app", "main", "whole_command"]
 
 _EXIT_CTRL_C = 130  # of typer
 _EXIT_DEFECT = 70
@@ -58,7 +33,118 @@ _NOT_WRITABLE = {
 }
 _SPACE = "free some space, or choose a writable folder; files written so far are kept"
 
+COMMANDS = {
+    "fly": ("fly", "Fly a scenario to its end and record it."),
+    "export": (
+        "export",
+        "Convert the recording of a flight, light or full, to a format of other programs.",
+    ),
+    "reproduce": (
+        "reproduce",
+        "Fly the paper's scenarios and compare its tables and figures with ours.",
+    ),
+    "compare": ("compare", "Test whether a campaign is worse than another one."),
+    "sweep": ("sweep", "Fly every combination of values, in process, on all cores."),
+    "baseline": (
+        "baseline",
+        "Find the slowest periodic senders that are as good as a triggered flight.",
+    ),
+    "campaign": (
+        "campaign",
+        "Fly every draw of a campaign, in process, on all cores or on a cluster.",
+    ),
+    "trim": (
+        "trim",
+        "Compute where an actuator may be stuck so that level flight remains possible.",
+    ),
+    "scenarios": (
+        "scenarios",
+        "List the bundled scenarios, one per line: name and what it shows; then the additions.",
+    ),
+    "new": ("new", "Write a small commented scenario as a starting point for your own."),
+    "up": ("up", "Start a fleet that flies until it is stopped (Ctrl-C)."),
+    "config": (
+        "config",
+        "Write the configuration of each process of a fleet that spans several hosts.",
+    ),
+    "status": (
+        "status",
+        "Show link, mode, attitude, events, savings and faults of every vehicle.",
+    ),
+    "start": (
+        "control",
+        "Start flying the mission: at once in flight, else when simulated time begins.",
+    ),
+    "arm": (
+        "control",
+        "Arm vehicles. Simulated time begins when every vehicle of the fleet is armed.",
+    ),
+    "disarm": ("control", "Disarm vehicles; in flight they refuse unless forced."),
+    "mode": (
+        "control",
+        "Change the mode: fly the mission, circle here, return and circle there, or follow "
+        "targets.",
+    ),
+    "record": ("record", "Record every frame that vehicles send, with its time, until Ctrl-C."),
+    "log": ("log", "Replay a telemetry log in the dashboard, with seek and speed."),
+    "key": ("key", "Make a key file for MAVLink 2 signing: 32 bytes that only you can read."),
+    "wire": ("wire", "Count frames and bytes per link, sender, message and actuator channel."),
+    "wireshark": (
+        "wireshark",
+        "Write a Wireshark dissector for all messages of the dialect (Lua, 3 MB).",
+    ),
+    "fault": ("fault", "Set, clear and list actuator faults."),
+    "formation": ("formation", "See the formation in space, and change slots."),
+    "profile": ("profile", "Upload, download and check reference profiles."),
+    "mission": ("mission", "Show, upload, download and fly missions."),
+    "param": ("param", "List, read and set parameters."),
+}
+"""Module below `gcs.commands` and one line of help of each command, in the order of the help.
+
+The line is that of the command's own help, which is not imported for the help of `gcs`.
+"""
+
+_EPILOG = """
+Examples:
+
+- gcs                                  (the dashboard, with the fleet of `gcs up`)
+- gcs --connect udpin:0.0.0.0:14550    (the dashboard, as the only ground station)
+- gcs log flight.tlog                  (the dashboard, with a log)
+"""
+
+
+class _Commands(TyperGroup):
+    """The commands, each imported when it is run; until then only its line of help is there.
+
+    What only talks to vehicles therefore neither imports nor waits for what flies them.
+    """
+
+    def __init__(self, **attributes: Any) -> None:
+        lines = {name: TyperCommand(name, short_help=line) for name, (_, line) in COMMANDS.items()}
+        super().__init__(**{**attributes, "commands": lines})
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] in COMMANDS:
+            self.load(args[0])
+        return super().resolve_command(ctx, args)
+
+    def load(self, name: str) -> None:
+        """Import a command."""
+        module, _ = COMMANDS[name]
+        with ending_at_once():
+            home: Any = import_module(f"gcs.commands.{module}")
+        gc.freeze()  # what is imported stays: to look for garbage there takes a tenth of a second
+        holder = typer.Typer(rich_markup_mode="markdown")
+        if hasattr(home, name):
+            epilog = getattr(home, f"{name.upper()}_EPILOG", None) or home.EPILOG
+            holder.command(name, epilog=epilog)(getattr(home, name))
+        else:
+            holder.add_typer(home.app, name=name)
+        self.commands[name] = _without_types_of_flags(typer.main.get_group(holder).commands[name])
+
+
 app = typer.Typer(
+    cls=_Commands,
     invoke_without_command=True,
     add_completion=True,
     rich_markup_mode="markdown",
@@ -77,11 +163,11 @@ def _show_versions(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(epilog=dashboard.EPILOG)
+@app.callback(epilog=_EPILOG)
 def gcs(
     context: typer.Context,
     connect: ConnectOption = None,
-    theme: dashboard.ThemeOption = "dark",
+    theme: ThemeOption = "dark",
     _version: Annotated[
         bool,
         typer.Option(
@@ -97,45 +183,34 @@ def gcs(
     Without a command: the operator's dashboard.
     """
     if context.invoked_subcommand is not None:
-        dashboard.refuse_options(context)
-    elif dashboard.has_terminal():
+        _refuse_options(context)
+        return
+    with ending_at_once():
+        from gcs.commands import dashboard
+    if dashboard.has_terminal():
         dashboard.dashboard(connect, theme)
     else:
         context.get_help()  # prints it
 
 
-app.command(epilog=fly.EPILOG)(fly.fly)
-app.command(epilog=export.EPILOG)(export.export)
-app.command(epilog=reproduce.EPILOG)(reproduce.reproduce)
-app.command(epilog=compare.EPILOG)(compare.compare)
-app.command(epilog=sweep.EPILOG)(sweep.sweep)
-app.command(epilog=baseline.EPILOG)(baseline.baseline)
-app.command(epilog=campaign.EPILOG)(campaign.campaign)
-app.command(epilog=trim.EPILOG)(trim.trim)
-app.command(epilog=scenarios.EPILOG)(scenarios.scenarios)
-app.command(epilog=new.EPILOG)(new.new)
-app.command(epilog=up.EPILOG)(up.up)
-app.command(epilog=config.EPILOG)(config.config)
-app.command(epilog=status.EPILOG)(status.status)
-app.command(epilog=control.START_EPILOG)(control.start)
-app.command(epilog=control.ARM_EPILOG)(control.arm)
-app.command(epilog=control.DISARM_EPILOG)(control.disarm)
-app.command(epilog=control.MODE_EPILOG)(control.mode)
-app.add_typer(fault.app, name="fault")
-app.add_typer(formation.app, name="formation")
-app.add_typer(profile.app, name="profile")
-app.add_typer(mission.app, name="mission")
-app.add_typer(param.app, name="param")
-app.command(epilog=record.EPILOG)(record.record)
-app.command(epilog=log.EPILOG)(log.log)
-app.command(epilog=key.EPILOG)(key.key)
-app.command(epilog=wire.EPILOG)(wire.wire)
-app.command(epilog=wireshark.EPILOG)(wireshark.wireshark)
+def _refuse_options(context: typer.Context) -> None:
+    """Refuse options of the dashboard that precede a command: they would be ignored.
+
+    Raises:
+        BadInput: There are some.
+    """
+    for name in ("connect", "theme"):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            command = context.invoked_subcommand
+            raise BadInput(
+                f"--{name} before `{command}` is for the dashboard",
+                f"put options after the command: gcs {command} --{name} ...",
+            )
 
 
-def _command() -> Any:
-    """Return the command line, whose help texts show no type beside flags: they take no value."""
-    command = typer.main.get_command(app)
+def _without_types_of_flags(command: Any) -> Any:
+    """Return a command whose help texts show no type beside flags: they take no value."""
     commands: list[Any] = [command]
     while commands:
         one = commands.pop()
@@ -146,13 +221,21 @@ def _command() -> Any:
     return command
 
 
+def whole_command() -> Any:
+    """Return the command line with all commands imported, as its reference needs it."""
+    command = typer.main.get_group(app)
+    assert isinstance(command, _Commands)
+    for name in COMMANDS:
+        command.load(name)
+    return _without_types_of_flags(command)
+
+
 def main() -> None:
     """Run the command line; turn exceptions into one plain message and an exit status."""
     stop_as_ctrl_c()
-    gc.freeze()  # what is imported stays: to look for garbage there takes up to a tenth of a second
     try:
         try:
-            status = _command()(standalone_mode=False)
+            status = _without_types_of_flags(typer.main.get_command(app))(standalone_mode=False)
         finally:
             sys.stdout.flush()  # here and not at exit, where an error could not be reported
     except ConfigError as problem:

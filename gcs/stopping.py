@@ -3,12 +3,14 @@
 A flight ended by ``timeout`` or a closed terminal therefore keeps its recording, too.
 """
 
+import contextlib
 import signal
+from collections.abc import Iterator
 from types import FrameType
 
 from gcs.errors import Interrupted
 
-__all__ = ["stop_as_ctrl_c", "stop_signals"]
+__all__ = ["ending_at_once", "stop_as_ctrl_c", "stop_signals"]
 
 
 def stop_signals() -> list[signal.Signals]:
@@ -18,10 +20,32 @@ def stop_signals() -> list[signal.Signals]:
 
 
 def stop_as_ctrl_c() -> None:
-    """Make SIGTERM and SIGHUP act like Ctrl-C, with exit statuses of their own."""
+    """Make SIGTERM and SIGHUP act like Ctrl-C, with exit statuses of their own.
+
+    Ctrl-C is a KeyboardInterrupt from here on.
+    """
+    if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     for number in stop_signals():
         if number != signal.SIGINT:
             signal.signal(number, _interrupt)
+
+
+@contextlib.contextmanager
+def ending_at_once() -> Iterator[None]:
+    """Let those signals end the process without a word, as long as it has nothing to tidy up.
+
+    An exception in the middle of an import is reported, or lost, by whatever is being imported.
+    """
+    before = {number: signal.getsignal(number) for number in stop_signals()}
+    for number, handler in before.items():
+        if handler != signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""UDP endpoints of the processes: addresses as text, as sockets and as libc's sockaddr_in.
+"""UDP endpoints of the processes: addresses as text, and as sockets.
 
 IPv4 only. All sockets are blocking (see `set_receive_timeout`), and none shares its port: a
 second program that wants the same port gets an `EndpointError`, not half of the datagrams.
@@ -16,14 +16,12 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-import numpy as np
-
 __all__ = [
+    "BSD_LIKE",
     "Connection",
     "EndpointError",
     "PortTaken",
     "UdpAddress",
-    "address_of",
     "bind_udp",
     "connect_udp",
     "connected_twin",
@@ -35,7 +33,6 @@ __all__ = [
     "parse_connection",
     "resolve",
     "set_receive_timeout",
-    "sockaddr",
     "someone_listens",
 ]
 
@@ -43,8 +40,8 @@ Direction: TypeAlias = Literal["in", "out"]
 
 _EVERY_INTERFACE, _LOOPBACK = "0.0.0.0", "127.0.0.1"
 _RANDOM = random.SystemRandom()  # processes that look at the same time find different ports
+BSD_LIKE = sys.platform.startswith(("darwin", "freebsd", "netbsd", "openbsd"))
 _RECEIVE_BUFFER = 1 << 20  # bytes; the system may grant less
-_BSD_LAYOUT = sys.platform.startswith(("darwin", "freebsd", "netbsd", "openbsd"))
 _ENDPOINT = re.compile(r"(?:udp(?:in|out)?:(?://)?)?(?P<host>[^\s:/\[\]]+):(?P<port>[0-9]{1,5})")
 
 
@@ -116,30 +113,6 @@ def resolve(address: UdpAddress) -> UdpAddress:
     """
     ip = _resolve(address)
     return UdpAddress(_LOOPBACK if ip == _EVERY_INTERFACE else ip, address.port)
-
-
-def sockaddr(address: UdpAddress) -> np.ndarray:
-    """Return the resolved address as a struct sockaddr_in for `native.send_to`, uint8, shape (16,).
-
-    Raises:
-        EndpointError: The host's name cannot be resolved.
-    """
-    family = (
-        struct.pack("BB", 16, socket.AF_INET) if _BSD_LAYOUT else struct.pack("=H", socket.AF_INET)
-    )
-    raw = (
-        family
-        + struct.pack("!H", address.port)
-        + socket.inet_aton(resolve(address).host)
-        + bytes(8)
-    )
-    return np.frombuffer(raw, np.uint8).copy()
-
-
-def address_of(raw: np.ndarray) -> UdpAddress:
-    """Return the address in a struct sockaddr_in, as `native.receive_from` leaves it."""
-    (port,) = struct.unpack("!H", raw[2:4].tobytes())
-    return UdpAddress(socket.inet_ntoa(raw[4:8].tobytes()), port)
 
 
 def is_loopback(address: UdpAddress) -> bool:
@@ -215,7 +188,7 @@ def connected_twin(sock: socket.socket, peer: tuple[str, int]) -> socket.socket:
     Raises:
         OSError: The system gives no such socket.
     """
-    share = socket.SO_REUSEPORT if _BSD_LAYOUT else socket.SO_REUSEADDR
+    share = socket.SO_REUSEPORT if BSD_LIKE else socket.SO_REUSEADDR
     twin = _udp_socket()
     try:
         for one in (sock, twin):

@@ -10,8 +10,6 @@ import math
 from array import array
 from collections.abc import Iterable
 
-import numpy as np
-
 __all__ = ["decimal_of_float32", "float32s", "whole_within"]
 
 
@@ -22,6 +20,8 @@ def decimal_of_float32(x: float) -> float:
     field comes back exactly. Infinities, NaN and the sign of zero are kept; `x` beyond the
     range of float32 becomes infinite.
     """
+    import numpy as np  # which who only talks to vehicles need not wait for
+
     with np.errstate(over="ignore", under="ignore"):
         return float(str(np.float32(x)))
 

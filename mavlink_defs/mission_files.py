@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from mavlink_defs import dialect
-from mavlink_defs.config.models import ConfigError, Problem, shown
+from mavlink_defs.config.problems import ConfigError, Problem, shown
+from mavlink_defs.config.user_files import read_text
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.mission import MissionItem
@@ -69,11 +70,7 @@ def read_mission_file(path: Path) -> tuple[MissionItem, ...]:
     Raises:
         ConfigError: The file cannot be read, or holds something else; the place is named.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
-        raise ConfigError(path, [Problem((), f"cannot be read: {why}")]) from error
+    text = read_text(path)
     try:
         if text.lstrip().startswith("{"):
             return _of_plan(text)

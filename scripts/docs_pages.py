@@ -31,7 +31,7 @@ from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
 from gcs.campaigns import distributions
 from gcs.campaigns.model import Campaign, DrawnFault, Factor, Kept
-from gcs.cli import app
+from gcs.cli import whole_command
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault, ScenarioUav
@@ -320,7 +320,7 @@ def command_line() -> str:
 
     Lists of commands have whole sentences, and link to the commands; usage lines can be copied.
     """
-    command = typer.main.get_command(app)
+    command = whole_command()
     _show_whole_sentences(command)
     text = get_docs_for_click(obj=command, ctx=typer.Context(command, info_name="gcs"), name="gcs")
     text = text.partition("\n")[2].replace("```console\n$ ", "```text\n")

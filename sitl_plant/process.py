@@ -30,7 +30,6 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.endpoint import (
     EndpointError,
-    address_of,
     bind_udp,
     exposed,
     is_loopback,
@@ -42,9 +41,11 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import sign_bytes
-from mavlink_defs.framing.key_file import KeyFile, load_link_signer
+from mavlink_defs.framing.key_file import KeyFile
+from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.shutdown import on_stop
+from mavlink_defs.runtime.sockaddr import address_of
 from mavlink_defs.visible import log_line
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
@@ -137,7 +138,7 @@ class Plant:
                 if (loss := self._check_silence_and_refresh(now)) is not None:
                     break
             if self._key_file is not None:
-                self._key_file.refresh(self._link.signer)
+                refresh(self._key_file, self._link.signer)
             self._report_drops()
         if self._running:
             self.wall_s = time.monotonic() - self._begin_s

@@ -16,6 +16,7 @@ ALLOWED: dict[str, set[str]] = {
 MODEL = {"aerodynamics", "aircraft", "config", "hardware", "lag", "rigid_body", "vec3"}
 """Modules of `sitl_plant` that an autopilot may import: the aircraft's model, not its process."""
 SHELLS = {
+    "ftc_autopilot.__main__",
     "ftc_autopilot.autopilot",
     "ftc_autopilot.autopilots",
     "ftc_autopilot.process",
@@ -31,6 +32,7 @@ SHELLS = {
     "gcs.fleet.standing",
     "gcs.station.client",
     "mavlink_defs.capture.relay",
+    "sitl_plant.__main__",
     "sitl_plant.process",
 }
 """Modules that own a socket, a clock or a process, or start one that does."""
@@ -51,7 +53,9 @@ USERS_OF_THE_SYSTEM = SHELLS | {
     "mavlink_defs.framing.key_file",
     "mavlink_defs.framing.signing",
     "mavlink_defs.runtime.code_cache",
+    "mavlink_defs.framing.link_signer",
     "mavlink_defs.runtime.native",
+    "mavlink_defs.runtime.sockaddr",
     "sitl_plant.warm_up",
 }
 

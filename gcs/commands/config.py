@@ -14,10 +14,10 @@ from gcs.commands.common import (
     changed_scenario,
     warm_up,
 )
-from gcs.commands.station import SigningKeyOption
+from gcs.commands.options import SigningKeyOption
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario
-from gcs.station.signing_key import signed
+from gcs.scenario.signing_key import signed
 from gcs.terminal import console_of, print_line
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, parse_address

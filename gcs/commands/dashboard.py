@@ -6,11 +6,10 @@ import signal
 import sys
 import time
 import traceback
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING
 
-import typer
-
-from gcs.commands.station import SIGNING_KEY_VARIABLE, run_interruptible
+from gcs.commands.options import SIGNING_KEY_VARIABLE
+from gcs.commands.station import run_interruptible
 from gcs.errors import BadInput
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
@@ -19,47 +18,15 @@ if TYPE_CHECKING:
     from gcs.tui.app import Dashboard
 
 __all__ = [
-    "EPILOG",
-    "ThemeOption",
     "dashboard",
     "has_terminal",
-    "refuse_options",
     "run_dashboard",
-]
-
-EPILOG = """
-Examples:
-
-- gcs                                  (the dashboard, with the fleet of `gcs up`)
-- gcs --connect udpin:0.0.0.0:14550    (the dashboard, as the only ground station)
-- gcs log flight.tlog                  (the dashboard, with a log)
-"""
-
-ThemeOption: TypeAlias = Annotated[
-    Literal["dark", "light"],
-    typer.Option("--theme", envvar="FTC_SITL_THEME", help="Colours: dark or light."),
 ]
 
 
 def has_terminal() -> bool:
     """Return whether there is a terminal to show the dashboard on."""
     return sys.stdin.isatty() and sys.stdout.isatty()
-
-
-def refuse_options(context: typer.Context) -> None:
-    """Refuse options of the dashboard that precede a command: they would be ignored.
-
-    Raises:
-        BadInput: There are some.
-    """
-    for name in ("connect", "theme"):
-        source = context.get_parameter_source(name)
-        if source is not None and source.name == "COMMANDLINE":
-            command = context.invoked_subcommand
-            raise BadInput(
-                f"--{name} before `{command}` is for the dashboard",
-                f"put options after the command: gcs {command} --{name} ...",
-            )
 
 
 def dashboard(connect: str | None, theme: str) -> None:

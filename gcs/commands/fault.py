@@ -2,10 +2,9 @@
 
 import math
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from pydantic import ValidationError
 
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput, NoAnswer
@@ -13,9 +12,7 @@ from gcs.station.fault_text import describe_fault
 from gcs.station.status import fault_dict
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
-from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ACTUATORS, Actuator
-from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import Fault
 
 __all__ = ["app"]
@@ -23,7 +20,6 @@ __all__ = ["app"]
 app = typer.Typer(help="Set, clear and list actuator faults.", no_args_is_help=True)
 
 _NAMES = "aileron, elevator, rudder or throttle"
-_OPTIONS = {key: f"--{key.replace('_', '-')}" for key in FaultSpec.model_fields}
 
 _SET_EPILOG = f"""
 Examples:
@@ -94,11 +90,7 @@ def set_(
         "start_s": start_s,
         "end_s": end_s,
     }
-    try:
-        fault = FaultSpec.model_validate(keys).command()
-    except ValidationError as error:
-        lines = [problem.line(_OPTIONS) for problem in problems_of(FaultSpec, error)]
-        raise BadInput("\n".join(lines)) from None
+    fault = _checked(keys)
 
     async def action(vehicle: Vehicle) -> str:
         timed = fault
@@ -145,6 +137,26 @@ def list_(station: Station) -> None:
         return {"time_s": time_s, "faults": faults}
 
     station.act(action, data)
+
+
+def _checked(keys: dict[str, Any]) -> Fault:
+    """Return the fault with these keys, as options give them.
+
+    Raises:
+        BadInput: They do not go together; every problem is named.
+    """
+    from pydantic import ValidationError  # models take longer to make than commands to send
+
+    from mavlink_defs.fault_spec import FaultSpec
+
+    try:
+        return FaultSpec.model_validate(keys).command()
+    except ValidationError as error:
+        from mavlink_defs.config.files import problems_of
+
+        options = {key: f"--{key.replace('_', '-')}" for key in keys}
+        lines = [problem.line(options) for problem in problems_of(FaultSpec, error)]
+        raise BadInput("\n".join(lines)) from None
 
 
 async def _time_s(vehicle: Vehicle) -> float:

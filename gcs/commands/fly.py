@@ -26,12 +26,13 @@ from gcs.commands.common import (
     warm_up,
     warn_of_one_path,
 )
+from gcs.commands.options import SigningKeyOption
 from gcs.commands.progress import working
-from gcs.commands.station import SigningKeyOption
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.results.record import Record
 from gcs.scenario.model import Scenario
-from gcs.station.signing_key import signed, warn_if_exposed
+from gcs.scenario.signing_key import signed
+from gcs.station.connection import warn_if_exposed
 from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
 

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.commands.dashboard import ThemeOption, run_dashboard
+from gcs.commands.dashboard import run_dashboard
+from gcs.commands.options import ThemeOption
 from gcs.commands.station import run_interruptible
 from gcs.errors import BadInput
 from mavlink_defs.capture.tlog import TlogError, read_frames

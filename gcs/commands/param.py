@@ -1,17 +1,20 @@
 """``gcs param list|get|set``: parameters of vehicles."""
 
+from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import CommandRefused
 from gcs.station.notifications import enum_name
-from gcs.station.param_metadata import known_quantity
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.services.param import Param
+
+if TYPE_CHECKING:
+    from mavlink_defs.config.quantity import Quantity
 
 __all__ = ["app"]
 
@@ -48,8 +51,9 @@ def list_(station: Station) -> None:
     found: dict[int, tuple[Param, ...]] = {}
 
     async def action(vehicle: Vehicle) -> str:
+        known = _known_quantities()
         params = found[vehicle.system] = await vehicle.list_params()
-        return "\n".join(_words(vehicle, param) for param in params)
+        return "\n".join(_words(vehicle, param, known(param.name)) for param in params)
 
     def data(vehicle: Vehicle) -> dict[str, Any]:
         return {"params": [_param_dict(param) for param in found[vehicle.system]]}
@@ -67,8 +71,9 @@ def get(
     found: dict[int, Param] = {}
 
     async def action(vehicle: Vehicle) -> str:
-        found[vehicle.system] = await vehicle.get_param(name)
-        return _words(vehicle, found[vehicle.system])
+        known = _known_quantities()
+        param = found[vehicle.system] = await vehicle.get_param(name)
+        return _words(vehicle, param, known(param.name))
 
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
@@ -88,20 +93,29 @@ def set_(
     found: dict[int, Param] = {}
 
     async def action(vehicle: Vehicle) -> str:
+        known = _known_quantities()(name)
         try:
-            found[vehicle.system] = await vehicle.set_param(name, value)
+            param = found[vehicle.system] = await vehicle.set_param(name, value)
         except CommandRefused as problem:
-            known = known_quantity(name)
             if problem.result != dialect.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE or known is None:
                 raise
             raise CommandRefused(f"{problem}: expected {known.range()}", problem.result) from None
-        return _words(vehicle, found[vehicle.system])
+        return _words(vehicle, param, known)
 
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
 
-def _words(vehicle: Vehicle, param: Param) -> str:
-    known = known_quantity(param.name)
+def _known_quantities() -> Callable[[str], "Quantity | None"]:
+    """Import what is known of parameters: with the laws, once vehicles have been heard.
+
+    An action calls it before it sends anything, as no answer is received during an import.
+    """
+    from gcs.station.param_metadata import known_quantity
+
+    return known_quantity
+
+
+def _words(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:
     unit = f" {known.unit}" if known and known.unit else ""
     allowed = known.range() if known else "any number"
     limits = "" if allowed.startswith("any number") else f" ({allowed})"

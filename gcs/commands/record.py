@@ -9,13 +9,8 @@ from typing import Annotated
 
 import typer
 
+from gcs.commands.options import ConnectOption, JsonOption, SigningKeyOption, TimeoutOption
 from gcs.commands.progress import working
-from gcs.commands.station import (
-    ConnectOption,
-    JsonOption,
-    SigningKeyOption,
-    TimeoutOption,
-)
 from gcs.commands.station import run_interruptible as run
 from gcs.errors import BadInput, NoAnswer
 from gcs.station.client import Client

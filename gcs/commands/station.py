@@ -9,25 +9,26 @@ import functools
 import inspect
 from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass, field
-from typing import Annotated, Any, TypeVar
+from typing import Any, TypeVar
 
 import typer
 
+from gcs.commands.options import (
+    ConnectOption,
+    JsonOption,
+    SigningKeyOption,
+    TimeoutOption,
+    UavOption,
+)
 from gcs.errors import BadInput, CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import print_json, print_line
-from mavlink_defs.constants import GCS_PORT, HUB_PORT
 
 __all__ = [
     "EXIT_STATUS",
-    "SIGNING_KEY_VARIABLE",
-    "ConnectOption",
-    "JsonOption",
-    "SigningKeyOption",
     "Station",
-    "TimeoutOption",
     "run_interruptible",
     "station_command",
 ]
@@ -37,40 +38,8 @@ Exit status: 0 accepted or answered by all, 2 bad input, 3 refused by one, 4 no 
 (or no vehicle heard).
 """
 
-SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
-"""Environment variable with the path of a key file."""
-
-_UavOption = Annotated[
-    str | None,
-    typer.Option("--uav", metavar="IDS", help="System ids, such as 1,3; all heard by default."),
-]
-ConnectOption = Annotated[
-    str | None,
-    typer.Option(
-        "--connect",
-        metavar="ADDRESS",
-        envvar="FTC_SITL_CONNECT",
-        help="udpin:HOST:PORT or udpout:HOST:PORT. Without it: the hub of `gcs up` "
-        f"(udpout:127.0.0.1:{HUB_PORT}) if there is one, else udpin:127.0.0.1:{GCS_PORT}.",
-    ),
-]
-TimeoutOption = Annotated[
-    float,
-    typer.Option("--timeout", min=0.1, metavar="S", help="How long to wait for a vehicle [s]."),
-]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")]
-SigningKeyOption = Annotated[
-    str | None,
-    typer.Option(
-        "--signing-key",
-        metavar="FILE",
-        envvar=SIGNING_KEY_VARIABLE,
-        help="Sign, and refuse unsigned frames, with this key (of `gcs key`).",
-    ),
-]
-
 _SHARED: tuple[tuple[str, Any, Any], ...] = (
-    ("uav", _UavOption, None),
+    ("uav", UavOption, None),
     ("connect", ConnectOption, None),
     ("timeout", TimeoutOption, 10.0),
     ("as_json", JsonOption, False),

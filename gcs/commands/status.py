@@ -1,6 +1,7 @@
 """``gcs status``: show the vehicles of a running fleet."""
 
 import asyncio
+import contextlib
 from functools import partial
 from typing import Annotated, Any
 
@@ -33,6 +34,7 @@ Exit status: 0 shown, 2 bad input, 4 no vehicle heard;
 --watch continues until Ctrl-C (0) or until its output is closed (0).
 """
 
+_ANSWERS_S = 2.0
 _FIRST_TELEMETRY_S = 1.0
 _REFRESH_S = 1.0
 _WANTED = (
@@ -85,11 +87,11 @@ def status(
 async def _ask(client: Client, vehicle: Vehicle) -> None:
     """Request the faults, profile and drop counts of a vehicle, and await telemetry."""
     drops = partial(vehicle.request, dialect.MAVLINK_MSG_ID_FTC_DROPS)
-    for question in (vehicle.list_faults, vehicle.download, drops):
-        try:
-            await question()
-        except (CommandRefused, NoAnswer):
-            continue
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_ANSWERS_S):  # what it did not tell by then is shown as unknown
+            for question in (vehicle.list_faults, vehicle.download, drops):
+                with contextlib.suppress(CommandRefused, NoAnswer):
+                    await question()
     await client.until(lambda: vehicle.state.latest.keys() >= set(_WANTED), _FIRST_TELEMETRY_S)
 
 

@@ -23,10 +23,11 @@ from gcs.commands.common import (
     warm_up,
     warn_of_one_path,
 )
-from gcs.commands.station import SigningKeyOption
+from gcs.commands.options import SigningKeyOption
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario.model import Scenario
-from gcs.station.signing_key import refuse_unsigned, signed, warn_if_exposed
+from gcs.scenario.signing_key import refuse_unsigned, signed
+from gcs.station.connection import warn_if_exposed
 from gcs.stopping import stop_signals
 from gcs.terminal import console_of, print_json
 from mavlink_defs.config.models import counted

@@ -10,7 +10,7 @@ from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.results.summary import FlightSummary, UavSummary
 from gcs.scenario.model import Scenario
 from gcs.terminal import numbers, table_of, words
-from mavlink_defs.capture.transmissions import saving
+from mavlink_defs.capture.saving import saving
 
 __all__ = ["flight_tables"]
 

@@ -15,7 +15,7 @@ from gcs.results.steps import Ending, Mode
 from gcs.results.tally import FINAL_S, Decision, Tally
 from gcs.results.traffic import KINDS
 from gcs.scenario.model import Scenario
-from mavlink_defs.capture.transmissions import saving
+from mavlink_defs.capture.saving import saving
 from mavlink_defs.constants import ACTUATORS
 
 __all__ = [

@@ -110,7 +110,9 @@ class Scenario(Model):
     mission: MissionSection | None = Field(
         default=None, description="Path of the flight, in place of a profile."
     )
-    faults: tuple[ScenarioFault, ...] = Field(default=(), description="Actuator faults.")
+    faults: tuple[ScenarioFault, ...] = Field(
+        default=(), max_length=1000, description="Actuator faults, at most 1000."
+    )
     links: Links = Field(default=Links(), description="Addresses, ports, signing, impairments.")
     origin: Origin = Field(
         default=Origin(), description="Geographic coordinates of north = east = down = 0."

@@ -1,20 +1,23 @@
 """The connection and the system id that commands and the dashboard use."""
 
+import contextlib
 import os
 
 from gcs.errors import BadInput
-from gcs.station.signing_key import warn_if_exposed
+from gcs.terminal import print_line
 from mavlink_defs.constants import GCS_PORT, HUB_PORT
 from mavlink_defs.endpoint import (
     Connection,
     EndpointError,
     UdpAddress,
+    exposed,
+    is_loopback,
     parse_connection,
     someone_listens,
 )
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["choose_connection", "own_identity"]
+__all__ = ["choose_connection", "own_identity", "warn_if_exposed"]
 
 _HOST = "127.0.0.1"
 _SYSTEM = 255
@@ -53,3 +56,10 @@ def own_identity() -> SystemId:
     id, derived from the process id, tells their answers apart.
     """
     return SystemId(_SYSTEM, _FIRST_COMPONENT + os.getpid() % _COMPONENTS)
+
+
+def warn_if_exposed(address: UdpAddress, with_key: bool) -> None:
+    """Warn on standard error if a port to be bound can be reached from other machines."""
+    with contextlib.suppress(EndpointError):  # binding it will report the error
+        if not is_loopback(address):
+            print_line(exposed(address, with_key), stderr=True)

@@ -5,11 +5,13 @@ Times are simulated times, so that rates do not depend on the speed of the simul
 
 from collections import deque
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from mavlink_defs.capture.transmissions import saving
+from mavlink_defs.capture.saving import saving
 from mavlink_defs.dialect import MAVLink_ftc_events_message
+
+if TYPE_CHECKING:
+    import numpy as np
 
 __all__ = ["SPAN_S", "WINDOW_S", "EventCounts", "Four"]
 
@@ -95,11 +97,13 @@ class EventCounts:
             before = events
         return _four([now - then for now, then in zip(self.events, before, strict=True)])
 
-    def rates(self, bins: int = 60, bin_s: float = 1.0) -> np.ndarray:
+    def rates(self, bins: int = 60, bin_s: float = 1.0) -> "np.ndarray":
         """Return events per second of simulated time, shape (bins, 4), oldest first.
 
         Bins before the first FTC_EVENTS hold 0.
         """
+        import numpy as np  # which only displays of rates need
+
         if not self._samples:
             return np.zeros((bins, 4))
         times = [time_s for time_s, _ in self._samples]

@@ -3,7 +3,7 @@
 from gcs.station.notifications import NOTICE, Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
-from mavlink_defs.capture.transmissions import saving
+from mavlink_defs.capture.saving import saving
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.services.machine import sender_of
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from mavlink_defs import dialect
-from mavlink_defs.config.models import counted
+from mavlink_defs.config.problems import counted
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, Segment, items_to_segments
 from mavlink_defs.services.mission import MissionItem

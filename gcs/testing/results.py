@@ -16,8 +16,8 @@ from gcs.results.quantities import QUANTITIES, UNITS, in_degrees
 from gcs.results.recording import Recording
 from gcs.results.summary import ChannelSummary, UavSummary, summarise
 from gcs.scenario.model import Scenario
+from mavlink_defs.capture.saving import saving
 from mavlink_defs.capture.tap_report import ChannelReport, TapReport
-from mavlink_defs.capture.transmissions import saving
 from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["Channel", "Errors", "FlightResult", "UavFlight"]

@@ -38,14 +38,8 @@ from mavlink_defs.capture.relay_loop import (
 )
 from mavlink_defs.capture.tap import Tap
 from mavlink_defs.capture.tap_report import OutcomeReport, TapReport
-from mavlink_defs.endpoint import (
-    EndpointError,
-    UdpAddress,
-    bind_udp,
-    connect_udp,
-    resolve,
-    sockaddr,
-)
+from mavlink_defs.endpoint import EndpointError, UdpAddress, bind_udp, connect_udp, resolve
+from mavlink_defs.runtime.sockaddr import sockaddr
 
 __all__ = ["Relay", "Route"]
 

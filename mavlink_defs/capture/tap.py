@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs import dialect
+from mavlink_defs.capture.saving import saving
 from mavlink_defs.capture.tap_counts import (
     EMPTY,
     OLDER_VERSION,
@@ -29,7 +30,7 @@ from mavlink_defs.capture.tap_counts import (
     with_room,
 )
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport, UavReport
-from mavlink_defs.capture.transmissions import counted, min_intervals_s, reported, saving
+from mavlink_defs.capture.transmissions import counted, min_intervals_s, reported
 from mavlink_defs.constants import (
     ACTUATORS,
     FORMATION_BASE_PORT,

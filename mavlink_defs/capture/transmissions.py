@@ -8,12 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mavlink_defs.capture.saving import saving
 from mavlink_defs.capture.tap_counts import NEVER
 from mavlink_defs.capture.tap_report import ChannelReport, UavReport
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_events_message
 
-__all__ = ["counted", "min_intervals_s", "reported", "saving"]
+__all__ = ["counted", "min_intervals_s", "reported"]
 
 
 def counted(link: str, system: int, row: np.void, period_us: int | None) -> UavReport:
@@ -76,20 +77,6 @@ def reported(link: str, message: MAVLink_ftc_events_message) -> UavReport:
         repeats=sum(message.repeats),
         channels=_channels(message.steps, message.events, shortest),
     )
-
-
-def saving(events: int, periods: int | None, channels: int = len(ACTUATORS)) -> float | None:
-    """Return the share of a periodic sender's transmissions that were not sent.
-
-    Args:
-        events: Transmissions.
-        periods: Control periods in which each channel would have been sent; None if unknown.
-        channels: Actuator channels that `events` counts.
-
-    Returns:
-        The share; None if there was no period, or none is known.
-    """
-    return 1.0 - events / (periods * channels) if periods else None
 
 
 def _channels(

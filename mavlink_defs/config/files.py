@@ -31,6 +31,7 @@ from mavlink_defs.config.models import (
     unknown_key,
 )
 from mavlink_defs.config.quantity import describe
+from mavlink_defs.config.user_files import read_text
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
 from mavlink_defs.runtime.files import write_text
 
@@ -54,15 +55,7 @@ def read(path: Path | str) -> dict[Any, Any]:
     Raises:
         ConfigError: The file cannot be read, is not YAML, or holds something else.
     """
-    try:
-        return parse(path, Path(path).read_bytes().decode("utf-8-sig"))
-    except FileNotFoundError as exc:
-        raise ConfigError(path, [Problem((), "no such file")]) from exc
-    except OSError as exc:
-        raise ConfigError(path, [Problem((), f"cannot be read: {exc.strerror}")]) from exc
-    except UnicodeDecodeError as exc:
-        problem = f"not UTF-8 text: byte {exc.start} is 0x{exc.object[exc.start]:02x}"
-        raise ConfigError(path, [Problem((), problem)]) from exc
+    return parse(path, read_text(path))
 
 
 def parse(path: Path | str, text: str) -> dict[Any, Any]:
@@ -78,7 +71,9 @@ def parse(path: Path | str, text: str) -> dict[Any, Any]:
     if data is None:
         raise ConfigError(path, [Problem((), "the file is empty; expected a mapping")])
     if not isinstance(data, dict):
-        raise ConfigError(path, [Problem((), f"expected a mapping, got {shown(data)}")])
+        # the content is not shown: a scenario may name a file that its reader does not know
+        got = "a text" if isinstance(data, str) else shown(data)
+        raise ConfigError(path, [Problem((), f"expected a mapping, got {got}")])
     return data
 
 

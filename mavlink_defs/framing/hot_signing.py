@@ -56,7 +56,9 @@ class LinkSigner(NamedTuple):
     newest: np.ndarray  # (65536,) last timestamp by 256 * system + component, 0: none yet
 
 
-def new_link_signer(keys: Keys | bytes, link: int, shared: np.ndarray | None = None) -> LinkSigner:
+def new_link_signer(
+    keys: Keys | bytes, link: int, shared: "memoryview[int] | None" = None
+) -> LinkSigner:
     """Return the signer of one link.
 
     Args:
@@ -71,9 +73,9 @@ def new_link_signer(keys: Keys | bytes, link: int, shared: np.ndarray | None = N
         np.zeros(len(keys.signing), np.uint8),
         np.zeros(1, np.int64),
         link,
-        new_time(),
-        new_time() if shared is None else shared,
-        0 if shared is None else int(shared[0]),
+        np.zeros(1, np.int64),
+        np.frombuffer(new_time() if shared is None else shared, np.int64),
+        0 if shared is None else shared[0],
         np.zeros(65536 if keys.signing else 0, np.int64),
     )
     use_keys(signer, keys)

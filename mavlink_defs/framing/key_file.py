@@ -14,7 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, use_keys
 from mavlink_defs.framing.signing import (
     KEY_SIZE,
     Keys,
@@ -31,7 +30,6 @@ __all__ = [
     "ANNOUNCED_S",
     "GRACE_S",
     "KeyFile",
-    "load_link_signer",
     "load_signer",
     "replace_key",
 ]
@@ -120,11 +118,6 @@ class KeyFile:
             return Keys(version.key, version.former)
         return Keys(version.former, version.key)
 
-    def refresh(self, *link_signers: LinkSigner) -> None:
-        """Let compiled signers use the keys of now."""
-        for link_signer in link_signers:
-            use_keys(link_signer, self.at(time.time()))
-
     def _look(self) -> None:
         try:
             stamp = self._stamp()
@@ -161,18 +154,6 @@ def load_signer(key_file: str | None) -> Signer | None:
     if key_file is None:
         return None
     return Signer(KeyFile(key_file).at, open_time(key_file))
-
-
-def load_link_signer(key_file: KeyFile | None, link: int) -> LinkSigner:
-    """Return the compiled signer of a link; without a file, one that neither signs nor verifies.
-
-    Raises:
-        SigningError: The time of the last signature cannot be kept.
-    """
-    if key_file is None:
-        return new_link_signer(b"", link)
-    signer = new_link_signer(key_file.at(time.time()), link, open_time(key_file.path))
-    return signer._replace(start=key_file.begin)
 
 
 def _last_time(key_file: Path | str) -> int:

@@ -17,7 +17,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
@@ -161,19 +160,19 @@ def is_ahead(stamp: int) -> bool:
     return stamp > timestamp(time.time()) + WINDOW
 
 
-def new_time() -> np.ndarray:
-    """Keep the timestamp used last in memory only, int64, shape (1,)."""
-    return np.zeros(1, np.int64)
+def new_time() -> "memoryview[int]":
+    """Keep the timestamp used last in memory only, as one int64."""
+    return memoryview(bytearray(8)).cast("q")
 
 
-def open_time(path: Path | str) -> np.ndarray:
+def open_time(path: Path | str) -> "memoryview[int]":
     """Keep the timestamp used last beside a key file, so that a restart does not go behind it.
 
     The file is mapped: all processes of this machine share it, each signature costs one store
     to memory, the writes of a killed process are kept, and the system saves them to disk at times.
 
     Returns:
-        int64, shape (1,), sharing the file's memory.
+        One int64, sharing the file's memory.
 
     Raises:
         SigningError: It cannot be written.
@@ -184,7 +183,7 @@ def open_time(path: Path | str) -> np.ndarray:
         try:
             if os.fstat(fd).st_size < 8:
                 os.ftruncate(fd, 8)
-            return np.frombuffer(mmap.mmap(fd, 8), np.int64)
+            return memoryview(mmap.mmap(fd, 8)).cast("q")
         finally:
             os.close(fd)
     except OSError as problem:
@@ -218,7 +217,7 @@ class Signer:
     def __init__(
         self,
         key: bytes | Callable[[float], Keys],
-        shared: np.ndarray | None = None,
+        shared: "memoryview[int] | None" = None,
         link: int = 0,
         unix_s: Callable[[], float] = time.time,
         at_least: int = 0,
@@ -237,7 +236,7 @@ class Signer:
         self._keys = key if callable(key) else lambda _: Keys(key, b"")
         self._link, self._unix_s = link, unix_s
         self._shared = new_time() if shared is None else shared
-        self._start = int(self._shared[0])
+        self._start = self._shared[0]
         self._time = at_least
         self._newest: dict[tuple[int, int, int], int] = {}
 
@@ -290,12 +289,12 @@ class Signer:
 
     def _note(self, stamp: int) -> None:
         self._time = stamp
-        self._shared[0] = max(int(self._shared[0]), stamp)
+        self._shared[0] = max(self._shared[0], stamp)
 
     def _now(self, more: int = 0) -> int:
         """Return the timestamp to use now, after `more` than the last."""
         clock = timestamp(self._unix_s())
-        return max(self._time + more, int(self._shared[0]) + more, clock)
+        return max(self._time + more, self._shared[0] + more, clock)
 
 
 def _hash(key: bytes, covered: bytes | bytearray) -> bytes:

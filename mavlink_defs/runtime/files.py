@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import numpy as np
-
 __all__ = ["complete_file", "named", "naming", "save_arrays", "write_text"]
 
 
@@ -59,5 +57,7 @@ def complete_file(path: Path) -> Iterator[BinaryIO]:
 
 def save_arrays(path: Path, arrays: dict[str, Any]) -> None:
     """Write arrays as .npz, as `complete_file` does."""
+    import numpy as np  # here, as who only talks to vehicles writes no arrays
+
     with complete_file(path) as file:
         np.savez(file, **arrays)

@@ -23,7 +23,7 @@ def no_process_is_left() -> Iterator[None]:
         patch.setenv(_VARIABLE, mark)
         yield
         end = time.monotonic() + _GRACE_S
-        while (left := _marked(mark)) and time.monotonic() < end:
+        while (left := marked(_VARIABLE, mark)) and time.monotonic() < end:
             time.sleep(0.02)
     for pid in left:
         with contextlib.suppress(ProcessLookupError):
@@ -31,12 +31,12 @@ def no_process_is_left() -> Iterator[None]:
     assert not left, f"tests left processes running: {'; '.join(left.values())}"
 
 
-def _marked(mark: str) -> dict[int, str]:
-    """Return the command lines of all processes with the mark in their environment, by id."""
+def marked(variable: str, mark: str) -> dict[int, str]:
+    """Return the command lines of all processes with a mark in their environment, by id."""
     found = {}
     for environ in Path("/proc").glob("[0-9]*/environ"):
         with contextlib.suppress(OSError):
-            if f"{_VARIABLE}={mark}".encode() in environ.read_bytes():
+            if f"{variable}={mark}".encode() in environ.read_bytes():
                 command = (environ.parent / "cmdline").read_bytes().replace(b"\0", b" ").decode()
                 if command and _PYTHONS_OWN not in command:
                     found[int(environ.parent.name)] = command

@@ -8,7 +8,6 @@ import pytest
 from mavlink_defs.endpoint import (
     EndpointError,
     UdpAddress,
-    address_of,
     bind_udp,
     connect_udp,
     connected_twin,
@@ -18,8 +17,8 @@ from mavlink_defs.endpoint import (
     parse_address,
     resolve,
     set_receive_timeout,
-    sockaddr,
 )
+from mavlink_defs.runtime.sockaddr import address_of, sockaddr
 
 ANY_PORT = UdpAddress("127.0.0.1", 0)
 

@@ -9,9 +9,10 @@ import pytest
 
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
-from mavlink_defs.endpoint import UdpAddress, bind_udp, set_receive_timeout, sockaddr
+from mavlink_defs.endpoint import UdpAddress, bind_udp, set_receive_timeout
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.runtime.sockaddr import sockaddr
 from sitl_plant.fleet import PlantState, new_plant_state
 from sitl_plant.link import PlantLink, due_time_s, new_link, run
 

@@ -14,9 +14,10 @@ import pytest
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.config.files import dump
-from mavlink_defs.endpoint import UdpAddress, bind_udp, sockaddr
+from mavlink_defs.endpoint import UdpAddress, bind_udp
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, parse
+from mavlink_defs.runtime.sockaddr import sockaddr
 from sitl_plant import process
 from sitl_plant.config import PlantConfig
 from sitl_plant.link import run

@@ -3,7 +3,8 @@
 import pytest
 
 from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
-from mavlink_defs.endpoint import UdpAddress, address_of, sockaddr
+from mavlink_defs.endpoint import UdpAddress
+from mavlink_defs.runtime.sockaddr import address_of, sockaddr
 from sitl_plant.link import new_link
 from sitl_plant.registration import FROZEN_TAKEOVER_S, TAKEOVER_S, Claim, Registration
 

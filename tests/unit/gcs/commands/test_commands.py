@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from gcs.cli import app
+from gcs.cli import COMMANDS, app, whole_command
 from gcs.errors import BadInput
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.framing.signing import make_key
@@ -148,18 +148,23 @@ def test_help_names_values_and_none_of_flags() -> None:
     assert "<bool>" not in text
 
 
-def commands(typer_app: Any) -> Iterator[Any]:
-    yield from typer_app.registered_commands
-    for group in typer_app.registered_groups:
-        yield from commands(group.typer_instance)
+def commands(group: Any) -> Iterator[Any]:
+    for command in group.commands.values():
+        yield from commands(command) if hasattr(command, "commands") else [command]
 
 
 def test_every_help_has_examples_and_exit_status() -> None:
-    found = list(commands(app))
+    found = list(commands(whole_command()))
     assert len(found) >= 16
     for command in found:
         assert "Examples:" in command.epilog, command.name
         assert "Exit status:" in command.epilog, command.name
+
+
+def test_the_help_of_gcs_has_the_first_line_of_each_command() -> None:
+    for name, command in whole_command().commands.items():
+        first = " ".join(command.help.partition("\n\n")[0].split())
+        assert COMMANDS[name][1] == first
 
 
 def test_a_key_of_one_command_is_not_left_to_others(tmp_path: Path) -> None:

@@ -160,7 +160,7 @@ def test_of_several_bases_each_is_merged_into_those_before_it(
     ("files", "problem"),
     [
         ({"top": "extends: none.yaml"}, "{top}: extends: {none}: no such file"),
-        ({"top": "extends: ."}, "{top}: extends: {folder}: cannot be read: Is a directory"),
+        ({"top": "extends: ."}, "{top}: extends: {folder}: expected a file, got a folder"),
         (
             {"top": "extends:"},
             "{top}: extends: expected the path of a file, or a list of them, got nothing",

@@ -177,7 +177,7 @@ def test_missing_file(tmp_path: Path) -> None:
 def test_folder_instead_of_a_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         load(tmp_path, Craft)
-    assert str(caught.value) == f"{tmp_path}: cannot be read: Is a directory"
+    assert str(caught.value) == f"{tmp_path}: expected a file, got a folder"
 
 
 def test_nesting_beyond_reason(problems: Callable[[str | bytes], list[str]]) -> None:

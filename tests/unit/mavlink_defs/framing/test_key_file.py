@@ -16,10 +16,10 @@ from mavlink_defs.framing.key_file import (
     ANNOUNCED_S,
     GRACE_S,
     KeyFile,
-    load_link_signer,
     load_signer,
     replace_key,
 )
+from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import (
     Keys,
     Signer,
@@ -84,7 +84,7 @@ def test_signers_of_both_kinds_go_over_to_the_new_key(
     make_old(path, age_s)
     assert signer.accepts(Signer(NEW).sign(frame_of(1)))
     assert signer.accepts(Signer(OLD).sign(frame_of(2))) == old_is_heard
-    watched.refresh(hot)
+    refresh(watched, hot)
     for system, key, heard in ((3, NEW, True), (4, OLD, old_is_heard)):
         frame = Signer(key, link=LINK).sign(frame_of(system))
         assert (opened(hot, frame) >= codec.FOREIGN) == heard

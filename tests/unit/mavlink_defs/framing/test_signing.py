@@ -22,7 +22,8 @@ from mavlink_defs.framing.hot_signing import (
     sign_frame,
     verify_frame,
 )
-from mavlink_defs.framing.key_file import KeyFile, load_link_signer
+from mavlink_defs.framing.key_file import KeyFile
+from mavlink_defs.framing.link_signer import load_link_signer
 from mavlink_defs.framing.sha256 import signature
 from mavlink_defs.framing.signing import (
     EPOCH_S,

@@ -12,16 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mavlink_defs.endpoint import (
-    UdpAddress,
-    address_of,
-    bind_udp,
-    connect_udp,
-    free_ports,
-    set_receive_timeout,
-    sockaddr,
-)
+from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp, free_ports, set_receive_timeout
 from mavlink_defs.runtime import native
+from mavlink_defs.runtime.sockaddr import address_of, sockaddr
 
 PROBE = """
 import numpy as np

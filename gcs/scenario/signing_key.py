@@ -1,15 +1,14 @@
-"""The user's signing key for a scenario's links, and ports that other machines can reach."""
+"""The user's signing key for a scenario's links."""
 
 import contextlib
 from pathlib import Path
 
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario
-from gcs.terminal import print_line
-from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
+from mavlink_defs.endpoint import EndpointError, UdpAddress, is_loopback
 from mavlink_defs.framing.signing import SigningError, read_key
 
-__all__ = ["refuse_unsigned", "signed", "warn_if_exposed"]
+__all__ = ["refuse_unsigned", "signed"]
 
 
 def signed(scenario: Scenario, path: str | None) -> Scenario:
@@ -45,10 +44,3 @@ def refuse_unsigned(scenario: Scenario) -> None:
                 "make a key with `gcs key FILE` and give --signing-key FILE; or set links.host to "
                 "127.0.0.1; or accept it with --insecure",
             )
-
-
-def warn_if_exposed(address: UdpAddress, with_key: bool) -> None:
-    """Warn on standard error if a port to be bound can be reached from other machines."""
-    with contextlib.suppress(EndpointError):  # binding it will report the error
-        if not is_loopback(address):
-            print_line(exposed(address, with_key), stderr=True)

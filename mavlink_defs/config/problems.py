@@ -1,0 +1,136 @@
+"""The problems that are found in configurations and other files of the user.
+
+Errors: ValueError ← ConfigError (a file), Problems (inside a validator).
+"""
+
+import difflib
+import enum
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+from mavlink_defs.visible import visible
+
+__all__ = [
+    "ConfigError",
+    "Loc",
+    "Problem",
+    "ProblemKind",
+    "Problems",
+    "counted",
+    "repeated",
+    "shown",
+    "unknown_key",
+]
+
+Loc: TypeAlias = tuple[str | int, ...]
+"""Location of a value: keys and list indices from the outside in."""
+
+
+class ProblemKind(enum.Enum):
+    """Kind of problem."""
+
+    VALUE = enum.auto()
+    UNKNOWN_KEY = enum.auto()
+
+
+class Problem(NamedTuple):
+    """One thing wrong with a configuration; as a text, one line that begins with the place.
+
+    Attributes:
+        loc: Where it is: keys and list indices from the outside in; empty for the whole.
+        text: What is wrong. With `keys`, a format string that names them as {0}, {1} and so on.
+        kind: Kind of the problem.
+        keys: Other keys of the same mapping that the text names.
+    """
+
+    loc: Loc
+    text: str
+    kind: ProblemKind = ProblemKind.VALUE
+    keys: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.line({})
+
+    def line(self, names: Mapping[str, str]) -> str:
+        """Return the line with other names for some of the keys.
+
+        Args:
+            names: From keys to names, such as those of command-line options.
+        """
+        text, place = self.text, ""
+        if self.keys:
+            text = text.format(*(names.get(key, key) for key in self.keys))
+        for part in self.loc:
+            place += f"[{part}]" if isinstance(part, int) else f".{names.get(part, part)}"
+        return visible(f"{place.removeprefix('.')}: {text}" if place else text)
+
+
+class ConfigError(ValueError):
+    """The file cannot be used; `problems` holds each thing wrong with it."""
+
+    def __init__(self, path: Path | str, problems: Iterable[Problem]) -> None:
+        self.path, self.problems = Path(path), list(problems)
+        super().__init__(self.path, self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(f"{visible(str(self.path))}: {problem}" for problem in self.problems)
+
+
+class Problems(ValueError):  # noqa: N818 - several errors in one
+    """Raised by a model's validator for everything it found, with places below that model.
+
+    A problem that is a value's may be given as its place and text only.
+    """
+
+    def __init__(self, problems: Iterable[Problem | tuple[Loc, str]]) -> None:
+        self.problems = [Problem(*problem) for problem in problems]
+        super().__init__("; ".join(map(str, self.problems)))
+
+    @classmethod
+    def check(cls, problems: Iterable[Problem | tuple[Loc, str]]) -> None:
+        """Raise all problems, if there are any."""
+        found = cls(problems)
+        if found.problems:
+            raise found
+
+
+def unknown_key(loc: Loc, known: Iterable[str]) -> Problem:
+    """Return the problem that a key is unknown; it names the known one probably meant."""
+    key, names = loc[-1], list(known)
+    close = difflib.get_close_matches(str(key), names, n=1)
+    words = {word for word in str(key).split("_") if len(word) > 2}
+    alike = close or [name for name in names if words & set(name.split("_"))]
+    text = f"unknown key; did you mean '{alike[0]}'?" if alike else "unknown key"
+    return Problem(loc, text, ProblemKind.UNKNOWN_KEY)
+
+
+def repeated(values: Sequence[object]) -> list[tuple[int, str]]:
+    """Return index and problem of each value that stands in a list for the second time."""
+    return [
+        (i, f"expected each only once, got {shown(value)} again")
+        for i, value in enumerate(values)
+        if value in values[:i]
+    ]
+
+
+def counted(count: float, noun: str) -> str:
+    """Return a number of things as a text shows it: "1 entry", "2 entries"."""
+    several = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    number = f"{count:g}" if isinstance(count, float) else str(count)
+    return f"{number} {noun if count == 1 else several}"
+
+
+def shown(value: object) -> str:
+    """Return a value as an error message shows it."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return "true" if value else "false"
+        case dict():
+            return "a mapping"
+        case list() | tuple():
+            return f"a list of {len(value)}"
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

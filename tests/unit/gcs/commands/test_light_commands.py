@@ -1,0 +1,75 @@
+"""What only talks to vehicles does not wait for what flies them."""
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = {
+    "distributed",
+    "ftc_autopilot",
+    "gcs.scenario.model",
+    "matplotlib",
+    "numba",
+    "numpy",
+    "pandas",
+    "pyarrow",
+    "scipy",
+    "sitl_plant",
+    "textual",
+}
+NOWHERE = ("--connect", "udpout:127.0.0.1:9", "--timeout", "0.1")
+REPORTING = """
+import os, sys
+def report(event, _):
+    if event == "socket.connect" or event == "at_end":
+        os.write(2, " ".join(sys.modules).encode())
+        os._exit(0)
+sys.addaudithook(report)
+from gcs.__main__ import main
+try:
+    main()
+finally:
+    sys.stdout.flush()
+    sys.audit("at_end")
+"""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("--version",),
+        ("--help",),
+        ("status", "--help"),
+        ("status", *NOWHERE),
+        ("arm", *NOWHERE),
+        ("start", *NOWHERE),
+        ("mode", "loiter", *NOWHERE),
+        ("fault", "set", "rudder", "--effectiveness", "0.5", *NOWHERE),
+        ("fault", "list", *NOWHERE),
+        ("formation", "show", *NOWHERE),
+        ("param", "list", *NOWHERE),
+        ("param", "set", "TRIG_B1", "0.02", *NOWHERE),
+    ],
+    ids=" ".join,
+)
+def test_nothing_heavy_is_imported_before_a_command_listens(command: tuple[str, ...]) -> None:
+    """The time itself is a row of ``make bench``."""
+    done = subprocess.run(
+        [sys.executable, "-c", REPORTING, *command], capture_output=True, text=True, check=True
+    )
+    modules = set(done.stderr.split())
+    assert "gcs.cli" in modules
+    assert modules & HEAVY == set()
+
+
+def test_the_entry_points_import_nothing_before_ctrl_c_is_silent() -> None:
+    for package in ("gcs", "sitl_plant", "ftc_autopilot"):
+        code = (
+            "import signal, sys; before = set(sys.modules);"
+            f"import {package}.__main__; print(*(set(sys.modules) - before))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        assert set(done.stdout.split()) == {package, f"{package}.__main__"}
