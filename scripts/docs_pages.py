@@ -348,18 +348,23 @@ def _show_whole_sentences(command: Any) -> None:
 
 def pages(title: str) -> str:
     """Return a list of the pages under a title of the navigation, each with its first sentence."""
-    entries = {name: part for entry in navigation() for name, part in entry.items()}[title]
     return "\n".join(
         f"- [{name}]({path}){first_sentence(DOCS / path)}"
-        for entry in entries
-        for name, path in entry.items()
+        for name, path in navigation()[title].items()
     )
 
 
-def navigation() -> list[dict[str, Any]]:
-    """Return the navigation of the site, as `mkdocs.yml` has it."""
-    nav: list[dict[str, Any]] = yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]
-    return nav
+def navigation() -> dict[str, dict[str, str]]:
+    """Return the pages of the site by title and name, as `mkdocs.yml` has them, paths in `docs`.
+
+    The home page is not among them.
+    """
+    _, *groups = yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]
+    return {
+        title: {name: path for page in entries for name, path in page.items()}
+        for group in groups
+        for title, entries in group.items()
+    }
 
 
 def first_sentence(page: Path) -> str:

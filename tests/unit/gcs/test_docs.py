@@ -14,9 +14,8 @@ import pytest
 from pydantic import BaseModel, RootModel
 
 import ftc_autopilot.link
-from ftc_autopilot.control.laws import KINDS, LAWS
+from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
-from ftc_autopilot.guidance import mission_items
 from ftc_autopilot.guidance.jumps import MAX_VISITS
 from ftc_autopilot.guidance.path import MAX_LEGS
 from gcs.cli import COMMANDS
@@ -26,8 +25,7 @@ from gcs.results.recording import Recording
 from gcs.results.run_folder import save_flight
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs import dialect
-from mavlink_defs.constants import MAX_MISSION_ITEMS, MODE_NAMES
+from mavlink_defs.constants import MAX_MISSION_ITEMS
 from mavlink_defs.faults import MAX_FAULTS, fault_to_params
 from scripts import docs_pages
 
@@ -55,9 +53,7 @@ def names_in_code(text: str) -> set[str]:
 
 def nav_pages() -> set[str]:
     """Paths of all pages of the site but the home page, relative to `docs`."""
-    entries = (item for entry in docs_pages.navigation() for item in entry.values())
-    lists = (entry for entry in entries if isinstance(entry, list))
-    return {path for pages in lists for page in pages for path in page.values()}
+    return {path for pages in docs_pages.navigation().values() for path in pages.values()}
 
 
 def generated(page: str) -> str:
@@ -305,29 +301,7 @@ def test_functions_named_in_the_equation_table_exist() -> None:
             assert f"def {function}(" in source, f"{path}: {function}"
 
 
-def test_modes_in_the_docs_are_those_of_the_code() -> None:
-    named = {str(number): name for number, name in MODE_NAMES.items()}
-    wire = (DOCS / "reference" / "wire.md").read_text()
+def test_limits_of_missions_in_the_docs_are_those_of_the_code() -> None:
     missions = (DOCS / "reference" / "missions.md").read_text()
-    assert dict(re.findall(r"^\| (\d+) ([A-Z]+)[ |(]", wire, re.MULTILINE)) == named
-    rows = re.findall(
-        r"^\| ([A-Z]+) \| (\d+) \| (?!\d)", missions.partition("## Modes")[2], re.MULTILINE
-    )
-    assert {number: name for name, number in rows} == named
-    (absent,) = re.findall(r"modes that there are\]\(\S+\) are (.*), others", wire)
-    assert set(re.findall("[A-Z]+", absent)) == set(named.values())
-
-
-def test_numbers_of_laws_in_the_docs_are_those_of_the_code() -> None:
-    (listed,) = re.findall(r"`CTRL_LAW` \(([^)]*)\)", (DOCS / "reference" / "wire.md").read_text())
-    assert listed.split() == ", ".join(f"{i} {kind}" for i, kind in enumerate(KINDS)).split()
-
-
-def test_items_and_limits_of_missions_in_the_docs_are_those_of_the_code() -> None:
-    missions = (DOCS / "reference" / "missions.md").read_text()
-    table = missions.partition("## Items")[2].partition("## The path")[0]
-    listed = re.findall(r"^\| ([A-Z_]+) \| (\d+) \|", table, re.MULTILINE)
-    assert {int(number) for _, number in listed} == mission_items._DECODERS.keys()
-    assert all(getattr(dialect, f"MAV_CMD_{name}") == int(number) for name, number in listed)
     for text in (f"{MAX_MISSION_ITEMS} items", f"{MAX_LEGS} legs", f"{MAX_VISITS} visits"):
         assert f" {text}" in missions

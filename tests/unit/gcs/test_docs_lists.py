@@ -1,0 +1,201 @@
+"""Lists in the documentation have what the code has, no less and no more.
+
+A list stands between ``<!-- list: NAME -->`` and ``<!-- end: NAME -->``, in a sentence or around a
+table, of which one column counts. `LISTS` says what of the code it is a list of.
+"""
+
+import re
+import tomllib
+from collections.abc import Iterable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+import pytest
+import typer
+from hypothesis import given
+from hypothesis import strategies as st
+from vehicle_bench import Bench
+
+from ftc_autopilot.control.laws import KINDS
+from ftc_autopilot.control.triggers import TRIGGERS
+from ftc_autopilot.guidance import mission_items
+from ftc_autopilot.guidance.formation import Policy
+from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
+from ftc_autopilot.vehicle.commands import _FOR_THE_SIMULATOR
+from ftc_autopilot.vehicle.vehicle import _IMPOSSIBLE
+from gcs.campaigns.model import Campaign, FaultKind
+from gcs.campaigns.store import OUTCOMES
+from gcs.cli import _EXIT_DEFECT, app
+from gcs.errors import GcsError
+from gcs.scenario.model import load_scenario
+from mavlink_defs import dialect
+from mavlink_defs.constants import ACTUATORS, MODE_NAMES
+from mavlink_defs.framing.drop_reason import DropReason
+from scripts import docs_pages
+
+ROOT = Path(__file__).parents[3]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+MARKED = re.compile(r"(?=<!-- list: (\S+) -->(.*?)<!-- end: \1 -->)", re.DOTALL)
+
+
+class Listed(NamedTuple):
+    """What a list in the documentation has to name."""
+
+    names: Sequence[str]
+    pattern: str = r"`([^`]+)`"  # of a name
+    ordered: bool = False
+    column: int = 0  # of a table
+    others: frozenset[str] = frozenset()  # that may be named as well
+
+
+def numbered(names: Iterable[tuple[Any, Any]]) -> list[str]:
+    return [f"{name} ({number})" for name, number in names]
+
+
+@cache
+def vehicle() -> Any:
+    return Bench(load_scenario(ROOT / "scenarios/paper/scenario1.yaml")).vehicle
+
+
+def commands_of_a_vehicle() -> list[str]:
+    handled = {*vehicle()._handlers(), *vehicle()._place_handlers(), *_FOR_THE_SIMULATOR}
+    names = dialect.enums["MAV_CMD"]
+    return [names[number].name for number in handled.difference(_IMPOSSIBLE)]
+
+
+def streamed_messages() -> list[str]:
+    return [dialect.mavlink_map[number].msgname for number in vehicle().telemetry[0].available]
+
+
+def private_messages() -> list[str]:
+    return [m.msgname for m in dialect.mavlink_map.values() if m.msgname.startswith("FTC_")]
+
+
+def options(command: Any) -> set[str]:
+    return {name for parameter in command.params for name in parameter.opts}
+
+
+def commands_with(option: str, group: Any, prefix: str = "") -> list[str]:
+    found = []
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            found += commands_with(option, command, f"{prefix}{name} ")
+        elif option in options(command):
+            found.append(prefix + name)
+    return found
+
+
+def errors(error: type[GcsError] = GcsError) -> set[int]:
+    return {error.exit_status}.union(*map(errors, error.__subclasses__()))
+
+
+GCS: Any = typer.main.get_group(app)
+LISTS = {
+    "actuators": Listed(ACTUATORS),
+    "commands": Listed(["up", *commands_with("--connect", GCS)], r"`gcs ([a-z ]*[a-z])"),
+    "designs": Listed(get_args(Campaign.model_fields["design"].annotation)),
+    "drop-reasons": Listed([reason.words for reason in DropReason], r"[^,\n]+", ordered=True),
+    "exit-statuses": Listed([str(status) for status in {0, _EXIT_DEFECT, *errors()}], r"\d+"),
+    "fault-kinds": Listed(get_args(FaultKind)),
+    "fault-options": Listed(
+        sorted(
+            options(GCS.commands["fault"].commands["set"])
+            - options(GCS.commands["arm"])
+            - {"actuator"}
+        )
+    ),
+    "guidance-laws": Listed(list(GUIDANCE_LAWS)),
+    "law-numbers": Listed(
+        [f"{i} {kind}" for i, kind in enumerate(KINDS)], r"\d+ \w+", ordered=True
+    ),
+    "laws": Listed(KINDS),
+    "mission-items": Listed(
+        numbered(
+            (dialect.enums["MAV_CMD"][i].name.removeprefix("MAV_CMD_"), i)
+            for i in mission_items._DECODERS
+        ),
+        r"[A-Z_]+ \(\d+\)",
+    ),
+    "modes": Listed(
+        numbered((name, number) for number, name in MODE_NAMES.items()), r"\w+ \(\d+\)"
+    ),
+    "outcomes": Listed(OUTCOMES, ordered=True),
+    "packages": Listed(
+        tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"][
+            "wheel"
+        ]["packages"]
+    ),
+    "pages": Listed(
+        [path for pages in docs_pages.navigation().values() for path in pages.values()],
+        r"\]\(docs/([^)#]+)\)",
+    ),
+    "policies": Listed(get_args(Policy)),
+    "sent-messages": Listed(
+        sorted({*streamed_messages(), *private_messages()}),
+        r"\b[A-Z][A-Z0-9_]{4,}\b",
+        column=1,
+        others=frozenset(m.msgname for m in dialect.mavlink_map.values()),
+    ),
+    "triggers": Listed(list(TRIGGERS)),
+    "vehicle-commands": Listed(commands_of_a_vehicle(), r"MAV_CMD_\w+"),
+}
+
+
+def column(text: str, number: int) -> str:
+    """One column of a table without its head; the text itself if it has no table."""
+    rows = re.findall(r"^\|(.*)\|$", text.replace(r"\|", "/"), re.MULTILINE)
+    return "\n".join(row.split("|")[number].strip() for row in rows[2:]) if rows else text
+
+
+def named(text: str, listed: Listed) -> list[str]:
+    return [name.strip() for name in re.findall(listed.pattern, column(text, listed.column))]
+
+
+def complaint(text: str, listed: Listed) -> str:
+    """What is wrong with a list; empty if nothing is."""
+    found = named(text, listed)
+    if missing := set(listed.names).difference(found):
+        return f"lacks {sorted(missing)}"
+    if unknown := set(found).difference(listed.names, listed.others):
+        return f"has {sorted(unknown)}, which the code has not"
+    if listed.ordered and found != list(listed.names):
+        return f"is not in the order {listed.names}"
+    return ""
+
+
+def marked_lists() -> list[tuple[str, str, str]]:
+    return [(path.name, *found) for path in PAGES for found in MARKED.findall(path.read_text())]
+
+
+@pytest.mark.parametrize(("page", "name", "text"), marked_lists(), ids=lambda value: value[:20])
+def test_a_list_has_what_the_code_has(page: str, name: str, text: str) -> None:
+    assert complaint(text, LISTS[name]) == "", f"{page}: list {name}"
+
+
+def test_every_list_is_in_the_documentation_and_every_mark_has_an_end() -> None:
+    assert {name for _, name, _ in marked_lists()} == LISTS.keys()
+    marks = sum(path.read_text().count("<!-- list: ") for path in PAGES)
+    assert marks == len(marked_lists()) == sum(p.read_text().count("<!-- end: ") for p in PAGES)
+
+
+@given(st.data(), st.sampled_from(marked_lists()))
+def test_a_list_that_lacks_a_name_or_has_another_is_found(
+    data: st.DataObject, marked: tuple[str, str, str]
+) -> None:
+    _, name, text = marked
+    listed = LISTS[name]
+    lost = data.draw(st.sampled_from(sorted(listed.names)))
+    assert complaint(text, listed._replace(names=[*listed.names, f"{lost}x"])).startswith("lacks")
+    others = listed._replace(names=[n for n in listed.names if n != lost], others=frozenset())
+    assert complaint(text, others).startswith("has")
+
+
+def test_the_number_of_fault_files_is_that_of_the_folder() -> None:
+    count = len(list((ROOT / "scenarios/faults").glob("*.yaml")))
+    told = re.compile(
+        r"\b(\d+)\s+(?:more actuator faults|\[?fault files|files of `scenarios/faults)"
+    )
+    numbers = [number for path in PAGES for number in told.findall(path.read_text())]
+    assert len(numbers) >= 4
+    assert set(numbers) == {str(count)}
