@@ -1,7 +1,7 @@
 """Lists in the documentation have what the code has, no less and no more.
 
 A list stands between ``<!-- list: NAME -->`` and ``<!-- end: NAME -->``, in a sentence or around a
-table, of which one column counts. `LISTS` says what of the code it is a list of.
+table, of which one column counts. `lists` says what of the code it is a list of.
 """
 
 import re
@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 import pytest
-import typer
 from hypothesis import given
 from hypothesis import strategies as st
 from vehicle_bench import Bench
@@ -26,7 +25,7 @@ from ftc_autopilot.vehicle.commands import _FOR_THE_SIMULATOR
 from ftc_autopilot.vehicle.vehicle import _IMPOSSIBLE
 from gcs.campaigns.model import Campaign, FaultKind
 from gcs.campaigns.store import OUTCOMES
-from gcs.cli import _EXIT_DEFECT, app
+from gcs.cli import _EXIT_DEFECT, whole_command
 from gcs.errors import GcsError
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
@@ -90,56 +89,59 @@ def errors(error: type[GcsError] = GcsError) -> set[int]:
     return {error.exit_status}.union(*map(errors, error.__subclasses__()))
 
 
-GCS: Any = typer.main.get_group(app)
-LISTS = {
-    "actuators": Listed(ACTUATORS),
-    "commands": Listed(["up", *commands_with("--connect", GCS)], r"`gcs ([a-z ]*[a-z])"),
-    "designs": Listed(get_args(Campaign.model_fields["design"].annotation)),
-    "drop-reasons": Listed([reason.words for reason in DropReason], r"[^,\n]+", ordered=True),
-    "exit-statuses": Listed([str(status) for status in {0, _EXIT_DEFECT, *errors()}], r"\d+"),
-    "fault-kinds": Listed(get_args(FaultKind)),
-    "fault-options": Listed(
-        sorted(
-            options(GCS.commands["fault"].commands["set"])
-            - options(GCS.commands["arm"])
-            - {"actuator"}
-        )
-    ),
-    "guidance-laws": Listed(list(GUIDANCE_LAWS)),
-    "law-numbers": Listed(
-        [f"{i} {kind}" for i, kind in enumerate(KINDS)], r"\d+ \w+", ordered=True
-    ),
-    "laws": Listed(KINDS),
-    "mission-items": Listed(
-        numbered(
-            (dialect.enums["MAV_CMD"][i].name.removeprefix("MAV_CMD_"), i)
-            for i in mission_items._DECODERS
+@pytest.fixture(scope="module")
+def lists() -> dict[str, Listed]:
+    """What each list has to name."""
+    command: Any = whole_command()
+    return {
+        "actuators": Listed(ACTUATORS),
+        "commands": Listed(["up", *commands_with("--connect", command)], r"`gcs ([a-z ]*[a-z])"),
+        "designs": Listed(get_args(Campaign.model_fields["design"].annotation)),
+        "drop-reasons": Listed([reason.words for reason in DropReason], r"[^,\n]+", ordered=True),
+        "exit-statuses": Listed([str(status) for status in {0, _EXIT_DEFECT, *errors()}], r"\d+"),
+        "fault-kinds": Listed(get_args(FaultKind)),
+        "fault-options": Listed(
+            sorted(
+                options(command.commands["fault"].commands["set"])
+                - options(command.commands["arm"])
+                - {"actuator"}
+            )
         ),
-        r"[A-Z_]+ \(\d+\)",
-    ),
-    "modes": Listed(
-        numbered((name, number) for number, name in MODE_NAMES.items()), r"\w+ \(\d+\)"
-    ),
-    "outcomes": Listed(OUTCOMES, ordered=True),
-    "packages": Listed(
-        tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"][
-            "wheel"
-        ]["packages"]
-    ),
-    "pages": Listed(
-        [path for pages in docs_pages.navigation().values() for path in pages.values()],
-        r"\]\(docs/([^)#]+)\)",
-    ),
-    "policies": Listed(get_args(Policy)),
-    "sent-messages": Listed(
-        sorted({*streamed_messages(), *private_messages()}),
-        r"\b[A-Z][A-Z0-9_]{4,}\b",
-        column=1,
-        others=frozenset(m.msgname for m in dialect.mavlink_map.values()),
-    ),
-    "triggers": Listed(list(TRIGGERS)),
-    "vehicle-commands": Listed(commands_of_a_vehicle(), r"MAV_CMD_\w+"),
-}
+        "guidance-laws": Listed(list(GUIDANCE_LAWS)),
+        "law-numbers": Listed(
+            [f"{i} {kind}" for i, kind in enumerate(KINDS)], r"\d+ \w+", ordered=True
+        ),
+        "laws": Listed(KINDS),
+        "mission-items": Listed(
+            numbered(
+                (dialect.enums["MAV_CMD"][i].name.removeprefix("MAV_CMD_"), i)
+                for i in mission_items._DECODERS
+            ),
+            r"[A-Z_]+ \(\d+\)",
+        ),
+        "modes": Listed(
+            numbered((name, number) for number, name in MODE_NAMES.items()), r"\w+ \(\d+\)"
+        ),
+        "outcomes": Listed(OUTCOMES, ordered=True),
+        "packages": Listed(
+            tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"][
+                "targets"
+            ]["wheel"]["packages"]
+        ),
+        "pages": Listed(
+            [path for pages in docs_pages.navigation().values() for path in pages.values()],
+            r"\]\(docs/([^)#]+)\)",
+        ),
+        "policies": Listed(get_args(Policy)),
+        "sent-messages": Listed(
+            sorted({*streamed_messages(), *private_messages()}),
+            r"\b[A-Z][A-Z0-9_]{4,}\b",
+            column=1,
+            others=frozenset(m.msgname for m in dialect.mavlink_map.values()),
+        ),
+        "triggers": Listed(list(TRIGGERS)),
+        "vehicle-commands": Listed(commands_of_a_vehicle(), r"MAV_CMD_\w+"),
+    }
 
 
 def column(text: str, number: int) -> str:
@@ -169,22 +171,26 @@ def marked_lists() -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize(("page", "name", "text"), marked_lists(), ids=lambda value: value[:20])
-def test_a_list_has_what_the_code_has(page: str, name: str, text: str) -> None:
-    assert complaint(text, LISTS[name]) == "", f"{page}: list {name}"
+def test_a_list_has_what_the_code_has(
+    lists: dict[str, Listed], page: str, name: str, text: str
+) -> None:
+    assert complaint(text, lists[name]) == "", f"{page}: list {name}"
 
 
-def test_every_list_is_in_the_documentation_and_every_mark_has_an_end() -> None:
-    assert {name for _, name, _ in marked_lists()} == LISTS.keys()
+def test_every_list_is_in_the_documentation_and_every_mark_has_an_end(
+    lists: dict[str, Listed],
+) -> None:
+    assert {name for _, name, _ in marked_lists()} == lists.keys()
     marks = sum(path.read_text().count("<!-- list: ") for path in PAGES)
     assert marks == len(marked_lists()) == sum(p.read_text().count("<!-- end: ") for p in PAGES)
 
 
-@given(st.data(), st.sampled_from(marked_lists()))
+@given(data=st.data(), marked=st.sampled_from(marked_lists()))
 def test_a_list_that_lacks_a_name_or_has_another_is_found(
-    data: st.DataObject, marked: tuple[str, str, str]
+    lists: dict[str, Listed], data: st.DataObject, marked: tuple[str, str, str]
 ) -> None:
     _, name, text = marked
-    listed = LISTS[name]
+    listed = lists[name]
     lost = data.draw(st.sampled_from(sorted(listed.names)))
     assert complaint(text, listed._replace(names=[*listed.names, f"{lost}x"])).startswith("lacks")
     others = listed._replace(names=[n for n in listed.names if n != lost], others=frozenset())
