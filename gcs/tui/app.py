@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.dom import DOMNode
 from textual.events import Resize
 from textual.screen import Screen
-from textual.widgets import Footer, TabbedContent, TabPane
+from textual.widgets import TabbedContent, TabPane
 
 from gcs.station.notifications import ERROR
 from gcs.tui.actions import arm, change_mode, disarm, start_mission
@@ -22,6 +22,7 @@ from gcs.tui.faults import FaultsPanel, clear_all, repeat
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
 from gcs.tui.guard import Failed, guarded, on, one_line
+from gcs.tui.key_bar import KeyBar
 from gcs.tui.keys import ACTING, KEYS, REPLAYING
 from gcs.tui.missions import MissionsPanel
 from gcs.tui.operations import Operations
@@ -94,7 +95,7 @@ class Dashboard(App[None]):
                 yield MissionsPanel(classes="with-keys")
         if self.playback is not None:
             yield ReplayBar()
-        yield Footer(compact=True)
+        yield KeyBar(compact=True)
         yield CachedStatic(id="too-small")
 
     def on_mount(self) -> None:

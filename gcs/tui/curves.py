@@ -18,7 +18,6 @@ __all__ = [
     "arrow",
     "arrow_to",
     "draw_exits",
-    "draw_formation",
     "draw_held",
     "draw_quantity",
     "latest",
@@ -30,7 +29,6 @@ Colour: TypeAlias = tuple[int, int, int]
 
 _ARROWS = "↑↗→↘↓↙←↖"
 _FRAME_LINES = 3  # of a plot: upper and lower edge, and the time
-_MIN_REACH_M = 20.0
 _MEASURED = ("actual", "reference", "held", "predicted_exit", "position")
 
 DRAWABLE = 1e8
@@ -151,50 +149,6 @@ def draw_exits(plt: Any, rows: np.ndarray, limits: tuple[float, float], palette:
     plt.ylim(0.0, max(high, 0.1))
     plt.yticks(ticks(0.0, max(high, 0.1)))
     _finish(plt, limits)
-
-
-def draw_formation(
-    plt: Any,
-    states: Sequence[VehicleState],
-    selected: int | None,
-    trails: Sequence[np.ndarray],
-    size: tuple[int, int],
-    palette: Palette,
-) -> None:
-    """Draw north over east around the middle of the formation, in metres.
-
-    Args:
-        plt: Where to.
-        states: The vehicles.
-        selected: System id of the one that stands out.
-        trails: Positions (n, 3) of each; rows that are not finite are left out.
-        size: Width and height of the plot in characters, for equal scales.
-        palette: Colours.
-    """
-    tracks = [trail[np.isfinite(trail).all(axis=1)] for trail in trails]
-    there = [(s, t) for s, t in zip(states, tracks, strict=True) if len(t)]
-    if not there:
-        return
-    now = np.array([trail[-1, :2] for _, trail in there])
-    middle = now.mean(axis=0)
-    reach = max(1.5 * float(np.abs(now - middle).max()), _MIN_REACH_M)
-    width, height = max(size[0] - 8, 8), max(size[1] - 3, 4)
-    across, up = reach * max(1.0, width / (2 * height)), reach * max(1.0, 2 * height / width)
-    for state, trail in there:
-        chosen = state.system == selected
-        colour = palette.actual if chosen else palette.reference
-        north, east = (trail[:, :2] - middle).T
-        inside = (np.abs(east) <= across) & (np.abs(north) <= up)
-        _line(plt, east[inside].tolist(), north[inside].tolist(), colour)
-    for state, trail in there:
-        north, east = trail[-1, :2] - middle
-        colour = palette.actual if state.system == selected else palette.text
-        plt.text(f"{arrow(state)}{state.system}", float(east), float(north), colour, "default")
-    plt.xlim(-across, across)
-    plt.ylim(-up, up)
-    plt.xticks(ticks(-across, across))
-    plt.yticks(ticks(-up, up))
-    plt.grid(False, False)
 
 
 def arrow(state: VehicleState) -> str:

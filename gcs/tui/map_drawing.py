@@ -1,25 +1,24 @@
-"""The map, drawn with plotext, without a widget or an app: north is up, scales are equal."""
+"""Maps, drawn with plotext, without a widget or an app: north is up, scales are equal."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from gcs.station.mission import HAS_PLACE, Mission
 from gcs.station.navigation import Home, home_of, slot_place_of, wind_of
 from gcs.station.vehicle_state import VehicleState
-from gcs.tui.curves import DRAWABLE, Colour, Palette, arrow, arrow_to, latest, ticks
+from gcs.tui.curves import DRAWABLE, Colour, Palette, arrow, arrow_to, latest
+from gcs.tui.labels import Mark, Place, draw_marks, sheet_of
 from mavlink_defs import dialect
 
-__all__ = ["Scene", "Window", "draw_map", "scene_of", "wind_text"]
-
-Place: TypeAlias = tuple[float, float]
-"""North and east [m]."""
+__all__ = ["Scene", "Window", "draw_formation", "draw_map", "scene_of", "wind_text"]
 
 _MARGIN = 1.15  # of what is shown by what is there
 _LEAST_REACH_M = 30.0
+_FORMATION_REACH_M = 20.0  # of the middle, at least
 _TRAIL_S = 120.0
 _CIRCLE_POINTS = 60
 _FRAME = (8, 3)  # columns and lines of a plot that its axes take
@@ -106,8 +105,9 @@ def scene_of(
         track = latest(state, _TRAIL_S, None, points)["position"][:, :2]
         track = track[np.isfinite(track).all(axis=1)]
         if len(track):
-            place = (float(track[-1, 0]), float(track[-1, 1]))
-            vehicles.append((state.system, arrow(state), place, state.system == selected, track))
+            vehicles.append(
+                (state.system, arrow(state), _end_of(track), state.system == selected, track)
+            )
     slots = [place for place in map(slot_place_of, states) if place and _is_drawable(*place)]
     homes = {state.system: home for state in states if (home := home_of(state)) is not None}
     homes = {i: home for i, home in homes.items() if _is_drawable(home.north_m, home.east_m)}
@@ -176,21 +176,60 @@ def draw_map(
     ):
         for run in _visible(_dense(track, reach[0] / steps), middle, reach):
             _line(plt, run, colour)
-    for number, place in scene.route:
-        _text(plt, str(number), place, middle, reach, palette.route)
+    sheet = sheet_of(plt, size, middle, reach)
+    marks = (Mark(system, arrow, place, here) for system, arrow, place, here, _ in scene.vehicles)
+    draw_marks(sheet, marks, palette)
     if scene.home is not None:
-        _text(plt, "H", scene.home, middle, reach, palette.text)
+        sheet.write_sign("H", scene.home, palette.text)
+    for number, place in scene.route:
+        sheet.write_number(number, place, palette.route)
     for place in scene.slots:
-        _text(plt, "○", place, middle, reach, palette.text)
-    for system, heading, place, chosen, _ in scene.vehicles:
-        colour = palette.actual if chosen else palette.text
-        _text(plt, f"{heading}{system}", place, middle, reach, colour)
-    (north, east), (up, across) = middle, reach
-    plt.xlim(east - across, east + across)
-    plt.ylim(north - up, north + up)
-    plt.xticks(ticks(east - across, east + across))
-    plt.yticks(ticks(north - up, north + up))
-    plt.grid(False, False)
+        sheet.write_sign("○", place, palette.text)
+
+
+def draw_formation(
+    plt: Any,
+    states: Sequence[VehicleState],
+    selected: int | None,
+    trails: Sequence[np.ndarray],
+    size: tuple[int, int],
+    palette: Palette,
+) -> None:
+    """Draw north over east around the middle of the formation, in metres.
+
+    Args:
+        plt: Where to.
+        states: The vehicles.
+        selected: System id of the one that stands out.
+        trails: Positions (n, 3) of each; rows that are not finite are left out.
+        size: Width and height of the plot in characters, for equal scales.
+        palette: Colours.
+    """
+    tracks = [trail[np.isfinite(trail).all(axis=1)] for trail in trails]
+    there = [(s, t) for s, t in zip(states, tracks, strict=True) if len(t)]
+    if not there:
+        return
+    now = np.array([trail[-1, :2] for _, trail in there])
+    middle = now.mean(axis=0)
+    reach = max(1.5 * float(np.abs(now - middle).max()), _FORMATION_REACH_M)
+    width, height = (max(n - frame, 4) for n, frame in zip(size, _FRAME, strict=True))
+    across, up = reach * max(1.0, width / (2 * height)), reach * max(1.0, 2 * height / width)
+    for state, trail in there:
+        chosen = state.system == selected
+        colour = palette.actual if chosen else palette.reference
+        north, east = (trail[:, :2] - middle).T
+        inside = (np.abs(east) <= across) & (np.abs(north) <= up)
+        _line(plt, np.column_stack([north, east])[inside], colour)
+    sheet = sheet_of(plt, size, (0.0, 0.0), (up, across))
+    marks = [
+        Mark(s.system, arrow(s), _end_of(trail[:, :2] - middle), s.system == selected)
+        for s, trail in there
+    ]
+    draw_marks(sheet, marks, palette)
+
+
+def _end_of(track: np.ndarray) -> Place:
+    return float(track[-1, 0]), float(track[-1, 1])
 
 
 def _circle(centre: Place, radius: float) -> np.ndarray:
@@ -222,8 +261,3 @@ def _visible(line: np.ndarray, middle: Place, reach: Place) -> Iterator[np.ndarr
 
 def _line(plt: Any, line: np.ndarray, colour: Colour) -> None:
     plt.plot(line[:, 1].tolist(), line[:, 0].tolist(), marker="braille", color=colour)
-
-
-def _text(plt: Any, text: str, place: Place, middle: Place, reach: Place, colour: Colour) -> None:
-    if all(abs(p - m) <= r for p, m, r in zip(place, middle, reach, strict=True)):
-        plt.text(text, place[1], place[0], colour, "default")

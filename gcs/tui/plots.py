@@ -11,7 +11,6 @@ from gcs.tui.cached_static import CachedStatic
 from gcs.tui.curves import (
     Palette,
     draw_exits,
-    draw_formation,
     draw_held,
     draw_quantity,
     latest,
@@ -19,6 +18,7 @@ from gcs.tui.curves import (
 )
 from gcs.tui.formatting import number, seconds
 from gcs.tui.guard import Guarded, guarded
+from gcs.tui.map_drawing import draw_formation
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView, Panel
 
