@@ -39,7 +39,7 @@ FILES = ("scenario1", *CONTROLLERS, *MODES)
 _CAPTIONS = {
     "fig5": "Fig. 5: trajectories of the formation in scenario 1, attitude at 0, 15 and 24 s.",
     "fig6": "Fig. 6: responses (a)-(d), tracking errors (e)-(h) and synchronisation errors (31), "
-    "(32) (i)-(l) in scenario 1. What leaves a panel in the first second is noted over its corner.",
+    "(32) (i)-(l) in scenario 1. What leaves a panel is noted over its corner.",
     "fig7": "Fig. 7: intervals between events of every channel and UAV in scenario 1.",
     "fig8": "Fig. 8: times of the events in scenario 1.",
     "fig9": "Fig. 9: number of events in scenario 1, beside the numbers printed in the paper.",

@@ -106,8 +106,8 @@ def fly(
 
     Starts one plant and an autopilot process for each UAV, uploads profile or mission, sets the
     faults, starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,
-    flight.tlog (the GCS link), events.arrows, trajectory.arrows and flight.png; with a mission
-    mission.png and mission.svg, too.
+    flight.tlog (the GCS link), events.arrows, trajectory.arrows, flight.png and flight.svg;
+    with a mission mission.png and mission.svg, too.
 
     The figures of summary.json are those of every step, whatever is recorded.
 
@@ -244,10 +244,10 @@ def _report(
     from gcs.results.mission_path import leaders_of, paths_of
 
     summary = recorder.finish(ending)
-    with working(console, "drawing flight.png"):
+    with working(console, "drawing the flight"):
         preview = recorder.preview
         shown = preview.recording(ending)
-        draw_flight(shown, scenario, preview.gaps(), folder / "flight.png")
+        draw_flight(shown, scenario, preview.gaps(), folder)
         if (paths := paths_of(scenario)) is not None:
             draw_mission(shown, scenario, paths, leaders_of(scenario), folder)
     output = console_of(stderr=as_json, quiet=console.quiet)  # --json leaves no room for it

@@ -11,6 +11,7 @@ from gcs.campaigns.importance import Importance, SobolIndex
 from gcs.figures.flown import literal
 from gcs.figures.style import (
     GREY,
+    SINGLE,
     SMALL,
     draw_legend,
     logarithmic_if_wide,
@@ -43,9 +44,8 @@ def distributions(findings: Findings) -> "Figure":
         costs = {variant: own.cost(name) for variant, own in findings.counted.items()}
         _draw_distributions(panel, costs)
         panel.set_xlabel(title)
-    panels[-1].set_visible(False)
-    for panel in panels[::3]:
         panel.set_ylabel("share of all flights")
+    panels[-1].set_visible(False)
     draw_legend(figure)
     return figure
 
@@ -88,6 +88,8 @@ def importance(findings: Findings) -> "Figure":
         panel.set_xlabel(f"strength of the association with {what}")
     panels[0].set_yticks(range(len(names)), [literal(findings.title(n)) for n in names])
     panels[0].set_ylim(len(names) - 0.4, -0.6)
+    for panel in panels[1:]:
+        panel.tick_params(labelleft=False)  # factors are named once
     draw_legend(figure)
     return figure
 
@@ -148,6 +150,8 @@ def sobol_indices(findings: Findings) -> "Figure | None":
         panel.set_xlabel(f"share of the variance of {cost}")
     panels[0].set_yticks(range(len(names)), [literal(findings.title(n)) for n in names])
     panels[0].set_ylim(len(names) - 0.4, -0.6)
+    for panel in panels[1:]:
+        panel.tick_params(labelleft=False)  # factors are named once
     draw_legend(figure)
     return figure
 
@@ -192,17 +196,15 @@ def two_factors(findings: Findings) -> "Figure | None":
         x, y = (flights.factor(name) for name in names)
         known, failed = np.isfinite(x) & np.isfinite(y), ~flights.success
         shown = _sample(np.flatnonzero(known & ~failed)), _sample(np.flatnonzero(known & failed))
-        good: dict[str, Any] = {"s": 9.0, "color": style(2).colour, "alpha": 0.6, "lw": 0.0}
+        good: dict[str, Any] = {"s": 9.0, "color": SINGLE, "alpha": 0.6, "lw": 0.0}
         panel.scatter(x[shown[0]], y[shown[0]], label="succeeded", **good)
         panel.scatter(x[shown[1]], y[shown[1]], label="failed", **_FAILED)
         panel.set_title(literal(flights.variant), loc="left", size=SMALL + 1.0)
         counts = f"{failed[known].sum()} of {known.sum()} failed"
         note(panel, f"{counts}{_left_out(shown, known.sum())}")
         tidy(panel)
-    for panel in panels[:, 0]:
-        panel.set_ylabel(literal(findings.title(names[1])))
-    for panel in panels[-1]:
         panel.set_xlabel(literal(findings.title(names[0])))
+        panel.set_ylabel(literal(findings.title(names[1])))
     draw_legend(figure)
     return figure
 

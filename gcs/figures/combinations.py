@@ -35,6 +35,7 @@ def draw_combinations(listed: Sequence[Combination], uav_id: int) -> "Figure":
         for panel, quantity in zip(row, QUANTITIES, strict=True):
             _draw(panel, own, uav_id, quantity)
             panel.set_xlabel(f"IAE of {quantity} [{IAE_UNITS[quantity]}]", size=SMALL)
+            panel.set_ylabel(f"transmissions of UAV {uav_id}", size=SMALL)
         row[0].set_ylabel(f"{aircraft} aircraft\ntransmissions of UAV {uav_id}", size=SMALL)
         lost = sum(one.uav(uav_id) is None for one in own)
         row[0].set_title(f"{lost} of {len(own)} lost control", loc="left", size=SMALL, color=GREY)

@@ -8,15 +8,16 @@ import numpy as np
 from gcs.figures.flown import PlottedFlight
 from gcs.figures.style import (
     GREY,
+    SINGLE,
     SMALL,
     STYLES,
     draw_legend,
     letter,
+    logarithmic_intervals,
     mark_loss,
     new_figure,
     note,
     shade_faults,
-    style,
     tidy,
 )
 from gcs.results.quantities import PAPER_ORDER
@@ -34,7 +35,7 @@ _TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 def fig7(flight: PlottedFlight) -> "Figure":
     """Draw the time between two events of a channel: channels in rows, UAVs in columns."""
     names, ids = flight.names, flight.recording.uav_ids
-    figure = new_figure(7.4)
+    figure = new_figure(8.6)
     axes = figure.subplots(len(PAPER_ORDER), len(names), sharex=True, sharey=True, squeeze=False)
     for k, axis in enumerate(axes.flat):
         row, i = divmod(k, len(names))
@@ -47,12 +48,11 @@ def fig7(flight: PlottedFlight) -> "Figure":
             ".",
             ms=2.8,
             mew=0,
-            color=style(2).colour,
+            color=SINGLE,
             alpha=0.6,
             rasterized=True,
         )
-        axis.set_yscale("log")
-        axis.minorticks_off()
+        logarithmic_intervals(axis)
         median = f", median {np.median(intervals):.3g} ms" if len(intervals) else ""
         note(axis, f"{len(times)} events{median}")
         letter(axis, k)
@@ -61,10 +61,9 @@ def fig7(flight: PlottedFlight) -> "Figure":
         tidy(axis, flight.scenario.duration_s)
     for axis, name in zip(axes[0], names, strict=True):
         axis.annotate(name, (0.5, 1.0), (0.0, 20.0), "axes fraction", "offset points", ha="center")
-    for axis, channel in zip(axes[:, 0], PAPER_ORDER, strict=True):
-        axis.set_ylabel(f"{channel}\ninterval [ms]")
-    for axis in axes[-1]:
-        axis.set_xlabel("time [s]")
+    for row, channel in zip(axes, PAPER_ORDER, strict=True):
+        for axis in row:
+            axis.set_ylabel(f"{channel}\ninterval [ms]")
     draw_legend(figure)
     return figure
 
@@ -75,7 +74,7 @@ def fig8(flight: PlottedFlight) -> "Figure":
 
     names, ids = flight.names, flight.recording.uav_ids
     duration_s = flight.scenario.duration_s
-    figure = new_figure(0.7 + 1.45 * len(names))
+    figure = new_figure(0.7 + 1.7 * len(names))
     axes = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
     rows = range(len(PAPER_ORDER))
     bin_s = max(duration_s / _BINS, flight.step_s)
@@ -106,7 +105,6 @@ def fig8(flight: PlottedFlight) -> "Figure":
         totals.set_yticks(rows, map(str, flight.event_counts(i)))
         totals.tick_params(length=0, labelsize=SMALL, labelcolor=GREY)
         totals.spines["right"].set_visible(False)
-    axes[-1].set_xlabel("time [s]")
     bar = figure.colorbar(image, ax=axes, aspect=40, pad=0.01)
     bar.set_label(f"events in {1e3 * bin_s:.3g} ms", size=SMALL + 1.0)
     bar.ax.minorticks_off()
@@ -129,7 +127,7 @@ def fig9(flight: PlottedFlight, printed: Mapping[int, Mapping[str, int]]) -> "Fi
     for i, (axis, name) in enumerate(zip(axes, flight.names, strict=True)):
         ours = flight.event_counts(i)
         paper = printed.get(flight.recording.uav_ids[i], {})
-        bars = axis.bar(places - 0.21, ours, 0.4, color=STYLES[2].colour, label=flight.title)
+        bars = axis.bar(places - 0.21, ours, 0.4, color=SINGLE, label=flight.title)
         axis.bar_label(bars, size=SMALL, padding=1.0)
         known = [k for k, channel in enumerate(PAPER_ORDER) if channel in paper]
         if known:
@@ -149,6 +147,6 @@ def fig9(flight: PlottedFlight, printed: Mapping[int, Mapping[str, int]]) -> "Fi
         axis.set_xticks(places, PAPER_ORDER)
         axis.tick_params(axis="x", length=0)
         axis.set_xlabel(name)
-    axes[0].set_ylabel(f"events in {flight.scenario.duration_s:g} s")
+        axis.set_ylabel(f"events in {flight.scenario.duration_s:g} s")
     draw_legend(figure)
     return figure

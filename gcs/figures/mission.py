@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from gcs.figures.style import (
     SMALL,
     draw_curve,
     draw_legend,
+    frame,
     mark_loss,
     new_figure,
     note,
@@ -21,6 +22,7 @@ from gcs.figures.style import (
     shade_faults,
     style,
     tidy,
+    usual_range,
 )
 from gcs.results.path_following import PathErrors
 from gcs.results.quantities import PAPER_ORDER
@@ -64,7 +66,7 @@ def draw_mission(
         folder: For the files.
     """
     flight = PlottedFlight(scenario.name, scenario, recording)
-    figure = new_figure(8.0)
+    figure = new_figure(8.6)
     grid = figure.add_gridspec(4, 4, height_ratios=(1.0, 1.0, 1.0, 0.9))
     below = [figure.add_subplot(grid[3, k]) for k in range(4)]
     beside: list[Axes] = [figure.add_subplot(grid[k, 2:], sharex=below[0]) for k in range(3)]
@@ -74,13 +76,10 @@ def draw_mission(
     _draw_errors(beside, flight, errors, bool(leaders))
     for axis, channel in zip(below, PAPER_ORDER, strict=True):
         draw_command(axis, flight, channel)
-        axis.set_xlabel("time [s]")
     for axis in (*beside, *below):
         shade_faults(axis, [flight])
         mark_loss(axis, flight)
         tidy(axis, scenario.duration_s)
-    for axis in beside:
-        axis.tick_params(labelbottom=False)
     figure.align_ylabels(beside)
     draw_legend(figure)
     save(figure, folder, "mission")
@@ -92,15 +91,16 @@ def _draw_errors(
     """Draw distances from slot or path, height errors and least separation over time."""
     t, distances = flight.recording.time_s, least_distances(flight.recording.states)[0]
     first = errors["slot"] if in_formation else errors["cross_track"]
-    for i in range(len(flight.names)):
-        line = style(i).line | {"lw": 0.9}
-        draw_curve(axes[0], t, first[:, i], **line)
-        draw_curve(axes[1], t, errors["height"][:, i], **line)
+    for axis, shown in zip(axes, (first, errors["height"]), strict=False):
+        for i, curve in enumerate(shown.T):
+            draw_curve(axis, t, curve, **style(i).thin)
+        frame(axis, list(shown.T), *usual_range(list(shown.T), flight.step_s))
     axes[0].set_ylabel("from slot [m]" if in_formation else "cross-track [m]")
     axes[1].set_ylabel("height error [m]")
     axes[2].set_ylabel("least separation [m]")
     if np.isfinite(distances).any():
         draw_curve(axes[2], t, distances, color="black", lw=0.9)
+        frame(axes[2], [distances], *usual_range([distances], flight.step_s))
         axes[2].set_ylim(bottom=0.0)
         note(axes[2], f"min {distances[np.isfinite(distances)].min():.1f} m")
 
@@ -112,10 +112,10 @@ def _draw_map(axis: "Axes", flight: PlottedFlight, paths: np.ndarray) -> None:
             _draw_path(axis, path, float(np.nanmax(flight.recording.signals["path_position"])))
     _draw_faults(axis, flight)
     for i, name in enumerate(flight.names):
-        axis.plot(*_thinned(tracks[:, i]).T, label=name, **style(i).line | {"lw": 0.9})
+        axis.plot(*_thinned(tracks[:, i]).T, label=name, **style(i).thin)
     axis.plot(0.0, 0.0, "+", color="black", ms=9.0, mew=1.2, label="origin")
     axis.set_aspect("equal", adjustable="datalim")
-    axis.margins(0.15)
+    axis.margins(0.18)
     axis.set_xlabel("east [m]")
     axis.set_ylabel("north [m]")
     tidy(axis)
@@ -131,10 +131,11 @@ def _draw_path(axis: "Axes", path: np.void, flown_m: float) -> None:
     end_m = flown_m if np.isfinite(flown_m) else float(path["start"][path["count"] - 1])
     found = [point_at(path, s) for s in np.linspace(0.0, max(end_m, 1.0), _PATH_POINTS)]
     points = np.array([(point.east, point.north) for point in found])
-    axis.plot(*points.T, color=GREY, ls=(0.0, (4.0, 3.0)), lw=0.8, label="path")
+    over: dict[str, Any] = {"color": GREY, "zorder": 2.5}  # the tracks
+    axis.plot(*points.T, ls=(0.0, (4.0, 3.0)), lw=0.8, label="path", **over)
     items = path["item"][[point.leg for point in found]]
     for k in np.flatnonzero(np.diff(items)):
-        axis.plot(*points[k], "o", ms=3.0, color=GREY)
+        axis.plot(*points[k], "o", ms=3.0, **over)
         inwards = points.mean(axis=0) - points[k]
         _write(axis, str(items[k]), points[k], inwards, 9.0, GREY)
 

@@ -1,10 +1,12 @@
-"""Shared by all figures: page, palette, lines, fault windows, files.
+"""Shared by all figures: page, palette, lines, axes, fault windows, files.
 
 A figure is 10 inches wide with text of 8 to 10 points; set across a page of A4 or letter, text
 has 6 to 7 points. Coinciding lines are nested bands, the widest and lightest at the bottom,
-so that they can be distinguished without colour.
+so that they can be distinguished without colour. Every panel can be read by itself: it has
+numbers and units of its own.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "GREY",
     "REFERENCE",
+    "SINGLE",
     "SMALL",
     "STYLES",
     "PlottedFlight",
@@ -34,6 +37,7 @@ __all__ = [
     "frame",
     "letter",
     "logarithmic_if_wide",
+    "logarithmic_intervals",
     "mark_loss",
     "new_figure",
     "note",
@@ -41,6 +45,7 @@ __all__ = [
     "shade_faults",
     "style",
     "tidy",
+    "usual_range",
 ]
 
 WIDTH_IN = 10.0
@@ -51,6 +56,9 @@ SMALL = 8.0
 
 GREY = "0.35"
 """Colour of notes."""
+
+SINGLE = "#0072B2"
+"""Colour of what has a panel to itself."""
 
 Layout: TypeAlias = Literal["constrained"]
 Dashes: TypeAlias = str | tuple[float, tuple[float, ...]]
@@ -69,25 +77,35 @@ class Style:
         """The style of a curve, as matplotlib's arguments."""
         return {"color": self.colour, "ls": self.dashes, "lw": self.width}
 
+    @property
+    def thin(self) -> dict[str, Any]:
+        """The style of a curve that is busy, or whose panel is small."""
+        return self.line | {"lw": max(0.6 * self.width, 0.7)}
+
 
 STYLES = (
     Style("#56B4E9", "-", 3.6),
     Style("#D55E00", "-", 1.9),
-    Style("#0072B2", "-", 0.8),
-    Style("#009E73", "-.", 1.4),
-    Style("#CC79A7", ":", 1.8),
+    Style("#00573F", "-", 0.8),
+    Style("#CC79A7", "-.", 1.4),
     Style("#E69F00", (0.0, (7.0, 2.0)), 1.2),
+    Style("#332288", ":", 1.8),
 )
-"""Okabe and Ito's palette, safe for colour-blind readers, with lines that differ in grey."""
+"""Hues of Okabe and Ito, and of Tol, safe for colour-blind readers; lines that differ in grey."""
 
 REFERENCE: dict[str, Any] = {"color": "black", "ls": (0.0, (4.0, 3.0)), "lw": 0.9, "zorder": 3.0}
 """The line of the reference."""
 
+_BRIEF_S = 0.2  # in all, of extremes of a signal that its axis may leave out
+_BRIEF_SHARE = 0.1  # of a signal that are left out at most, however short it is
+_ROOM = 0.25  # of a signal's range above and below, that its extremes may take
 _WIDE = 8.0  # ratio of largest to smallest value from which on an axis is logarithmic
 _BUCKETS = 600  # of a curve; a panel has fewer pixels
 _SHADE = "0.88"
 _HANDLE_IN = 0.6  # of an entry of a legend, with the space around it
 _LETTER_IN = 0.066  # of its text, on the average
+_PNG_DPI = 150.0
+_SVG_DPI = 200.0  # of its images: dots
 _saving = Lock()
 
 
@@ -130,6 +148,28 @@ def draw_curve(axis: "Axes", t: np.ndarray, y: np.ndarray, **properties: Any) ->
     axis.plot(np.insert(t, jumps, np.nan), np.insert(y, jumps, np.nan), **properties)
 
 
+def usual_range(curves: Sequence[np.ndarray], step_s: float) -> tuple[float, float]:
+    """Return the range of curves but for brief transients; NaN if they have no values.
+
+    The range is that of the curves without the greatest and the least values that each of them
+    has for 0.2 s in all, and a quarter more for those, above and below, as far as they go.
+
+    Args:
+        curves: Signals at evenly spaced times, with gaps of NaN.
+        step_s: Time between two of their values [s].
+    """
+    ordered = [np.sort(curve[np.isfinite(curve)]) for curve in curves]
+    ordered = [values for values in ordered if len(values)]
+    if not ordered:
+        return math.nan, math.nan
+    brief = [min(round(_BRIEF_S / step_s), int(_BRIEF_SHARE * len(own))) for own in ordered]
+    low = min(own[k] for own, k in zip(ordered, brief, strict=True))
+    high = max(own[-1 - k] for own, k in zip(ordered, brief, strict=True))
+    room = _ROOM * (high - low)
+    least, most = min(own[0] for own in ordered), max(own[-1] for own in ordered)
+    return float(max(low - room, least)), float(min(high + room, most))
+
+
 def frame(axis: "Axes", curves: Sequence[np.ndarray], low: float, high: float) -> None:
     """Limit an axis to the part of [low, high] that curves use; note how far they go beyond."""
     values = np.concatenate(curves)
@@ -138,7 +178,7 @@ def frame(axis: "Axes", curves: Sequence[np.ndarray], low: float, high: float) -
         return
     least, most = float(values.min()), float(values.max())
     low, high = max(low, least), min(high, most)
-    if low >= high:
+    if not low < high:
         low, high = least, most
     margin = 0.06 * (high - low) or 1.0
     axis.set_ylim(low - margin, high + margin)
@@ -156,7 +196,7 @@ def note(axis: "Axes", text: str) -> None:
 
 
 def _number(value: float) -> str:
-    text = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}"
+    text = f"{value:.0f}" if abs(value) >= 100.0 else f"{value + 0.0:.2g}"  # no −0
     return text.replace("-", "−")
 
 
@@ -174,13 +214,21 @@ def mark_loss(axis: "Axes", flight: PlottedFlight) -> None:
 
 
 def tidy(axis: "Axes", duration_s: float | None = None) -> None:
-    """Remove the box, draw a faint grid, and limit the time axis to 0 s to the end."""
+    """Remove the box, draw a faint grid, and number the axes; name and limit a time axis."""
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(color="0.9", lw=0.6)
     axis.set_axisbelow(True)
-    axis.tick_params(labelsize=SMALL)
+    axis.tick_params(labelsize=SMALL, labelbottom=True, labelleft=True)  # also if they are shared
     if duration_s is not None:
+        axis.set_xlabel("time [s]")
         axis.set_xlim(0.0, duration_s)
+
+
+def logarithmic_intervals(axis: "Axes") -> None:
+    """Make the y axis, of intervals [ms], logarithmic."""
+    axis.set_yscale("log")
+    axis.yaxis.set_major_formatter("{x:g}")
+    axis.minorticks_off()
 
 
 def logarithmic_if_wide(axis: "Axes", values: Sequence[float] | np.ndarray) -> bool:
@@ -235,6 +283,8 @@ def _columns(labels: list[str]) -> int:
 def save(figure: "Figure", folder: Path, stem: str) -> None:
     """Write a figure as PNG and SVG, the same bytes for the same figure, and clear it."""
     import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     folder.mkdir(parents=True, exist_ok=True)
     if (layout := figure.get_layout_engine()) is not None:
@@ -242,8 +292,11 @@ def save(figure: "Figure", folder: Path, stem: str) -> None:
         figure.set_layout_engine("none")  # not once more for each file
     # the salt of an SVG's ids is a global setting only
     with _saving, mpl.rc_context({"svg.hashsalt": stem, "svg.fonttype": "path"}):
+        # savefig would draw twice for each file
+        figure.set_dpi(_PNG_DPI)
         with naming(folder / f"{stem}.png"):
-            figure.savefig(folder / f"{stem}.png", dpi=150)
+            FigureCanvasAgg(figure).print_png(folder / f"{stem}.png")  # type: ignore[no-untyped-call]  # matplotlib's own
+        figure.set_dpi(_SVG_DPI)
         with naming(folder / f"{stem}.svg"):
-            figure.savefig(folder / f"{stem}.svg", dpi=200, metadata={"Date": None})
+            FigureCanvasSVG(figure).print_svg(folder / f"{stem}.svg", metadata={"Date": None})  # type: ignore[no-untyped-call]  # likewise
     figure.clear()

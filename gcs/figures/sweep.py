@@ -64,18 +64,18 @@ def draw_sweep(points: Sequence[Point], uav_id: int | None, folder: Path) -> Non
     styles, rows = _arrange(points)
     legend_lines = 6 + len(styles.colours[1]) + len(styles.markers[1])
     one = len(rows) == 1  # row; its panels are two by two, and wider
-    figure = new_figure(max(6.2 if one else 2.3 * len(rows) + 0.6, 0.2 * legend_lines))
+    figure = new_figure(max(6.2 if one else 2.6 * len(rows) + 0.6, 0.2 * legend_lines))
     shape = (2, 2) if one else (len(rows), 4)
     panels = figure.subplots(*shape, sharex="none" if one else "col", sharey=True, squeeze=False)
     panels = panels.reshape(len(rows), 4)
     for row, (where, chosen) in zip(panels, rows, strict=True):
         for panel, quantity in zip(row, QUANTITIES, strict=True):
             _draw_points(panel, chosen, uav_id, quantity, styles)
-        for panel in row[:: 2 if one else 4]:
-            panel.set_ylabel(literal(f"{where}\nsaving [%]" if where else "saving [%]"))
+            panel.set_xlabel(f"IAE of {quantity} [{IAE_UNITS[quantity]}]")
+            panel.set_ylabel("saving [%]")
+        if where:
+            row[0].set_ylabel(literal(f"{where}\nsaving [%]"))
         _draw_crosses(figure, row[-1], [p for p in chosen if uav_of(p, uav_id) is None], styles)
-    for panel, quantity in zip(panels[-1], QUANTITIES, strict=True):
-        panel.set_xlabel(f"IAE of {quantity} [{IAE_UNITS[quantity]}]")
     title = f"UAV {uav_id}: transmissions saved against integral of absolute error (IAE)"
     figure.suptitle(title, size=SMALL + 3.0)
     _draw_legends(figure, styles)

@@ -18,6 +18,7 @@ from gcs.figures.style import (
     shade_faults,
     style,
     tidy,
+    usual_range,
 )
 from gcs.results.quantities import QUANTITIES
 
@@ -44,15 +45,20 @@ class _Curves:
     t: np.ndarray
     values: np.ndarray
 
+    @property
+    def step_s(self) -> float:
+        """Time between two values [s]."""
+        return float(self.t[1] - self.t[0]) if len(self.t) > 1 else 1.0
+
 
 def fig6(flight: PlottedFlight) -> "Figure":
     """Draw how all UAVs track airspeed and attitude.
 
     Panels: responses (a) to (d), tracking errors (e) to (h), synchronisation errors (i) to (l).
-    The error axes fit the errors after the first second, within ±5 m/s or deg; a note above
-    a panel gives the extremes of what leaves it.
+    The error axes fit the errors after the first second, but for brief transients, within ±5 m/s
+    or deg; a note above a panel gives the extremes of what leaves it.
     """
-    figure = new_figure(6.6)
+    figure = new_figure(7.4)
     axes = figure.subplots(3, len(QUANTITIES), sharex=True)
     t = flight.recording.time_s
     uavs = list(enumerate(flight.names))
@@ -101,7 +107,7 @@ def _compare(
     flights: Sequence[PlottedFlight], uav_id: int, seen_s: tuple[float, float] | None
 ) -> "Figure":
     """Compare flights of one UAV; errors within a time window [s], or over the whole flight."""
-    figure = new_figure(4.9)
+    figure = new_figure(5.3)
     axes = figure.subplots(2, len(QUANTITIES), sharex="row")
     responses, errors, references = [], [], []
     for flight in flights:
@@ -129,7 +135,9 @@ def _draw_responses(axes: Sequence["Axes"], curves: Sequence[_Curves], reference
         draw_curve(axes[k], reference.t, wanted, label=reference.name, **REFERENCE)
         shown = [wanted, *(one.values[:, k] for one in curves)]
         if np.isfinite(wanted).any():
-            low, high = np.nanmin(wanted) - _BEYOND, np.nanmax(wanted) + _BEYOND
+            low, high = usual_range(shown, reference.step_s)
+            least, most = np.nanmin(wanted), np.nanmax(wanted)
+            low, high = min(max(low, least - _BEYOND), least), max(min(high, most + _BEYOND), most)
             frame(axes[k], shown, low, high)
         axes[k].set_ylabel(f"{quantity} [{UNITS[quantity]}]")
 
@@ -138,19 +146,18 @@ def _draw_errors(
     axes: Sequence["Axes"], curves: Sequence[_Curves], name: str, zoom: bool = False
 ) -> None:
     for k, quantity in enumerate(QUANTITIES):
-        settled = [np.zeros(0 if zoom else 1)]
+        settled = []
         for i, one in enumerate(curves):
             line = style(i).line
             if zoom:
                 line["lw"] *= 0.6
             draw_curve(axes[k], one.t, one.values[:, k], label=one.name, **line)
             settled.append(one.values[one.t >= _SETTLING_S, k])
-        usual = np.concatenate(settled)
-        if np.isfinite(usual).any():
-            low, high = max(np.nanmin(usual), -_ASTRAY), min(np.nanmax(usual), _ASTRAY)
-            frame(axes[k], [*settled, *(one.values[:, k] for one in curves)], low, high)
+        low, high = usual_range(settled, curves[0].step_s)
         if not zoom:
+            low, high = min(low, 0.0), max(high, 0.0)
             axes[k].axhline(0.0, color="black", lw=0.5)
+        frame(axes[k], [one.values[:, k] for one in curves], max(low, -_ASTRAY), min(high, _ASTRAY))
         axes[k].set_ylabel(f"{quantity} {name} [{UNITS[quantity]}]")
 
 
@@ -168,8 +175,6 @@ def _finish(
         letter(axis, k)
         shade_faults(axis, flights, uav_id)
         tidy(axis, _duration_s(flights))
-    for axis in axes[-1]:
-        axis.set_xlabel("time [s]")
     figure.align_ylabels()
 
 

@@ -26,7 +26,10 @@ SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml
 TIMEOUT_S = 300.0  # only a defect takes so long, on whatever machine
 CHANNELS = ("throttle", "aileron", "elevator", "rudder")
 _PORT_BLOCKS = itertools.count(random.randrange(60))
-RESULTS = {"summary.json", "flight.tlog", "events.arrows", "trajectory.arrows", "flight.png"}
+RESULTS = {
+    *("summary.json", "flight.tlog", "events.arrows", "trajectory.arrows"),
+    *("flight.png", "flight.svg"),
+}
 
 
 def scenario_tree(**changes: Any) -> dict[str, Any]:

@@ -134,6 +134,7 @@ def test_run_folder_holds_the_results(flown: tuple[Path, str]) -> None:
     folder, _ = flown
     assert {entry.name for entry in folder.iterdir()} >= RESULTS
     assert (folder / "flight.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    assert (folder / "flight.svg").read_text().startswith("<?xml")
     trajectory = table_of(folder / "trajectory.arrows")
     assert len(trajectory["time_s"]) == 100 * 3
     assert set(np.diff(trajectory["time_s"][::3]).round(9)) == {0.02}

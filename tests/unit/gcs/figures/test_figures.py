@@ -59,13 +59,13 @@ def drawn(flight: PlottedFlight) -> dict[str, Figure]:
     return {name: draw(flight) for name, draw in DRAW.items()}
 
 
-def draw_overview(flight: PlottedFlight, path: Path) -> None:
+def draw_overview(flight: PlottedFlight, folder: Path) -> None:
     recording = flight.recording
     preview = Preview(flight.scenario)
     events = events_of(recording.signals, 0, recording.uav_ids, recording.step_us)
     preview.add(recording.steps, events)
     shown = preview.recording(recording.ending)
-    draw_flight(shown, flight.scenario, preview.gaps(), path)
+    draw_flight(shown, flight.scenario, preview.gaps(), folder)
 
 
 def lost_after(flight: PlottedFlight, steps: int) -> PlottedFlight:
@@ -125,9 +125,7 @@ def test_quantities_have_units(drawn: dict[str, Figure], name: str) -> None:
 
 @pytest.mark.parametrize("name", OVER_TIME)
 def test_time_has_a_unit(drawn: dict[str, Figure], name: str) -> None:
-    axes = panels(drawn[name])
-    last = [axis for axis in axes if axis.get_subplotspec().is_last_row()]  # type: ignore[union-attr]  # all have one
-    assert {axis.get_xlabel() for axis in last} == {"time [s]"}
+    assert {axis.get_xlabel() for axis in panels(drawn[name])} == {"time [s]"}
 
 
 @pytest.mark.parametrize(
@@ -293,7 +291,7 @@ def test_a_flight_without_any_signal_is_drawn(flight: PlottedFlight, tmp_path: P
     recording = replace(flight.recording, signals=signals)
     for draw in DRAW.values():
         draw(replace(flight, recording=recording))
-    draw_overview(replace(flight, recording=recording), tmp_path / "flight.png")
+    draw_overview(replace(flight, recording=recording), tmp_path)
 
 
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(np.nan), min_size=1, max_size=200))
@@ -357,9 +355,3 @@ def test_files_are_the_same_each_time_and_small(
     assert re.search(rb"<svg ", svg)
     assert b"<dc:date>" not in svg
     assert len(svg) < 1_500_000
-
-
-def test_the_overview_is_an_image(flight: PlottedFlight, tmp_path: Path) -> None:
-    lost = lost_after(flight, 700)
-    draw_overview(lost, tmp_path / "flight.png")
-    assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
