@@ -65,8 +65,10 @@ async def run_dashboard(app: "Dashboard") -> None:
     for number in (signal.SIGTERM, signal.SIGHUP):  # the terminal is left as it was found
         loop.add_signal_handler(number, app.exit)
     await app.run_async()
+    from gcs.terminal import print_line
+
     for text, error in app.failures.items():
-        print(f"warning: {text}", file=sys.stderr)
+        print_line(f"warning: {text}", stderr=True)
         if os.environ.get("FTC_SITL_DEBUG"):
             traceback.print_exception(error)
     if app.defect is not None:

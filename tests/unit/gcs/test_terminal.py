@@ -53,7 +53,10 @@ def test_no_table_cuts_anything_at_any_width(
             assert all(shown.count(c) >= row[0].count(c) for c in cell)
 
 
-def test_a_pipe_has_no_edge(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pipe_has_no_edge(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)  # workers of pytest-xdist have it
     table = table_of(words("name"), numbers("value"))
     table.add_row("n" * 200, "1")
     console_of(stderr=False).print(table, "word " * 50)
