@@ -1,19 +1,25 @@
-"""``gcs param list|get|set``: parameters of vehicles."""
+"""``gcs param list|get|set|save|load|diff``: parameters of vehicles."""
 
+import asyncio
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gcs.commands.station import EXIT_STATUS, Station, station_command
-from gcs.errors import CommandRefused
+from gcs.errors import BadInput, CommandRefused
 from gcs.station.notifications import enum_name
+from gcs.station.param_file import READ_ONLY, differing, read_param_file, text_of
 from gcs.station.vehicle import Vehicle
+from gcs.terminal import print_json, print_line
 from mavlink_defs import dialect
+from mavlink_defs.runtime.files import write_text
 from mavlink_defs.services.param import Param
 
 if TYPE_CHECKING:
+    from gcs.station.client import Client
     from mavlink_defs.config.quantity import Quantity
 
 __all__ = ["app"]
@@ -21,6 +27,28 @@ __all__ = ["app"]
 app = typer.Typer(help="List, read and set parameters.", no_args_is_help=True)
 
 _Name = Annotated[str, typer.Argument(metavar="NAME", help="Name, at most 16 characters.")]
+
+_File = Annotated[Path, typer.Argument(metavar="FILE", help="Of NAME VALUE lines, as *.parm.")]
+
+_SAVE_EPILOG = f"""
+Examples:
+
+- gcs param save uav1.parm --uav 1
+{EXIT_STATUS}"""
+
+_LOAD_EPILOG = f"""
+Examples:
+
+- gcs param load uav1.parm --uav 2,3
+- gcs param load uav1.parm --yes --json
+{EXIT_STATUS}"""
+
+_DIFF_EPILOG = f"""
+Examples:
+
+- gcs param diff uav1.parm
+- gcs param diff uav1.parm --uav 2 --json
+{EXIT_STATUS}"""
 
 _LIST_EPILOG = f"""
 Examples:
@@ -115,10 +143,102 @@ def _known_quantities() -> Callable[[str], "Quantity | None"]:
     return known_quantity
 
 
+@app.command(epilog=_SAVE_EPILOG)
+@partial(station_command, timeout_s=30.0)
+def save(station: Station, file: _File) -> None:
+    """Save the parameters of one vehicle in a new file."""
+    if file.exists():
+        raise BadInput(f"{file} already exists", "choose another file, or remove it")
+
+    async def work(_: "Client", vehicles: list[Vehicle]) -> tuple[int, tuple[Param, ...]]:
+        if len(vehicles) != 1:
+            ids = ", ".join(str(vehicle.system) for vehicle in vehicles)
+            raise BadInput(f"a file is of one vehicle, heard are {ids}", "choose one with --uav")
+        return vehicles[0].system, await vehicles[0].list_params()
+
+    system, params = station.run(work)
+    write_text(file, text_of(params, f"Parameters of UAV {system}"))
+    if station.as_json:
+        print_json({"uav": system, "file": str(file), "params": len(params)})
+    else:
+        print_line(f"UAV {system}: {len(params)} parameters in {file}")
+
+
+@app.command(epilog=_LOAD_EPILOG)
+@partial(station_command, timeout_s=30.0)
+def load(
+    station: Station,
+    file: _File,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+) -> None:
+    """Set the parameters that differ from a file; those that are read only stay."""
+    values = {n: v for n, v in read_param_file(file).items() if n not in READ_ONLY}
+    different = _differences(station, values)
+    if not yes and any(different.values()):
+        for system, held in different.items():
+            for name in held:
+                print_line(_difference(system, name, held[name], values[name]), stderr=True)
+        if not typer.confirm("Set these parameters?", err=True):
+            raise BadInput("nothing was set")
+
+    async def action(vehicle: Vehicle) -> str:
+        refused: list[CommandRefused] = []
+        names = different[vehicle.system]
+        for name in names:
+            try:
+                await vehicle.set_param(name, values[name])
+            except CommandRefused as problem:
+                refused.append(problem)
+        if refused:
+            done = f"UAV {vehicle.system}: {len(names) - len(refused)} of {len(names)} set"
+            raise CommandRefused("\n".join([done, *map(str, refused)]), refused[0].result)
+        return f"UAV {vehicle.system}: {len(names)} parameters set"
+
+    station.act(action, lambda vehicle: {"set": {n: values[n] for n in different[vehicle.system]}})
+
+
+@app.command(epilog=_DIFF_EPILOG)
+@partial(station_command, timeout_s=30.0)
+def diff(station: Station, file: _File) -> None:
+    """List the parameters that differ from a file."""
+    values = read_param_file(file)
+    different = _differences(station, values)
+    if station.as_json:
+        print_json(
+            [
+                {"uav": i, "name": name, "held": held[name], "file": values[name]}
+                for i, held in different.items()
+                for name in held
+            ]
+        )
+        return
+    for system, held in different.items():
+        for name in held:
+            print_line(_difference(system, name, held[name], values[name]))
+        if not held:
+            print_line(f"UAV {system}: all {len(values)} parameters as in {file}")
+
+
+def _differences(station: Station, values: dict[str, float]) -> dict[int, dict[str, float | None]]:
+    """Return for each vehicle the values held that are not those of a file."""
+
+    async def work(_: "Client", vehicles: list[Vehicle]) -> dict[int, dict[str, float | None]]:
+        held = await asyncio.gather(*(vehicle.list_params() for vehicle in vehicles))
+        return {v.system: differing(h, values) for v, h in zip(vehicles, held, strict=True)}
+
+    return station.run(work)
+
+
+def _difference(system: int, name: str, held: float | None, value: float) -> str:
+    now = "not held" if held is None else f"{held:.9g}"
+    return f"UAV {system}: {name} = {now}, file {value:.9g}"
+
+
 def _words(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:
     unit = f" {known.unit}" if known and known.unit else ""
-    allowed = known.range() if known else "any number"
-    limits = "" if allowed.startswith("any number") else f" ({allowed})"
+    allowed = known.range() if known else ""
+    allowed = "read only" if param.name in READ_ONLY else allowed
+    limits = "" if not allowed or allowed.startswith("any number") else f" ({allowed})"
     meaning = f"; {known.doc.rstrip('.')}" if known and known.doc else ""
     return f"UAV {vehicle.system}: {param.name} = {param.value:g}{unit}{limits}{meaning}"
 

@@ -12,9 +12,10 @@ from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
+from gcs.station.param_file import READ_ONLY
 from mavlink_defs.config.quantity import Quantity
 
-__all__ = ["known_quantity"]
+__all__ = ["READ_ONLY", "known_quantity", "permitted"]
 
 _TOLD = {
     "SYSID_THISMAV": "System id, read only.",
@@ -23,6 +24,14 @@ _TOLD = {
     "STEP_US": "Control period, read only.",
     "CTRL_LAW": ", ".join(f"{i} {kind}" for i, kind in enumerate(LAWS)) + "; read only.",
 }
+
+
+def permitted(name: str) -> str:
+    """Return which values a parameter takes: "[0, 10] deg", "read only"; "" if that is unknown."""
+    if name in READ_ONLY:
+        return "read only"
+    known = known_quantity(name)
+    return known.range() if known else ""
 
 
 def known_quantity(name: str) -> Quantity | None:

@@ -8,7 +8,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input
 
-from gcs.station.param_metadata import known_quantity
+from gcs.station.param_metadata import known_quantity, permitted
 from gcs.station.vehicle import Vehicle
 from gcs.tui.cached_static import CachedStatic
 from gcs.tui.formatting import Cell, ids
@@ -153,12 +153,12 @@ class ParametersPanel(Panel, Vertical):
 
 def _row(param: Param) -> Row:
     known = known_quantity(param.name)
-    unit, allowed, doc = (known.unit, known.range(), known.doc) if known else ("", "", "")
+    unit, doc = (known.unit, known.doc) if known else ("", "")
     cells: tuple[Cell, ...] = (
         (param.name, "strong"),
         (f"{param.value:g}", ""),
         (unit, "muted"),
-        (allowed, "muted"),
+        (permitted(param.name), "muted"),
         (doc, "muted"),
     )
     return Row(param.name, cells)

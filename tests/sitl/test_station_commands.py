@@ -186,6 +186,26 @@ def test_parameters(fleet: Up) -> None:
     assert fleet.gcs("param", "set", "TRIG_B2_DEG", "1").returncode == ACCEPTED
 
 
+def test_parameters_in_files(fleet: Up, tmp_path: Path) -> None:
+    file = str(tmp_path / "uav1.parm")
+    assert "choose one" in failed(fleet.gcs("param", "save", file), BAD_INPUT)
+    assert fleet.gcs("param", "save", file, "--uav", "1").returncode == ACCEPTED
+    assert "already exists" in failed(fleet.gcs("param", "save", file, "--uav", "1"), BAD_INPUT)
+    assert fleet.gcs_json("param", "diff", file, "--uav", "1") == []
+    assert fleet.gcs("param", "set", "TRIG_B2_DEG", "0.75", "--uav", "1,2").returncode == ACCEPTED
+    done = fleet.gcs("param", "diff", file, "--uav", "1")
+    assert done.stdout.splitlines() == ["UAV 1: TRIG_B2_DEG = 0.75, file 1"]
+    answers = fleet.gcs_json("param", "load", file, "--uav", "1,2", "--yes")
+    assert [answer["set"] for answer in answers] == [{"TRIG_B2_DEG": 1.0}] * 2
+    (tmp_path / "bad.parm").write_text("TRIG_B2_DEG -1\nNO_SUCH_THING 1\nTRIG_B2_RATIO 0.11\n")
+    done = fleet.gcs("param", "load", str(tmp_path / "bad.parm"), "--uav", "1", "--yes")
+    told = failed(done, REFUSED)
+    assert "TRIG_B2_DEG" in told
+    assert "NO_SUCH_THING" in told
+    assert fleet.gcs("param", "load", file, "--uav", "1", "--yes").returncode == ACCEPTED
+    assert fleet.gcs_json("param", "diff", file, "--uav", "1") == []
+
+
 def received(log: Path) -> Counter[tuple[int, str]]:
     """Count the frames of vehicles in a telemetry log, by system and type."""
     return Counter(

@@ -1,0 +1,79 @@
+"""Parameter files of MAVProxy and Mission Planner: a name and a value a line, comments after #."""
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from mavlink_defs.config.models import ConfigError, Problem
+from mavlink_defs.config.user_files import read_text
+from mavlink_defs.services.param import MAX_NAME, Param
+from mavlink_defs.visible import visible
+
+__all__ = ["READ_ONLY", "differing", "read_param_file", "text_of"]
+
+READ_ONLY = frozenset({"SYSID_THISMAV", "MAV_TYPE", "MAV_AUTOPILOT", "STEP_US", "CTRL_LAW"})
+"""Parameters that say what a vehicle is; nobody can set them."""
+
+
+def text_of(params: Iterable[Param], title: str) -> str:
+    """Return the text of a file; values have the digits that make the same number again."""
+    lines = [f"{param.name:<{MAX_NAME}} {param.value:.9g}" for param in params]
+    return "\n".join([f"# {title}", *lines, ""])
+
+
+def read_param_file(path: Path) -> dict[str, float]:
+    """Return the values of a file by name.
+
+    Raises:
+        ConfigError: It cannot be used; it names every line that is wrong.
+    """
+    values: dict[str, float] = {}
+    problems = []
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        parts = line.partition("#")[0].replace(",", " ").split()
+        if not parts:
+            continue
+        problem = _problem_of(parts, values)
+        if problem:
+            problems.append(Problem((), f"line {number}: {problem}"))
+        else:
+            values[parts[0]] = float(parts[1])
+    if problems:
+        raise ConfigError(path, problems)
+    if not values:
+        raise ConfigError(path, [Problem((), "has no parameters: expected NAME VALUE lines")])
+    return values
+
+
+def _problem_of(parts: list[str], values: Mapping[str, float]) -> str:
+    """Return what is wrong with the parts of a line; "" if nothing is."""
+    line = visible(" ".join(parts))
+    if len(parts) != 2:
+        return f"expected NAME VALUE, got '{line[:60]}'"
+    name, text = parts
+    if len(name) > MAX_NAME or not name.isascii() or not name.isprintable():
+        return f"expected a name of at most {MAX_NAME} ASCII characters, got '{visible(name)[:60]}'"
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    with np.errstate(over="ignore"):
+        fits = bool(np.isfinite(np.float32(value)))
+    if not fits:
+        return f"{name}: expected a finite number of 32 bits, got '{visible(text)[:60]}'"
+    return f"{name} is there twice" if name in values else ""
+
+
+def differing(held: Iterable[Param], values: Mapping[str, float]) -> dict[str, float | None]:
+    """Return the values held that are not those of a file; None for a name that is not held.
+
+    Numbers are compared as the wire carries them, in 32 bits.
+    """
+    by_name = {param.name: param.value for param in held}
+    return {
+        name: by_name.get(name)
+        for name, value in values.items()
+        if name not in by_name or np.float32(by_name[name]) != np.float32(value)
+    }
