@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,9 @@ from gcs.commands.station import run_interruptible
 from gcs.errors import BadInput
 from mavlink_defs.capture.tlog import TlogError, read_frames
 from mavlink_defs.visible import visible
+
+if TYPE_CHECKING:
+    from gcs.tui.playback import Playback
 
 __all__ = ["EPILOG", "log"]
 
@@ -30,12 +33,18 @@ def log(
     speed: Annotated[
         float, typer.Option(min=0.1, max=30.0, help="Replay speed: 1 is real time.")
     ] = 1.0,
-    at: Annotated[float, typer.Option(min=0.0, help="Start time in the log [s].")] = 0.0,
+    at: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, help="Start there [s]: simulated time if the log has it, else since its start."
+        ),
+    ] = None,
     theme: ThemeOption = "dark",
 ) -> None:
     """Replay a telemetry log in the dashboard, with seek and speed.
 
-    Reads logs of `gcs fly` and `gcs record`, and of other ground stations.
+    Reads logs of `gcs fly` and `gcs record`, which are replayed by simulated time, and of other
+    ground stations.
     """
     try:
         frames = list(read_frames(file))
@@ -50,5 +59,16 @@ def log(
 
     playback = Playback(visible(file.name), frames, time.monotonic)
     playback.speed = speed
-    playback.seek(at)
+    if at is not None:
+        _seek(playback, at)
     run_interruptible(run_dashboard(Dashboard(playback, theme)))
+
+
+def _seek(playback: "Playback", at_s: float) -> None:
+    if not playback.begin_s <= at_s <= playback.end_s:
+        clock = "simulated time" if playback.clock.is_simulated else "time since its first frame"
+        raise BadInput(
+            f"--at {at_s:g}: {playback.title} has {clock} from {playback.begin_s:.1f} "
+            f"to {playback.end_s:.1f} s"
+        )
+    playback.seek(at_s)

@@ -209,8 +209,8 @@ class Dashboard(App[None]):
     def action_play(self) -> None:
         """Play or pause; at the end play again from the beginning."""
         if self.playback is not None:
-            if not self.playback.playing and self.playback.wanted_s >= self.playback.length_s:
-                self.playback.seek(0.0)
+            if not self.playback.playing and self.playback.wanted_s >= self.playback.end_s:
+                self.playback.seek(self.playback.begin_s)
             self.playback.playing = not self.playback.playing
             self.refresh_view()
 
@@ -229,7 +229,8 @@ class Dashboard(App[None]):
     @on(ReplayBar.Sought)
     def _sought(self, event: ReplayBar.Sought) -> None:
         if self.playback is not None:
-            self.playback.seek(event.share * self.playback.length_s)
+            begin_s, end_s = self.playback.begin_s, self.playback.end_s
+            self.playback.seek(begin_s + event.share * (end_s - begin_s))
             self.refresh_view(force=True)
 
     # acting

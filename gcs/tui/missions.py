@@ -52,7 +52,8 @@ class MapView(Guarded, PlotextPlot):
         """Draw the vehicles and a mission, if that is due."""
         window = self.window
         shown = (window.zoom, *window.shift, window.follows, view.selected)
-        token = (view.now // _DRAW_S, len(view.states), shown, self.size, self.app.theme, mission)
+        due = view.paced_by_s // _DRAW_S
+        token = (due, len(view.states), shown, self.size, self.app.theme, mission)
         if token == self._drawn or not self.size:
             return
         self._drawn = None  # until it is

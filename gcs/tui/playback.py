@@ -8,6 +8,7 @@ from gcs.station.notifications import Notification
 from gcs.station.passive_observer import PassiveObserver
 from gcs.tui.event_log import EventLog
 from gcs.tui.fault_history import FaultHistory
+from gcs.tui.log_clock import read_clock
 from mavlink_defs.framing.frames import parse
 
 __all__ = ["SPEEDS", "Playback"]
@@ -21,13 +22,18 @@ _MAX_FRAMES = 1500  # at a time, so that keys never wait for long
 class Playback:
     """Plays frames into a fleet state of its own; a `Source` that cannot act.
 
-    To go back it restarts from the beginning. A long way takes several calls of `advance`, so
-    that the screen stays alive meanwhile.
+    Its positions are simulated time where the log has it, however fast the fleet flew; ages and
+    rates are those of the log. To go back it restarts from the beginning. A long way takes several
+    calls of `advance`, so that the screen stays alive meanwhile.
 
     Attributes:
         playing: Whether time passes.
         speed: Factor of real time.
-        wanted_s: Wanted position [s from the beginning].
+        clock: Which clock positions are on, and where the log's frames stand on it.
+        begin_s: Position of the first frame [s].
+        end_s: Position of the last frame [s].
+        position_s: The position [s].
+        wanted_s: Wanted position [s].
     """
 
     can_act = False
@@ -44,10 +50,11 @@ class Playback:
         """
         self.title = title
         self.event_log, self.fault_history = EventLog(), FaultHistory((0, 0))
-        self.playing, self.speed, self.wanted_s = True, 1.0, 0.0
-        self._frames, self._clock = frames, clock
-        self._begin_s = min(time_us for time_us, _ in frames) / 1e6
-        self.length_s = max(time_us for time_us, _ in frames) / 1e6 - self._begin_s
+        self.playing, self.speed = True, 1.0
+        self.clock = read_clock(frames)
+        self.begin_s, self.end_s = self.clock.positions_s[0], self.clock.positions_s[-1]
+        self.wanted_s = self.begin_s
+        self._frames, self._now = frames, clock
         self._advanced_at = clock()
         self._restart()
 
@@ -55,7 +62,8 @@ class Playback:
         self._fleet = FleetState()
         self._overheard = PassiveObserver(self._fleet)
         self._next = 0
-        self._tick_due = self.position_s = 0.0
+        self.position_s = self.begin_s
+        self._tick_due = self._heard_at = self.clock.heard_s[0]
         self.event_log.clear()
         self.fault_history.forget()
 
@@ -67,8 +75,12 @@ class Playback:
         return self._fleet
 
     def now(self) -> float:
-        """Return the position as time since 1970 [s]."""
-        return self._begin_s + self.position_s
+        """Return when the position was heard, as time since 1970 [s]."""
+        return self._heard_at
+
+    def paced_by(self) -> float:
+        """Return the position [s]."""
+        return self.position_s
 
     def since_1970(self, at: float) -> float:
         """Return the time: the clock of a log counts from 1970."""
@@ -82,12 +94,12 @@ class Playback:
 
     @property
     def is_seeking(self) -> bool:
-        """Whether the position is still before the wanted one."""
-        return self.position_s < self.wanted_s
+        """Whether the position is still before the wanted one, or frames of it are due."""
+        return self.position_s < self.wanted_s or self._is_due()
 
     def seek(self, position_s: float) -> None:
         """Set another wanted position."""
-        self.wanted_s = min(max(position_s, 0.0), self.length_s)
+        self.wanted_s = min(max(position_s, self.begin_s), self.end_s)
         if self.wanted_s < self.position_s:
             self._restart()
 
@@ -98,36 +110,38 @@ class Playback:
 
     def advance(self) -> bool:
         """Advance by the clock; call it often. Return whether the wanted position is reached."""
-        now = self._clock()
+        now = self._now()
         if self.playing and not self.is_seeking:
-            self.wanted_s = min(
-                self.wanted_s + (now - self._advanced_at) * self.speed, self.length_s
-            )
-            self.playing = self.wanted_s < self.length_s
+            self.wanted_s = min(self.wanted_s + (now - self._advanced_at) * self.speed, self.end_s)
+            self.playing = self.wanted_s < self.end_s
         self._advanced_at = now
         for _ in range(_MAX_FRAMES):
             if not self._step():
                 break
         return not self.is_seeking
 
+    def _is_due(self) -> bool:
+        positions = self.clock.positions_s
+        return self._next < len(positions) and positions[self._next] <= self.wanted_s
+
     def _step(self) -> bool:
         """Take in the next frame, or note that there is none before the wanted position."""
-        if self._next < len(self._frames):
-            time_us, frame = self._frames[self._next]
-            at = max(time_us / 1e6 - self._begin_s, self.position_s)
-            if at <= self.wanted_s:
-                self._next += 1
-                self._go_to(at)
-                self._receive(frame)
-                return True
-        self._go_to(self.wanted_s)
-        return False
+        is_due = self._is_due()
+        if is_due:
+            self._next += 1
+            self._go_to(self.clock.positions_s[self._next - 1])
+            self._receive(self._frames[self._next - 1][1])
+        else:
+            self._go_to(self.wanted_s)
+        return is_due
 
-    def _go_to(self, at: float) -> None:
-        while self._tick_due <= at:
-            self._tell(self._fleet.handle_timer(self._begin_s + self._tick_due))
+    def _go_to(self, position_s: float) -> None:
+        self.position_s = position_s
+        heard_at = self.clock.heard_at(position_s, self._next)
+        while self._tick_due <= heard_at:
+            self._tell(self._fleet.handle_timer(self._tick_due))
             self._tick_due += _TICK_S
-        self.position_s = at
+        self._heard_at = heard_at
 
     def _receive(self, frame: bytes) -> None:
         message = parse(frame)

@@ -33,9 +33,10 @@ class ReplayBar(Guarded, Widget):
     def show_playback(self, playback: Playback) -> None:
         """Show position and speed."""
         sign = "⧗" if playback.is_seeking else "▶" if playback.playing else "‖"
-        place, length = _time(playback.position_s), _time(playback.length_s)
-        share = playback.position_s / playback.length_s if playback.length_s else 1.0
-        self.line = (f" {sign} {place} / {length}  ×{playback.speed:g} ", share)
+        begin_s, end_s = playback.begin_s, playback.end_s
+        place = f"{playback.clock.name} {_time(playback.position_s)} / {_time(end_s)}"
+        share = (playback.position_s - begin_s) / (end_s - begin_s) if end_s > begin_s else 1.0
+        self.line = (f" {sign} {place}  ×{playback.speed:g} ", share)
 
     def render(self) -> Text:
         """Draw the line."""

@@ -57,6 +57,10 @@ class Source(Protocol):
         """Return the time on the clock of the data [s]."""
         ...
 
+    def paced_by(self) -> float:
+        """Return the time that drawing is paced by [s]: `now`, or the position in a log."""
+        ...
+
     def since_1970(self, at: float) -> float:
         """Convert a time of that clock to time since 1970 [s]."""
         ...
@@ -110,6 +114,10 @@ class LiveSource:
         """Return the time on the client's clock [s]."""
         return self._attached.now()
 
+    def paced_by(self) -> float:
+        """Return the same."""
+        return self.now()
+
     def since_1970(self, at: float) -> float:
         """Convert a time of the client's clock to time since 1970 [s]."""
         return self._epoch + at
@@ -125,13 +133,14 @@ class FleetView:
     Attributes:
         source: Where the data come from.
         now: Time of the last update, on the clock of the source [s].
+        paced_by_s: The same on the clock that drawing is paced by [s].
         states: The vehicles in ascending order, lost ones included.
         marked: System ids that actions are for; none means the selected one.
     """
 
     def __init__(self, source: Source) -> None:
         self.source = source
-        self.now = 0.0
+        self.now = self.paced_by_s = 0.0
         self.states: tuple[VehicleState, ...] = ()
         self._chosen: int | None = None
         self.marked: set[int] = set()
@@ -140,7 +149,7 @@ class FleetView:
     def update(self) -> bool:
         """Update the states; return whether there is anything new to show."""
         source = self.source
-        self.now = source.now()
+        self.now, self.paced_by_s = source.now(), source.paced_by()
         vehicles = source.fleet.vehicles
         self.states = tuple(vehicles[system] for system in sorted(vehicles))
         for state in self.states:

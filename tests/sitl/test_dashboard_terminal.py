@@ -108,12 +108,12 @@ def test_an_operator_flies_the_fleet_and_sets_a_fault(fleet: Up, tmp_path: Path)
 
 
 def test_a_log_is_replayed(tmp_path: Path) -> None:
-    with tmux(tmp_path, BIN / "gcs", "log", TLOG, "--at", "25", "--speed", "0.1") as terminal:
-        terminal.shows("flight.tlog", "▶ 0:2", "3 armed", "1/1")
+    with tmux(tmp_path, BIN / "gcs", "log", TLOG, "--at", "20", "--speed", "0.1") as terminal:
+        terminal.shows("flight.tlog", "▶ simulated 0:20", "3 armed", "1/1")
         terminal.press("k")
-        terminal.shows("‖ 0:2")
+        terminal.shows("‖ simulated 0:20")
         terminal.press("j", "j")
-        terminal.shows("‖ 0:1", "0/1")
+        terminal.shows("‖ simulated 0:1", "0/1")
         terminal.press("a", "3")  # actions are off
         terminal.shows("waiting", "rudder at 90 %")
         terminal.press("q")

@@ -210,7 +210,7 @@ def go(player: Playback, position_s: float) -> None:
 def test_a_log_tells_faults_and_profile_that_were_sent() -> None:
     player = playback()
     player.playing = False
-    go(player, 25.5)
+    go(player, 20.8)
     states = player.fleet.vehicles
     assert sorted(states) == [1, 2, 3]
     assert states[2].profile == load_profile(SCENARIO_1)
@@ -221,10 +221,10 @@ def test_a_log_tells_faults_and_profile_that_were_sent() -> None:
 def test_a_log_goes_back_and_tells_the_same_again() -> None:
     player = playback()
     player.playing = False
-    go(player, 20.0)
+    go(player, 15.0)
     before = (player.fleet.vehicles[1].time_s, player.event_log.count, player.fleet.events)
-    go(player, 29.0)
-    go(player, 20.0)
+    go(player, 23.9)
+    go(player, 15.0)
     after = (player.fleet.vehicles[1].time_s, player.event_log.count, player.fleet.events)
     assert after == before
 
@@ -232,8 +232,10 @@ def test_a_log_goes_back_and_tells_the_same_again() -> None:
 def test_a_log_plays_at_its_speed_to_its_end() -> None:
     now = 0.0
     player = playback(lambda: now)
+    assert (player.begin_s, player.end_s) == (0.0, 24.0)
     player.change_speed(1)
     assert player.speed == 2.0
+    assert player.advance()  # from now on time passes
     for _ in range(30):
         now += 0.1
         player.advance()
@@ -241,7 +243,7 @@ def test_a_log_plays_at_its_speed_to_its_end() -> None:
     for _ in range(100):
         now += 1.0
         player.advance()
-    assert (player.position_s, player.playing) == (player.length_s, False)
+    assert (player.position_s, player.playing) == (player.end_s, False)
 
 
 @pytest.mark.parametrize(

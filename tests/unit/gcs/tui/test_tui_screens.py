@@ -28,7 +28,7 @@ pytestmark = pytest.mark.slow
 DATA = Path(__file__).parents[3] / "data" / "dashboard"
 SCENARIO_1 = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
 _FONTS = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)  # links to a font on the internet
-FAULT_S = 25.5  # of the log: the fault of UAV 3 acts
+FAULT_S = 20.8  # simulated time: the fault of UAV 3 acts
 _PATIENCE_S = 20.0  # with a screen that is not as stored
 
 
