@@ -5,7 +5,6 @@ stations, and flies until the plant ends the simulation. Exit status: 0 the simu
 a signal stopped it, 1 the plant fell silent, 2 bad input.
 """
 
-import argparse
 import sys
 from contextlib import ExitStack
 from functools import partial
@@ -28,6 +27,7 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import SigningError, words_of
+from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import log_line
 
@@ -36,7 +36,7 @@ __all__ = ["main"]
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the autopilot process and exit."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="ftc-autopilot",
         description="Fly one UAV: controller, event trigger, MAVLink services. In lockstep a "
         "process may fly several, each with the sockets of its CONFIG.",

@@ -5,7 +5,6 @@ aircraft, flies, and reports at the end why it stopped. Exit status: 0 flown to 
 by a signal, 1 the flight was lost or an autopilot fell silent, 2 bad input.
 """
 
-import argparse
 import contextlib
 import secrets
 import socket
@@ -44,6 +43,7 @@ from mavlink_defs.framing.hot_signing import sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
+from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.runtime.sockaddr import address_of
 from mavlink_defs.visible import log_line
@@ -270,7 +270,7 @@ class Plant:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the plant process and exit."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="sitl-plant",
         description="Simulate the aircraft of one fleet; autopilots connect over MAVLink.",
         epilog="`gcs fly` writes such a CONFIG for a scenario into its run folder.",

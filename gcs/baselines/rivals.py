@@ -66,7 +66,7 @@ def with_slowest_equal(one: Combination, flown: Iterable[Rival], uav_id: int) ->
     """Return a flown combination with the sender on its aircraft that transmits least.
 
     Of the senders only those count that completed the flight with no IAE of any UAV more than 1 %
-    above that of the combination.
+    above that of the combination. A combination that sends by the clock is such a sender itself.
 
     Args:
         one: The combination.
@@ -74,8 +74,11 @@ def with_slowest_equal(one: Combination, flown: Iterable[Rival], uav_id: int) ->
         uav_id: UAV whose transmissions are compared.
     """
     best: tuple[int, ClockSender] | None = None
-    if one.uav(uav_id) is None or one.summary is None:
+    own = one.uav(uav_id)
+    if own is None or one.summary is None:
         return one
+    if one.trigger == "periodic":
+        best = own.events, ClockSender(one.law, one.scenario.step_us / 1e6)
     for rival in flown:
         if rival.aircraft != one.aircraft or rival.summary is None:
             continue

@@ -225,12 +225,20 @@ def _of_key(flights: Flights, name: str, key: str) -> list[Problem]:
         try:
             scenario_of(flights.file, flights.laid(variant, {key: 1.0}))
         except PlaceError as error:
-            found[str(error)] = Problem(("factors", name), str(error))
+            found[str(error)] = _of_name(error, key == name)._replace(loc=("factors", name))
         except ConfigError as error:
             for problem in error.problems:
                 if problem.kind is ProblemKind.UNKNOWN_KEY:
-                    found[str(problem)] = Problem(("factors", name), str(problem))
+                    own = _of_name(problem, key == name)
+                    found[str(problem)] = own._replace(loc=("factors", name))
     return list(found.values())
+
+
+def _of_name(problem: Problem | PlaceError, by_name: bool) -> Problem:
+    """Return the problem that there is no such key; `by_name` if it is but the factor's name."""
+    if not by_name:
+        return Problem((), str(problem))
+    return Problem((), f"{problem}; a factor sets the key of its name, unless it has `key:`")
 
 
 def _of_factor(flights: Flights, name: str, variant: str) -> Iterator[Problem]:
@@ -240,7 +248,7 @@ def _of_factor(flights: Flights, name: str, variant: str) -> Iterator[Problem]:
         try:
             base = value_at(flights.filled[variant], key)
         except PlaceError as error:
-            yield Problem((), str(error))
+            yield _of_name(error, factor.key is None)
             return
         if isinstance(base, bool) or not isinstance(base, int | float):
             yield Problem(("relative",), f"{key}: expected a number in the scenario, got {base!r}")
@@ -255,12 +263,12 @@ def _of_factor(flights: Flights, name: str, variant: str) -> Iterator[Problem]:
             value = flights.value(name, end, variant)
             scenario_of(flights.file, flights.laid(variant, {key: value}))
         except PlaceError as error:
-            yield Problem((), str(error))
+            yield _of_name(error, factor.key is None)
         except ConfigError as error:
             what = "value" if isinstance(factor.draw, Choice) else "end"
             for problem in error.problems:
                 if problem.kind is ProblemKind.UNKNOWN_KEY:
-                    yield Problem((), str(problem))
+                    yield _of_name(problem, factor.key is None)
                 else:
                     yield Problem(("draw",), f"with its {what} {end!r}, {problem}")
 

@@ -90,7 +90,9 @@ def reproduce(
         raise Interrupted(f"interrupted; finished flights are in {folder}") from None
     seconds = time.monotonic() - begin
     console_of(stderr=False, quiet=quiet).print(
-        f"{len(summaries)} flights in {seconds:.1f} s; open {folder}/report.html", soft_wrap=True
+        f"{len(summaries)} flights of the paper, and every law with every trigger, "
+        f"in {seconds:.1f} s; open {folder}/report.html",
+        soft_wrap=True,
     )
     lost = [f"{s.scenario}: {s.loss}" for s in summaries.values() if s.loss]
     if lost:

@@ -25,6 +25,7 @@ from mavlink_defs.config.files import parse, validate
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
 from mavlink_defs.runtime.shutdown import on_stop
+from mavlink_defs.visible import visible
 
 __all__ = ["EPILOG", "wire"]
 
@@ -163,7 +164,7 @@ def _named_port(text: str) -> tuple[int, str]:
     name, _, port = text.partition("=")
     if not (name and port.isdecimal() and 1 <= int(port) <= 65535):
         raise BadInput(f"--link is '{text}', expected NAME=PORT with a port 1-65535")
-    return int(port), name
+    return int(port), visible(name)
 
 
 def _route(text: str, names: dict[int, str], impairment: Impairment | None) -> Route:

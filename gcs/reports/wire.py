@@ -9,6 +9,7 @@ from gcs.reports.formatting import milliseconds, percent
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport
 from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.dialect import MAVLink_ftc_neighbour_message
 
 __all__ = ["wire_tables", "write_csv"]
 
@@ -25,6 +26,7 @@ _COLUMNS = (
     "periodic",
     "saving",
 )
+_NEIGHBOUR: str = MAVLink_ftc_neighbour_message.msgname
 _OUTCOMES = {
     "lost": "lost",
     "outage": "in outages",
@@ -153,8 +155,16 @@ def _transmissions(report: TapReport) -> Table:
         periodic = "-" if uav.periods is None else str(uav.periods * len(ACTUATORS))
         saved, repeats = percent(uav.saving), str(uav.repeats)
         table.add_row("", "", "all", str(uav.events), periodic, saved, "", repeats, style="bold")
+        if sent := _to_neighbours(report, uav.system):
+            table.add_row("", "", "to neighbours", str(sent), "-", "-", "", "")
         table.add_section()
     return table
+
+
+def _to_neighbours(report: TapReport, system: int) -> int:
+    """Return how many messages a UAV sent its neighbours, one to each of them."""
+    own = (row for row in report.messages if row.system == system)
+    return sum(row.frames for row in own if row.message == _NEIGHBOUR)
 
 
 def _way(row: LinkReport | StreamReport) -> str:

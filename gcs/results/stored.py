@@ -24,15 +24,15 @@ _END = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 """Ends a stream whose writer closed it."""
 
 
-def is_complete(path: Path) -> bool:
+def is_complete(path: Path | str) -> bool:
     """Return whether a recording was written to its end; a torn one is read up to its tear."""
-    with path.open("rb") as file:
+    with Path(path).open("rb") as file:
         file.seek(0, 2)
         file.seek(max(file.tell() - len(_END), 0))
         return file.read() == _END
 
 
-def batches(path: Path) -> Iterator["pa.RecordBatch"]:
+def batches(path: Path | str) -> Iterator["pa.RecordBatch"]:
     """Yield what was recorded, up to the last complete batch.
 
     Raises:
@@ -41,6 +41,7 @@ def batches(path: Path) -> Iterator["pa.RecordBatch"]:
     import pyarrow as pa
 
     try:
+        path = Path(path)
         file = path.open("rb")
     except OSError as problem:
         raise BadInput(
@@ -59,13 +60,13 @@ def batches(path: Path) -> Iterator["pa.RecordBatch"]:
                 return
 
 
-def read_summary(folder: Path) -> FlightSummary:
+def read_summary(folder: Path | str) -> FlightSummary:
     """Read `summary.json` of a run folder.
 
     Raises:
         BadInput: There is none, or it is something else.
     """
-    path = folder / "summary.json"
+    path = Path(folder) / "summary.json"
     try:
         return FlightSummary.from_json(json.loads(path.read_text()))
     except OSError as problem:
@@ -74,13 +75,13 @@ def read_summary(folder: Path) -> FlightSummary:
         raise BadInput(f"{path} is no summary: {problem}") from None
 
 
-def read_recording(folder: Path) -> Recording:
+def read_recording(folder: Path | str) -> Recording:
     """Read the full recording of a run folder into memory, such as for `gcs.theory.check_theory`.
 
     Raises:
         BadInput: There is none, it is not a full one, or it is torn.
     """
-    path, summary = folder / TRAJECTORY, read_summary(folder)
+    path, summary = Path(folder) / TRAJECTORY, read_summary(folder)
     n = len(summary.uavs)
     steps = Steps.room(summary.steps, n)
     row = 0

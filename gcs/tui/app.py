@@ -37,6 +37,7 @@ from gcs.tui.requests import Choice, Refresh, VehicleAction
 from gcs.tui.status_bar import StatusBar
 from gcs.tui.themes import DARK, LIGHT
 from gcs.tui.view import FleetView, Panel, Source
+from mavlink_defs.visible import visible_lines
 
 __all__ = ["MIN_SIZE", "REFRESH_S", "Dashboard"]
 
@@ -273,7 +274,7 @@ class Dashboard(App[None]):
     def _tell(self, text: str, severity: str) -> None:
         timeout = 10.0 if severity == "error" else 4.0
         self.notify(
-            text,
+            visible_lines(text),
             severity=severity,  # type: ignore[arg-type]  # ours are among Textual's
             timeout=timeout,
             markup=False,

@@ -26,6 +26,7 @@ _NAMES = {
     "full_stop": ".",
     "less_than_sign": "<",
     "plus": "+",
+    "equals_sign": "=",
     "greater_than_sign": ">",
     "minus": "-",
     "up": "↑",

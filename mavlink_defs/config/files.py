@@ -115,6 +115,9 @@ def _problems(model: type[BaseModel], error: ErrorDetails) -> list[Problem]:
     if error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]:
         return []  # pydantic does not count entries that have problems of their own
     place = _Place(model, error["loc"])
+    if error["type"] == "union_tag_not_found" and isinstance(error["input"], dict):
+        key = error["ctx"]["discriminator"].strip("_()'")
+        return [Problem((*place.loc, key), "missing" + place.tags())]
     if error["type"] == "union_tag_invalid":
         tags, tag = error["ctx"]["expected_tags"], shown(error["ctx"]["tag"])
         key = error["ctx"]["discriminator"].strip("_()'")  # the key 'kind', or a function _kind()
@@ -190,6 +193,11 @@ class _Place:
         else:
             self._type = inner[0] if inner else None
         self.loc += (str(part) if origin is dict else part,)
+
+    def tags(self) -> str:
+        """Return what selects a member of the union that is expected there, as a text."""
+        tags = [repr(tag) for member in _members(self._type) for tag in _tags(member)]
+        return f"; expected one of {', '.join(tags)}" if tags else ""
 
     def _strip(self) -> None:
         """Take optionality, annotations and root models off the type."""

@@ -96,9 +96,13 @@ class Problems(ValueError):  # noqa: N818 - several errors in one
 
 
 def unknown_key(loc: Loc, known: Iterable[str]) -> Problem:
-    """Return the problem that a key is unknown; it names the known one probably meant."""
+    """Return the problem that a key is unknown; it names the known one probably meant.
+
+    A name without its unit, as b2 for b2_deg, is the likeliest slip.
+    """
     key, names = loc[-1], list(known)
-    close = difflib.get_close_matches(str(key), names, n=1)
+    begun = [name for name in names if name.startswith(f"{key}_")]
+    close = begun if len(begun) == 1 else difflib.get_close_matches(str(key), names, n=1)
     words = {word for word in str(key).split("_") if len(word) > 2}
     alike = close or [name for name in names if words & set(name.split("_"))]
     text = f"unknown key; did you mean '{alike[0]}'?" if alike else "unknown key"

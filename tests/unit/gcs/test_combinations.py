@@ -182,3 +182,11 @@ def test_the_slowest_equal_sender_is_as_good_and_sends_least(
     alone = with_slowest_equal(one, [*worse, lost], 3)
     assert alone.slowest_equal is None
     assert "| none | - |" in section([alone])[2]
+
+
+def test_a_sender_by_the_clock_is_its_own_equal(scenario1: Scenario, flown: FlightSummary) -> None:
+    one = Combination("ideal", "pid", "periodic", scenario1, flown)
+    own = flown.uav(3)
+    assert own is not None
+    equal = with_slowest_equal(one, [], 3).slowest_equal
+    assert equal == ClockSender("pid", 0.001, own.events)

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from ftc_autopilot import autopilot, process
 from gcs import cli
 from gcs.campaigns.gate import Check
+from gcs.commands.wire import _named_port
 from gcs.errors import BadInput, CommandRefused
 from gcs.reports.gate import gate_markdown, junit
 from gcs.reports.markdown import html_of, save_markdown
@@ -231,3 +232,15 @@ def test_reports(tmp_path: Path) -> None:
     assert_visible(junit(EVERY, EVERY, checks, [EVERY]))
     save_markdown(tmp_path / "gate.md", gate_markdown(EVERY, EVERY, checks, [EVERY]))
     assert_visible((tmp_path / "gate.md").read_text())
+
+
+@pytest.mark.parametrize("main", [process.main, plant_process.main])
+def test_arguments_of_processes(main: object, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in ([PATH, f"--{PATH}"], [PATH, "--exit-with-parent", PATH]):
+        with pytest.raises(SystemExit):
+            main(arguments)  # type: ignore[operator]  # both are functions of arguments
+        assert_visible(capsys.readouterr().err)
+
+
+def test_names_of_links() -> None:
+    assert_visible(_named_port(f"{EVERY}=14560")[1], lines=False)

@@ -324,3 +324,10 @@ def test_the_example_of_the_docs_can_be_flown(tmp_path: Path) -> None:
 
 def test_a_tree_of_the_helper_is_a_campaign(tmp_path: Path) -> None:
     assert load_campaign(write_campaign(tmp_path)).name == campaign_tree()["name"]
+
+
+def test_a_factor_named_as_no_key_hears_of_key(tmp_path: Path) -> None:
+    hint = "factors.gust: gust: unknown key; a factor sets the key of its name, unless it has"
+    assert hint in message(tmp_path, factors={"gust": {"draw": uniform(0.0, 1.0)}})
+    named = {"gust": {"key": "wind.gusty", "draw": uniform(0.0, 1.0)}}
+    assert "unless it has" not in message(tmp_path, factors=named)

@@ -163,3 +163,15 @@ def test_the_dissector_knows_the_default_ports() -> None:
         first, _, last = text.partition("-")
         ports |= set(range(int(first), int(last or first) + 1))
     assert ports == set(DEFAULT_PORTS)
+
+
+def test_messages_to_neighbours_stand_beside_the_events(gcs, tmp_path: Path) -> None:
+    told = dialect.MAVLink_ftc_neighbour_message(50.0, 0.0, (0.0,) * 3, (0.0,) * 3, 1)
+    packet = udp_packet(AUTOPILOT, ("127.0.0.1", 14608), FramePacker(7, 1).pack(told))
+    path = tmp_path / "a.pcap"
+    path.write_bytes(
+        pcap([(100.0, actuators(0, 0.1)), (100.1, packet), (100.2, packet)], "ethernet")
+    )
+    _, out, _ = gcs("wire", path, "--period-us", 1000)
+    (line,) = [line for line in out.splitlines() if "to neighbours" in line]
+    assert "2" in line.split()

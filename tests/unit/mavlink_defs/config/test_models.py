@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 from pydantic import Field, model_validator
 
 from mavlink_defs.config.files import dump, load
-from mavlink_defs.config.models import ConfigError, HostPort, Model, Problems, SystemId, counted
+from mavlink_defs.config.models import (
+    ConfigError,
+    HostPort,
+    Model,
+    Problems,
+    SystemId,
+    counted,
+)
+from mavlink_defs.config.problems import unknown_key
 from mavlink_defs.config.quantity import Quantity, describe, quantity, whole
 
 
@@ -249,3 +257,31 @@ def test_declaration_can_be_read_back() -> None:
 )
 def test_things_are_counted_in_words(count: float, noun: str, text: str) -> None:
     assert counted(count, noun) == text
+
+
+@pytest.mark.parametrize("unit", ["deg", "m_s", "s", "deg_s"])
+@pytest.mark.parametrize("name", ["b2", "k", "rate_limit"])
+def test_a_name_without_its_unit_is_suggested_with_it(name: str, unit: str) -> None:
+    known = ["mode", "b1_deg", f"{name}_{unit}", "kind", "bias_n", "rate"]
+    assert f"did you mean '{name}_{unit}'?" in unknown_key(("trigger", name), known).text
+
+
+def test_a_union_without_its_kind_names_the_kinds(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("shape: {size: 1}")
+    with pytest.raises(ConfigError, match=r"shape.kind: missing; expected one of 'a', 'b'"):
+        load(file, Shaped)
+
+
+class KindA(Model):
+    kind: Literal["a"]
+    size: int
+
+
+class KindB(Model):
+    kind: Literal["b"]
+    size: int
+
+
+class Shaped(Model):
+    shape: Annotated[KindA | KindB, Field(discriminator="kind")]

@@ -1,0 +1,16 @@
+"""Arguments of the processes."""
+
+import argparse
+from typing import NoReturn
+
+from mavlink_defs.visible import visible
+
+__all__ = ["ArgumentParser"]
+
+
+class ArgumentParser(argparse.ArgumentParser):
+    """A parser that repeats wrong arguments with control characters made visible."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print usage and the message, and exit with status 2."""
+        super().error(visible(message))
