@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.station.param_file import differing, read_param_file, text_of
+from gcs.station.param_file import READ_ONLY, differing, read_param_file, text_of
+from gcs.station.param_metadata import _TOLD, permitted
 from mavlink_defs import dialect
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.services.param import Param
@@ -52,3 +53,9 @@ def test_a_file_without_parameters_is_refused(tmp_path: Path) -> None:
     path.write_text("# nothing\n")
     with pytest.raises(ConfigError, match="no parameters"):
         read_param_file(path)
+
+
+def test_what_is_read_only_is_what_the_metadata_say() -> None:
+    assert frozenset(_TOLD) == READ_ONLY
+    assert {permitted(name) for name in READ_ONLY} == {"read only"}
+    assert permitted("TRIG_B2_DEG") == "[0, 10] deg"
