@@ -106,7 +106,8 @@ def test_every_law_is_flown_with_every_trigger(out: Path) -> None:
         assert f"{law}, {trigger}" in report
         if trigger == "periodic":
             assert row["transmissions"] == "1600"
-            assert int(row["slowest_equal_transmissions"]) <= 1600
+            equal = row["slowest_equal_transmissions"]  # none: nobody tracks as well every 20 ms
+            assert not equal or int(equal) <= 1600
     summary = json.loads((out / "data" / "scenario1" / "summary.json").read_text())
     own = flown["ideal", "proposed", "per_channel"]
     assert float(own["iae_yaw_deg_s"]) == summary["uavs"][2]["iae"]["yaw"]
