@@ -17,8 +17,8 @@ pytestmark = [pytest.mark.sitl, pytest.mark.slow]
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "campaigns-in-ci.md"
 DRAWS = 8  # instead of 59: eight pairs can show "worse" at 99 %, since 2⁻⁸ < 1 %
-CHANGE = "proposed: {trigger: {b2_deg: 12.0}}"
-"""A law that was changed for the worse: surfaces move later."""
+CHANGE = "proposed: {controller: {reference_bandwidth_rad_s: 2.0}}"
+"""A law that was changed for the worse in each draw: its reference filter is slower."""
 
 
 def block(kind: str) -> str:
