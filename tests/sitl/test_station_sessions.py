@@ -6,6 +6,7 @@ import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from flying import (
@@ -97,9 +98,17 @@ def test_commands_over_a_lossy_link(fleet: Up, tmp_path: Path) -> None:
     assert fleet.gcs("fault", "clear", "--uav", "3", "--actuator", "throttle").returncode == 0
 
 
+def far_above_ground() -> dict[str, Any]:
+    """Scenario 1 so high that an aircraft without its autopilot does not hit the ground."""
+    tree = scenario_tree()
+    for uav in tree["uavs"]:
+        uav["initial"]["altitude_m"] = 8000.0
+    return tree
+
+
 def test_an_operator_s_session(tmp_path: Path) -> None:
     """Waiting, a vehicle that falls silent, start, arm, a dead autopilot, Ctrl-C."""
-    with up(tmp_path / "a session", "--restart", "never") as fleet:
+    with up(tmp_path / "a session", "--restart", "never", tree=far_above_ground()) as fleet:
         states = [state_of(fleet, uav) for uav in (1, 2, 3)]
         assert [(s["armed"], s["time_s"], s["steps"]) for s in states] == [(False, 0.0, 0)] * 3
         assert [len(s["profile"]) for s in states] == [3, 3, 3]
