@@ -4,10 +4,9 @@ import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import numpy as np
-
-from mavlink_defs.config.models import ConfigError, Problem
+from mavlink_defs.config.problems import ConfigError, Problem
 from mavlink_defs.config.user_files import read_text
+from mavlink_defs.float32 import float32s
 from mavlink_defs.services.param import MAX_NAME, Param
 from mavlink_defs.visible import visible
 
@@ -59,8 +58,7 @@ def _problem_of(parts: list[str], values: Mapping[str, float]) -> str:
         value = float(text)
     except ValueError:
         value = math.nan
-    with np.errstate(over="ignore"):
-        fits = bool(np.isfinite(np.float32(value)))
+    fits = all(map(math.isfinite, float32s([value])))
     if not fits:
         return f"{name}: expected a finite number of 32 bits, got '{visible(text)[:60]}'"
     return f"{name} is there twice" if name in values else ""
@@ -75,5 +73,5 @@ def differing(held: Iterable[Param], values: Mapping[str, float]) -> dict[str, f
     return {
         name: by_name.get(name)
         for name, value in values.items()
-        if name not in by_name or np.float32(by_name[name]) != np.float32(value)
+        if name not in by_name or float32s([by_name[name]]) != float32s([value])
     }
