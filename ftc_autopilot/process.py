@@ -56,16 +56,16 @@ def main(arguments: list[str] | None = None) -> None:
         "--record-optional", action="store_true", help="fly on if FOLDER cannot be written"
     )
     parser.add_argument(
-        "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
+        "--exit-with-parent", type=int, metavar="PID", help="stop when this parent process is gone"
     )
     parser.add_argument(
         "--keep",
         type=Path,
         metavar="FILE",
-        help="keep the state here, and take it up if it is there; with one CONFIG only",
+        help="keep the state in FILE, and resume from it if it is there; with one CONFIG only",
     )
     parser.add_argument(
-        "--crash-at", type=int, metavar="STEP", help="die after this step, as by SIGKILL: for tests"
+        "--crash-at", type=int, metavar="STEP", help="for tests: die after this step, as by SIGKILL"
     )
     options = parser.parse_args(arguments)
     configs: list[Path] = options.configs

@@ -41,7 +41,7 @@ COMMANDS = {
     ),
     "reproduce": (
         "reproduce",
-        "Fly the paper's scenarios and compare its tables and figures with ours.",
+        "Fly the paper's scenarios and compare the results with its tables and figures.",
     ),
     "compare": ("compare", "Test whether a campaign is worse than another one."),
     "sweep": ("sweep", "Fly every combination of values, in process, on all cores."),
@@ -140,7 +140,7 @@ class _Commands(TyperGroup):
             holder.command(name, epilog=epilog)(getattr(home, name))
         else:
             holder.add_typer(home.app, name=name)
-        self.commands[name] = _without_types_of_flags(typer.main.get_group(holder).commands[name])
+        self.commands[name] = _without_types(typer.main.get_group(holder).commands[name])
 
 
 app = typer.Typer(
@@ -209,8 +209,11 @@ def _refuse_options(context: typer.Context) -> None:
             )
 
 
-def _without_types_of_flags(command: Any) -> Any:
-    """Return a command whose help texts show no type beside flags: they take no value."""
+def _without_types(command: Any) -> Any:
+    """Return a command whose help texts show no types: flags take no value, the others say what.
+
+    Options and arguments have names of values, such as FILE or DEG, or show their choices.
+    """
     commands: list[Any] = [command]
     while commands:
         one = commands.pop()
@@ -218,7 +221,15 @@ def _without_types_of_flags(command: Any) -> Any:
         for parameter in one.get_params(typer.Context(one)):
             if getattr(parameter, "is_flag", False):
                 parameter.metavar = ""
+            elif parameter.param_type_name == "argument":
+                parameter.display_type_rich = _nothing
+            elif parameter.type_descriptor.is_choice:
+                parameter.metavar = parameter.metavar or "|".join(parameter.type_descriptor.choices)
     return command
+
+
+def _nothing(*, ctx: typer.Context) -> None:
+    pass
 
 
 def whole_command() -> Any:
@@ -227,7 +238,7 @@ def whole_command() -> Any:
     assert isinstance(command, _Commands)
     for name in COMMANDS:
         command.load(name)
-    return _without_types_of_flags(command)
+    return _without_types(command)
 
 
 def main() -> None:
@@ -235,7 +246,7 @@ def main() -> None:
     stop_as_ctrl_c()
     try:
         try:
-            status = _without_types_of_flags(typer.main.get_command(app))(standalone_mode=False)
+            status = _without_types(typer.main.get_command(app))(standalone_mode=False)
         finally:
             sys.stdout.flush()  # here and not at exit, where an error could not be reported
     except ConfigError as problem:

@@ -275,15 +275,15 @@ def main(arguments: list[str] | None = None) -> None:
         description="Simulate the aircraft of one fleet; autopilots connect over MAVLink.",
         epilog="`gcs fly` writes such a CONFIG for a scenario into its run folder.",
     )
-    parser.add_argument("config", type=Path, help="plant configuration (YAML)")
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="plant configuration (YAML)")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="write all steps as .npy")
     parser.add_argument(
         "--record-optional",
         action="store_true",
-        help="fly on if FOLDER cannot be written; who reads it removes what was read",
+        help="fly on if FOLDER cannot be written; the reader removes what it has read",
     )
     parser.add_argument(
-        "--exit-with-parent", type=int, metavar="PID", help="stop when this parent is gone"
+        "--exit-with-parent", type=int, metavar="PID", help="stop when this parent process is gone"
     )
     options = parser.parse_args(arguments)
     try:

@@ -52,35 +52,47 @@ def baseline(
     against: Annotated[
         list[str] | None,
         typer.Option(
-            help="A key of the scenario that the periodic sender has otherwise, such as its law.",
+            help="A key of the scenario and its value for the periodic senders, such as their law.",
             metavar="KEY=VALUE",
         ),
     ] = None,
     tolerance: Annotated[
         float,
         typer.Option(
-            help="By how much an IAE may exceed that of the triggered flight [%].", min=0.0
+            help="By how much an IAE may exceed that of the triggered flight [%].",
+            min=0.0,
+            metavar="%",
         ),
     ] = 1.0,
     longest: Annotated[
         float | None,
         typer.Option(
             help="Longest period that is flown [ms], 500 by default; at most the whole flight.",
-            metavar="MILLISECONDS",
+            metavar="MS",
         ),
     ] = None,
-    per_channel: Annotated[
-        bool, typer.Option(help="Search for a period for each channel, too.")
-    ] = True,
+    no_per_channel: Annotated[
+        bool,
+        typer.Option("--no-per-channel", help="Do not search for a period for each channel."),
+    ] = False,
     aircraft: Annotated[
-        int, typer.Option(min=0, help="Uncertain aircraft that are flown, too.")
+        int, typer.Option(min=0, metavar="NUMBER", help="Uncertain aircraft that are flown, too.")
     ] = 0,
     campaign: Annotated[
-        Path, typer.Option(help="Campaign that draws those aircraft: a file, or a bundled one.")
+        Path,
+        typer.Option(
+            help="Campaign that draws those aircraft: a file, or a bundled one.",
+            metavar="CAMPAIGN",
+        ),
     ] = Path("campaigns/uncertainty"),
     keep: Annotated[
         float,
-        typer.Option(help="Share of those aircraft that must be kept [%].", min=0.0, max=100.0),
+        typer.Option(
+            help="Share of those aircraft that must be kept [%].",
+            min=0.0,
+            max=100.0,
+            metavar="%",
+        ),
     ] = 95.0,
     within: Annotated[
         float,
@@ -88,15 +100,22 @@ def baseline(
             help="An aircraft is kept if no IAE is larger than this multiple of that of the "
             "nominal aircraft's triggered flight.",
             min=1.0,
+            metavar="FACTOR",
         ),
     ] = 1.5,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, help="Flights at a time; by default as many as there are cores."),
+        typer.Option(
+            min=1,
+            metavar="NUMBER",
+            help="Flights at a time; by default as many as there are cores.",
+        ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder, new or empty; runs/baseline-NAME-DATE-TIME by default."),
+        typer.Option(
+            help="Folder, new or empty; runs/baseline-NAME-DATE-TIME by default.", metavar="FOLDER"
+        ),
     ] = None,
     quiet: QuietOption = False,
     as_json: Annotated[
@@ -145,7 +164,7 @@ def baseline(
                 )
             ratio = 1.0 + tolerance / 100.0
             search = Search(base, reference, ratio, _fly, pool, show)
-            found = find_baseline(triggered, search, steps, each_channel=per_channel)
+            found = find_baseline(triggered, search, steps, each_channel=not no_per_channel)
             if drawn is not None:
                 fleet = drawn_aircraft(
                     drawn, file, aircraft, triggered, reference, within, keep / 100.0

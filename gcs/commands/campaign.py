@@ -41,15 +41,21 @@ def campaign(
         Path | None,
         typer.Option(
             help="Folder of the campaign, new or to continue; runs/campaign-NAME-DIGEST by "
-            "default, the same for the same campaign and code."
+            "default, the same for the same campaign and code.",
+            metavar="FOLDER",
         ),
     ] = None,
     draws: Annotated[
-        int | None, typer.Option(min=1, help="Draws per variant instead of the file's.")
+        int | None,
+        typer.Option(min=1, metavar="NUMBER", help="Draws per variant instead of the file's."),
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, help="Worker processes here; by default as many as there are cores."),
+        typer.Option(
+            min=1,
+            metavar="NUMBER",
+            help="Worker processes here; by default as many as there are cores.",
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,

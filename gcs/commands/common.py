@@ -39,7 +39,10 @@ ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
 ]
 RunFolderOption = Annotated[
-    Path | None, typer.Option(help="Run folder, new or empty; runs/NAME-DATE-TIME by default.")
+    Path | None,
+    typer.Option(
+        help="Run folder, new or empty; runs/NAME-DATE-TIME by default.", metavar="FOLDER"
+    ),
 ]
 FreePortsOption = Annotated[
     bool, typer.Option("--free-ports", help="Use free UDP ports instead of the scenario's.")
@@ -49,8 +52,8 @@ ProcessesOption = Annotated[
     typer.Option(
         "--autopilot-processes",
         min=1,
-        help="Autopilots share so many processes, instead of one each. In lockstep a large "
-        "fleet flies faster in as many as there are cores; its messages are the same.",
+        help="Number of processes that the autopilots share, instead of one each. In lockstep a "
+        "large fleet flies faster in as many as there are cores; its messages are the same.",
         metavar="NUMBER",
     ),
 ]
@@ -79,7 +82,7 @@ class Restart(StrEnum):
 
 RestartOption = Annotated[
     Restart,
-    typer.Option(help="Whether autopilots that fail are started again; they take up their flight."),
+    typer.Option(help="Whether autopilots that fail are started again; they resume their flight."),
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 

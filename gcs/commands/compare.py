@@ -38,16 +38,16 @@ def compare(
         ),
     ] = None,
     junit: Annotated[
-        Path | None, typer.Option(help="Write a JUnit file, a case for each check.")
+        Path | None, typer.Option(help="Write a JUnit file, a case for each check.", metavar="FILE")
     ] = None,
     markdown: Annotated[
-        Path | None, typer.Option(help="Write a summary for the page of a CI job.")
+        Path | None, typer.Option(help="Write a summary for the page of a CI job.", metavar="FILE")
     ] = None,
 ) -> None:
     """Test whether a campaign is worse than another one.
 
     If both flew the same draws, flights are compared in pairs (McNemar's exact test, the sign
-    test), else as two samples (Fisher's exact test, Mann and Whitney's test). A test that finds
+    test), else as two samples (Fisher's exact test, the Mann-Whitney test). A test that finds
     nothing does not prove that both are equal; the interval beside it, at the level of the
     condition, shows what could have escaped it.
     """

@@ -38,7 +38,10 @@ Exit status: 0 written, 1 a file cannot be written, 2 bad input.
 def config(
     scenario: ScenarioArgument,
     out: Annotated[
-        Path, typer.Option(help="Folder for the files; those of the same names are replaced.")
+        Path,
+        typer.Option(
+            help="Folder for the files; those of the same names are replaced.", metavar="FOLDER"
+        ),
     ],
     host: Annotated[
         list[str] | None,

@@ -27,7 +27,7 @@ written, 2 bad input.
 
 def export(
     run: Annotated[Path, typer.Argument(help="Run folder of gcs fly.", metavar="RUN")],
-    to: Annotated[Format, typer.Option(help="Format.")],
+    to: Annotated[Format, typer.Option(help="Format of the files.")],
     out: Annotated[
         Path | None, typer.Option(help="Folder for the files; RUN by default.", metavar="FOLDER")
     ] = None,

@@ -50,23 +50,34 @@ def set_(
     station: Station,
     actuator: Annotated[Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
     effectiveness: Annotated[
-        float | None, typer.Option(help="Remaining share of the command, 0 to 1.")
+        float | None, typer.Option(metavar="SHARE", help="Remaining share of the command, 0 to 1.")
     ] = None,
-    bias_deg: Annotated[float | None, typer.Option(help="Bias of a surface [deg].")] = None,
-    bias_n: Annotated[float | None, typer.Option(help="Bias of the throttle [N].")] = None,
-    stuck_deg: Annotated[float | None, typer.Option(help="Stuck surface: angle [deg].")] = None,
-    stuck_n: Annotated[float | None, typer.Option(help="Stuck throttle: thrust [N].")] = None,
+    bias_deg: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Bias of a surface [deg].")
+    ] = None,
+    bias_n: Annotated[
+        float | None, typer.Option(metavar="N", help="Bias of the throttle [N].")
+    ] = None,
+    stuck_deg: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Stuck surface: angle [deg].")
+    ] = None,
+    stuck_n: Annotated[
+        float | None, typer.Option(metavar="N", help="Stuck throttle: thrust [N].")
+    ] = None,
     frequency_hz: Annotated[
-        float, typer.Option(help="Let the bias or stuck value oscillate [Hz], 0 to 500.")
+        float,
+        typer.Option(metavar="HZ", help="Let the bias or stuck value oscillate [Hz], 0 to 500."),
     ] = 0.0,
     start_s: Annotated[
-        float | None, typer.Option(help="Start in simulated time [s]; now by default.")
+        float | None, typer.Option(metavar="S", help="Start in simulated time [s]; now by default.")
     ] = None,
     end_s: Annotated[
-        float | None, typer.Option(help="End in simulated time [s]; until cleared by default.")
+        float | None,
+        typer.Option(metavar="S", help="End in simulated time [s]; until cleared by default."),
     ] = None,
     for_s: Annotated[
-        float | None, typer.Option(help="Duration [s of simulated time], instead of --end-s.")
+        float | None,
+        typer.Option(metavar="S", help="Duration in simulated time [s], instead of --end-s."),
     ] = None,
 ) -> None:
     """Set an actuator fault: applied = effectiveness · commanded + bias, or a stuck value.
@@ -108,7 +119,7 @@ def clear(
     station: Station,
     actuator: Annotated[
         Actuator | None,
-        typer.Option(metavar="ACTUATOR", help=f"Only this one's ({_NAMES}); all by default."),
+        typer.Option(metavar="ACTUATOR", help=f"Clear faults of this actuator only: {_NAMES}."),
     ] = None,
 ) -> None:
     """Clear faults: active, past and future ones."""

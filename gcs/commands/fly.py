@@ -99,7 +99,10 @@ def fly(
         typer.Option(help="Folder of a campaign, instead of a scenario.", metavar="FOLDER"),
     ] = None,
     row: Annotated[
-        int | None, typer.Option(help="Row of the campaign's table: the flight to fly again.")
+        int | None,
+        typer.Option(
+            help="Row of the campaign's table: the flight to fly again.", metavar="NUMBER"
+        ),
     ] = None,
 ) -> None:
     """Fly a scenario to its end and record it.

@@ -28,10 +28,16 @@ Exit status: 0 written, 2 bad input, 130 Ctrl-C.
 
 def key(
     file: Annotated[
-        Path, typer.Argument(help="Key file; a new one, but for --replace.", metavar="FILE")
+        Path,
+        typer.Argument(
+            help="Key file: a new one, or with --replace the one in use.", metavar="FILE"
+        ),
     ],
     passphrase: Annotated[
-        bool, typer.Option("--passphrase", help="Derive it from a passphrase instead of at random.")
+        bool,
+        typer.Option(
+            "--passphrase", help="Derive the key from a passphrase instead of drawing it at random."
+        ),
     ] = False,
     replace: Annotated[
         bool, typer.Option("--replace", help="Replace the key of a file that is in use.")

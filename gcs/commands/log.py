@@ -31,12 +31,15 @@ Exit status: 0 left by the operator, 2 bad input.
 def log(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Telemetry log (tlog).")],
     speed: Annotated[
-        float, typer.Option(min=0.1, max=30.0, help="Replay speed: 1 is real time.")
+        float,
+        typer.Option(min=0.1, max=30.0, metavar="FACTOR", help="Replay speed: 1 is real time."),
     ] = 1.0,
     at: Annotated[
         float | None,
         typer.Option(
-            min=0.0, help="Start there [s]: simulated time if the log has it, else since its start."
+            min=0.0,
+            metavar="S",
+            help="Start at this time [s]: simulated time if the log has it, else since its start.",
         ),
     ] = None,
     theme: ThemeOption = "dark",

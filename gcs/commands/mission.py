@@ -115,7 +115,10 @@ def download(
     station: Station,
     out: Annotated[
         Path | None,
-        typer.Option(help="Write a .plan or .waypoints; all must hold the same mission."),
+        typer.Option(
+            help="Write a .plan or .waypoints file; all vehicles must hold the same mission.",
+            metavar="FILE",
+        ),
     ] = None,
 ) -> None:
     """Print the missions of vehicles, or write the one that all hold to a file."""

@@ -28,7 +28,9 @@ app = typer.Typer(help="List, read and set parameters.", no_args_is_help=True)
 
 _Name = Annotated[str, typer.Argument(metavar="NAME", help="Name, at most 16 characters.")]
 
-_File = Annotated[Path, typer.Argument(metavar="FILE", help="Of NAME VALUE lines, as *.parm.")]
+_File = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Parameter file (*.parm): lines of NAME VALUE.")
+]
 
 _SAVE_EPILOG = f"""
 Examples:

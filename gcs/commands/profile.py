@@ -78,7 +78,9 @@ def download(
     station: Station,
     out: Annotated[
         Path | None,
-        typer.Option(help="Write a profile file; all vehicles must have the same profile."),
+        typer.Option(
+            help="Write a profile file; all vehicles must have the same profile.", metavar="FILE"
+        ),
     ] = None,
 ) -> None:
     """Print the profiles of vehicles as YAML, one document for each distinct profile."""

@@ -42,7 +42,8 @@ def record(
         typer.Argument(metavar="FILE", help="New file; gcs-DATE-TIME.tlog by default."),
     ] = None,
     for_s: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop after this time [s]; by default at Ctrl-C.")
+        float | None,
+        typer.Option(min=0.0, metavar="S", help="Stop after this time [s]; by default at Ctrl-C."),
     ] = None,
     connect: ConnectOption = None,
     timeout: TimeoutOption = 10.0,

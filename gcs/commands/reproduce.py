@@ -39,7 +39,9 @@ cannot be written, 2 bad input, 130 Ctrl-C.
 def reproduce(
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder, new or empty; runs/reproduce-DATE-TIME by default."),
+        typer.Option(
+            help="Folder, new or empty; runs/reproduce-DATE-TIME by default.", metavar="FOLDER"
+        ),
     ] = None,
     over_wire: Annotated[
         bool,
@@ -48,7 +50,8 @@ def reproduce(
     faults: Annotated[
         bool,
         typer.Option(
-            "--faults", help="Fly every bundled fault file under every law and trigger: minutes."
+            "--faults",
+            help="Also fly every bundled fault file with every law and trigger: takes minutes.",
         ),
     ] = False,
     scenarios: Annotated[
@@ -56,16 +59,17 @@ def reproduce(
         typer.Option(
             help="Folder with the paper's scenario files; the bundled ones by default.",
             show_default=False,
+            metavar="FOLDER",
         ),
     ] = SCENARIOS / "paper",
     quiet: QuietOption = False,
 ) -> None:
-    """Fly the paper's scenarios and compare its tables and figures with ours.
+    """Fly the paper's scenarios and compare the results with its tables and figures.
 
-    A second chapter flies every law with every trigger, on ideal and on realistic aircraft,
-    always in process. Writes one folder: report.html (self-contained) and report.md, figures/
-    (Fig. 5 to 11 and combinations, as PNG and SVG), data/ (each of the paper's flights as .npz and
-    .csv, its summary, theory.json, combinations.csv).
+    For a second chapter of the report, every law is flown with every trigger, on ideal and on
+    realistic aircraft, always in process. Writes one folder: report.html (self-contained) and
+    report.md, figures/ (Fig. 5 to 11 and combinations, as PNG and SVG), data/ (each of the paper's
+    flights as .npz and .csv, its summary, theory.json, combinations.csv).
     """
     from gcs import reproduce as work
     from gcs.results.run_folder import make_run_folder

@@ -14,7 +14,7 @@ Examples:
 - gcs scenarios | grep rudder
 
 A name works wherever a file does: gcs fly paper/scenario1, gcs campaign campaigns/faults. The
-last ones are no scenarios but additions to one: gcs fly paper/scenario1 --with realistic
+last ones are not scenarios but additions to one: gcs fly paper/scenario1 --with realistic
 
 Exit status: 0 listed.
 """

@@ -28,7 +28,7 @@ Examples:
 - gcs status --connect udpin:0.0.0.0:14550
 
 Faults are shown as active/all; `old 0.4 s` as link: in the last second or two the autopilot acted
-on a state that was so old, in simulated time.
+on a state that was that old, in simulated time.
 Below the table: what was dropped on the links, if anything.
 Exit status: 0 shown, 2 bad input, 4 no vehicle heard;
 --watch continues until Ctrl-C (0) or until its output is closed (0).

@@ -50,16 +50,23 @@ def sweep(
         Path | None,
         typer.Option(
             help="Folder of the sweep, new or to continue; runs/sweep-NAME-DIGEST by default, "
-            "the same for the same scenarios, values and code."
+            "the same for the same scenarios, values and code.",
+            metavar="FOLDER",
         ),
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, help="Flights at a time; by default as many as there are cores."),
+        typer.Option(
+            min=1,
+            metavar="NUMBER",
+            help="Flights at a time; by default as many as there are cores.",
+        ),
     ] = None,
     uav: Annotated[
         int | None,
-        typer.Option(help="UAV in table.md and plot; by default one with a fault, or the last."),
+        typer.Option(
+            help="UAV in table.md and plot; by default one with a fault, or the last.", metavar="ID"
+        ),
     ] = None,
     quiet: QuietOption = False,
 ) -> None:

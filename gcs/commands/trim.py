@@ -62,13 +62,16 @@ def trim(
             metavar="M/S",
         ),
     ] = None,
-    roll: Annotated[float, typer.Option(help="Roll angle [deg].", min=-80.0, max=80.0)] = 0.0,
+    roll: Annotated[
+        float, typer.Option(help="Roll angle [deg].", min=-80.0, max=80.0, metavar="DEG")
+    ] = 0.0,
     sideslip: Annotated[
         float,
         typer.Option(
             help="Largest sideslip of a range's end [deg]; the coefficients are linear.",
             min=1.0,
             max=90.0,
+            metavar="DEG",
         ),
     ] = 15.0,
     additions: WithOption = None,

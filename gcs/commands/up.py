@@ -64,16 +64,21 @@ def up(
     start: Annotated[bool, typer.Option("--start", help="Also start the mission and arm.")] = False,
     restart: RestartOption = Restart.ON_FAILURE,
     processes: ProcessesOption = None,
-    record: Annotated[
+    no_record: Annotated[
         bool,
         typer.Option(
-            help="Keep a log and a light recording of the flight, the newest 256 MB of both."
+            "--no-record",
+            help="Keep no log and no light recording of the flight; otherwise the newest 256 MB of "
+            "both are kept.",
         ),
-    ] = True,
+    ] = False,
     hub_port: Annotated[
         int,
         typer.Option(
-            min=1, max=65535, help="UDP port that any number of ground stations can connect to."
+            min=1,
+            max=65535,
+            help="UDP port that any number of ground stations can connect to.",
+            metavar="PORT",
         ),
     ] = HUB_PORT,
     free: FreePortsOption = False,
@@ -128,7 +133,7 @@ def up(
             speed=pace,
             start=start,
             restart=restart is Restart.ON_FAILURE,
-            record=record,
+            record=not no_record,
             autopilot_processes=processes,
         )
 

@@ -82,12 +82,12 @@ def wire(
         int | None,
         typer.Option(
             min=1,
-            help="Control period, for captures without FTC_SIM_STATE, which carries it.",
+            help="Control period [µs], for captures without FTC_SIM_STATE, which carries it.",
             metavar="US",
         ),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop relaying after this time [s].")
+        float | None, typer.Option(min=0.0, metavar="S", help="Stop relaying after this time [s].")
     ] = None,
     csv: Annotated[
         Path | None, typer.Option(help="Also write the counts as CSV.", metavar="FILE")

@@ -28,13 +28,14 @@ Exit status: 0 written, 2 bad input.
 
 def wireshark(
     out: Annotated[
-        Path | None, typer.Option(help="Output file; standard output by default.")
+        Path | None, typer.Option(help="Output file; standard output by default.", metavar="FILE")
     ] = None,
     port: Annotated[
         list[int] | None,
         typer.Option(
             min=1,
             max=65535,
+            metavar="PORT",
             help="UDP port with our messages, besides the default ones; may be repeated.",
         ),
     ] = None,

@@ -41,7 +41,7 @@ def main(arguments: list[str] | None = None) -> None:
     if not arguments or arguments[0] in {"-h", "--help"}:
         print("usage: ftc-mavlink PROGRAM [ARGUMENTS], such as:")
         print("  ftc-mavlink mavproxy.py --dialect ftc --master udpin:127.0.0.1:14550")
-        print("  ftc-mavlink mavlogdump.py --dialect ftc --types FTC_EVENTS runs/first/flight.tlog")
+        print("  ftc-mavlink mavlogdump.py --dialect ftc --types FTC_EVENTS flight.tlog")
         sys.exit(0 if arguments else 2)
     beside = Path(sys.executable).parent / arguments[0]
     program = str(beside) if beside.is_file() else shutil.which(arguments[0])
