@@ -37,7 +37,7 @@ def periodic_base(scenario: Scenario, path: Path, against: Mapping[str, object])
     kept = {key: tree["trigger"][key] for key in TriggerParameters.model_fields}
     tree["trigger"] = {**kept, "mode": "periodic"}
     try:
-        return scenario_of(path, with_values(tree, against))
+        return scenario_of(path, with_values(tree, against, "--against"))
     except PlaceError as problem:
         raise BadInput(f"--against {problem}") from problem
 

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from gcs.campaigns.distributions import Choice, Distribution, is_number, support
 from mavlink_defs.config.files import read, validate
+from mavlink_defs.config.inherit import with_values
 from mavlink_defs.config.models import (
     ConfigError,
     Loc,
@@ -208,4 +209,4 @@ def campaign_tree(path: Path | str, draws: int | None = None) -> dict[Any, Any]:
     tree = read(path)
     if "scenario" not in tree and tree.keys() & {"aircraft", "extends"}:
         raise ConfigError(path, [Problem((), "a scenario, not a campaign; see gcs fly")])
-    return tree if draws is None else {**tree, "draws": draws}
+    return tree if draws is None else with_values(tree, {"draws": draws}, "--draws")

@@ -20,6 +20,7 @@ from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, value_at
 from mavlink_defs.config.models import ConfigError, Loc, Problem, ProblemKind
+from mavlink_defs.config.written import located
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -68,7 +69,7 @@ def load_plan(path: Path, draws: int | None = None) -> Plan:
             campaign = validate(path, rest, Campaign)
             break
         except ConfigError as error:
-            problems += [problem for problem in error.problems if problem not in problems]
+            problems += [p for p in located(tree, error.problems) if p not in problems]
             before, rest = rest, _without_unknown_keys(rest, error.problems)
             if rest == before:
                 rest, whole = _without(rest, error.problems), False
@@ -77,11 +78,11 @@ def load_plan(path: Path, draws: int | None = None) -> Plan:
     try:
         planned, more = _planned(campaign, path)
     except ConfigError as error:
-        raise ConfigError(path, [*problems, *error.problems]) from error
+        raise ConfigError(path, located(tree, [*problems, *error.problems])) from error
     problems += more
     problems += _of_draws(planned, more) if whole else _of_left_out_keys(planned.flights, tree)
     if problems:
-        raise ConfigError(path, problems)
+        raise ConfigError(path, located(tree, problems))
     return planned
 
 
@@ -106,10 +107,10 @@ def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
     """Return the plan, of the variants that can be used, and all problems but those of draws."""
     try:
         file = base_of(path.parent, campaign.scenario)
-        tree = scenario_tree(file)
+        tree = scenario_tree(file, is_base=True)
         scenario = scenario_of(file, tree)
     except ConfigError as error:
-        problems = [Problem(("scenario",), f"{error.path}: {p}") for p in error.problems]
+        problems = [Problem(("scenario",), line) for line in error.lines]
         raise ConfigError(path, problems) from error
     if scenario.links.impairments is not None:
         text = f"{file}: links.impairments are about the wire; campaigns fly in process"
@@ -118,7 +119,7 @@ def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
     draws = draw_table(campaign, ids)
     trees, filled, of_variants = variant_trees(campaign, str(file), tree)
     problems = [
-        problem._replace(loc=("variants", name, *problem.loc))
+        problem._replace(loc=("variants", name, *problem.loc), source="")
         for name, found in of_variants.items()
         for problem in found
     ]

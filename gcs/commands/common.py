@@ -112,11 +112,11 @@ def changed_scenario(
     values = values_of(settings)
     changes += [f"{key} = {label(value)}" for key, value in values.items()]
     try:
-        tree = with_values(tree, values)
+        tree = with_values(tree, values, "--set")
     except PlaceError as problem:
         raise BadInput(f"--set {problem}") from problem
     if "name" in tree and "name" not in values:
-        tree = {**tree, "name": ", ".join([str(tree["name"]), *changes])}
+        tree = merged(tree, {"name": ", ".join([str(tree["name"]), *changes])})
     return scenario_of(scenario, tree)
 
 

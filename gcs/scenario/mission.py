@@ -13,8 +13,10 @@ from pydantic import Field, model_validator
 from ftc_autopilot.geography import Origin, place_of
 from ftc_autopilot.vehicle.home import home_item
 from mavlink_defs import dialect
+from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import ConfigError, Model, Problem, Problems, shown
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.config.written import located, source_at, written_in
 from mavlink_defs.constants import INT32_MAX, MAX_MISSION_ITEMS
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.mission_files import mission_item, read_mission_file
@@ -172,13 +174,15 @@ def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     if not isinstance(name, str) or others:
         got = " and ".join([shown(name), *map(str, others)])
         text = f"expected the name of a mission file, and no key beside it, got {got}"
-        raise ConfigError(path, [Problem(("mission", "file"), text)])
+        raise ConfigError(path, located(tree, [Problem(("mission", "file"), text)]))
     try:
         items = read_mission_file(Path(path).parent / name)
     except ConfigError as error:
-        problems = [Problem(("mission", "file"), f"{error.path}: {p}") for p in error.problems]
-        raise ConfigError(path, problems) from error
-    return {**tree, "mission": {"items": entries_of_items(items)}}
+        problems = [Problem(("mission", "file"), line) for line in error.lines]
+        raise ConfigError(path, located(tree, problems)) from error
+    entries = written_in(entries_of_items(items), source_at(tree, ("mission", "file")))
+    changed: dict[Any, Any] = merged(tree, {"mission": {"file": None, "items": entries}})
+    return changed
 
 
 def _protocol_keys(item: MissionItem) -> Iterator[tuple[str, Any]]:

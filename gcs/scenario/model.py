@@ -378,11 +378,12 @@ def load_scenario(name: Path | str) -> Scenario:
     return scenario_of(path, scenario_tree(path))
 
 
-def scenario_tree(name: Path | str) -> dict[Any, Any]:
+def scenario_tree(name: Path | str, *, is_base: bool = False) -> dict[Any, Any]:
     """Read a scenario and what it extends, as plain data that is not checked yet.
 
     Args:
         name: A file, or the name of a bundled scenario.
+        is_base: Another file names it: what is no scenario is not quoted.
 
     Raises:
         ConfigError: A file cannot be read, is not a YAML mapping, or extends itself.
@@ -390,7 +391,8 @@ def scenario_tree(name: Path | str) -> dict[Any, Any]:
     path = find_scenario(name)
     if is_mission_file(path):
         raise ConfigError(path, [Problem((), "a mission, not a scenario; see gcs mission")])
-    return read_inherited(path, base_of, with_mission_file)
+    known = Scenario.model_fields.keys()
+    return read_inherited(path, known, base_of, with_mission_file, is_base=is_base)
 
 
 def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:

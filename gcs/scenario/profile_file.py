@@ -9,12 +9,13 @@ from pydantic import Field
 from ftc_autopilot.guidance.mission_items import is_path
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.mission import with_mission_file
-from gcs.scenario.model import scenario_of
+from gcs.scenario.model import Scenario, scenario_of
 from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
 from mavlink_defs.config.models import ConfigError, Model, Problem, Prose, Title
+from mavlink_defs.config.written import located
 from mavlink_defs.mission_files import is_mission_file, read_mission_file
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
@@ -51,7 +52,7 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
     path = find_scenario(name)
     if is_mission_file(path):
         return _segments_of(path, read_mission_file(path))
-    data = read_inherited(path, base_of, with_mission_file)
+    data = read_inherited(path, Scenario.model_fields.keys(), base_of, with_mission_file)
     if not data.keys() <= ProfileFile.model_fields.keys():
         segments = scenario_of(path, data).segments()
         if not segments:
@@ -63,7 +64,7 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
         return items_to_segments(segments_to_items(segments, 0, 0), ANY_AIRSPEED)
     except ItemError as error:
         problem = Problem(("profile", error.seq - 1), error.reason)
-        raise ConfigError(path, [problem]) from error
+        raise ConfigError(path, located(data, [problem])) from error
 
 
 def _segments_of(path: Path, items: Sequence[MissionItem]) -> tuple[Segment, ...]:

@@ -62,7 +62,8 @@ def plan_grid(files: Sequence[Path], axes: Sequence[Axis]) -> Grid:
     points = [_checked(flights, row) for row in rows_of(draws)]
     for k, (name, file) in enumerate(named.items()):
         own = _problems_of(file, trees[name])
-        lasting = [p for p in _shared(found for _, found in points[k :: len(named)]) if p in own]
+        shared = _shared(found for _, found in points[k :: len(named)])
+        lasting = [problem for problem in own if problem in shared]
         if lasting:
             raise ConfigError(file, lasting)
     unknown = ([p for p in found if p.kind is ProblemKind.UNKNOWN_KEY] for _, found in points)

@@ -135,7 +135,7 @@ class ProfilesPanel(Panel, Horizontal):
         try:
             self.segments, self._file = load_profile(path), path
         except ConfigError as problem:
-            says.say("\n".join([f"{visible(path.name)}:", *map(str, problem.problems)]))
+            says.say(str(problem))
             says.add_class("-wrong")
         else:
             says.say("")

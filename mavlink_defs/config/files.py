@@ -1,11 +1,11 @@
 """Configuration files: YAML to checked models and back.
 
 A file that cannot be used is refused with every problem at once, one line each, which names
-the key, its value, and what was expected with its unit::
+the line, the key, its value, and what was expected with its unit::
 
-    wing.yaml: aircraft.mass_g: unknown key; did you mean 'mass_kg'?
-    wing.yaml: aircraft.mass_kg: missing; expected a number in kg
-    wing.yaml: uavs[1].initial.airspeed_m_s: expected > 0 m/s, got -40
+    wing.yaml:4: aircraft.mass_g: unknown key; did you mean 'mass_kg'?
+    wing.yaml:3: aircraft.mass_kg: missing; expected a number in kg
+    wing.yaml:9: uavs[1].initial.airspeed_m_s: expected > 0 m/s, got -40
 
 `read` and `validate` are the two halves of `load`, for callers that change the tree
 in between.
@@ -32,6 +32,7 @@ from mavlink_defs.config.models import (
 )
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.config.user_files import read_text
+from mavlink_defs.config.written import located
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
 from mavlink_defs.runtime.files import write_text
 
@@ -49,30 +50,40 @@ def load(path: Path | str, model: type[M]) -> M:
     return validate(path, read(path), model)
 
 
-def read(path: Path | str) -> dict[Any, Any]:
+def read(path: Path | str, *, quoting: bool = True) -> dict[Any, Any]:
     """Read a YAML file that holds a mapping, as plain data.
+
+    Args:
+        path: The file.
+        quoting: Errors may quote the file.
 
     Raises:
         ConfigError: The file cannot be read, is not YAML, or holds something else.
     """
-    return parse(path, read_text(path))
+    return parse(path, read_text(path), quoting=quoting)
 
 
-def parse(path: Path | str, text: str) -> dict[Any, Any]:
+def parse(path: Path | str, text: str, *, quoting: bool = True) -> dict[Any, Any]:
     """Read YAML that holds a mapping, as plain data; `path` names its origin in errors.
+
+    Args:
+        path: Origin of the text.
+        text: The text.
+        quoting: Errors may quote it.
 
     Raises:
         ConfigError: It is not YAML, or holds something else.
     """
     try:
-        data = parse_yaml(text)
+        data = parse_yaml(text, str(path))
     except (yaml.YAMLError, RecursionError, ValueError) as exc:
-        raise ConfigError(path, [Problem((), yaml_problem(exc))]) from exc
+        place, what = yaml_problem(exc)
+        problem = Problem((), what if quoting else "not YAML", source=f"{path}{place}")
+        raise ConfigError(path, [problem]) from exc
     if data is None:
         raise ConfigError(path, [Problem((), "the file is empty; expected a mapping")])
     if not isinstance(data, dict):
-        # the content is not shown: a scenario may name a file that its reader does not know
-        got = "a text" if isinstance(data, str) else shown(data)
+        got = shown(data) if quoting and not isinstance(data, str) else "something else"
         raise ConfigError(path, [Problem((), f"expected a mapping, got {got}")])
     return data
 
@@ -86,7 +97,7 @@ def validate(path: Path | str, data: dict[Any, Any], model: type[M]) -> M:
     try:
         return model.model_validate(data)
     except ValidationError as exc:
-        problems = problems_of(model, exc)
+        problems = located(data, problems_of(model, exc))
     raise ConfigError(path, problems)
 
 

@@ -5,19 +5,24 @@ accepts other ways to find it); of several, ``extends: [first.yaml, second.yaml]
 into those before it. The file is merged into its base as a JSON Merge Patch (RFC 7396):
 mappings merge key by key, a null removes the base's key, anything else, lists included, replaces.
 One rule is added: a mapping with another `kind` than the base's inherits nothing from it, so that
-one control law does not get the gains of another.
+one control law does not get the gains of another. Each value remembers the file and line where it
+is written.
+
+A file may name any other, also one that its reader must not see. Of a base that is not YAML, or has
+a top-level key that is none of the known ones, messages tell the line but nothing of its content.
 
 Errors: ValueError ← PlaceError (no such place in a tree); about files `ConfigError`.
 """
 
 import functools
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 from mavlink_defs.config.files import read
-from mavlink_defs.config.models import ConfigError, Problem, shown
+from mavlink_defs.config.models import ConfigError, Problem, shown, unknown_key
+from mavlink_defs.config.written import Written, WrittenDict, WrittenList, located, written_in
 from mavlink_defs.config.yaml_text import yaml_of
 
 __all__ = [
@@ -48,49 +53,60 @@ def _as_it_is(_: Path, tree: dict[Any, Any]) -> dict[Any, Any]:
 
 def read_inherited(
     path: Path | str,
+    known: Collection[str],
     find: Callable[[Path, str], Path] = _beside,
     complete: Callable[[Path, dict[Any, Any]], dict[Any, Any]] = _as_it_is,
+    *,
+    is_base: bool = False,
 ) -> dict[Any, Any]:
     """Read a YAML file and what it extends, as one tree without `extends`.
 
     Args:
         path: The file.
+        known: Top-level keys of such files; a base that has another one is none of them.
         find: Gives the file that a name means, for the folder of the file that extends it.
         complete: Gives the tree to merge, for each file and its tree: what the file takes from
             other files beside it.
+        is_base: Another file names this one, so that it is read as what it extends is.
 
     Raises:
         ConfigError: A file cannot be read, holds something else, or extends itself.
     """
-    return _read(Path(path), find, complete, [])
+
+    def read_one(path: Path, above: list[Path]) -> dict[Any, Any]:
+        """Read a file that the ones `above` extend."""
+        if path.resolve() in above:
+            raise ConfigError(path, [Problem((), "extends itself")])
+        tree = _read_base(path, known) if above or is_base else read(path)
+        tree = complete(path, tree)
+        if "extends" not in tree:
+            return tree
+        given, own = tree["extends"], merged(tree, {"extends": None})
+        names = given if isinstance(given, list) else [given]
+        if not names or not all(isinstance(name, str) and name for name in names):
+            text = f"expected the path of a file, or a list of them, got {shown(given)}"
+            raise ConfigError(path, located(tree, [Problem(("extends",), text)]))
+        try:
+            files = [find(path.parent, name) for name in names]
+            bases = [read_one(file, [*above, path.resolve()]) for file in files]
+            tree_of: dict[Any, Any] = functools.reduce(merged, [*bases, own])
+            return tree_of
+        except ConfigError as exc:
+            problems = [Problem(("extends",), line) for line in exc.lines]
+            raise ConfigError(path, located(tree, problems)) from exc
+
+    return read_one(Path(path), [])
 
 
-def _read(
-    path: Path,
-    find: Callable[[Path, str], Path],
-    complete: Callable[[Path, dict[Any, Any]], dict[Any, Any]],
-    above: list[Path],
-) -> dict[Any, Any]:
-    """Read a file that the ones `above` extend."""
-    if path.resolve() in above:
-        raise ConfigError(path, [Problem((), "extends itself")])
-    tree = complete(path, read(path))
-    if "extends" not in tree:
-        return tree
-    given, tree = tree["extends"], {key: tree[key] for key in tree if key != "extends"}
-    names = given if isinstance(given, list) else [given]
-    if not names or not all(isinstance(name, str) and name for name in names):
-        text = f"expected the path of a file, or a list of them, got {shown(given)}"
-        raise ConfigError(path, [Problem(("extends",), text)])
-    try:
-        files = [find(path.parent, name) for name in names]
-        bases = [_read(file, find, complete, [*above, path.resolve()]) for file in files]
-        return dict(functools.reduce(merged, [*bases, tree]))
-    except ConfigError as exc:
-        problems = [Problem(("extends",), f"{exc.path}: {problem}") for problem in exc.problems]
-        raise ConfigError(path, problems) from exc
-    except RecursionError as exc:
-        raise ConfigError(path, [Problem((), "nested too deeply")]) from exc
+def _read_base(path: Path, known: Collection[str]) -> dict[Any, Any]:
+    """Read a file that another one names."""
+    tree = read(path, quoting=False)
+    for key in tree:
+        if key not in {*known, "extends"}:
+            problem = unknown_key((str(key),), known)._replace(loc=())
+            source = tree.sources[key] if isinstance(tree, WrittenDict) else ""
+            raise ConfigError(path, [problem._replace(source=source)])
+    return tree
 
 
 def merged(base: Any, overlay: Any) -> Any:
@@ -99,13 +115,21 @@ def merged(base: Any, overlay: Any) -> Any:
         return overlay
     if not isinstance(base, dict) or overlay.get("kind", base.get("kind")) != base.get("kind"):
         base = {}
-    new = dict(base)
+    new = WrittenDict(base, _sources(base))
+    sources = _sources(overlay)
     for key, value in overlay.items():
+        new.sources.pop(key, None)
         if value is None:
             new.pop(key, None)
-        else:
-            new[key] = merged(base.get(key), value)
+            continue
+        new[key] = merged(base.get(key), value)
+        if key in sources:
+            new.sources[key] = sources[key]
     return new
+
+
+def _sources(tree: Any) -> dict[Any, str]:
+    return dict(tree.sources) if isinstance(tree, Written) else {}
 
 
 def difference(base: Any, tree: Any) -> Any:
@@ -130,20 +154,23 @@ def check_place(place: str) -> None:
     _way(place)
 
 
-def with_values(tree: dict[Any, Any], values: Mapping[str, Any]) -> dict[Any, Any]:
+def with_values(
+    tree: dict[Any, Any], values: Mapping[str, Any], source: str = ""
+) -> dict[Any, Any]:
     """Merge values into single places of a tree, one after the other, as `merged` does.
 
     Args:
         tree: Plain data; it is not changed.
         values: From places, written as in error messages (``trigger.b2_deg``,
             ``faults[0].effectiveness``), to values. Keys may be new, indices may not.
+        source: Where the values are written, such as "--set".
 
     Raises:
         PlaceError: A place is written in another way, or leads through something that is no
             mapping or list, or beyond the end of a list.
     """
     for place, value in values.items():
-        tree = _laid(tree, _way(place), value)
+        tree = _laid(tree, _way(place), written_in(value, source), source)
     return tree
 
 
@@ -176,7 +203,7 @@ def _way(place: str) -> list[re.Match[str]]:
     return list(_STEP.finditer(place))
 
 
-def _laid(here: Any, way: list[re.Match[str]], value: Any) -> Any:
+def _laid(here: Any, way: list[re.Match[str]], value: Any, source: str) -> Any:
     """Merge a value into what stands at the end of a path that begins here."""
     if not way:
         return merged(here, value)
@@ -184,12 +211,15 @@ def _laid(here: Any, way: list[re.Match[str]], value: Any) -> Any:
     name, index = step.groups()
     if name is not None and isinstance(here, dict):
         key = int(name) if name.isdecimal() else name
-        if rest:
-            return {**here, key: _laid(here.get(key, {}), rest, value)}
-        return merged(here, {key: value})
+        if not rest:
+            return merged(here, WrittenDict({key: value}, {key: source}))
+        inner = _laid(here.get(key, {}), rest, value, source)
+        return WrittenDict({**here, key: inner}, {key: source} | _sources(here))
     if index is not None and isinstance(here, list) and int(index) < len(here):
         i = int(index)
-        return [*here[:i], _laid(here[i], rest, value), *here[i + 1 :]]
+        inner = _laid(here[i], rest, value, source)
+        sources = _sources(here) | ({} if rest else {i: source})
+        return WrittenList([*here[:i], inner, *here[i + 1 :]], sources)
     wanted = "a mapping" if name is not None else f"a list of more than {index}"
     place, begin = way[-1].string, step.string[: step.start()]
     raise PlaceError(f"{place}: expected {wanted} at {begin}, got {shown(here)}")

@@ -37,17 +37,27 @@ class ProblemKind(enum.Enum):
 class Problem(NamedTuple):
     """One thing wrong with a configuration; as a text, one line that begins with the place.
 
+    Two are equal that say the same of the same place, wherever its value is written.
+
     Attributes:
         loc: Where it is: keys and list indices from the outside in; empty for the whole.
         text: What is wrong. With `keys`, a format string that names them as {0}, {1} and so on.
         kind: Kind of the problem.
         keys: Other keys of the same mapping that the text names.
+        source: Where the value is written, such as "wing.yaml:12"; empty if that is unknown.
     """
 
     loc: Loc
     text: str
     kind: ProblemKind = ProblemKind.VALUE
     keys: tuple[str, ...] = ()
+    source: str = ""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Problem) and self[:-1] == other[:-1]
+
+    def __hash__(self) -> int:
+        return hash(self[:-1])
 
     def __str__(self) -> str:
         return self.line({})
@@ -74,7 +84,12 @@ class ConfigError(ValueError):
         super().__init__(self.path, self.problems)
 
     def __str__(self) -> str:
-        return "\n".join(f"{visible(str(self.path))}: {problem}" for problem in self.problems)
+        return "\n".join(self.lines)
+
+    @property
+    def lines(self) -> list[str]:
+        """Each problem in a line, after the place where its value is written, or the file."""
+        return [f"{visible(p.source or str(self.path))}: {p}" for p in self.problems]
 
 
 class Problems(ValueError):  # noqa: N818 - several errors in one

@@ -1,24 +1,42 @@
 """YAML as configuration files have it, read and written without loss.
 
 Plain scalars follow YAML 1.2's core schema: 1e-3 is a number, yes is a text. A mapping must not
-have a key twice.
+have a key twice. libyaml reads the text; its events become data here, as libyaml's own composer
+has no end of its recursion.
 """
 
 import re
 from typing import Any
 
 import yaml
+from yaml._yaml import CParser
+from yaml.composer import Composer
+from yaml.constructor import SafeConstructor
+from yaml.resolver import Resolver
 
-__all__ = ["parse_yaml", "yaml_of", "yaml_problem"]
+from mavlink_defs.config.written import WrittenDict, WrittenList
+
+__all__ = ["DuplicateKeyError", "parse_yaml", "yaml_of", "yaml_problem"]
+
+_MOST_VALUES = 1_000_000
+"""Values that a text may stand for: aliases of aliases multiply without end."""
 
 
-def parse_yaml(text: str) -> Any:
-    """Return the plain data in a text.
+class DuplicateKeyError(yaml.MarkedYAMLError):
+    """A mapping has a key twice."""
+
+
+def parse_yaml(text: str, name: str = "") -> Any:
+    """Return the plain data in a text, with where it is written if the text has a name.
 
     Raises:
         yaml.YAMLError, RecursionError, ValueError: It is not YAML; see `yaml_problem`.
     """
-    return yaml.load(text, _Loader)
+    loader = _Loader(text, name)
+    try:
+        return loader.get_single_data()
+    finally:
+        loader.dispose()
 
 
 def yaml_of(data: Any) -> str:
@@ -26,22 +44,49 @@ def yaml_of(data: Any) -> str:
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
 
 
-def yaml_problem(exc: Exception) -> str:
-    """Return what is wrong with a text that `parse_yaml` refused."""
+def yaml_problem(exc: Exception) -> tuple[str, str]:
+    """Return where a text is wrong that `parse_yaml` refused, as ":3:1" or "", and what is."""
     if isinstance(exc, yaml.MarkedYAMLError) and exc.problem_mark is not None:
         mark = exc.problem_mark
-        where = f"line {mark.line + 1}, column {mark.column + 1}: "
         text = exc.problem or "cannot be understood"
-        return where + (text if text.startswith("duplicate key") else f"not YAML: {text}")
+        what = text if isinstance(exc, DuplicateKeyError) else f"not YAML: {text}"
+        return f":{mark.line + 1}:{mark.column + 1}", what
     if isinstance(exc, RecursionError):
-        return "not YAML: nested too deeply"
-    return f"not YAML: {' '.join(str(exc).split())}"
+        return "", "not YAML: nested too deeply"
+    return "", f"not YAML: {' '.join(str(exc).split())}"
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(Composer, CParser, SafeConstructor, Resolver):
     """Plain scalars as in YAML 1.2's core schema (1e-3 is a number); keys occur once."""
 
     yaml_implicit_resolvers = {}  # noqa: RUF012 - PyYAML's way; it is copied, not shared
+
+    def __init__(self, text: str, name: str) -> None:
+        CParser.__init__(self, text)
+        Composer.__init__(self)
+        SafeConstructor.__init__(self)
+        Resolver.__init__(self)
+        self._name = name
+        self._values = 0  # composed so far, each as often as aliases repeat it
+        self._sizes: dict[yaml.Node, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event: Any = self.peek_event()
+        begin: Any = event.start_mark
+        before = self._values
+        self._values += 1
+        node: Any = super().compose_node(parent, index)
+        if not isinstance(event, yaml.AliasEvent):
+            self._sizes[node] = self._values - before
+        elif node not in self._sizes:
+            problem = "alias of what it is in"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=begin)
+        else:
+            self._values += self._sizes[node]
+        if self._values > _MOST_VALUES:
+            problem = f"its aliases repeat more than {_MOST_VALUES} values"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=begin)
+        return node
 
     def compose_mapping_node(self, anchor: Any) -> Any:
         node = super().compose_mapping_node(anchor)
@@ -51,9 +96,30 @@ class _Loader(yaml.SafeLoader):
                 continue  # refused later: no key of ours is a list or a mapping
             if key.value in seen:
                 problem = f"duplicate key '{key.value}', given before in line {seen[key.value]}"
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+                raise DuplicateKeyError(problem=problem, problem_mark=key.start_mark)
             seen[key.value] = key.start_mark.line + 1
         return node
+
+    def construct_written_map(self, node: Any) -> Any:
+        data = WrittenDict()
+        yield data
+        data.update(self.construct_mapping(node))
+        for key, _ in node.value:
+            data.sources[self.construct_object(key)] = self._source(key)
+
+    def construct_written_seq(self, node: Any) -> Any:
+        data = WrittenList()
+        yield data
+        data.extend(self.construct_sequence(node))
+        data.sources = {i: self._source(entry) for i, entry in enumerate(node.value)}
+
+    def _source(self, node: Any) -> str:
+        return f"{self._name}:{node.start_mark.line + 1}" if self._name else ""
+
+
+_add: Any = _Loader.add_constructor  # its stub knows no such loader
+_add("tag:yaml.org,2002:map", _Loader.construct_written_map)
+_add("tag:yaml.org,2002:seq", _Loader.construct_written_seq)
 
 
 class _Dumper(yaml.SafeDumper):
@@ -68,6 +134,8 @@ class _Dumper(yaml.SafeDumper):
 
 
 _Dumper.add_representer(str, _Dumper.represent_str)
+_Dumper.add_representer(WrittenDict, _Dumper.represent_dict)
+_Dumper.add_representer(WrittenList, _Dumper.represent_list)
 
 
 _SCALARS = {  # tag: pattern, characters that it can begin with

@@ -1,6 +1,7 @@
 """Planning a campaign: what a row means, and every mistake before the first flight."""
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +38,29 @@ def message(tmp_path: Path, **changes: Any) -> str:
     with pytest.raises(ConfigError) as caught:
         load_plan(path)
     text = str(caught.value)
-    assert all(line.startswith(f"{path}: ") for line in text.splitlines())
-    return text.replace(f"{path}: ", "")
+    assert all(re.match(rf"{re.escape(str(path))}(:\d+)?: ", line) for line in text.splitlines())
+    return re.sub(rf"^{re.escape(str(path))}(:\d+)?: ", "", text, flags=re.MULTILINE)
+
+
+def test_problems_name_the_line_that_has_the_value(tmp_path: Path) -> None:
+    path = tmp_path / "c.yaml"
+    path.write_text(
+        "name: c\nscenario: paper/scenario1\ndraws: 2\nfactors:\n"
+        "  uncertainty.mass: {draw: {kind: uniform, low: -2, high: -1}}\n"
+        "variants:\n  a:\n    trigger:\n      b2_deg: -3\n  b: {nonsense: 3}\n"
+    )
+    with pytest.raises(ConfigError) as caught:
+        load_plan(path)
+    lines = [line.removeprefix(f"{path}:") for line in str(caught.value).splitlines()]
+    places = ["9: variants.a.trigger.b2_deg", "10: variants.b.nonsense", "5: factors"]
+    for place in places:
+        assert any(line.startswith(place) for line in lines), lines
+    path.write_text("name: c\nscenario: secret\ndraws: 2\n")
+    (tmp_path / "secret").write_text("name: x\npassword: hunter2\n")
+    with pytest.raises(ConfigError) as caught:
+        load_plan(path)
+    assert f"{path}:2: scenario: {tmp_path / 'secret'}:2: unknown key" in str(caught.value)
+    assert "password" not in str(caught.value)
 
 
 def test_a_row_is_a_scenario_with_its_values() -> None:

@@ -72,7 +72,8 @@ def test_an_unknown_name_suggests_names_alike(name: str, meant: str, tmp_path: P
     with pytest.raises(ConfigError, match=rf"^{name}: no such file.*; did you mean {meant}\b"):
         load_scenario(name)
     (tmp_path / "mine.yaml").write_text(f"extends: {name}\n")
-    with pytest.raises(ConfigError, match=rf"^mine\.yaml: extends: {name}: .*did you mean {meant}"):
+    text = rf"^mine\.yaml:1: extends: {name}: .*did you mean {meant}"
+    with pytest.raises(ConfigError, match=text):
         load_scenario("mine.yaml")
 
 

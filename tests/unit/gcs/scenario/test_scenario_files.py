@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 
+from gcs.commands.common import changed_scenario
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
+from gcs.scenario.profile_file import load_profile
 from mavlink_defs.config.inherit import merged, with_values
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.constants import ACTUATORS
@@ -99,10 +101,34 @@ def test_every_problem_is_told_of_the_file_that_was_loaded(tmp_path: Path) -> No
     with pytest.raises(ConfigError) as caught:
         load_scenario(path)
     assert str(caught.value).splitlines() == [
-        f"{path}: aircraft.mass_kg: expected > 0 kg, got -1",
-        f"{path}: aircraft.mass_g: unknown key; did you mean 'mass_kg'?",
-        f"{path}: extend: unknown key; did you mean 'extends'?",
+        f"{path}:2: aircraft.mass_kg: expected > 0 kg, got -1",
+        f"{path}:2: aircraft.mass_g: unknown key; did you mean 'mass_kg'?",
+        f"{path}:3: extend: unknown key; did you mean 'extends'?",
     ]
+
+
+def test_a_problem_is_told_of_the_file_that_has_the_value(tmp_path: Path) -> None:
+    base = extending(tmp_path, "seed: 1\naircraft:\n  mass_kg: -1\n").rename(tmp_path / "base.yaml")
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"extends: {base}\ntrigger: {{b2_deg: -1}}\n")
+    with pytest.raises(ConfigError) as caught:
+        changed_scenario(path, ["realistic"], ["step_us=0"])
+    assert str(caught.value).splitlines() == [
+        "--set: step_us: expected [1, 100000] us, got 0",
+        f"{base}:4: aircraft.mass_kg: expected > 0 kg, got -1",
+        f"{path}:2: trigger.b2_deg: expected >= 0 deg, got -1",
+    ]
+
+
+def test_a_base_that_is_no_scenario_is_not_quoted(tmp_path: Path) -> None:
+    secret = tmp_path / "secret.yaml"
+    secret.write_text("name: production\npassword: hunter2\n")
+    path = tmp_path / "mine.yaml"
+    path.write_text("extends: secret.yaml\n")
+    for read in (load_scenario, load_profile):
+        with pytest.raises(ConfigError) as caught:
+            read(path)
+        assert str(caught.value) == f"{path}:1: extends: {secret}:2: unknown key"
 
 
 def test_a_tree_has_everything_and_can_be_changed_before_it_is_checked(tmp_path: Path) -> None:

@@ -160,7 +160,7 @@ def test_a_file_that_no_value_mends_is_refused(tmp_path: Path) -> None:
     bad = tmp_path / "bad.yaml"
     bad.write_text(f"extends: {SCENARIO_1}\nduration_s: -1\n")
     for files in ([bad], [SCENARIO_1, bad]):
-        with pytest.raises(ConfigError, match=r"bad\.yaml: duration_s"):
+        with pytest.raises(ConfigError, match=r"bad\.yaml:2: duration_s"):
             grid_of(files, "trigger.b2_deg=1")
     mended = grid_of([bad], "duration_s=1,-2")
     assert [scenario is None for scenario in mended.scenarios] == [False, True]

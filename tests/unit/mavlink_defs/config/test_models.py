@@ -1,4 +1,5 @@
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -60,7 +61,9 @@ def problems(file: Path) -> Callable[[str | bytes], list[str]]:
         with pytest.raises(ConfigError) as caught:
             load(file, Craft)
         assert caught.value.path == file
-        assert str(caught.value) == "\n".join(f"{file}: {line}" for line in caught.value.problems)
+        lines = zip(str(caught.value).splitlines(), caught.value.problems, strict=True)
+        for line, problem in lines:
+            assert re.fullmatch(rf"{re.escape(str(file))}(:\d+)*: {re.escape(str(problem))}", line)
         return list(map(str, caught.value.problems))
 
     return of
@@ -127,21 +130,21 @@ def problems(file: Path) -> Callable[[str | bytes], list[str]]:
         ("42", "expected a mapping, got 42"),
         (
             "mass_kg: 1\nmode: slow\nmass_kg: 2\n",
-            "line 3, column 1: duplicate key 'mass_kg', given before in line 1",
+            "duplicate key 'mass_kg', given before in line 1",
         ),
-        ("{a: 1, a: 2}", "line 1, column 8: duplicate key 'a', given before in line 1"),
+        ("{a: 1, a: 2}", "duplicate key 'a', given before in line 1"),
         (
             "mass_kg: 1\n\tmode: slow\n",
-            "line 2, column 1: not YAML: found character '\\t' that cannot start any token",
+            "not YAML: found a tab character that violates indentation",
         ),
         (
             "wings: [1, 2\nmass_kg: 1\n",
-            "line 2, column 8: not YAML: expected ',' or ']', but got ':'",
+            "not YAML: did not find expected ',' or ']'",
         ),
-        ("a: 1\n---\nb: 1\n", "line 2, column 1: not YAML: but found another document"),
+        ("a: 1\n---\nb: 1\n", "not YAML: but found another document"),
         (
             "a: !!python/object:os.system 1",
-            "line 1, column 4: not YAML: could not determine a constructor for the tag "
+            "not YAML: could not determine a constructor for the tag "
             "'tag:yaml.org,2002:python/object:os.system'",
         ),
         (b"mass_kg: 1 # \xfc\n", "not UTF-8 text: byte 13 is 0xfc"),
