@@ -5,6 +5,7 @@ Results go to standard output, everything else to standard error.
 
 import json
 import os
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -30,6 +31,8 @@ __all__ = [
 _PIPE_WIDTH = 10_000
 _NARROWEST_TEXT = 12
 """Width down to which a column of texts is folded."""
+_LONGEST_WORD = 24
+"""Length up to which a word, or a number among words, is kept whole."""
 
 
 class Terminal(Console):
@@ -91,13 +94,16 @@ def _finite(value: Any) -> Any:
 
 
 def words(heading: str) -> Column:
-    """Return a column of texts: it is folded where the terminal is narrow."""
+    """Return a column of texts: it is folded between words where the terminal is narrow."""
     return Column(heading, overflow="fold")
 
 
 def numbers(heading: str) -> Column:
-    """Return a column of numbers, right-aligned: as wide as the widest, whatever the terminal."""
-    return Column(heading, justify="right", no_wrap=True)
+    """Return a column of numbers, right-aligned: as wide as the widest, whatever the terminal.
+
+    Where the terminal is narrow, the heading is folded.
+    """
+    return Column(Text(heading, no_wrap=False), justify="right", no_wrap=True)
 
 
 def table_of(*columns: Column, **options: Any) -> Table:
@@ -113,9 +119,19 @@ class _Uncut(Table):
         natural = Measurement.get(console, options.update_width(_PIPE_WIDTH), self).maximum
         least = natural
         for column in self.columns:
-            cells = (str(cell) for cell in (column.header, *column.cells))
-            width = max((cell_len(line) for cell in cells for line in cell.split("\n")), default=0)
-            column.min_width = width if column.no_wrap else min(width, _NARROWEST_TEXT)
-            least -= width - column.min_width
+            cells, heading = list(map(str, column.cells)), str(column.header)
+            widest = _longest(line for text in (heading, *cells) for line in text.split("\n"))
+            if column.no_wrap:
+                unbroken = re.findall(r"\[[^]]*\]|\S+", heading)  # a unit stays whole
+                column.min_width = max(_longest(cells), _longest(unbroken))
+                column.max_width = column.min_width if natural > options.max_width else None
+            else:
+                word = _longest(word for text in (heading, *cells) for word in text.split())
+                column.min_width = min(widest, max(_NARROWEST_TEXT, min(word, _LONGEST_WORD)))
+            least -= widest - column.min_width
         wide = options.update_width(max(options.max_width, least))
         yield from super().__rich_console__(console, wide)
+
+
+def _longest(texts: Iterable[str]) -> int:
+    return max(map(cell_len, texts), default=0)

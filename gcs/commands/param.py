@@ -239,8 +239,8 @@ def _difference(system: int, name: str, held: float | None, value: float) -> str
 def _words(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:
     unit = f" {known.unit}" if known and known.unit else ""
     allowed = known.range() if known else ""
-    allowed = "read only" if param.name in READ_ONLY else allowed
-    limits = "" if not allowed or allowed.startswith("any number") else f" ({allowed})"
+    limits = "" if not allowed or allowed.startswith("any number") else f", range {allowed}"
+    limits = ", read only" if param.name in READ_ONLY else limits
     meaning = f"; {known.doc.rstrip('.')}" if known and known.doc else ""
     return f"UAV {vehicle.system}: {param.name} = {param.value:g}{unit}{limits}{meaning}"
 

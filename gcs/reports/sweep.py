@@ -154,8 +154,8 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
         title=_title(uav_id),
         caption=caption if shown else None,
         box=box.SIMPLE_HEAD,
+        padding=0,
         pad_edge=False,
-        collapse_padding=True,
     )
     for point in points[:_TERMINAL_ROWS]:
         where = [position(point, name) for name in names]

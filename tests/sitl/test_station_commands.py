@@ -175,7 +175,7 @@ def test_profiles(fleet: Up, tmp_path: Path) -> None:
 def test_parameters(fleet: Up) -> None:
     listed = fleet.gcs("param", "list", "--uav", "1")
     assert listed.returncode == ACCEPTED, listed.stderr
-    told = "UAV 1: TRIG_B2_DEG = 1 deg ([0, 10] deg); Absolute threshold of a surface"
+    told = "UAV 1: TRIG_B2_DEG = 1 deg, range [0, 10] deg; Absolute threshold of a surface"
     assert told in listed.stdout
     (answer,) = fleet.gcs_json("param", "set", "TRIG_B2_DEG", "0.75", "--uav", "2")
     assert (answer["name"], answer["value"]) == ("TRIG_B2_DEG", 0.75)

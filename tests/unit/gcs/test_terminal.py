@@ -32,6 +32,9 @@ def printed(renderable: Any, width: int) -> str:
 
 
 names = st.text(st.characters(exclude_categories=["C", "Z", "M"]), max_size=40)
+sentences = st.lists(
+    st.from_regex(r"[a-z]{1,15}|-?\d{1,7}(\.\d{1,5})?", fullmatch=True), max_size=9
+)
 figures = st.integers(0, 10**9).map(str) | st.floats(-1e6, 1e6).map("{:.1f} deg".format)
 rows = st.lists(st.tuples(names, figures, figures, figures, names), min_size=1, max_size=4)
 
@@ -51,6 +54,23 @@ def test_no_table_cuts_anything_at_any_width(
             assert cell in shown
         for cell in (row[0], row[4]):
             assert all(shown.count(c) >= row[0].count(c) for c in cell)
+
+
+@given(st.lists(st.tuples(sentences, figures), min_size=1, max_size=4), st.integers(10, 120))
+def test_no_table_breaks_a_word_or_a_number(
+    content: list[tuple[list[str], str]], width: int
+) -> None:
+    table = table_of(words("remarks"), numbers("saved by the trigger\n[deg s]"), box=None)
+    for remarks, figure in content:
+        table.add_row(" ".join(remarks), figure)
+    shown = printed(table, width)
+    found = sorted(re.findall(r"[^\s\[\]]+", shown))
+    heading = ["remarks", "saved", "by", "the", "trigger", "deg", "s"]
+    cells = [word for remarks, figure in content for word in (*remarks, *figure.split())]
+    assert found == sorted(heading + cells)
+    assert "[deg s]" in shown
+    if (widest := max(len(figure) for _, figure in content)) <= 10 and width >= 30:
+        assert max(map(len, shown.splitlines())) <= max(width, 24 + 4 + widest)
 
 
 def test_a_pipe_has_no_edge(
