@@ -50,7 +50,8 @@ def main() -> None:
     row("gcs fly to first simulated step, compile cache warm", warm_s, "s", wanted="< 1.5")
     for command in TALKING:
         talking_s = [processor_time_s(command) for _ in range(ROUNDS)]
-        row(f"gcs {command[0]} until it listens, processor time", talking_s, "s", wanted="≤ 0.3")
+        name = f"gcs {command[0]} until it listens, processor time"
+        row(name, talking_s, "s", wanted="≤ 0.3", digits=2)
     shares = [100.0 * ground_station.share_of_a_core() for _ in range(3)]
     row("gcs fly with 30 UAVs in flight, share of one core", shares, "%", wanted="< 15")
     load = dashboard.measure()
@@ -105,10 +106,10 @@ def reproduction_s(folder: Path) -> float:
     return time.time() - begin
 
 
-def row(name: str, values: list[float], unit: str, wanted: str = "") -> None:
-    spread = f"{min(values):.1f} to {max(values):.1f}"
+def row(name: str, values: list[float], unit: str, wanted: str = "", digits: int = 1) -> None:
+    spread = f"{min(values):.{digits}f} to {max(values):.{digits}f}"
     target = f"  (wanted {wanted})" if wanted else ""
-    print(f"{name:55s} {statistics.median(values):7.1f} {unit}  {spread:>14s}{target}")
+    print(f"{name:55s} {statistics.median(values):7.{digits}f} {unit}  {spread:>14s}{target}")
 
 
 if __name__ == "__main__":

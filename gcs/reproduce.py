@@ -1,9 +1,11 @@
 """Fly the paper's scenarios, and every law with every trigger, and write the report in a folder."""
 
 import csv
+import itertools
 import math
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +33,7 @@ from mavlink_defs.runtime.files import naming, write_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["FILES", "load_all", "reproduce", "steps"]
+__all__ = ["FILES", "Reproduction", "load_all", "reproduce", "steps"]
 
 FILES = ("scenario1", *CONTROLLERS, *MODES)
 """Scenario files that are flown, without suffix."""
@@ -54,6 +56,19 @@ _COMBINATIONS = (
 )
 _FOLLOWER_2 = 3
 _BUNDLED = "name the folder with --scenarios, or leave it out for the bundled ones"
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What was flown.
+
+    Attributes:
+        summaries: Those of the paper's flights, by file name.
+        flights: How many flights were flown, those of the second chapter included.
+    """
+
+    summaries: Mapping[str, FlightSummary]
+    flights: int
 
 
 def steps(scenarios: Mapping[str, Scenario]) -> int:
@@ -88,7 +103,7 @@ def reproduce(
     on_step: Callable[[str], None],
     *,
     faults: bool = False,
-) -> dict[str, FlightSummary]:
+) -> Reproduction:
     """Fly everything, and write report, data and figures.
 
     Args:
@@ -98,13 +113,17 @@ def reproduce(
         out: Empty folder.
         on_step: Called with the name of each finished step, as often as `steps` says.
         faults: Fly every fault file, too, under every law and trigger.
-
-    Returns:
-        The summary of each flight, by file name.
     """
+    flown = itertools.count()
+
+    def summary_of(scenario: Scenario) -> FlightSummary:
+        recording = fly_in_process(scenario)
+        next(flown)
+        return summarise(recording, scenario)
 
     def fly_and_export(file: str) -> Recording:
         recording = fly(file, scenarios[file])
+        next(flown)
         folder = out / "data" / file
         folder.mkdir(parents=True, exist_ok=True)
         export_flight(recording, folder)
@@ -128,33 +147,34 @@ def reproduce(
         figures=_CAPTIONS,
     )
     text = paper_report(results)
-    text += "\n" + _second_chapter(scenarios, summaries, jobs, out, on_step, faults=faults)
+    with ThreadPoolExecutor(jobs) as pool:
+        chapter = _second_chapter(scenarios, summaries, summary_of, pool, out, on_step, faults)
+    text += "\n" + chapter
     save_markdown(out / "report.md", text)
     write_text(out / "report.html", html_of(text, out))
     on_step("wrote the report")
-    return summaries
+    return Reproduction(summaries, next(flown))
 
 
 def _second_chapter(
     scenarios: Mapping[str, Scenario],
     summaries: Mapping[str, FlightSummary],
-    jobs: int,
+    fly: Callable[[Scenario], FlightSummary],
+    pool: Executor,
     out: Path,
     on_step: Callable[[str], None],
-    *,
     faults: bool,
 ) -> str:
-    """Fly every law with every trigger in process, and return the section of the report."""
+    """Fly every law with every trigger, and return the section of the report."""
     flown, by_clock = [], []
     listed = combinations(scenarios["scenario1"])
-    with ThreadPoolExecutor(jobs) as pool:
-        for rival in fly_rivals(rivals(listed), _summary_of, pool):
-            by_clock.append(rival)
-            on_step(f"flew {rival.sender.law} every {rival.sender.period_s * 1e3:g} ms")
-        for one in fly_all(listed, _summary_of, pool):
-            compared = with_slowest_equal(one, by_clock, _FOLLOWER_2)
-            flown.append(fly_faults(compared, _summary_of, pool) if faults else compared)
-            on_step(f"flew {one.law}, {one.trigger}, {one.aircraft}")
+    for rival in fly_rivals(rivals(listed), fly, pool):
+        by_clock.append(rival)
+        on_step(f"flew {rival.sender.law} every {rival.sender.period_s * 1e3:g} ms")
+    for one in fly_all(listed, fly, pool):
+        compared = with_slowest_equal(one, by_clock, _FOLLOWER_2)
+        flown.append(fly_faults(compared, fly, pool) if faults else compared)
+        on_step(f"flew {one.law}, {one.trigger}, {one.aircraft}")
     write_text(out / "data" / "combinations.csv", combinations_csv(flown))
     save(draw_combinations(flown, _FOLLOWER_2), out / "figures", "combinations")
     on_step("drew combinations")
@@ -162,10 +182,6 @@ def _second_chapter(
     iae = follower.iae if follower is not None else {}
     paper = {quantity: iae.get(quantity) or math.nan for quantity in QUANTITIES}
     return combinations_section(flown, _FOLLOWER_2, paper, _COMBINATIONS)
-
-
-def _summary_of(scenario: Scenario) -> FlightSummary:
-    return summarise(fly_in_process(scenario), scenario)
 
 
 def _draw(

@@ -82,7 +82,7 @@ def reproduce(
     try:
         with working(console) as shown:
             task = shown.add("flying and drawing", work.steps(loaded), "steps")
-            summaries = work.reproduce(
+            done = work.reproduce(
                 loaded,
                 _over_wire(folder) if over_wire else _in_process,
                 1 if over_wire else os.cpu_count() or 1,
@@ -94,11 +94,11 @@ def reproduce(
         raise Interrupted(f"interrupted; finished flights are in {folder}") from None
     seconds = time.monotonic() - begin
     console_of(stderr=False, quiet=quiet).print(
-        f"{len(summaries)} flights of the paper, and every law with every trigger, "
-        f"in {seconds:.1f} s; open {folder}/report.html",
+        f"{done.flights} flights, {len(done.summaries)} of them the paper's, in {seconds:.1f} s; "
+        f"open {folder}/report.html",
         soft_wrap=True,
     )
-    lost = [f"{s.scenario}: {s.loss}" for s in summaries.values() if s.loss]
+    lost = [f"{s.scenario}: {s.loss}" for s in done.summaries.values() if s.loss]
     if lost:
         raise FlightLost("; ".join(lost), f"the report is in {folder}")
 

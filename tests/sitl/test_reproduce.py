@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from flying import SCENARIO_1, assert_one_message, run
 
+from gcs.baselines.rivals import rivals
+from gcs.combinations import combinations
 from gcs.reproduce import FILES
+from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl
 
@@ -36,7 +39,9 @@ def out(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = run("gcs", "reproduce", "--scenarios", short, "--out", out)
     assert done.returncode == 1, done.stderr
     assert_one_message(done.stderr)
-    assert f"{len(FILES)} flights" in done.stdout
+    listed = combinations(load_scenario(short / "scenario1.yaml"))
+    flights = len(FILES) + len(listed) + len(rivals(listed))
+    assert f"{flights} flights, {len(FILES)} of them the paper's, in " in done.stdout
     assert "fault mode 4: UAV 3 was lost" in done.stderr
     return out
 
