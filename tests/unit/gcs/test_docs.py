@@ -305,3 +305,14 @@ def test_limits_of_missions_in_the_docs_are_those_of_the_code() -> None:
     missions = (DOCS / "reference" / "missions.md").read_text()
     for text in (f"{MAX_MISSION_ITEMS} items", f"{MAX_LEGS} legs", f"{MAX_VISITS} visits"):
         assert f" {text}" in missions
+
+
+def test_the_page_knows_the_bytes_of_a_message_that_relays() -> None:
+    hexagon = load_scenario(Path("missions/hexagon")).model_copy(update={"duration_s": 0.1})
+    signals = fly_in_process(hexagon).signals
+    short, relaying = sorted(
+        set(signals["report_size"][signals["neighbour_message"] == 1].tolist())
+    )
+    assert short == 0
+    page = (DOCS / "explanation" / "neighbour-messages.md").read_text()
+    assert f"\n{relaying} bytes more in one message of twenty" in page
