@@ -8,7 +8,15 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from mavlink_defs.config.files import problems_of
-from mavlink_defs.config.models import HostPort, Model, Problems, SystemId, repeated, unknown_key
+from mavlink_defs.config.models import (
+    AtMost,
+    HostPort,
+    Model,
+    Problems,
+    SystemId,
+    repeated,
+    unknown_key,
+)
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.faults import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
@@ -116,7 +124,7 @@ class Aircraft(Model):
 
 _Factor = Annotated[float, quantity("", doc="True value by nominal value.")]
 _Scale = Annotated[float, quantity("", gt=0.0, doc="True value by nominal value.")]
-_ByName = Annotated[dict[str, _Factor], Tag("<names>")]
+_ByName = Annotated[dict[str, _Factor], AtMost(100), Tag("<names>")]
 
 
 def _form(value: object) -> str | None:

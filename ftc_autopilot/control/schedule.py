@@ -6,7 +6,7 @@ from typing import Annotated, Any, Generic, TypeVar
 import numpy as np
 from pydantic import ConfigDict, Discriminator, Field, RootModel, Tag, model_validator
 
-from mavlink_defs.config.models import Loc, Model, Problems
+from mavlink_defs.config.models import AtMost, Loc, Model, Problems
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
@@ -40,7 +40,8 @@ def _form(value: object) -> str:
 class Schedule(
     RootModel[
         Annotated[
-            Annotated[T, Tag("<value>")] | Annotated[tuple[Window[T], ...], Tag("<windows>")],
+            Annotated[T, Tag("<value>")]
+            | Annotated[tuple[Window[T], ...], AtMost(MAX_WINDOWS, "window"), Tag("<windows>")],
             Discriminator(_form),
         ]
     ],
@@ -67,8 +68,6 @@ class Schedule(
         times = [until for until, _ in self.windows()]
         last = len(times) - 1
         problems: list[tuple[Loc, str]] = []
-        if len(times) > MAX_WINDOWS:
-            problems.append(((), f"expected at most {MAX_WINDOWS} windows, got {len(times)}"))
         for i, until in enumerate(times):
             if i == last and until != math.inf:
                 problems.append(

@@ -13,7 +13,7 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from pydantic import Field, model_validator
 
-from mavlink_defs.config.models import Loc, Model, Problems, SystemId
+from mavlink_defs.config.models import AtMost, Loc, Model, Problems, SystemId
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.vec3 import Vec3
 
@@ -60,7 +60,7 @@ class FormationChange(Model):
     """Other slots from a time on."""
 
     at_s: float = quantity("s", gt=0.0, doc="Time on the mission's clock.")
-    slots: dict[SystemId, Slot] = Field(
+    slots: Annotated[dict[SystemId, Slot], AtMost(MAX_MEMBERS)] = Field(
         min_length=1, description="New slots by UAV; the others keep theirs."
     )
 
@@ -125,11 +125,11 @@ class FormationParameters(Model):
 class Formation(FormationParameters):
     """Slots of all members on the path, how they are held, and what becomes of the hurt."""
 
-    slots: dict[SystemId, Slot] = Field(
-        min_length=1, max_length=MAX_MEMBERS, description="Slot of each member, by UAV."
+    slots: Annotated[dict[SystemId, Slot], AtMost(MAX_MEMBERS)] = Field(
+        min_length=1, description="Slot of each member, by UAV."
     )
-    changes: tuple[FormationChange, ...] = Field(
-        default=(), max_length=MAX_CHANGES, description="Changes of the slots, in order of time."
+    changes: Annotated[tuple[FormationChange, ...], AtMost(MAX_CHANGES)] = Field(
+        default=(), description="Changes of the slots, in order of time."
     )
 
     @property

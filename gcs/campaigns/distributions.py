@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import Field, model_validator
 
-from mavlink_defs.config.models import Model, Problems, repeated
+from mavlink_defs.config.models import AtMost, Model, Problems, repeated
 from mavlink_defs.config.quantity import quantity
 
 __all__ = [
@@ -98,7 +98,7 @@ class Choice(Model):
     """Every value of a list is as likely: numbers, texts, lists or mappings."""
 
     kind: Literal["choice"] = Field(description="Every value of a list is as likely.")
-    values: tuple[Value, ...] = Field(
+    values: Annotated[tuple[Value, ...], AtMost(10_000)] = Field(
         min_length=1, description="The values, anything that the key can have."
     )
 

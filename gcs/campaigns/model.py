@@ -13,6 +13,7 @@ from gcs.campaigns.distributions import Choice, Distribution, is_number, support
 from mavlink_defs.config.files import read, validate
 from mavlink_defs.config.inherit import with_values
 from mavlink_defs.config.models import (
+    AtMost,
     ConfigError,
     Loc,
     Model,
@@ -24,7 +25,7 @@ from mavlink_defs.config.models import (
     repeated,
 )
 from mavlink_defs.config.quantity import quantity, whole
-from mavlink_defs.constants import ACTUATORS, Actuator
+from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, Actuator
 from mavlink_defs.visible import visible
 
 __all__ = [
@@ -66,13 +67,13 @@ class DrawnFault(Model):
     a bias or a stuck position, the value by the actuator's limit (a stuck throttle: its size).
     """
 
-    uavs: tuple[SystemId, ...] = Field(
+    uavs: Annotated[tuple[SystemId, ...], AtMost(LAST_SYSTEM)] = Field(
         default=(), description="UAVs that it may hit, as likely each; all of them by default."
     )
-    actuators: tuple[Actuator, ...] = Field(
+    actuators: Annotated[tuple[Actuator, ...], AtMost(len(ACTUATORS))] = Field(
         default=ACTUATORS, min_length=1, description="Actuators that it may hit, as likely each."
     )
-    kinds: dict[FaultKind, Distribution] = Field(
+    kinds: Annotated[dict[FaultKind, Distribution], AtMost(3)] = Field(
         min_length=1, description="Kinds of fault, as likely each, with their severity."
     )
     start_s: Distribution = Field(description="Onset [s of simulated time].")
@@ -106,7 +107,7 @@ class Kept(Model):
     """Flights whose trajectories are kept, in ``flights/ROW``."""
 
     worst: int = whole("", ge=0, default=0, doc="How many of the worst flights per figure.")
-    figures: tuple[str, ...] = Field(
+    figures: Annotated[tuple[str, ...], AtMost(1000)] = Field(
         default=(), description="Columns of the results, as in uav3.iae_roll; the largest is worst."
     )
     failures: int = whole("", ge=0, default=0, doc="How many flights of each failed outcome.")
@@ -139,9 +140,13 @@ class Campaign(Model):
         default="random",
         description="How values are drawn together; a grid takes every combination of choices.",
     )
-    factors: dict[Name, Factor] = Field(default={}, description="Drawn values, by name.")
-    faults: dict[Name, DrawnFault] = Field(default={}, description="Drawn faults, by name.")
-    variants: dict[VariantName, dict[str, Any]] = Field(
+    factors: Annotated[dict[Name, Factor], AtMost(1000)] = Field(
+        default={}, description="Drawn values, by name."
+    )
+    faults: Annotated[dict[Name, DrawnFault], AtMost(1000)] = Field(
+        default={}, description="Drawn faults, by name."
+    )
+    variants: Annotated[dict[VariantName, dict[str, Any]], AtMost(1000)] = Field(
         default={"base": {}},
         min_length=1,
         description="Changes of the scenario that fly the same draws, by name, as after `extends`.",

@@ -69,7 +69,7 @@ def load_plan(path: Path, draws: int | None = None) -> Plan:
             campaign = validate(path, rest, Campaign)
             break
         except ConfigError as error:
-            problems += [p for p in located(tree, error.problems) if p not in problems]
+            problems = list(dict.fromkeys([*problems, *located(tree, error.problems)]))
             before, rest = rest, _without_unknown_keys(rest, error.problems)
             if rest == before:
                 rest, whole = _without(rest, error.problems), False

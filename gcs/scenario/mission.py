@@ -6,7 +6,7 @@ Each entry becomes one item of the mission protocol, so that both count items fr
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
@@ -14,7 +14,7 @@ from ftc_autopilot.geography import Origin, place_of
 from ftc_autopilot.vehicle.home import home_item
 from mavlink_defs import dialect
 from mavlink_defs.config.inherit import merged
-from mavlink_defs.config.models import ConfigError, Model, Problem, Problems, shown
+from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Problems, shown
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.config.written import located, source_at, written_in
 from mavlink_defs.constants import INT32_MAX, MAX_MISSION_ITEMS
@@ -98,8 +98,8 @@ class ProtocolEntry(Model):
 
     command: int = whole("", ge=0, le=0xFFFF, doc="MAV_CMD.")
     frame: int = whole("", ge=0, le=0xFF, default=3, doc="MAV_FRAME.")
-    params: tuple[float | None, ...] = Field(
-        default=(), max_length=4, description="Parameters 1 to 4; null is NaN."
+    params: Annotated[tuple[float | None, ...], AtMost(4)] = Field(
+        default=(), description="Parameters 1 to 4; null is NaN."
     )
     x: int = whole("", ge=-INT32_MAX, le=INT32_MAX, default=0, doc="Latitude in degE7, mostly.")
     y: int = whole("", ge=-INT32_MAX, le=INT32_MAX, default=0, doc="Longitude in degE7, mostly.")
@@ -142,8 +142,8 @@ class MissionEntry(Model):
 class MissionSection(Model):
     """A path in space; in a file, `file` may name a mission file instead."""
 
-    items: tuple[MissionEntry, ...] = Field(
-        min_length=1, max_length=MAX_MISSION_ITEMS, description="The items, in order."
+    items: Annotated[tuple[MissionEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(
+        min_length=1, description="The items, in order."
     )
 
     def mission_items(self, origin: Origin) -> tuple[MissionItem, ...]:

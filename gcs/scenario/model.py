@@ -6,7 +6,7 @@ are simulated time, which starts together with the mission.
 """
 
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -41,6 +41,7 @@ from gcs.scenario.sections import (
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
 from mavlink_defs.config.models import (
+    AtMost,
     ConfigError,
     Loc,
     Model,
@@ -51,6 +52,7 @@ from mavlink_defs.config.models import (
     repeated,
 )
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.mission_files import is_mission_file
 from mavlink_defs.profile import MAX_SEGMENTS, ItemError, Segment, segments_to_items
@@ -99,19 +101,21 @@ class Scenario(Model):
     guidance: Guidance = Field(
         default=PathFollowing(), description="Guidance law of every UAV on a path."
     )
-    uavs: tuple[ScenarioUav, ...] = Field(min_length=1, description="The fleet.")
+    uavs: Annotated[tuple[ScenarioUav, ...], AtMost(LAST_SYSTEM)] = Field(
+        min_length=1, description="The fleet."
+    )
     network: Network = Field(description="The communication graph.")
     formation: Formation | None = Field(
         default=None, description="Slots on the path of the mission; none: all fly on it."
     )
-    profile: tuple[ProfileSegment, ...] = Field(
-        default=(), max_length=MAX_SEGMENTS, description="Reference of the flight, if no mission."
+    profile: Annotated[tuple[ProfileSegment, ...], AtMost(MAX_SEGMENTS)] = Field(
+        default=(), description="Reference of the flight, if no mission."
     )
     mission: MissionSection | None = Field(
         default=None, description="Path of the flight, in place of a profile."
     )
-    faults: tuple[ScenarioFault, ...] = Field(
-        default=(), max_length=1000, description="Actuator faults, at most 1000."
+    faults: Annotated[tuple[ScenarioFault, ...], AtMost(1000)] = Field(
+        default=(), description="Actuator faults, at most 1000."
     )
     links: Links = Field(default=Links(), description="Addresses, ports, signing, impairments.")
     origin: Origin = Field(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Annotated
 
 import yaml
 from pydantic import Field
@@ -14,7 +15,7 @@ from gcs.scenario.sections import ProfileSegment
 from gcs.station.status import segment_dict
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
-from mavlink_defs.config.models import ConfigError, Model, Problem, Prose, Title
+from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Prose, Title
 from mavlink_defs.config.written import located
 from mavlink_defs.mission_files import is_mission_file, read_mission_file
 from mavlink_defs.profile import (
@@ -36,8 +37,8 @@ class ProfileFile(Model):
 
     name: Title = Field(default="", description="Name of the profile.")
     description: Prose = Field(default="", description="Purpose of the profile.")
-    profile: tuple[ProfileSegment, ...] = Field(
-        min_length=1, max_length=MAX_SEGMENTS, description="The segments, in order."
+    profile: Annotated[tuple[ProfileSegment, ...], AtMost(MAX_SEGMENTS)] = Field(
+        min_length=1, description="The segments, in order."
     )
 
 

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, FormationTrigger, TelemetryClockKind
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import (
+    AtMost,
     HostPort,
     Loc,
     Model,
@@ -22,7 +23,7 @@ from mavlink_defs.config.models import (
     Title,
 )
 from mavlink_defs.config.quantity import quantity
-from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, PLANT_PORT
+from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.profile import Segment
@@ -42,6 +43,8 @@ __all__ = [
 ]
 
 Found: TypeAlias = Iterator[Problem | tuple[Loc, str]]
+
+_MOST_EDGES = LAST_SYSTEM * (LAST_SYSTEM - 1) // 2
 
 Weight = Annotated[float, quantity("", gt=0.0, doc="Weight in the communication graph.")]
 
@@ -67,8 +70,12 @@ class Edge(Model):
 class Network(Model):
     """The communication graph, section II-D of the paper."""
 
-    leader_access: dict[SystemId, Weight] = Field(description="h_i of the UAVs that have it.")
-    edges: tuple[Edge, ...] = Field(default=(), description="Pairs of UAVs that communicate.")
+    leader_access: Annotated[dict[SystemId, Weight], AtMost(LAST_SYSTEM)] = Field(
+        description="h_i of the UAVs that have it."
+    )
+    edges: Annotated[tuple[Edge, ...], AtMost(_MOST_EDGES)] = Field(
+        default=(), description="Pairs of UAVs that communicate."
+    )
 
 
 class ProfileSegment(Model):

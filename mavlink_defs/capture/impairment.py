@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mavlink_defs.capture.impairing import COPIES, new_directions, put
-from mavlink_defs.config.models import Model, Problems
+from mavlink_defs.config.models import AtMost, Model, Problems
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import MAX_DATAGRAM
 
@@ -74,7 +74,7 @@ class Impairment(Model):
     bit_errors: float = quantity(
         "", ge=0.0, le=0.5, default=0.0, doc="Share of the bits that are inverted."
     )
-    outages: tuple[Outage, ...] = Field(
+    outages: Annotated[tuple[Outage, ...], AtMost(1000)] = Field(
         default=(), description="Times during which every datagram is lost [s]."
     )
 

@@ -6,9 +6,11 @@ keys stand in the models: their validators raise `Problems`, which has its own m
 `mavlink_defs.config.problems`, for programs that check no model.
 """
 
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict
+from pydantic import AfterValidator, BaseModel, ConfigDict, GetCoreSchemaHandler
+from pydantic_core import core_schema
 
 from mavlink_defs.config.problems import (
     ConfigError,
@@ -27,6 +29,7 @@ from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.visible import visible, visible_lines
 
 __all__ = [
+    "AtMost",
     "ConfigError",
     "HostPort",
     "Loc",
@@ -47,6 +50,24 @@ class Model(BaseModel):
     """A mapping with fixed keys; frozen, and unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True)
+class AtMost:
+    """Of a list or mapping: the most entries that it may have, counted before any is checked."""
+
+    most: int
+    noun: str = "entry"
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self._counted, handler(source))
+
+    def _counted(self, value: Any) -> Any:
+        if isinstance(value, list | tuple | dict) and len(value) > self.most:
+            raise ValueError(f"expected at most {counted(self.most, self.noun)}, got {len(value)}")
+        return value
 
 
 def _normal_address(text: str) -> str:

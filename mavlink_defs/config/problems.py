@@ -23,6 +23,9 @@ __all__ = [
     "unknown_key",
 ]
 
+_MOST_SHOWN = 100
+"""Problems of one file that an error lists; further ones are counted."""
+
 Loc: TypeAlias = tuple[str | int, ...]
 """Location of a value: keys and list indices from the outside in."""
 
@@ -89,7 +92,10 @@ class ConfigError(ValueError):
     @property
     def lines(self) -> list[str]:
         """Each problem in a line, after the place where its value is written, or the file."""
-        return [f"{visible(p.source or str(self.path))}: {p}" for p in self.problems]
+        path = visible(str(self.path))
+        lines = [f"{visible(p.source) or path}: {p}" for p in self.problems[:_MOST_SHOWN]]
+        more = len(self.problems) - _MOST_SHOWN
+        return [*lines, f"{path}: and {counted(more, 'more problem')}"] if more > 0 else lines
 
 
 class Problems(ValueError):  # noqa: N818 - several errors in one
@@ -126,10 +132,11 @@ def unknown_key(loc: Loc, known: Iterable[str]) -> Problem:
 
 def repeated(values: Sequence[object]) -> list[tuple[int, str]]:
     """Return index and problem of each value that stands in a list for the second time."""
+    first: dict[object, int] = {}
     return [
         (i, f"expected each only once, got {shown(value)} again")
         for i, value in enumerate(values)
-        if value in values[:i]
+        if first.setdefault(value, i) != i
     ]
 
 

@@ -58,7 +58,8 @@ def source_at(tree: Any, loc: Loc) -> str:
     source = ""
     for part in loc:
         if isinstance(tree, dict):
-            keys = [part] if part in tree else [key for key in tree if str(key) == part]
+            number = int(part) if isinstance(part, str) and part.isdecimal() else part
+            keys = [key for key in (part, number) if key in tree]
         else:
             keys = [part] if isinstance(tree, list) and part in range(len(tree)) else []
         if not keys:
