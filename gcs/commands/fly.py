@@ -133,6 +133,7 @@ def fly(
         )
     from gcs.fleet.in_process import fly_in_steps
     from gcs.fleet.processes import check_ports
+    from gcs.results.disk_space import check_space
     from gcs.results.recorder import FlightRecorder, trajectory_bytes
     from gcs.results.run_folder import make_run_folder
 
@@ -149,6 +150,7 @@ def fly(
     folder = make_run_folder(out, loaded.name)
     console = console_of(quiet=quiet)
     try:
+        check_space(folder, loaded, record, over_udp=not in_process, restart=again)
         recorder = FlightRecorder(loaded, folder, record)
         if (size := trajectory_bytes(loaded, record)) > _LARGE:
             console.print(f"recording the trajectory takes up to {size / 1e6:.0f} MB")

@@ -1,10 +1,8 @@
 """What is kept of a flight, while it is flown: figures always, and what `--record` says."""
 
 import json
-import shutil
 from pathlib import Path
 
-from gcs.errors import BadInput
 from gcs.results.columns import COLUMNS, LIGHT
 from gcs.results.events import events_of
 from gcs.results.mission_path import paths_of
@@ -84,17 +82,10 @@ class FlightRecorder:
             record: How much is kept.
 
         Raises:
-            BadInput: There is not enough space on disk.
             OSError: A file cannot be written; it is named.
         """
         self._scenario, self._folder = scenario, folder
         self._ids = tuple(uav.id for uav in scenario.uavs)
-        wanted, free = trajectory_bytes(scenario, record), shutil.disk_usage(folder).free
-        if wanted > free:
-            raise BadInput(
-                f"--record {record} needs {_size(wanted)} on disk, {folder} has {_size(free)} left",
-                "choose --record light or none, or another folder with --out",
-            )
         self._tally = Tally(scenario)
         self.preview = Preview(scenario)
         self._whole: list[Steps] | None = [] if record is Record.NPZ else None
@@ -156,8 +147,3 @@ def _outlines(scenario: Scenario) -> dict[str, list[tuple[float, float, float]]]
     own = {uav.id: path for uav, path in zip(scenario.uavs, paths, strict=True)}
     groups = {int(path["id"]): [i for i in own if own[i]["id"] == path["id"]] for path in paths}
     return {", ".join(map(str, ids)): outline(own[ids[0]]) for ids in groups.values()}
-
-
-def _size(count: int) -> str:
-    """Return a number of bytes in words."""
-    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.1f} MB"

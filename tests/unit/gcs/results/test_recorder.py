@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process, fly_in_steps
-from gcs.results.columns import COLUMNS, LIGHT
+from gcs.results.columns import LIGHT
 from gcs.results.record import Record
 from gcs.results.recorder import FlightRecorder, trajectory_bytes
 from gcs.results.recording import Recording
 from gcs.results.steps import Steps
 from gcs.results.stored import batches, is_complete, read_recording
-from gcs.results.stream import TrajectoryStream, row_size
+from gcs.results.stream import TrajectoryStream
 from gcs.results.summary import event_table, summarise
 from gcs.scenario.model import Scenario
 from gcs.theory import check_theory
@@ -135,21 +135,6 @@ def test_a_full_recording_that_is_torn_is_not_taken_for_one(
     path.unlink()
     with pytest.raises(BadInput, match=r"cannot read .*trajectory.arrows: No such file"):
         read_recording(tmp_path)
-
-
-def test_a_recording_without_room_on_disk_is_refused_beforehand(
-    scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    needed = trajectory_bytes(scenario, Record.FULL)
-    assert needed == 1230 * 3 * row_size(COLUMNS)
-
-    class Usage:
-        free = needed - 1
-
-    monkeypatch.setattr("gcs.results.recorder.shutil.disk_usage", lambda _: Usage)
-    with pytest.raises(BadInput, match=r"--record full needs 3\.\d MB on disk"):
-        FlightRecorder(scenario, tmp_path, Record.FULL)
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("record", [Record.FULL, Record.LIGHT, Record.NONE])
