@@ -12,6 +12,7 @@ from typing import Any
 from gcs.campaigns.model import Campaign
 from gcs.errors import BadInput
 from mavlink_defs.config.files import parse, read
+from mavlink_defs.config.user_files import open_file
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.runtime.files import naming, write_text
 
@@ -79,7 +80,8 @@ def mark_of(folder: Path) -> Mark:
     """
     path = folder / MARK
     try:
-        tree = parse(path, path.read_text(encoding="utf-8"))
+        with open_file(path) as file:
+            tree = parse(path, file.read().decode("utf-8"))
         if tree["schema"] == SCHEMA:
             return Mark(
                 campaign=Campaign.model_validate(tree["campaign"]),

@@ -13,6 +13,7 @@ from gcs.campaigns.samples import samples_of
 from gcs.campaigns.stopping import Verdict, judge, leading
 from gcs.campaigns.store import read_results
 from gcs.errors import BadInput
+from mavlink_defs.config.user_files import open_file
 from mavlink_defs.runtime.files import write_text
 
 __all__ = [
@@ -61,7 +62,8 @@ def noted_conditions(folder: Path) -> list[str]:
         BadInput: The file cannot be read.
     """
     try:
-        texts = json.loads((folder / _FILE).read_text(encoding="utf-8"))
+        with open_file(folder / _FILE) as file:
+            texts = json.load(file)
         return [str(parse_condition(text, "--until")) for text in texts]
     except FileNotFoundError:
         return []

@@ -12,6 +12,7 @@ from gcs.results.columns import COLUMNS
 from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps
 from gcs.results.summary import FlightSummary
+from mavlink_defs.config.user_files import open_file
 from mavlink_defs.constants import ACTUATORS
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def batches(path: Path | str) -> Iterator["pa.RecordBatch"]:
 
     try:
         path = Path(path)
-        file = path.open("rb")
+        file = open_file(path)
     except OSError as problem:
         raise BadInput(
             f"cannot read {path}: {problem.strerror}",
@@ -68,7 +69,8 @@ def read_summary(folder: Path | str) -> FlightSummary:
     """
     path = Path(folder) / "summary.json"
     try:
-        return FlightSummary.from_json(json.loads(path.read_text()))
+        with open_file(path) as file:
+            return FlightSummary.from_json(json.load(file))
     except OSError as problem:
         raise BadInput(f"cannot read {path}: {problem.strerror}") from None
     except ValueError as problem:

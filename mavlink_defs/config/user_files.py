@@ -1,12 +1,14 @@
 """Reading files that a user names, of any kind and size, without waiting and without end."""
 
+import errno
 import os
 import stat
 from pathlib import Path
+from typing import BinaryIO
 
 from mavlink_defs.config.problems import ConfigError, Problem
 
-__all__ = ["LARGEST_FILE", "read_text"]
+__all__ = ["LARGEST_FILE", "NotAFileError", "open_file", "read_text"]
 
 LARGEST_FILE = 1_000_000
 """Most bytes of a scenario, campaign, profile or mission file."""
@@ -20,6 +22,22 @@ _KINDS = {
 }
 
 
+class NotAFileError(OSError):
+    """There is a folder, a pipe, a socket or a device instead of a file; `strerror` says so."""
+
+
+def open_file(path: Path | str) -> BinaryIO:
+    """Open a regular file to read it; anything else is refused without waiting for it.
+
+    Raises:
+        OSError: It cannot be read.
+        NotAFileError: It is something else.
+    """
+    if what := _kind_of(path):
+        raise NotAFileError(errno.EINVAL, f"expected a file, got {what}", str(path))
+    return open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK))
+
+
 def read_text(path: Path | str) -> str:
     """Return the text of a regular file in UTF-8.
 
@@ -28,18 +46,14 @@ def read_text(path: Path | str) -> str:
             read.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe without a writer blocks
-        with open(descriptor, "rb") as file:
-            mode = os.fstat(descriptor).st_mode
-            if not stat.S_ISREG(mode):
-                raise ConfigError(path, [Problem((), f"expected a file, got {_kind(mode)}")])
+        with open_file(path) as file:
             data = file.read(LARGEST_FILE + 1)
     except FileNotFoundError as exc:
         raise ConfigError(path, [Problem((), "no such file")]) from exc
+    except NotAFileError as exc:
+        raise ConfigError(path, [Problem((), str(exc.strerror))]) from exc
     except OSError as exc:
-        what = _kind_of(path)
-        text = f"expected a file, got {what}" if what else f"cannot be read: {exc.strerror}"
-        raise ConfigError(path, [Problem((), text)]) from exc
+        raise ConfigError(path, [Problem((), f"cannot be read: {exc.strerror}")]) from exc
     if len(data) > LARGEST_FILE:
         text = f"expected at most {LARGEST_FILE / 1e6:g} MB, got more"
         raise ConfigError(path, [Problem((), text)])
@@ -50,13 +64,10 @@ def read_text(path: Path | str) -> str:
         raise ConfigError(path, [Problem((), problem)]) from exc
 
 
-def _kind(mode: int) -> str:
-    return next((name for is_one, name in _KINDS.items() if is_one(mode)), "")
-
-
 def _kind_of(path: Path | str) -> str:
     """Return what else than a file has a path; "" if that is unknown."""
     try:
-        return _kind(os.stat(path).st_mode)
+        mode = os.stat(path).st_mode
     except OSError:
         return ""
+    return next((name for is_one, name in _KINDS.items() if is_one(mode)), "")

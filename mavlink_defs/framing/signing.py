@@ -20,6 +20,7 @@ from typing import NamedTuple
 from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
+from mavlink_defs.config.user_files import open_file
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import frame_size
 from mavlink_defs.framing.header import (
@@ -123,7 +124,7 @@ def read_key(path: Path | str) -> bytes:
         SigningError: It cannot be read, others can read it, or it holds no key.
     """
     try:
-        with Path(path).open("rb") as file:
+        with open_file(path) as file:
             mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
             key = file.read(KEY_SIZE + 1)
     except OSError as problem:

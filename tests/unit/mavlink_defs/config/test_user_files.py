@@ -7,11 +7,17 @@ from pathlib import Path
 
 import pytest
 
+from gcs.campaigns.mark import mark_of
+from gcs.campaigns.until import noted_conditions
+from gcs.errors import BadInput
+from gcs.results.stored import batches, read_summary
 from gcs.scenario.model import load_scenario
 from gcs.scenario.profile_file import load_profile
+from gcs.station.param_file import read_param_file
 from mavlink_defs.config.files import read
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.user_files import LARGEST_FILE
+from mavlink_defs.framing.signing import SigningError, read_key
 from mavlink_defs.mission_files import read_mission_file
 
 DOORS = (read, load_scenario, load_profile, read_mission_file)
@@ -74,3 +80,23 @@ def test_an_error_does_not_show_what_a_foreign_file_holds(tmp_path: Path, text: 
     with pytest.raises(ConfigError) as caught:
         load_scenario(tmp_path / "top.yaml")
     assert "secret" not in str(caught.value)
+
+
+READERS: dict[str, Callable[[Path], object]] = {  # each with the file that it reads in a folder
+    "request.yaml": mark_of,
+    "until.json": noted_conditions,
+    "summary.json": read_summary,
+    "events.arrows": lambda folder: list(batches(folder / "events.arrows")),
+    "link.key": lambda folder: read_key(folder / "link.key"),
+    "values.parm": lambda folder: read_param_file(folder / "values.parm"),
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("kind", ["device", "pipe", "folder", "socket"])
+def test_the_files_of_a_folder_are_no_pipes(tmp_path: Path, name: str, kind: str) -> None:
+    make, expected = MADE[kind]
+    make(tmp_path / name)
+    with pytest.raises((ConfigError, BadInput, SigningError)) as caught:
+        READERS[name](tmp_path)
+    assert expected in str(caught.value)
