@@ -133,7 +133,9 @@ def pytest_runtest_makereport(
     if report.failed:
         lines = [f"{fleet!r}, files in {fleet.folder}" for fleet in item.stash.get(_FLEETS, [])]
         if lines and report.when == "call":
-            report.sections.append(("ftc-sitl", "\n".join(lines)))
+            from mavlink_defs.visible import visible
+
+            report.sections.append(("ftc-sitl", "\n".join(map(visible, lines))))
     return report
 
 
@@ -162,6 +164,7 @@ def _found(request: pytest.FixtureRequest, path: str | Path) -> Path:
     """Return a scenario beside the test's file, else below the rootdir, else a bundled one."""
     from gcs.scenario.bundled import find_scenario
     from mavlink_defs.config.models import ConfigError
+    from mavlink_defs.visible import visible
 
     for folder in (request.path.parent, request.config.rootpath):
         if (folder / path).is_file():
@@ -170,4 +173,4 @@ def _found(request: pytest.FixtureRequest, path: str | Path) -> Path:
         return find_scenario(path)
     except ConfigError as problem:
         text = f"no scenario {path} in {request.path.parent} or {request.config.rootpath}"
-        raise pytest.UsageError(f"{text}: {problem}") from None
+        raise pytest.UsageError(f"{visible(text)}: {problem}") from None

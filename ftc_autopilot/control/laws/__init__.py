@@ -22,7 +22,9 @@ __all__ = ["KINDS", "LAWS", "Controller", "evaluate"]
 
 
 def _kind(value: Any) -> Any:
-    return value.get("kind", "proposed") if isinstance(value, dict) else value.kind
+    if isinstance(value, dict):
+        return value.get("kind", "proposed")
+    return getattr(value, "kind", "proposed")
 
 
 Controller: TypeAlias = Annotated[

@@ -24,7 +24,9 @@ __all__ = ["MODES", "TRIGGERS", "Trigger", "clock_of", "decide"]
 
 
 def _mode(value: Any) -> Any:
-    return value.get("mode", "per_channel") if isinstance(value, dict) else value.mode
+    if isinstance(value, dict):
+        return value.get("mode", "per_channel")
+    return getattr(value, "mode", "per_channel")
 
 
 Trigger: TypeAlias = Annotated[

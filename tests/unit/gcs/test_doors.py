@@ -42,6 +42,7 @@ EVERY = "".join(
 ENCODED = "".join(c for c in EVERY if unicodedata.category(c) != "Cs")
 ON_THE_WIRE = [bytes(range(1, 16)), bytes(range(16, 32)), b"\x1b]0;PWN\x07\x7f\r\n"]
 PATH = "\x1b]0;PWN\x07\x9b2J\u202e\u2028\n\r\x7f\udcff.yaml"
+HOME = str(Path.home())
 SCENARIO_1 = str(Path(__file__).parents[3] / "scenarios" / "paper" / "scenario1.yaml")
 
 
@@ -245,3 +246,61 @@ def test_arguments_of_processes(main: object, capsys: pytest.CaptureFixture[str]
 
 def test_names_of_links() -> None:
     assert_visible(_named_port(f"{EVERY}=14560")[1], lines=False)
+
+
+# reports of tests
+
+IN_TESTS = """
+import pytest
+
+NASTY, PATH = {nasty}, {path}
+
+@pytest.mark.ftc_scenario(PATH)
+def test_of_no_file(ftc_fleet):
+    pass
+
+@pytest.mark.ftc_scenario("my.yaml", **{{NASTY: NASTY}})
+def test_of_no_key(ftc_flight):
+    pass
+
+@pytest.mark.ftc_scenario("my.yaml", trigger=NASTY)
+def test_of_no_value(ftc_fleet):
+    pass
+
+@pytest.mark.ftc_scenario("my.yaml", mode="in_process")
+def test_of_names(ftc_flight):
+    assert ftc_flight.scenario.uavs == ftc_flight.scenario.name
+
+@pytest.mark.ftc_scenario("my.yaml", mode="in_process")
+def test_of_a_channel(ftc_flight):
+    ftc_flight.uav(1).channels[NASTY]
+
+@pytest.mark.ftc_scenario("my.yaml", mode=NASTY)
+def test_of_a_mode(ftc_flight):
+    pass
+
+def test_of_a_call(ftc_fly):
+    ftc_fly(PATH)
+
+def test_of_a_fleet(ftc_launch):
+    uav, said = ftc_launch("my.yaml").uav(1), []
+    for ask in (uav.get_param, uav.set_mode, uav.set_fault, lambda text: uav.sent(text)):
+        with pytest.raises(Exception) as refused:
+            ask(NASTY)
+        said.append(str(refused.value))
+    raise AssertionError("\\n".join(said))
+"""
+
+
+def test_reports_of_pytest(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    tree = scenario_tree(SCENARIO_1)
+    uavs = [{**uav, "name": f"{ENCODED}{uav['id']}"} for uav in tree["uavs"]]
+    tree |= {"name": ENCODED, "description": ENCODED, "uavs": uavs, "duration_s": 0.02}
+    (pytester.path / "my.yaml").write_text(yaml_of({**tree, "faults": []}))
+    pytester.makepyfile(IN_TESTS.format(nasty=ascii(EVERY), path=ascii(PATH)))
+    monkeypatch.setenv("HOME", HOME)  # pytester has another one, without compiled code
+    done = pytester.runpytest("-p", "no:cacheprovider", "--basetemp", pytester.path / PATH[:-5])
+    outcomes = done.parseoutcomes()
+    assert sum(outcomes.values()) == outcomes["failed"] + outcomes["errors"] == 8
+    assert "- ftc-sitl -" in done.stdout.str()
+    assert_visible(done.stdout.str())

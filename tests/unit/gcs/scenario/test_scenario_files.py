@@ -1,6 +1,9 @@
 """The scenarios that come with the project, and scenarios that extend others."""
 
+import copy
+import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +14,7 @@ from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tr
 from gcs.scenario.profile_file import load_profile
 from mavlink_defs.config.inherit import merged, with_values
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.yaml_text import parse_yaml, yaml_of
 from mavlink_defs.constants import ACTUATORS
 
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
@@ -142,3 +146,29 @@ def test_a_tree_has_everything_and_can_be_changed_before_it_is_checked(tmp_path:
     assert swept.faults[0].effectiveness == 0.3
     with pytest.raises(ConfigError, match=r"mine\.yaml: trigger\.b2_deg: expected >= 0 deg, got"):
         scenario_of(path, with_values(tree, {"trigger.b2_deg": -1}))
+
+
+def places(tree: Any, *at: Any) -> Iterator[tuple[Any, ...]]:
+    """The place of every value in a tree."""
+    if isinstance(tree, list):
+        tree = dict(enumerate(tree))
+    for key, value in tree.items() if isinstance(tree, dict) else ():
+        yield (*at, key)
+        yield from places(value, *at, key)
+
+
+def test_a_value_of_a_wrong_kind_is_refused_wherever_it_stands() -> None:
+    full = parse_yaml(yaml_of(load_scenario(PAPER).model_dump()))
+    refused = set()
+    for place in places(full):
+        for wrong in ("abc", 1.5, -1, True, None, [], [1], {}, {"x": 1}, math.nan):
+            tree = copy.deepcopy(full)
+            node = tree
+            for key in place[:-1]:
+                node = node[key]
+            node[place[-1]] = wrong
+            try:
+                scenario_of(PAPER, tree)
+            except ConfigError:
+                refused.add(place[0])
+    assert refused == set(full)
