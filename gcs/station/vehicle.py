@@ -123,8 +123,14 @@ class Vehicle:
         await self.command(dialect.MAV_CMD_MISSION_START)
 
     async def set_mode(self, mode: str) -> None:
-        """Change the mode: "AUTO", "LOITER" or "GUIDED"."""
-        number = {name: number for number, name in MODE_NAMES.items()}[mode]
+        """Change the mode: "AUTO", "LOITER", "RTL" or "GUIDED".
+
+        Raises:
+            BadInput: It is none of them.
+        """
+        numbers = {name: number for number, name in MODE_NAMES.items()}
+        if (number := numbers.get(mode)) is None:
+            raise BadInput(f"mode: expected {', '.join(numbers)}, got {mode!r}")
         custom = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         await self.command(dialect.MAV_CMD_DO_SET_MODE, (custom, number))
 

@@ -26,6 +26,7 @@ from gcs.testing.results import FlightResult
 from gcs.testing.step_gate import StepGate
 from gcs.testing.uav import FlyingUav
 from mavlink_defs.capture.tlog import TlogWriter
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.endpoint import Connection, UdpAddress
 
 __all__ = ["TestFleet"]
@@ -129,7 +130,13 @@ class TestFleet:
             return tap.simulated_s or 0.0
 
     def sent(self, system: int, channel: str) -> int:
-        """Return the transmissions of a channel ("rudder") of one UAV, as the tap counted."""
+        """Return the transmissions of a channel ("rudder") of one UAV, as the tap counted.
+
+        Raises:
+            BadInput: There is no such channel.
+        """
+        if channel not in ACTUATORS:
+            raise BadInput(f"channel: expected {', '.join(ACTUATORS)}, got {channel!r}")
         with self._relay.counting() as tap:
             return tap.events(system, channel)
 

@@ -63,7 +63,7 @@ class FlyingUav:
         self._call(self.vehicle.start_mission())
 
     def set_mode(self, mode: str) -> None:
-        """Change the mode: "AUTO", "LOITER" or "GUIDED"."""
+        """Change the mode: "AUTO", "LOITER", "RTL" or "GUIDED"."""
         self._call(self.vehicle.set_mode(mode))
 
     def upload(self, segments: Sequence[Segment]) -> None:

@@ -253,6 +253,8 @@ def test_names_of_links() -> None:
 IN_TESTS = """
 import pytest
 
+from gcs.errors import GcsError
+
 NASTY, PATH = {nasty}, {path}
 
 @pytest.mark.ftc_scenario(PATH)
@@ -285,7 +287,7 @@ def test_of_a_call(ftc_fly):
 def test_of_a_fleet(ftc_launch):
     uav, said = ftc_launch("my.yaml").uav(1), []
     for ask in (uav.get_param, uav.set_mode, uav.set_fault, lambda text: uav.sent(text)):
-        with pytest.raises(Exception) as refused:
+        with pytest.raises(GcsError) as refused:
             ask(NASTY)
         said.append(str(refused.value))
     raise AssertionError("\\n".join(said))
