@@ -3,7 +3,7 @@
 import os
 from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from textual.actions import ActionParseResult
 from textual.app import App, ComposeResult, SystemCommand
@@ -271,14 +271,13 @@ class Dashboard(App[None]):
         self.run_worker(work(), group="operations")
         self.refresh_view()
 
+    def notify(self, message: str, **options: Any) -> None:
+        """Show a notice, as it is: text of others is no markup, and steers no terminal."""
+        super().notify(visible_lines(message), **options | {"markup": False})
+
     def _tell(self, text: str, severity: str) -> None:
         timeout = 10.0 if severity == "error" else 4.0
-        self.notify(
-            visible_lines(text),
-            severity=severity,  # type: ignore[arg-type]  # ours are among Textual's
-            timeout=timeout,
-            markup=False,
-        )
+        self.notify(text, severity=severity, timeout=timeout)
         self.refresh_view(force=True)
 
     def action_arm(self) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 from textual.widgets import Static
 
 from gcs.tui.guard import Guarded
+from mavlink_defs.visible import visible_lines
 
 __all__ = ["CachedStatic"]
 
@@ -21,4 +22,4 @@ class CachedStatic(Guarded, Static):
         """Show this text."""
         if text != self.says:
             self.says = text
-            self.update(text, layout=self._grow)
+            self.update(visible_lines(text), layout=self._grow)

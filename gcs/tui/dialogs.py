@@ -13,6 +13,7 @@ from textual.widgets import Button, Static
 
 from gcs.tui.guard import on
 from gcs.tui.requests import Choice
+from mavlink_defs.visible import visible_lines
 
 __all__ = ["Help", "Question", "key_name"]
 
@@ -52,7 +53,7 @@ class Question(ModalScreen[str | None]):
     def compose(self) -> ComposeResult:
         """Lay out the question and its answers."""
         with Vertical(classes="dialog"):
-            yield Static(self._question, markup=False, id="question")
+            yield Static(visible_lines(self._question), markup=False, id="question")
             with Horizontal(classes="buttons"):
                 for i, choice in enumerate(self._choices):
                     variant: Any = choice.variant

@@ -80,7 +80,7 @@ def _wide(rows: list[Row], room: int) -> tuple[Column, ...]:
     longest = max((len(row.cells[2][0]) for row in rows), default=0)
     left = room - sum(column.width + 1 for column in _COLUMNS[:2]) - 1 - _LEAST_HISTORY
     width = max(min(longest, left), _LEAST_FAULT)
-    return (*_COLUMNS[:2], Column("fault", width, "left"), Column("acknowledged", 0, "left"))
+    return (*_COLUMNS[:2], Column("fault", width, "left"), Column("history", 0, "left"))
 
 
 class FaultsPanel(Panel, Horizontal):
@@ -208,12 +208,14 @@ def _history(record: FaultRecord) -> str:
     parts = []
     if record.acknowledged is not None:
         ack = record.acknowledged
-        parts.append(f"by UAV {record.system} at {clock(ack.at)}, asked by {ack.asked_by}")
+        parts.append(f"acknowledged at {clock(ack.at)}, asked by {ack.asked_by}")
+    else:
+        parts.append("set before this station listened")
     if record.gone_at is not None:
         by = f", asked by {record.cleared.asked_by}" if record.cleared else ""
-        parts.append(f"{record.gone} {clock(record.gone_at)}{by}")
-    return "; ".join(parts) or "before this station listened"
+        parts.append(f"{record.gone} at {clock(record.gone_at)}{by}")
+    return "; ".join(parts)
 
 
 def _details(record: FaultRecord) -> str:
-    return f"UAV {record.system}: {describe_fault(record.fault)}\nacknowledged {_history(record)}"
+    return f"UAV {record.system}: {describe_fault(record.fault)}\n{_history(record)}"

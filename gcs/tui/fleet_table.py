@@ -28,7 +28,7 @@ _STATE = (
     Column("link", 9, "left"),
     Column("armed", 5, "left"),
     Column("mode", 6, "left"),
-    Column("time s", 6),
+    Column("time s", 8),
 )
 _REST = (Column("faults", 6), Column("msg/s", 5))
 _DIAGNOSIS = Column("diagnosis", 16, "left")
@@ -62,16 +62,21 @@ class FleetTable(Grid):
 
     def show_view(self, view: FleetView) -> None:
         """Show the vehicles."""
-        groups = self._groups_shown(any(is_on_path(state) for state in view.states))
+        texts = {state.system: _active_text(state) for state in view.states}
+        longest = max(map(len, texts.values()), default=0)
+        groups = self._groups_shown(any(is_on_path(state) for state in view.states), longest)
         columns = [*_STATE, *_quantity_columns(groups), *_REST]
         left = self.room - sum(column.width + 1 for column in columns)
-        told = left >= _DIAGNOSIS.width + 1 + _LEAST_FAULTS
+        told = left >= _DIAGNOSIS.width + 1 + max(longest, _LEAST_FAULTS)
         wide = left >= _LEAST_FAULTS
         if told:
             columns.append(_DIAGNOSIS)
         if wide:
             columns.append(Column("active faults", 0, "left"))
-        rows = [_row(view, state, groups, told, wide) for state in view.states]
+        rows = [
+            _row(view, state, groups, told, texts[state.system] if wide else None)
+            for state in view.states
+        ]
         self.show(columns, rows)
         if self.key != view.selected:
             self.move_to(view.selected)
@@ -88,8 +93,15 @@ class FleetTable(Grid):
         self._first_group += 1
         self.post_message(Refresh())
 
-    def _groups_shown(self, on_path: bool) -> list[int]:
-        fit = max((self.room + 1 - _FIXED_WIDTH) // _GROUP_WIDTH, 1)
+    def _groups_shown(self, on_path: bool, longest: int) -> list[int]:
+        """Return the groups that fit, beside the longest text of active faults if any does."""
+        left = self.room + 1 - _FIXED_WIDTH
+        fit = max(left // _GROUP_WIDTH, 1)
+        if longest:
+            left -= max(longest, _LEAST_FAULTS) + 1
+            beside = left // _GROUP_WIDTH
+            with_diagnosis = (left - _DIAGNOSIS.width - 1) // _GROUP_WIDTH
+            fit = min(fit, with_diagnosis if with_diagnosis > 1 else beside if beside > 0 else 2)
         order = (0, _PATH, 1, 2, 3) if on_path else (0, 1, 2, 3)
         n = len(order)
         return [order[(self._first_group + i) % n] for i in range(min(fit, n))]
@@ -103,7 +115,13 @@ def _quantity_columns(groups: list[int]) -> list[Column]:
     ]
 
 
-def _row(view: FleetView, state: VehicleState, groups: list[int], told: bool, wide: bool) -> Row:
+def _active_text(state: VehicleState) -> str:
+    return " · ".join(map(describe_fault, state.active_faults))
+
+
+def _row(
+    view: FleetView, state: VehicleState, groups: list[int], told: bool, active: str | None
+) -> Row:
     silent = view.is_silent(state)
     mark = "●" if state.system in view.marked else " "
     pointer = "▸" if state.system == view.selected else " "
@@ -122,8 +140,7 @@ def _row(view: FleetView, state: VehicleState, groups: list[int], told: bool, wi
     cells += [_faults(state), (f"{state.rate_hz(view.now):.0f}", "muted")]
     if told:
         cells.append(_diagnosis(state))
-    if wide:
-        active = " · ".join(map(describe_fault, state.active_faults))
+    if active is not None:
         cells.append((active, "bad"))
     return Row(state.system, tuple(cells))
 

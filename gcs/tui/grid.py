@@ -5,6 +5,7 @@ that costs more than everything else together. A `Grid` is given all rows at onc
 with those it shows, and draws the lines that differ.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -22,15 +23,21 @@ from textual.strip import Strip
 
 from gcs.tui.formatting import Cell
 from gcs.tui.guard import Guarded, guarded
+from mavlink_defs.visible import visible
 
 __all__ = ["Column", "Grid", "Row"]
 
 _ROLES = ("good", "warn", "bad", "muted", "strong", "accent")
+_OF_A_NUMBER = "0123456789.,+-e"
+_GOES_ON = re.compile(r"[.,]?[0-9]|e?[+-]?[0-9]")  # what is cut off there is of a number
 
 
 @dataclass(frozen=True)
 class Column:
     """A column; one of width 0 takes what is left of the widget's width, at least 8.
+
+    A text that is too long ends with "…", never within a number; a number that is too long loses
+    digits behind the point.
 
     Columns with the same `group` after each other get it as a common heading above theirs.
     """
@@ -272,11 +279,31 @@ class Grid(Guarded, ScrollView, can_focus=True):
 
 
 def _fit(text: str, width: int, align: Literal["left", "right"]) -> str:
+    text = visible(text)
     size = len(text) if text.isascii() else cell_len(text)
     if size > width:
-        return set_cell_size(text, width - 1) + "…" if width > 1 else text[:width]
+        text = _rounded(text, width) if align == "right" else _cut(text, width)
+        size = cell_len(text)
     space = " " * (width - size)
     return text + space if align == "left" else space + text
+
+
+def _cut(text: str, width: int) -> str:
+    """Return the beginning of a text and "…"; a number in it is there as a whole, or not."""
+    kept = set_cell_size(text, max(width - 1, 0))
+    if _GOES_ON.match(text, len(kept)):
+        kept = kept.rstrip(_OF_A_NUMBER)
+    return kept + "…" if width > 0 else ""
+
+
+def _rounded(text: str, width: int) -> str:
+    """Return a number with as many digits as there is room for; "…" if there is none."""
+    try:
+        value = float(text.replace(" ", ""))
+    except ValueError:
+        return "…"[:width]
+    texts = (f"{value:{form}}" for form in (".2f", ".1f", ".0f", ".1e", ".0e"))
+    return next((rounded for rounded in texts if len(rounded) <= width), "…"[:width])
 
 
 def _joined(cells: Sequence[Cell], columns: Sequence[Column], widths: Sequence[int]) -> list[Cell]:

@@ -16,6 +16,8 @@ from textual.message_pump import MessagePump
 from textual.strip import Strip
 from textual.widget import Widget
 
+from mavlink_defs.visible import visible
+
 if TYPE_CHECKING:  # Textual takes style sheets from the first base that is a widget: this is none
     _Widget = Widget
 else:
@@ -117,7 +119,7 @@ def on(message: type[Message], selector: str | None = None) -> Callable[..., Any
 
 def one_line(error: Exception) -> str:
     """Return an exception in one line."""
-    return " ".join(f"{type(error).__name__}: {error}".split())
+    return visible(" ".join(f"{type(error).__name__}: {error}".split()))
 
 
 def _name(widget: MessagePump) -> str:

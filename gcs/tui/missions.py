@@ -240,7 +240,7 @@ class MissionsPanel(Panel, Horizontal):
         try:
             north, east, height = read_place(event.value)
         except PlaceError as problem:
-            self.app.notify(str(problem), severity="error", markup=False)
+            self.app.notify(str(problem), severity="error")
             return
         x, y = home.degrees_of(north, east)
         mission = self.mission or (home.item(),)

@@ -1,12 +1,15 @@
 """A reference profile as a table, compared with another one, and as a plot."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.text import Text
 from textual.widgets import DirectoryTree
+from textual.widgets.directory_tree import DirEntry
 from textual_plotext import PlotextPlot
 
+from gcs.scenario.bundled import SCENARIOS
 from gcs.station.status import segment_dict
 from gcs.tui.curves import palette_of
 from gcs.tui.formatting import Cell
@@ -32,9 +35,22 @@ _TAIL = 1.25  # the last segment goes on
 
 
 class ProfileFiles(DirectoryTree):
-    """Folders and YAML files."""
+    """Folders and YAML files: those of a folder, and the bundled ones."""
 
     ICON_NODE, ICON_NODE_EXPANDED, ICON_FILE = "▸ ", "▾ ", "  "
+
+    def __init__(self, folder: Path, **kwargs: Any) -> None:
+        super().__init__(folder, **kwargs)
+        self._folder = folder
+        self.show_root = False
+
+    async def watch_path(self) -> None:
+        """Show the two folders in place of the content of the first."""
+        await super().watch_path()
+        self.root.remove_children()
+        own = self.root.add(self._folder.name or str(self._folder), DirEntry(self._folder))
+        own.expand()
+        self.root.add("bundled", DirEntry(SCENARIOS))
 
     def process_label(self, label: Any) -> Text:
         """Return a file's name as the operator may see it."""
@@ -43,14 +59,15 @@ class ProfileFiles(DirectoryTree):
     def filter_paths(self, paths: Any) -> Any:
         """Leave out what can be no profile."""
         kept = (path for path in paths if not path.name.startswith((".", "_")))
-        return [p for p in kept if p.is_dir() or p.suffix in {".yaml", ".yml"}]
+        named = (p for p in kept if p.is_dir() or p.suffix in {".yaml", ".yml"})
+        return [p for p in named if p.is_dir() or p.parent != SCENARIOS]  # not its additions
 
 
 class ProfileTable(Grid):
     """Segments; where another profile differs, its value follows."""
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__("choose a YAML file, or download what a vehicle holds", **kwargs)
+        super().__init__("choose a file, or g: what a vehicle holds", **kwargs)
         self.border_title = "Profile"
 
     def show_profile(
@@ -59,7 +76,7 @@ class ProfileTable(Grid):
         """Show segments, compared with those of another profile if there is one."""
         count = max(len(segments), len(other or ()))
         self.show(_COLUMNS, [_row(i, segments, other) for i in range(count)])
-        self.border_title = title
+        self.border_title = Text(visible(title))  # names of files are no markup
 
 
 class ProfilePlot(Guarded, PlotextPlot):

@@ -19,7 +19,7 @@ from gcs.tui.guard import on
 from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
 from gcs.tui.requests import Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
-from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.models import ConfigError, counted
 from mavlink_defs.profile import Segment
 from mavlink_defs.visible import visible
 
@@ -121,13 +121,13 @@ class ProfilesPanel(Panel, Horizontal):
             table.attempt(
                 table.show_profile, self.segments, held, f"{self._title_of_file}{against}"
             )
-        elif held is not None:
-            table.attempt(
-                table.show_profile, held, None, f"UAV {holdings.key} holds {len(held)} segments"
-            )
+        elif held:
+            title = f"UAV {holdings.key} holds {counted(len(held), 'segment')}"
+            table.attempt(table.show_profile, held, None, title)
             self._plot(held)
         else:
             table.attempt(table.show_profile, (), None, "Profile")
+            self._plot(())
 
     def load(self, path: Path) -> None:
         """Show the profile of a file, or say what is wrong with it."""
@@ -146,7 +146,9 @@ class ProfilesPanel(Panel, Horizontal):
     @property
     def _title_of_file(self) -> str:
         return (
-            f"{visible(self._file.name)}, {len(self.segments or ())} segments" if self._file else ""
+            f"{visible(self._file.name)}, {counted(len(self.segments or ()), 'segment')}"
+            if self._file
+            else ""
         )
 
     def _plot(self, segments: tuple[Segment, ...]) -> None:
@@ -204,7 +206,7 @@ class ProfilesPanel(Panel, Horizontal):
 
         async def act(vehicle: Vehicle, _: str) -> str:
             held = await vehicle.download(self._progress(vehicle.system))
-            words = f"holds {len(held)} segments" if held else "holds no profile"
+            words = f"holds {counted(len(held), 'segment')}" if held else "holds no profile"
             if self.segments is None:
                 return words
             different = differences(held, self.segments)
@@ -230,11 +232,14 @@ def _compared(state: VehicleState, segments: tuple[Segment, ...] | None) -> Cell
     if state.profile is None:
         words = "not asked yet" if state.offers_profile else "does not tell"
         return (words, "muted")
+    if not state.profile and state.mission:
+        return ("a mission: panel 7", "")
     if not state.profile:
         return ("no profile", "warn")
-    count = f"{len(state.profile)} segments"
+    count = counted(len(state.profile), "segment")
     if segments is None:
         return (count, "")
     if state.profile == segments:
         return ("= file", "good")
-    return (f"{count} ≠ file: {differences(state.profile, segments)} values", "warn")
+    differing = counted(differences(state.profile, segments), "value")
+    return (f"{count} ≠ file: {differing}", "warn")

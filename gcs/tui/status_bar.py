@@ -1,5 +1,6 @@
 """The first line: vehicles, time, savings, rate, connection and operations in progress."""
 
+from rich.cells import cell_len
 from rich.text import Text
 from textual.reactive import reactive
 from textual.widget import Widget
@@ -7,6 +8,8 @@ from textual.widget import Widget
 from gcs.tui.formatting import percent, seconds
 from gcs.tui.guard import Guarded
 from gcs.tui.view import FleetView
+from mavlink_defs.config.models import counted
+from mavlink_defs.visible import visible
 
 __all__ = ["StatusBar"]
 
@@ -24,7 +27,7 @@ class StatusBar(Guarded, Widget):
         armed = sum(state.armed for state in view.states)
         time_s = max((s.time_s for s in view.states if s.time_s is not None), default=None)
         rate = sum(state.rate_hz(view.now) for state in view.states)
-        parts = [(f"{len(view.states)} UAVs", "bold" if view.states else colours["muted"])]
+        parts = [(counted(len(view.states), "UAV"), "bold" if view.states else colours["muted"])]
         if silent:
             parts.append((f"{len(silent)} SILENT", f"bold {colours['error']}"))
         parts += [
@@ -44,8 +47,9 @@ class StatusBar(Guarded, Widget):
         text.append(" ftc-sitl ", style="bold reverse")
         for i, (words, style) in enumerate(self.line):
             text.append("  " if i == 0 else " · ", style="dim")
-            text.append(words, style=style)
-        space = self.size.width - text.cell_len - len(self.aside) - 1
+            text.append(visible(words), style=style)
+        aside = visible(self.aside)
+        space = self.size.width - text.cell_len - cell_len(aside) - 1
         if space >= 2:
-            text.append(" " * space + self.aside, style="dim")
+            text.append(" " * space + aside, style="dim")
         return text

@@ -23,6 +23,7 @@ _FIXED = (
 _SPARK_MAX = 60
 _SPARK_BIN_S = 1.0
 _LATEST_S = 2.0
+_TITLE_EDGES = 6  # of a border around its title
 
 _Rates = tuple[float, list[list[float]]]
 
@@ -39,10 +40,11 @@ class WirePanel(Grid):
         """Show the counters."""
         rest = self.room - sum(column.width + 1 for column in _FIXED)
         bins = min(max(rest, 8), _SPARK_MAX)
-        columns = (*_FIXED, Column(f"events/s, last {bins} s", 0, "left"))
+        title = f"events/s, last {bins} s"
+        columns = (*_FIXED, Column(title if len(title) <= rest else "events/s", 0, "left"))
         rows = [row for state in view.states for row in self._rows(state.system, state.counts)]
         self.show(columns, rows)
-        self.border_title = _totals(view)
+        self.border_title = _totals(view, self.size.width)
 
     def _rows(self, system: int, counts: EventCounts) -> list[Row]:
         recent, rates = counts.recent(), self._rates_of(system, counts)
@@ -92,14 +94,22 @@ def _latest(rates: list[float]) -> str:
     return number(sum(rates[-2:]) / _LATEST_S, 0)
 
 
-def _totals(view: FleetView) -> str:
+def _totals(view: FleetView, width: int) -> str:
+    """Return the sums of all vehicles, as many as fit."""
     fleet = view.source.fleet
     periodic = 4 * sum(state.counts.steps for state in view.states)
     repeats = sum(sum(state.counts.repeats) for state in view.states)
     to_actuators = sum(state.counts.messages for state in view.states)
     to_neighbours = sum(state.counts.neighbour_messages for state in view.states)
-    return (
-        f"Wire · {count(fleet.events)} events instead of {count(periodic)}: "
-        f"{percent(fleet.saving, 2)} saved · {count(repeats)} repeats · "
-        f"{count(to_actuators)} actuator, {count(to_neighbours)} neighbour messages"
+    parts = (
+        f"{count(fleet.events)} events instead of {count(periodic)}: "
+        f"{percent(fleet.saving, 2)} saved",
+        f"{count(repeats)} repeats",
+        f"{count(to_actuators)} actuator, {count(to_neighbours)} neighbour messages",
     )
+    title = "Wire"
+    for part in parts:
+        longer = f"{title} · {part}"
+        if len(longer) + _TITLE_EDGES <= width:
+            title = longer
+    return title

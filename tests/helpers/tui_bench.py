@@ -61,13 +61,16 @@ def playback(clock: Callable[[], float] = lambda: 0.0) -> Playback:
 
 
 def at_screen(
-    source: Any, work: Callable[[Dashboard, Pilot[None]], Any], size: tuple[int, int] = (100, 30)
+    source: Any,
+    work: Callable[[Dashboard, Pilot[None]], Any],
+    size: tuple[int, int] = (100, 30),
+    notices: bool = False,
 ) -> None:
     """Let work be done at the dashboard."""
 
     async def run() -> None:
         app = Dashboard(source)
-        async with app.run_test(size=size) as pilot:
+        async with app.run_test(size=size, notifications=notices) as pilot:
             await pilot.pause()
             await work(app, pilot)
 

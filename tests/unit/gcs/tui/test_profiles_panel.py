@@ -4,10 +4,14 @@ from pathlib import Path
 
 import pytest
 from textual.pilot import Pilot
+from textual.widgets.directory_tree import DirEntry
+from textual.widgets.tree import TreeNode
 from tui_bench import at_screen, playback
+from waiting import until
 
 from gcs.scenario.profile_file import load_profile
 from gcs.tui.app import Dashboard
+from gcs.tui.profile_views import ProfileFiles
 from gcs.tui.profiles import ProfilesPanel
 
 
@@ -24,5 +28,42 @@ def test_a_bundled_profile_is_opened_by_its_name_from_any_folder(
                 break
             await pilot.pause(0.01)
         assert panel.segments == load_profile("profiles/ramps")
+
+    at_screen(playback(), work)
+
+
+def test_bundled_profiles_are_in_the_tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "own.yaml").write_text("profile: []")
+    monkeypatch.chdir(tmp_path)
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        panel, files = app.query_one(ProfilesPanel), app.query_one(ProfileFiles)
+
+        def lines(node: TreeNode[DirEntry]) -> list[str]:
+            below = [line for child in node.children for line in lines(child)]
+            return [str(node.label), *(below if node.is_expanded else [])]
+
+        async def choose(label: str) -> None:
+            def at() -> bool:
+                return files.cursor_node is not None and str(files.cursor_node.label) == label
+
+            await until(pilot, lambda: label in lines(files.root), label)
+            await pilot.press("home")
+            for _ in lines(files.root):
+                if at():
+                    break
+                await pilot.press("down")
+            await until(pilot, at, label)
+            await pilot.press("enter")
+
+        await pilot.press("4")
+        await until(pilot, lambda: "own.yaml" in lines(files.root), "the working folder")
+        assert lines(files.root)[1:] == [tmp_path.name, "own.yaml", "bundled"]
+        await choose("bundled")
+        await choose("profiles")
+        await choose("ramps.yaml")
+        await until(pilot, lambda: panel.segments is not None)
+        assert panel.segments == load_profile("profiles/ramps")
+        assert "realistic.yaml" not in lines(files.root)
 
     at_screen(playback(), work)

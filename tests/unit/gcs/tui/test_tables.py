@@ -1,0 +1,110 @@
+"""Texts in tables: what is too long, numbers, and how the fleet table uses its width."""
+
+import re
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from rich.cells import cell_len
+from textual.pilot import Pilot
+from tui_bench import Station, at_screen, live, sent
+
+from gcs.station.fault_text import describe_fault
+from gcs.tui.app import Dashboard
+from gcs.tui.fleet_table import FleetTable
+from gcs.tui.grid import _fit
+from gcs.tui.key_bar import KeyBar
+from gcs.tui.wire_panel import WirePanel
+from mavlink_defs import dialect
+from mavlink_defs.faults import Fault
+from mavlink_defs.visible import visible
+
+SIZES = [(80, 24), (120, 40), (200, 50)]
+NUMBER = re.compile(r"[0-9]+(?:[.,][0-9]+)*(?:e[+-]?[0-9]+)?")
+
+
+@given(text=st.text(), width=st.integers(0, 40), align=st.sampled_from(["left", "right"]))
+def test_a_cell_is_as_wide_as_its_column(text: str, width: int, align: str) -> None:
+    fitted = _fit(text, width, align)  # type: ignore[arg-type]  # one of the two
+    assert cell_len(fitted) == width
+    assert visible(fitted) == fitted
+
+
+@given(
+    parts=st.lists(
+        st.sampled_from(["at ", " %", "(", ", ", "-"])
+        | st.floats(0, 1e7).map("{:.6g}".format)
+        | st.floats(0, 600).map("{:.3f}".format)
+    ),
+    width=st.integers(1, 40),
+)
+@example(parts=["until ", "540.066", "] s"], width=10)
+@example(parts=["until ", "540.066", "] s"], width=11)
+def test_no_number_in_a_text_is_cut(parts: list[str], width: int) -> None:
+    text = "|".join(parts)
+    fitted = _fit(text, width, "left")
+    assert set(NUMBER.findall(fitted)) <= set(NUMBER.findall(text))
+
+
+@given(value=st.floats(allow_nan=False), width=st.integers(1, 9), digits=st.integers(0, 3))
+@example(value=123456.78, width=6, digits=2)
+@example(value=-1e300, width=6, digits=2)
+def test_a_number_too_long_loses_digits_behind_the_point_only(
+    value: float, width: int, digits: int
+) -> None:
+    fitted = _fit(f"{value:.{digits}f}", width, "right").strip()
+    assert fitted == "…" or float(fitted) == pytest.approx(value, rel=0.5, abs=0.5)
+
+
+def faults_of(station: Station, count: int) -> tuple[str, ...]:
+    """Let a vehicle on a path have active faults; return their texts."""
+    tracking = dialect.MAVLink_ftc_tracking_message(50_000, [40.0, 0, 0, 0], [0] * 4, [0] * 4)
+    path = dialect.MAVLink_ftc_formation_message(
+        50_000, 1, 9.0, 1.0, [0.0] * 3, [0.0] * 3, 28.0, 2, 0, 0, 0, [0] * 64
+    )
+    for message in (tracking, path):
+        station.fleet.receive(sent(message, 1), station.time_s)
+    faults = tuple(Fault(i, 0.93, 0.5, 0.0, 39.082 + i, 539.064) for i in range(count))
+    station.fleet.vehicles[1].learn_faults(faults, station.time_s)
+    return tuple(map(describe_fault, faults))
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_active_faults_are_told_in_full_where_there_is_room(count: int) -> None:
+    station = Station(1, 2)
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        texts = faults_of(station, count)
+        app.refresh_view(force=True)
+        await pilot.pause()
+        table = app.query_one(FleetTable)
+        drawn = "".join(segment.text for segment in table.render_line(2))
+        assert " · ".join(texts) in drawn
+        assert [column.group for column in table.columns].count("value") == 4
+
+    at_screen(live(station), work, (200, 50))
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_nothing_is_cut_in_titles_and_keys(size: tuple[int, int]) -> None:
+    station = Station(1, 2)
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        faults_of(station, 2)
+        for key in "1234567":
+            await pilot.press(key)
+            app.refresh_view(force=True)
+            await pilot.pause()
+            bar = app.query_one(KeyBar)
+            keys = list(bar.children)
+            assert {"help", "quit"} <= {getattr(key, "action", "") for key in keys}
+            palette = next(key for key in keys if key.has_class("-command-palette"))
+            others = [key for key in keys if key is not palette]
+            assert max(key.region.right for key in others) <= palette.region.x
+            if key == "1":
+                wire = app.query_one(WirePanel)
+                title = "".join(segment.text for segment in wire.render_line(0))
+                assert "…" not in title
+                assert len(str(wire.border_title)) < wire.size.width
+
+    at_screen(live(station), work, size)

@@ -1,0 +1,147 @@
+"""Texts of others on the screen: at none of its doors are they markup, or steer the terminal."""
+
+import html
+import unicodedata
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual.pilot import Pilot
+from tui_bench import Station, at_screen, live
+from waiting import until
+
+from gcs.errors import CommandRefused
+from gcs.tui.app import Dashboard
+from gcs.tui.dialogs import Question
+from gcs.tui.guard import Failed
+from gcs.tui.parameters import ParametersPanel
+from gcs.tui.profiles import ProfilesPanel
+from gcs.tui.requests import Choice, VehicleAction
+from mavlink_defs.services.param import Param
+
+FOREIGN = "[red]X[/] [/] \x1b]0;P\x07\x9b2J\u202e\u2028\r\n[@click=app.quit]q"
+SEEN = r"[red]X[/] [/] \x1b]0;P\x07\x9b2J\u202e\u2028\r"
+UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+
+Door = Callable[[Dashboard, Pilot[None], Path], Any]
+
+
+async def notice(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    app.notify(FOREIGN)
+
+
+async def question(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    app.push_screen(Question(FOREIGN, [Choice("Yes", "")]))
+
+
+async def refusal(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    async def act(vehicle: Any, choice: str) -> str:
+        raise CommandRefused(FOREIGN, 1)
+
+    app.post_message(VehicleAction("arm", [1], act))
+
+
+async def answer_of_a_vehicle(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    async def act(vehicle: Any, choice: str) -> str:
+        return FOREIGN
+
+    await pilot.press("6")
+    app.post_message(VehicleAction("arm", [1], act))
+
+
+async def what_is_going_on(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    app.operations.going_on.append(FOREIGN)
+
+
+async def title_of_the_connection(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    app.view.source.title = FOREIGN
+
+
+async def events(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    await pilot.press("6")
+    app.view.source.event_log.note(1.0, None, 1, "text", 4, FOREIGN)
+
+
+async def parameters(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    await pilot.press("5")
+    app.query_one(ParametersPanel).params = {1: (Param(FOREIGN, 1.0, 9),)}
+    app.refresh_view(force=True)
+    await pilot.press("enter")
+
+
+async def failure_of_a_widget(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    def fail(view: Any) -> None:
+        raise ValueError(FOREIGN)
+
+    await pilot.press("5")
+    panel: Any = app.query_one(ParametersPanel)
+    panel.show_view = fail
+
+
+async def defect(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    await pilot.press("6")
+    app.post_message(Failed("draw", ValueError(FOREIGN)))
+
+
+async def name_of_a_profile(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    (folder / "_hidden").mkdir()
+    file = folder / "_hidden" / (FOREIGN.replace("/", "\u2215") + ".yaml")
+    file.write_text(
+        "profile: [{start_s: 0, airspeed_m_s: 40, roll_deg: 0, pitch_deg: 5, yaw_deg: 0}]"
+    )
+    await pilot.press("4")
+    app.query_one(ProfilesPanel).load(file)
+
+
+async def error_of_a_profile(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    (folder / "_hidden").mkdir()
+    file = folder / "_hidden" / (FOREIGN.replace("/", "\u2215") + ".yaml")
+    file.write_text("profile: [{start_s: '[red]X[/] [/]'}]")
+    await pilot.press("4")
+    app.query_one(ProfilesPanel).load(file)
+
+
+DOORS = (
+    notice,
+    question,
+    refusal,
+    answer_of_a_vehicle,
+    what_is_going_on,
+    title_of_the_connection,
+    events,
+    parameters,
+    failure_of_a_widget,
+    defect,
+    name_of_a_profile,
+    error_of_a_profile,
+)
+
+
+@pytest.mark.parametrize("door", DOORS, ids=lambda door: door.__name__)
+def test_what_comes_in_is_shown_as_it_is(
+    door: Door, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    station = Station(1)
+    station.vehicles[1] = None
+    begin = SEEN[:9].replace("/", "\u2215") if door in {name_of_a_profile} else SEEN[:9]
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        def seen() -> bool:
+            app.refresh_view(force=True)
+            return begin in screen(app)
+
+        await door(app, pilot, tmp_path)
+        await until(pilot, seen, begin)
+        picture = screen(app)
+        assert not [c for c in picture if unicodedata.category(c) in UNSEEN and c != "\n"]
+        assert app.is_running
+        assert bool(app.failures) == (door in {failure_of_a_widget, defect})
+
+    at_screen(live(station), work, (200, 50), notices=True)
+
+
+def screen(app: Dashboard) -> str:
+    """Return the texts on the screen as a picture has them."""
+    return html.unescape(app.export_screenshot()).replace("\xa0", " ")
