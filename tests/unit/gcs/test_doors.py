@@ -301,7 +301,8 @@ def test_reports_of_pytest(pytester: pytest.Pytester, monkeypatch: pytest.Monkey
     (pytester.path / "my.yaml").write_text(yaml_of({**tree, "faults": []}))
     pytester.makepyfile(IN_TESTS.format(nasty=ascii(EVERY), path=ascii(PATH)))
     monkeypatch.setenv("HOME", HOME)  # pytester has another one, without compiled code
-    done = pytester.runpytest("-p", "no:cacheprovider", "--basetemp", pytester.path / PATH[:-5])
+    options = ("-p", "no:cacheprovider", "--basetemp", pytester.path / PATH[:-5])
+    done = pytester.runpytest_subprocess(*options)  # in this one it would unload modules of numba
     outcomes = done.parseoutcomes()
     assert sum(outcomes.values()) == outcomes["failed"] + outcomes["errors"] == 8
     assert "- ftc-sitl -" in done.stdout.str()
