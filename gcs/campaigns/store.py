@@ -66,7 +66,7 @@ computed for another reason. ``invalid``: the values are no scenario, which only
 may be."""
 
 _DRAWS = "draws.parquet"
-_COLUMNS = 16  # that are kept in memory
+_CELLS, _BLOCKS = 1_000_000, 16  # values that are read at once; how many times as many are kept
 _PART = ".part"  # ends the name of a file that is being written
 
 
@@ -235,7 +235,7 @@ def read_results(folder: Path, columns: Sequence[str] | None = None) -> "pa.Tabl
 
 
 class Results:
-    """The results of a campaign, read column by column: all columns of a million flights are much.
+    """The results of a campaign, read by blocks of columns: all of a million flights are much.
 
     Rows are in the order of the files; those that are written later are not seen.
 
@@ -247,28 +247,38 @@ class Results:
     """
 
     def __init__(self, folder: Path) -> None:
+        import pyarrow.parquet as pq
+
         self.schema = _schema(folder)
         self._folder, self._paths = folder, list(_parts(folder))
-        self.column = functools.lru_cache(maxsize=_COLUMNS)(self._read)
+        with _reading(folder):
+            rows = sum(pq.read_metadata(path).num_rows for path in self._paths)
+        self._width = max(1, _CELLS // max(1, rows))
+        self._block = functools.lru_cache(maxsize=_BLOCKS)(self._read)
 
-    def _read(self, name: str) -> "pa.Array":
-        """Read a column; texts as a dictionary.
+    def column(self, name: str) -> "pa.Array":
+        """Return a column; texts as a dictionary.
 
         Raises:
             BadInput: A file cannot be read.
         """
+        block = self._block(self.schema.get_field_index(name) // self._width)
+        return block.column(name).unify_dictionaries().combine_chunks()
+
+    def _read(self, block: int) -> "pa.Table":
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        field = self.schema.field(name)
-        texts = [name] if pa.types.is_string(field.type) else []
+        first = block * self._width
+        fields = pa.schema(list(self.schema)[first : first + self._width])
+        texts = [field.name for field in fields if pa.types.is_string(field.type)]
         if not self._paths:
-            return pa.array([], field.type)
+            return fields.empty_table()
         with _reading(self._folder):
-            tables = [
-                pq.read_table(path, columns=[name], read_dictionary=texts) for path in self._paths
-            ]
-        return pa.concat_tables(tables).column(0).unify_dictionaries().combine_chunks()
+            return pa.concat_tables(
+                pq.read_table(path, columns=fields.names, read_dictionary=texts)
+                for path in self._paths
+            )
 
 
 def _schema(folder: Path) -> "pa.Schema":

@@ -80,6 +80,11 @@ def test_sobol_indices_of_the_ishigami_function() -> None:
     assert total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.03)
 
 
+def test_sobol_intervals_are_the_same_every_time() -> None:
+    costs = np.random.default_rng(0).normal(size=64 * 4)
+    assert sobol_indices(["a", "b"], costs) == sobol_indices(["a", "b"], costs)
+
+
 def test_sobol_indices_want_a_whole_design_without_failures() -> None:
     with pytest.raises(ValueError, match="multiple of 4"):
         sobol_indices(["a", "b"], np.ones(flights_needed()))

@@ -7,6 +7,7 @@ import pyarrow as pa
 import pytest
 from campaign_tables import campaign, draws_table, results_table, write_campaign
 
+from gcs.campaigns import store
 from gcs.campaigns.samples import Sample, read_samples, samples_of
 from gcs.campaigns.store import Results, read_results
 from gcs.errors import BadInput
@@ -89,13 +90,18 @@ def test_factors_are_numbers_or_texts_without_an_order(samples: dict[str, Sample
         np.testing.assert_equal(samples["b"].factor(name), values)
 
 
-def test_only_a_few_columns_are_kept(folder: Path) -> None:
+def test_only_a_few_columns_are_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = read_results(folder)
+    monkeypatch.setattr(store, "_CELLS", 2 * whole.num_rows + 1)
     results = Results(folder)
     for name in results.schema.names:
-        results.column(name)
-    kept = results.column.cache_info()
+        assert sorted(results.column(name).to_pylist(), key=str) == sorted(
+            whole.column(name).to_pylist(), key=str
+        )
+    kept = results._block.cache_info()
+    assert kept.misses == -(-len(results.schema.names) // 2)
     assert kept.currsize == kept.maxsize
-    assert kept.currsize < len(results.schema.names) / 4
+    assert 2 * kept.currsize < len(results.schema.names) / 2
 
 
 def test_a_damaged_file_is_named(folder: Path) -> None:
