@@ -328,7 +328,6 @@ def draw(sky: Sky, schedule: Schedule, folder: Path) -> None:
         panels[1][k].plot(times[:-1], values[:-1], "o", ms=3, color=style(2).colour)
         unit = "N" if name == "throttle" else "deg"
         panels[1][k].set_title(f"{name} [{unit}], {len(times) - 1} messages", size=SMALL)
-        panels[1][k].set_xlabel("t [s]", size=SMALL)
         for panel in panels[:, k]:
             tidy(panel, sky.scenario.duration_s)
     save(figure, folder, "fewest_messages")

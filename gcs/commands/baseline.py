@@ -79,12 +79,13 @@ def baseline(
         int, typer.Option(min=0, metavar="NUMBER", help="Uncertain aircraft that are flown, too.")
     ] = 0,
     campaign: Annotated[
-        Path,
+        Path | None,
         typer.Option(
-            help="Campaign that draws those aircraft: a file, or a bundled one.",
+            help="Campaign that draws those aircraft: a file, or a bundled one; "
+            "campaigns/uncertainty by default.",
             metavar="CAMPAIGN",
         ),
-    ] = Path("campaigns/uncertainty"),
+    ] = None,
     keep: Annotated[
         float,
         typer.Option(
@@ -143,7 +144,9 @@ def baseline(
     triggered = changed_scenario(scenario, additions, settings)
     base = periodic_base(triggered, scenario, values_of(against, "--against"))
     steps = _longest(triggered, longest)
-    file = find_scenario(campaign)
+    if campaign is not None and not aircraft:
+        raise BadInput("--campaign draws no aircraft", "say how many with --aircraft")
+    file = find_scenario(campaign or Path("campaigns/uncertainty"))
     drawn = load_campaign(file, draws=aircraft) if aircraft else None
     folder = make_run_folder(out, f"baseline-{triggered.name}")
     warm_up(triggered, console)

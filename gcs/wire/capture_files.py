@@ -9,6 +9,7 @@ from mavlink_defs.capture.pcap import PcapCutOff, PcapError, is_pcap, read_pcap
 from mavlink_defs.capture.tap import LinkNames, Tap
 from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.capture.tlog import TlogCutOff, TlogError, read_frames
+from mavlink_defs.config.user_files import open_file
 from mavlink_defs.constants import LAST_SYSTEM
 
 __all__ = ["count_file"]
@@ -52,7 +53,7 @@ def count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]:
 
 def _report(path: Path) -> TapReport | None:
     """Return the report in a wire.json; None if the file is something else."""
-    with path.open("rb") as file:
+    with open_file(path) as file:
         if file.read(1) != b"{":
             return None
     try:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from mavlink_defs.config.user_files import open_file
 from mavlink_defs.endpoint import UdpAddress
 
 __all__ = ["Packet", "PcapCutOff", "PcapError", "is_pcap", "read_pcap"]
@@ -52,7 +53,7 @@ def is_pcap(path: Path) -> bool:
     Raises:
         OSError: The file cannot be read.
     """
-    with path.open("rb") as file:
+    with open_file(path) as file:
         head = file.read(4)
     return len(head) == 4 and struct.unpack("<I", head)[0] in {*_PCAP, _PCAPNG}
 
@@ -65,7 +66,7 @@ def read_pcap(path: Path) -> Iterator[Packet]:
         PcapError: The file is something else, damaged, or has a link type that is not known.
         OSError: The file cannot be read.
     """
-    with path.open("rb") as file:
+    with open_file(path) as file:
         magic = file.read(4)
         file.seek(0)
         number = struct.unpack("<I", magic)[0] if len(magic) == 4 else 0

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import BinaryIO, Self
 
 from mavlink_defs import dialect
+from mavlink_defs.config.user_files import open_file
 from mavlink_defs.framing.header import CRC_SIZE, V2_MAGIC, FrameHeader
 from mavlink_defs.runtime.files import named, naming
 
@@ -108,7 +109,7 @@ def read_frames(path: Path, complain: bool = False) -> Iterator[tuple[int, bytes
         TlogCutOff: The last record is not whole, and that matters.
         TlogError, OSError: As `read_tlog`.
     """
-    with path.open("rb") as file, contextlib.ExitStack() as stack:
+    with open_file(path) as file, contextlib.ExitStack() as stack:
         if not complain:
             stack.enter_context(contextlib.suppress(TlogCutOff))
         while (record := _read_record(file, path)) is not None:

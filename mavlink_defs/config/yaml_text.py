@@ -9,10 +9,7 @@ import re
 from typing import Any
 
 import yaml
-from yaml._yaml import CParser
 from yaml.composer import Composer
-from yaml.constructor import SafeConstructor
-from yaml.resolver import Resolver
 
 from mavlink_defs.config.written import WrittenDict, WrittenList
 
@@ -56,16 +53,14 @@ def yaml_problem(exc: Exception) -> tuple[str, str]:
     return "", f"not YAML: {' '.join(str(exc).split())}"
 
 
-class _Loader(Composer, CParser, SafeConstructor, Resolver):
+class _Loader(Composer, yaml.CSafeLoader):
     """Plain scalars as in YAML 1.2's core schema (1e-3 is a number); keys occur once."""
 
     yaml_implicit_resolvers = {}  # noqa: RUF012 - PyYAML's way; it is copied, not shared
 
     def __init__(self, text: str, name: str) -> None:
-        CParser.__init__(self, text)
+        yaml.CSafeLoader.__init__(self, text)
         Composer.__init__(self)
-        SafeConstructor.__init__(self)
-        Resolver.__init__(self)
         self._name = name
         self._values = 0  # composed so far, each as often as aliases repeat it
         self._sizes: dict[yaml.Node, int] = {}

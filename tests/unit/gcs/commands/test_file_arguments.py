@@ -1,0 +1,122 @@
+"""Every file that a command reads, as what nobody wants to read: refused at once, in one line."""
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from gcs.cli import app, whole_command
+from gcs.errors import BadInput
+from mavlink_defs.config.problems import ConfigError
+
+NOWHERE = ("--connect", "udpout:127.0.0.1:1", "--timeout", "0.1")
+PAPER = str(Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml")
+READ = {
+    ("fly", "scenario"): ["fly", "@"],
+    ("fly", "campaign"): ["fly", "--campaign", "@", "--row", "0"],
+    ("export", "run"): ["export", "@", "--to", "csv"],
+    ("reproduce", "scenarios"): ["reproduce", "--scenarios", "@", "--out", "none"],
+    ("compare", "old"): ["compare", "@", "@"],
+    ("sweep", "scenarios"): ["sweep", "@", "--set", "seed=1", "--out", "none"],
+    ("baseline", "scenario"): ["baseline", "@"],
+    ("baseline", "campaign"): ["baseline", PAPER, "--aircraft", "1", "--campaign", "@"],
+    ("campaign", "file"): ["campaign", "@", "--out", "none"],
+    ("trim", "scenario"): ["trim", "@"],
+    ("up", "scenario"): ["up", "@", "--free-ports"],
+    ("config", "scenario"): ["config", "@", "--out", "none"],
+    ("log", "file"): ["log", "@"],
+    ("wire", "file"): ["wire", "@"],
+    ("profile upload", "file"): ["profile", "upload", "@", *NOWHERE],
+    ("profile check", "file"): ["profile", "check", "@", *NOWHERE],
+    ("mission show", "file"): ["mission", "show", "@"],
+    ("mission show", "fleet"): ["mission", "show", PAPER, "--fleet", "@"],
+    ("mission upload", "file"): ["mission", "upload", "@", *NOWHERE],
+    ("mission fly", "file"): ["mission", "fly", "@", *NOWHERE],
+    ("param load", "file"): ["param", "load", "@", *NOWHERE],
+    ("param diff", "file"): ["param", "diff", "@", *NOWHERE],
+    ("status", "signing_key"): ["status", "--signing-key", "@", *NOWHERE],
+    ("fly", "signing_key"): ["fly", PAPER, "--signing-key", "@", "--out", "none"],
+    ("up", "signing_key"): ["up", PAPER, "--signing-key", "@", "--free-ports"],
+    ("config", "signing_key"): ["config", PAPER, "--signing-key", "@", "--out", "none"],
+}
+"""What each argument that is read is called, and a command that reads it as ``@``."""
+
+WRITTEN = {"out", "junit", "markdown", "csv"} | {
+    f"{command} file" for command in ("new", "record", "key", "param save")
+}
+"""Arguments that are written: names of options, or command and argument."""
+
+KINDS = ("pipe", "folder", "device", "large", "binary", "missing")
+
+
+def make(kind: str, path: Path) -> Path:
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "device":
+        return Path("/dev/zero")
+    elif kind == "large":
+        path.write_text("# nothing\n" * 200_000)
+        path.chmod(0o600)
+    elif kind == "binary":
+        path.write_bytes(bytes(range(256)) * 8)
+        path.chmod(0o600)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _ten_seconds() -> Iterator[None]:
+    """A command that waits for a pipe fails instead of waiting for ever."""
+
+    def late(*_: Any) -> None:
+        raise AssertionError("it waits")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(10)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("argument", READ, ids=" ".join)
+def test_it_is_refused(
+    argument: tuple[str, str], kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = make(kind, tmp_path / "thing")
+    before = sorted(tmp_path.iterdir())
+    words = [str(path) if word == "@" else word for word in READ[argument]]
+    result = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, words)
+    problem = result.exception
+    assert isinstance(problem, BadInput | ConfigError), (problem, result.output)
+    first = str(problem).splitlines()[0]
+    assert path.name in first or path.name in str(problem)
+    assert first == first.strip()
+    assert first.isprintable()
+    assert result.stdout == ""
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_every_argument_that_is_a_file_is_read_here_or_written() -> None:
+    def walk(command: Any, *names: str) -> Iterator[tuple[str, Any]]:
+        for name, inner in getattr(command, "commands", {}).items():
+            yield from walk(inner, *names, name)
+        if not hasattr(command, "commands"):
+            yield from ((" ".join(names), parameter) for parameter in command.params)
+
+    known = set(READ) | {("compare", "new")}
+    for command, parameter in walk(whole_command()):
+        told = getattr(parameter, "type_descriptor", None)
+        if "Path" not in str(getattr(told, "annotation", "")):
+            continue
+        if parameter.name in WRITTEN or f"{command} {parameter.name}" in WRITTEN:
+            continue
+        if parameter.name == "signing_key":
+            continue  # one option, of one door
+        assert (command, parameter.name) in known
