@@ -5,6 +5,7 @@ and all values are drawn before the first flight: neither workers nor their orde
 """
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,11 +14,15 @@ import numpy as np
 
 from gcs.campaigns.distributions import Choice, Distribution, quantiles
 from gcs.campaigns.model import Campaign, DrawnFault
+from gcs.errors import BadInput
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["Dimension", "dimensions", "draw_table"]
+__all__ = ["MOST_FLIGHTS", "Dimension", "dimensions", "draw_table"]
+
+MOST_FLIGHTS = 10_000_000
+"""Flights that a campaign or a sweep may plan: all draws are made and kept before the first."""
 
 
 @dataclass(frozen=True)
@@ -90,10 +95,18 @@ def draw_table(campaign: Campaign, uav_ids: Sequence[int]) -> "pa.Table":
     """Return the planned flights: every draw, flown by every variant one after the other.
 
     Columns as in `gcs.campaigns.store`.
+
+    Raises:
+        BadInput: They are more than `MOST_FLIGHTS`.
     """
     import pyarrow as pa
 
     axes = dimensions(campaign, uav_ids)
+    if (flights := _draws(campaign, axes) * len(campaign.variants)) > MOST_FLIGHTS:
+        raise BadInput(
+            f"{flights:,} flights are planned, expected at most {MOST_FLIGHTS:,}",
+            "take fewer draws, values or variants",
+        )
     cube = _unit_cube(campaign, axes)
     drawn: dict[str, np.ndarray] = {}
     for k, axis in enumerate(axes):
@@ -116,6 +129,15 @@ def draw_table(campaign: Campaign, uav_ids: Sequence[int]) -> "pa.Table":
 
 def _stream(seed: int, draw: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed, spawn_key=(draw,))
+
+
+def _draws(campaign: Campaign, axes: Sequence[Dimension]) -> int:
+    match campaign.design:
+        case "grid":
+            return math.prod(axis.levels or 1 for axis in axes)
+        case "saltelli":
+            return (campaign.draws or 0) * (len(axes) + 2)
+    return campaign.draws or 0
 
 
 def _unit_cube(campaign: Campaign, axes: Sequence[Dimension]) -> np.ndarray:

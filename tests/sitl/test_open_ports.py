@@ -43,10 +43,11 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
 
 
 def test_all_sockets_are_bound_to_this_machine(fleet: Up) -> None:
-    pids = processes_of(fleet.folder)
-    addresses = {pid: bound(pid) for pid in pids}
-    assert sorted(len(those) for those in addresses.values()) == [1, 1, 3]
-    assert {ip for those in addresses.values() for ip, _ in those} == {"127.0.0.1"}
+    def addresses() -> list[set[tuple[str, int]]]:
+        return sorted(map(bound, processes_of(fleet.folder)), key=len)
+
+    wait_until(lambda: [*map(len, addresses())] == [1, 1, 3], "every process has its sockets")
+    assert {ip for those in addresses() for ip, _ in those} == {"127.0.0.1"}
 
 
 def test_only_the_ground_stations_of_the_configuration_are_heard(fleet: Up) -> None:

@@ -12,8 +12,9 @@ from pydantic import TypeAdapter
 from scipy import stats
 
 from gcs.campaigns.distributions import Distribution, quantiles, support, value_of
-from gcs.campaigns.draws import dimensions, draw_table
+from gcs.campaigns.draws import MOST_FLIGHTS, dimensions, draw_table
 from gcs.campaigns.model import Campaign
+from gcs.errors import BadInput
 
 ADAPTER: TypeAdapter[Any] = TypeAdapter(Distribution)
 KINDS: dict[str, tuple[dict[str, Any], Any]] = {
@@ -124,6 +125,30 @@ def test_a_grid_is_every_combination() -> None:
     rows = columns(design="grid", draws=None, factors=factors)
     pairs = list(zip(rows["factor.trigger.mode"], rows["factor.step_us"], strict=True))
     assert pairs == [(mode, us) for mode in ("joint", "periodic") for us in (1000, 2000, 4000)]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"draws": MOST_FLIGHTS + 1},
+        {"draws": 2**22, "design": "saltelli"},
+        {"draws": MOST_FLIGHTS // 2 + 1, "variants": {"a": {}, "b": {}}},
+        {
+            "draws": None,
+            "design": "grid",
+            "factors": {
+                f"uncertainty.{name}": {
+                    "draw": {"kind": "choice", "values": [1.0 + k / 999 for k in range(300)]},
+                }
+                for name in ("mass", "inertia", "coefficients")
+            },
+        },
+    ],
+    ids=["draws", "saltelli", "variants", "grid"],
+)
+def test_too_many_flights_are_refused_before_they_are_drawn(changes: dict[str, Any]) -> None:
+    with pytest.raises(BadInput, match="expected at most 10,000,000"):
+        columns(**changes)
 
 
 def test_saltelli_has_the_rows_that_its_analysis_expects() -> None:
