@@ -11,7 +11,15 @@ import typer
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput, CommandRefused
 from gcs.station.notifications import enum_name
-from gcs.station.param_file import READ_ONLY, differing, read_param_file, text_of
+from gcs.station.param_file import (
+    READ_ONLY,
+    difference,
+    differing,
+    read_param_file,
+    read_settable,
+    set_values,
+    text_of,
+)
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import print_json, print_line
 from mavlink_defs import dialect
@@ -48,6 +56,7 @@ Examples:
 _DIFF_EPILOG = f"""
 Examples:
 
+- gcs param diff --uav 1
 - gcs param diff uav1.parm
 - gcs param diff uav1.parm --uav 2 --json
 {EXIT_STATUS}"""
@@ -174,35 +183,40 @@ def load(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
 ) -> None:
     """Set the parameters that differ from a file; those that are read only stay."""
-    values = {n: v for n, v in read_param_file(file).items() if n not in READ_ONLY}
+    values = read_settable(file)
     different = _differences(station, values)
     if not yes and any(different.values()):
         for system, held in different.items():
             for name in held:
-                print_line(_difference(system, name, held[name], values[name]), stderr=True)
+                other = f"file {values[name]:.9g}"
+                print_line(difference(system, name, held[name], other), stderr=True)
         if not typer.confirm("Set these parameters?", err=True):
             raise BadInput("nothing was set")
 
     async def action(vehicle: Vehicle) -> str:
-        refused: list[CommandRefused] = []
-        names = different[vehicle.system]
-        for name in names:
-            try:
-                await vehicle.set_param(name, values[name])
-            except CommandRefused as problem:
-                refused.append(problem)
-        if refused:
-            done = f"UAV {vehicle.system}: {len(names) - len(refused)} of {len(names)} set"
-            raise CommandRefused("\n".join([done, *map(str, refused)]), refused[0].result)
-        return f"UAV {vehicle.system}: {len(names)} parameters set"
+        return await set_values(vehicle, {n: values[n] for n in different[vehicle.system]})
 
     station.act(action, lambda vehicle: {"set": {n: values[n] for n in different[vehicle.system]}})
 
 
 @app.command(epilog=_DIFF_EPILOG)
 @partial(station_command, timeout_s=30.0)
-def diff(station: Station, file: _File) -> None:
-    """List the parameters that differ from a file."""
+def diff(
+    station: Station,
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[FILE]",
+            help="Of NAME VALUE lines, as *.parm; without one the defaults, which are what a "
+            "parameter is if the scenario leaves its key out.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """List the parameters that differ from a file, or from their defaults."""
+    if file is None:
+        _diff_defaults(station)
+        return
     values = read_param_file(file)
     different = _differences(station, values)
     if station.as_json:
@@ -216,24 +230,55 @@ def diff(station: Station, file: _File) -> None:
         return
     for system, held in different.items():
         for name in held:
-            print_line(_difference(system, name, held[name], values[name]))
+            print_line(difference(system, name, held[name], f"file {values[name]:.9g}"))
         if not held:
             print_line(f"UAV {system}: all {len(values)} parameters as in {file}")
 
 
 def _differences(station: Station, values: dict[str, float]) -> dict[int, dict[str, float | None]]:
     """Return for each vehicle the values held that are not those of a file."""
+    return {system: differing(params, values) for system, params in _held(station).items()}
 
-    async def work(_: "Client", vehicles: list[Vehicle]) -> dict[int, dict[str, float | None]]:
+
+def _held(station: Station) -> dict[int, tuple[Param, ...]]:
+    """Return the parameters of each vehicle."""
+
+    async def work(_: "Client", vehicles: list[Vehicle]) -> dict[int, tuple[Param, ...]]:
         held = await asyncio.gather(*(vehicle.list_params() for vehicle in vehicles))
-        return {v.system: differing(h, values) for v, h in zip(vehicles, held, strict=True)}
+        return {v.system: params for v, params in zip(vehicles, held, strict=True)}
 
     return station.run(work)
 
 
-def _difference(system: int, name: str, held: float | None, value: float) -> str:
-    now = "not held" if held is None else f"{held:.9g}"
-    return f"UAV {system}: {name} = {now}, file {value:.9g}"
+def _diff_defaults(station: Station) -> None:
+    """List the parameters that differ from their defaults."""
+    found = _held(station)
+    from gcs.station.param_metadata import defaults_of, differs
+
+    defaults = {system: defaults_of(params) for system, params in found.items()}
+    for system, known in defaults.items():
+        if not known:
+            text = f"UAV {system}: the defaults of its parameters are not known"
+            raise BadInput(text, "choose others with --uav, or compare with a file")
+    different = [
+        (system, param, defaults[system][param.name])
+        for system, params in found.items()
+        for param in params
+        if differs(param, defaults[system])
+    ]
+    if station.as_json:
+        print_json(
+            [
+                {"uav": system, "name": param.name, "held": param.value, "defaults": values}
+                for system, param, values in different
+            ]
+        )
+        return
+    for system, param, values in different:
+        words = ", then ".join(f"{value:.9g}" for value in values)
+        print_line(difference(system, param.name, param.value, f"default {words}"))
+    for system in sorted(found.keys() - {system for system, _, _ in different}):
+        print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default are at it")
 
 
 def _words(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:

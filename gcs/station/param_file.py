@@ -3,14 +3,27 @@
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mavlink_defs.config.problems import ConfigError, Problem
+from gcs.errors import CommandRefused, NoAnswer
+from mavlink_defs.config.problems import ConfigError, Problem, counted
 from mavlink_defs.config.user_files import read_text
 from mavlink_defs.float32 import float32s
 from mavlink_defs.services.param import MAX_NAME, Param
 from mavlink_defs.visible import visible
 
-__all__ = ["READ_ONLY", "differing", "read_param_file", "text_of"]
+__all__ = [
+    "READ_ONLY",
+    "difference",
+    "differing",
+    "read_param_file",
+    "read_settable",
+    "set_values",
+    "text_of",
+]
+
+if TYPE_CHECKING:
+    from gcs.station.vehicle import Vehicle
 
 READ_ONLY = frozenset({"SYSID_THISMAV", "MAV_TYPE", "MAV_AUTOPILOT", "STEP_US", "CTRL_LAW"})
 """Parameters that say what a vehicle is; nobody can set them."""
@@ -46,6 +59,15 @@ def read_param_file(path: Path) -> dict[str, float]:
     return values
 
 
+def read_settable(path: Path) -> dict[str, float]:
+    """Return the values of a file that can be set: those of what is read only are left out.
+
+    Raises:
+        ConfigError: As of `read_param_file`.
+    """
+    return {n: v for n, v in read_param_file(path).items() if n not in READ_ONLY}
+
+
 def _problem_of(parts: list[str], values: Mapping[str, float]) -> str:
     """Return what is wrong with the parts of a line; "" if nothing is."""
     line = visible(" ".join(parts))
@@ -75,3 +97,32 @@ def differing(held: Iterable[Param], values: Mapping[str, float]) -> dict[str, f
         for name, value in values.items()
         if name not in by_name or float32s([by_name[name]]) != float32s([value])
     }
+
+
+def difference(system: int, name: str, held: float | None, other: str) -> str:
+    """Return in words that a vehicle holds something else: "UAV 1: C_V = 9, file 10"."""
+    now = "not held" if held is None else f"{held:.9g}"
+    return f"UAV {system}: {name} = {now}, {other}"
+
+
+async def set_values(vehicle: "Vehicle", values: Mapping[str, float]) -> str:
+    """Set parameters one after the other, and return how many.
+
+    Raises:
+        CommandRefused: Some were refused, the others are set; it names them, and says how many.
+        NoAnswer: The vehicle no longer answers; it says how many were set before.
+    """
+    refused: list[CommandRefused] = []
+    for done, (name, value) in enumerate(values.items()):
+        try:
+            await vehicle.set_param(name, value)
+        except CommandRefused as problem:
+            refused.append(problem)
+        except NoAnswer as problem:
+            so_far = f"UAV {vehicle.system}: {done - len(refused)} of {len(values)} set"
+            raise NoAnswer("\n".join([f"{so_far}, then: {problem}", *map(str, refused)])) from None
+    if refused:
+        count = f"{len(values) - len(refused)} of {len(values)} set, {len(refused)} refused"
+        text = "\n".join([f"UAV {vehicle.system}: {count}", *map(str, refused)])
+        raise CommandRefused(text, refused[0].result)
+    return f"UAV {vehicle.system}: {counted(len(values), 'parameter')} set"

@@ -1,21 +1,35 @@
-"""Unit, range and meaning of vehicles' parameters, which the parameter protocol does not carry."""
+"""What the parameter protocol does not carry: units, ranges, meanings, defaults of parameters.
+
+A default is what a parameter is if the scenario leaves its key out. What a vehicle started with is
+not told on the wire, so a value that its scenario has differs from the default like one that was
+set in flight.
+"""
 
 import functools
+import math
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from ftc_autopilot.control.controller import PARAMETERS
-from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.triggers import MODES
+from ftc_autopilot.control.records import fill
+from ftc_autopilot.control.triggers import MODES, TRIGGERS
+from ftc_autopilot.control.triggers.per_channel import PerChannel
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
-from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
+from ftc_autopilot.vehicle.param_table import Tunable, trigger_tunables, tunables
 from gcs.station.param_file import READ_ONLY
 from mavlink_defs.config.quantity import Quantity
+from mavlink_defs.float32 import float32s
+from mavlink_defs.services.param import Param
 
-__all__ = ["READ_ONLY", "known_quantity", "permitted"]
+__all__ = ["READ_ONLY", "Defaults", "defaults_of", "differs", "known_quantity", "permitted"]
+
+Defaults = dict[str, tuple[float, ...]]
+"""Defaults of parameters by name; of a scheduled one all values of its schedule, in order."""
 
 _TOLD = {
     "SYSID_THISMAV": "System id, read only.",
@@ -27,11 +41,11 @@ _TOLD = {
 
 
 def permitted(name: str) -> str:
-    """Return which values a parameter takes: "[0, 10] deg", "read only"; "" if that is unknown."""
+    """Return which values a parameter takes: "[0, 10]", "read only"; "" if that is unknown."""
     if name in READ_ONLY:
         return "read only"
     known = known_quantity(name)
-    return known.range() if known else ""
+    return known.bounds() if known else ""
 
 
 def known_quantity(name: str) -> Quantity | None:
@@ -39,20 +53,70 @@ def known_quantity(name: str) -> Quantity | None:
     return _known().get(name)
 
 
+def defaults_of(held: Iterable[Param]) -> Defaults:
+    """Return the defaults of a vehicle's parameters, as far as they are known.
+
+    Args:
+        held: The parameters. CTRL_LAW among them tells the law; without it the vehicle is none of
+            ours and no default is known.
+    """
+    values = {param.name: param.value for param in held}
+    law = values.get("CTRL_LAW", math.nan)
+    if law not in range(len(KINDS)):
+        return {}
+    known = _defaults(KINDS[int(law)])
+    return {name: known[name] for name in values if name in known}
+
+
+def differs(param: Param, defaults: Defaults) -> bool:
+    """Return whether a value is none of its defaults; False where none is known.
+
+    Numbers are compared as the wire carries them, in 32 bits.
+    """
+    known = defaults.get(param.name)
+    return known is not None and float32s([param.value])[0] not in float32s(known)
+
+
 @functools.cache
 def _known() -> dict[str, Quantity]:
-    records = np.zeros(1, PARAMETERS)
-    found = [
-        *trigger_tunables(records),
-        *tunables(LawParameters, records["common"]),
-    ]
-    found += tunables(FormationParameters, records["formation"], "FORM_")
-    for kind, guidance in GUIDANCE_LAWS.items():
-        found += tunables(guidance, records["guidance"][kind], "GUID_", base=GuidanceParameters)
-    for mode in MODES:
-        found += trigger_tunables(records, mode)
-    for kind, law in LAWS.items():
-        found += tunables(law, records[kind], base=LawParameters)
     told = {name: Quantity("", None, None, None, None, doc) for name, doc in _TOLD.items()}
     told["STEP_US"] = Quantity("us", None, None, None, None, _TOLD["STEP_US"])
+    found = [tunable for kind in LAWS for tunable in _tunables(kind)]
     return told | {tunable.name: tunable.quantity for tunable in reversed(found)}
+
+
+@functools.cache
+def _defaults(kind: str) -> Defaults:
+    found: Defaults = {}
+    for tunable in _tunables(kind):
+        last = int(np.argmax(np.isinf(tunable.times)))
+        values = dict.fromkeys(tunable.at(t) for t in tunable.times[: last + 1].tolist())
+        if all(map(math.isfinite, values)):  # a key may stand for that of another section
+            found.setdefault(tunable.name, tuple(values))
+    if not LAWS[kind].goes_with(PerChannel().mode):  # the scenario has to say which
+        del found["TRIG_MODE"]
+    return found
+
+
+def _tunables(kind: str) -> Iterator[Tunable]:
+    """Yield what can be set in a vehicle with a law, at its default: of every trigger, too."""
+    law, trigger = LAWS[kind], PerChannel()
+    records = np.zeros(1, PARAMETERS)
+    records["mode"] = MODES.index(trigger.mode)
+    fill(records["trigger"][0], trigger)
+    for mode in MODES:
+        if mode in (records.dtype["trigger"].names or ()):
+            fill(records["trigger"][mode][0], TRIGGERS[mode](mode=mode))
+    for part in ("common", kind):
+        fill(records[part][0], law(kind=kind))
+    fill(records["formation"][0], FormationParameters())
+    for name, guidance in GUIDANCE_LAWS.items():
+        fill(records["guidance"][name][0], guidance(kind=name))
+    yield from trigger_tunables(records)
+    yield from tunables(LawParameters, records["common"])
+    yield from tunables(FormationParameters, records["formation"], "FORM_")
+    for name, guidance in GUIDANCE_LAWS.items():
+        yield from tunables(guidance, records["guidance"][name], "GUID_", base=GuidanceParameters)
+    for mode in MODES:
+        yield from trigger_tunables(records, mode)
+    yield from tunables(law, records[kind], base=LawParameters)

@@ -12,6 +12,8 @@ from gcs.tui.view import FleetView
 
 __all__ = ["Operations"]
 
+_NOTICE_LINES = 5
+
 Notify = Callable[[str, str], None]
 """Called with a text and "information", "warning" or "error"."""
 
@@ -48,7 +50,7 @@ class Operations:
             self._notify(f"{action.what}: accepted by {ids(done)}", "information")
         for outcome in outcomes:
             if not outcome.accepted:
-                self._notify(outcome.words, "error")
+                self._notify(_beginning(outcome.words), "error")
 
     async def _one(self, action: VehicleAction, system: int, choice: str) -> Outcome:
         severity = NOTICE
@@ -65,7 +67,8 @@ class Operations:
             severity = ERROR
             words = f"{action.what}, UAV {system}: {one_line(problem)}"
             outcome = Outcome(system, False, words)
-        self._note(system, severity, outcome.words)
+        for line in outcome.words.split("\n"):
+            self._note(system, severity, line)
         if action.on_done is not None:
             action.on_done(outcome)
         return outcome
@@ -75,3 +78,12 @@ class Operations:
         state = source.fleet.vehicles.get(system)
         at = source.since_1970(source.now())
         source.event_log.note(at, state.time_s if state else None, system, "action", severity, text)
+
+
+def _beginning(text: str) -> str:
+    """Return as many lines as a notice has room for; the event log has all."""
+    lines = text.split("\n")
+    more = len(lines) - _NOTICE_LINES
+    if more <= 1:  # as long as the line that says so
+        return text
+    return "\n".join([*lines[:_NOTICE_LINES], f"… and {more} more in 6 Events"])

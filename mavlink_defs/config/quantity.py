@@ -39,6 +39,10 @@ class Quantity:
 
     def range(self) -> str:
         """Return the permitted range in words: "[0, 0.8] rad", "> 0 kg", "any number"."""
+        return f"{self.bounds()} {self.unit}".rstrip()
+
+    def bounds(self) -> str:
+        """Return the same without the unit: "[0, 0.8]"."""
         low = self.ge if self.gt is None else self.gt
         high = self.le if self.lt is None else self.lt
         if low is not None and high is not None:
@@ -50,7 +54,7 @@ class Quantity:
             text = f"{'<=' if self.lt is None else '<'} {high:.12g}"
         else:
             text = "any number"
-        return f"{text} {self.unit}".rstrip()
+        return text
 
 
 def quantity(

@@ -190,7 +190,7 @@ def test_parameters_and_disarming_in_flight(fleet: Up) -> None:
             await someone.press("5")
             params = someone.app.query_one("#params", Grid)
             await someone.sees(lambda: "TRIG_B2_DEG" in params.text, "the parameters")
-            await someone.sees(lambda: "[0, 10] deg" in params.text, "the range")
+            await someone.sees(lambda: "[0, 10]" in params.text, "the range")
             await someone.press("1", "x")
             await someone.answer("escape")
             assert someone.state(1).armed

@@ -191,6 +191,9 @@ def test_parameters_in_files(fleet: Up, tmp_path: Path) -> None:
     assert "choose one" in failed(fleet.gcs("param", "save", file), BAD_INPUT)
     assert fleet.gcs("param", "save", file, "--uav", "1").returncode == ACCEPTED
     assert "already exists" in failed(fleet.gcs("param", "save", file, "--uav", "1"), BAD_INPUT)
+    lines = Path(file).read_text().splitlines(keepends=True)
+    scheduled = ("TRIG_A2_N", "K1_", "K2_")  # these change in flight
+    Path(file).write_text("".join(line for line in lines if not line.startswith(scheduled)))
     assert fleet.gcs_json("param", "diff", file, "--uav", "1") == []
     assert fleet.gcs("param", "set", "TRIG_B2_DEG", "0.75", "--uav", "1,2").returncode == ACCEPTED
     done = fleet.gcs("param", "diff", file, "--uav", "1")
@@ -204,6 +207,24 @@ def test_parameters_in_files(fleet: Up, tmp_path: Path) -> None:
     assert "NO_SUCH_THING" in told
     assert fleet.gcs("param", "load", file, "--uav", "1", "--yes").returncode == ACCEPTED
     assert fleet.gcs_json("param", "diff", file, "--uav", "1") == []
+
+
+def test_parameters_are_compared_with_their_defaults(fleet: Up) -> None:
+    def differing() -> list[dict[str, Any]]:
+        entries: list[dict[str, Any]] = fleet.gcs_json("param", "diff", "--uav", "1,2")
+        return entries
+
+    before = differing()
+    assert {entry["uav"] for entry in before} <= {1, 2}
+    assert all(entry["held"] not in entry["defaults"] for entry in before)
+    assert fleet.gcs("param", "set", "TRIG_B2_DEG", "0.75", "--uav", "1").returncode == ACCEPTED
+    entry = {"uav": 1, "name": "TRIG_B2_DEG", "held": 0.75, "defaults": [1.0]}
+    assert [each for each in differing() if each not in before] == [entry]
+    done = fleet.gcs("param", "diff", "--uav", "1")
+    assert (done.returncode, done.stderr) == (ACCEPTED, "")
+    assert "UAV 1: TRIG_B2_DEG = 0.75, default 1" in done.stdout.splitlines()
+    assert fleet.gcs("param", "set", "TRIG_B2_DEG", "1", "--uav", "1").returncode == ACCEPTED
+    assert differing() == before
 
 
 def received(log: Path) -> Counter[tuple[int, str]]:

@@ -1,7 +1,6 @@
 """Keys pressed at the dashboard, without a fleet."""
 
 from textual.pilot import Pilot
-from textual.widgets import Input
 from tui_bench import Station, at_screen, live, playback
 from waiting import answer, until, until_focused
 
@@ -9,7 +8,6 @@ from gcs.errors import CommandRefused, NoAnswer
 from gcs.tui.app import Dashboard
 from gcs.tui.grid import Column, Grid, Row
 from mavlink_defs.faults import Fault
-from mavlink_defs.services.param import Param
 
 
 def shown(app: Dashboard) -> str:
@@ -28,71 +26,16 @@ def test_an_empty_fleet_says_what_to_do() -> None:
     at_screen(live(Station()), work)
 
 
-class FakeVehicle:
-    """A vehicle with parameters that answers as it is told."""
-
-    system = 1
-
-    def __init__(self) -> None:
-        self.params = (Param("TRG_B1", 0.01, 9), Param("CTL_CV", 10.0, 9))
-        self.refuses = False
-
-    async def list_params(self) -> tuple[Param, ...]:
-        return self.params
-
-    async def set_param(self, name: str, value: float) -> Param:
-        if self.refuses:
-            raise CommandRefused(f"UAV 1 refused {name} = {value:g} (READ_ONLY)", 3)
-        return Param(name, value, 9)
+class DeafVehicle:
+    """A vehicle that does not answer."""
 
     async def arm(self) -> None:
         raise NoAnswer("UAV 1 did not answer MAV_CMD_COMPONENT_ARM_DISARM")
 
 
-def test_parameters_are_searched_and_set_after_a_question() -> None:
-    station, vehicle = Station(1), FakeVehicle()
-    station.vehicles[1] = vehicle
-
-    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        entries = app.view.source.event_log.entries
-        await pilot.press("5")
-        grid = app.query_one("#params", Grid)
-        await until(pilot, lambda: "TRG_B1" in grid.text)
-        assert grid.text.splitlines()[0].split()[:2] == ["TRG_B1", "0.01"]
-        await pilot.press("slash")
-        await until_focused(pilot, "param-search")
-        await pilot.press(*"cv", "enter")
-        await until(pilot, lambda: len(grid.rows) == 1)
-        await until_focused(pilot, "params")
-        app.query_one("#param-search", Input).value = ""
-        await until(pilot, lambda: len(grid.rows) == 2)
-        await pilot.press("home", "enter")
-        await until_focused(pilot, "param-value")
-        await pilot.press(*"0.02", "enter")
-        await until(pilot, lambda: "from 0.01 to 0.02" in shown(app))
-        await answer(pilot, "enter")
-        await until(pilot, lambda: entries[-1].text == "TRG_B1 is 0.02")
-        await until(pilot, lambda: "TRG_B1 0.02" in grid.text)
-        vehicle.refuses = True
-        await until_focused(pilot, "params")
-        await pilot.press("enter")
-        await until_focused(pilot, "param-value")
-        await pilot.press(*"7", "enter")
-        await answer(pilot, "enter")
-        refused = "UAV 1 refused TRG_B1 = 7 (READ_ONLY)"
-        await until(pilot, lambda: entries[-1].text == refused)
-        await until_focused(pilot, "params")
-        await pilot.press("enter")
-        await until_focused(pilot, "param-value")
-        await pilot.press(*"x", "enter")
-        assert "TRG_B1 0.02" in grid.text
-
-    at_screen(live(station), work)
-
-
 def test_every_failure_is_told() -> None:
     station = Station(1, 2)
-    station.vehicles[1] = FakeVehicle()
+    station.vehicles[1] = DeafVehicle()
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
         entries = app.view.source.event_log.entries
@@ -167,12 +110,11 @@ def test_a_grid_keeps_its_cursor_on_what_it_stands_for() -> None:
     at_screen(live(Station()), work)
 
 
-class FaultyVehicle(FakeVehicle):
+class FaultyVehicle:
     """A vehicle that takes faults."""
 
     def __init__(self, system: int) -> None:
-        super().__init__()
-        self.system = system
+        self.system, self.refuses = system, False
         self.faults: list[Fault] = []
 
     async def set_fault(self, fault: Fault) -> None:
