@@ -64,13 +64,18 @@ class FleetTable(Grid):
         """Show the vehicles."""
         texts = {state.system: _active_text(state) for state in view.states}
         longest = max(map(len, texts.values()), default=0)
-        groups = self._groups_shown(any(is_on_path(state) for state in view.states), longest)
+        text = max(longest, _LEAST_FAULTS) + 1 if longest else 0
+        diagnoses = any(state.diagnosis is not None for state in view.states)
+        diagnosis = _DIAGNOSIS.width + 1 if diagnoses else 0
+        on_path = any(is_on_path(state) for state in view.states)
+        groups = self._groups_shown(on_path, text, diagnosis)
         columns = [*_STATE, *_quantity_columns(groups), *_REST]
         left = self.room - sum(column.width + 1 for column in columns)
-        told = left >= _DIAGNOSIS.width + 1 + max(longest, _LEAST_FAULTS)
-        wide = left >= _LEAST_FAULTS
+        told = diagnoses and diagnosis + text <= left + 1
         if told:
             columns.append(_DIAGNOSIS)
+            left -= diagnosis
+        wide = left >= _LEAST_FAULTS
         if wide:
             columns.append(Column("active faults", 0, "left"))
         rows = [
@@ -93,15 +98,20 @@ class FleetTable(Grid):
         self._first_group += 1
         self.post_message(Refresh())
 
-    def _groups_shown(self, on_path: bool, longest: int) -> list[int]:
-        """Return the groups that fit, beside the longest text of active faults if any does."""
+    def _groups_shown(self, on_path: bool, text: int, diagnosis: int) -> list[int]:
+        """Return the groups that fit.
+
+        Args:
+            on_path: Whether there is a group of columns for the path.
+            text: Width of the active faults, which come before further groups; 0 without any.
+            diagnosis: Width of the diagnosis, which comes before a third group; 0 without any.
+        """
         left = self.room + 1 - _FIXED_WIDTH
-        fit = max(left // _GROUP_WIDTH, 1)
-        if longest:
-            left -= max(longest, _LEAST_FAULTS) + 1
-            beside = left // _GROUP_WIDTH
-            with_diagnosis = (left - _DIAGNOSIS.width - 1) // _GROUP_WIDTH
-            fit = min(fit, with_diagnosis if with_diagnosis > 1 else beside if beside > 0 else 2)
+        beside_both = (left - text - diagnosis) // _GROUP_WIDTH
+        beside_text = (left - text) // _GROUP_WIDTH
+        fit = beside_both if beside_both > 1 else beside_text
+        if fit <= 0:  # no room for the text anyway
+            fit = min(max(left // _GROUP_WIDTH, 1), 2)
         order = (0, _PATH, 1, 2, 3) if on_path else (0, 1, 2, 3)
         n = len(order)
         return [order[(self._first_group + i) % n] for i in range(min(fit, n))]

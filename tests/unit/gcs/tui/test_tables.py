@@ -11,7 +11,7 @@ from tui_bench import Station, at_screen, live, sent
 
 from gcs.station.fault_text import describe_fault
 from gcs.tui.app import Dashboard
-from gcs.tui.fleet_table import FleetTable
+from gcs.tui.fleet_table import _GROUP_WIDTH, _LEAST_FAULTS, FleetTable
 from gcs.tui.grid import _fit
 from gcs.tui.key_bar import KeyBar
 from gcs.tui.wire_panel import WirePanel
@@ -69,20 +69,36 @@ def faults_of(station: Station, count: int) -> tuple[str, ...]:
     return tuple(map(describe_fault, faults))
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_active_faults_are_told_in_full_where_there_is_room(count: int) -> None:
+@pytest.mark.parametrize("width", [120, 150, 175, 200, 240])
+@pytest.mark.parametrize("diagnoses", [False, True])
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_active_faults_are_told_in_full_and_groups_take_the_room_that_is_left(
+    count: int, diagnoses: bool, width: int
+) -> None:
     station = Station(1, 2)
+    if diagnoses:
+        nothing = [0.0] * 4
+        phases = dialect.MAVLink_ftc_diagnosis_message(0, nothing, nothing, nothing, [0, 0, 2, 0])
+        station.fleet.receive(sent(phases, 1), station.time_s)
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        texts = faults_of(station, count)
+        text = " · ".join(faults_of(station, count))
         app.refresh_view(force=True)
         await pilot.pause()
         table = app.query_one(FleetTable)
+        titles = [column.title for column in table.columns]
+        groups = {column.group for column in table.columns if column.group}
         drawn = "".join(segment.text for segment in table.render_line(2))
-        assert " · ".join(texts) in drawn
-        assert [column.group for column in table.columns].count("value") == 4
+        free = table.room - sum(column.width + 1 for column in table.columns)
+        if free + _GROUP_WIDTH * (len(groups) - 1) >= len(text):  # beside one group at least
+            assert text in drawn
+            assert len(groups) == 5 or free < max(len(text), _LEAST_FAULTS) + _GROUP_WIDTH
+        assert ("diagnosis" in titles) == ("rudder lost" in drawn)
+        assert diagnoses or "diagnosis" not in titles
+        if diagnoses and len(groups) > 2:
+            assert "diagnosis" in titles
 
-    at_screen(live(station), work, (200, 50))
+    at_screen(live(station), work, (width, 50))
 
 
 @pytest.mark.parametrize("size", SIZES, ids=str)
