@@ -50,7 +50,7 @@ class Baseline:
         periodic_law: Of the periodic senders.
         trigger: Mode of the triggered flight.
         step_us: Control period [µs].
-        largest_ratio: Largest IAE by the triggered one's that counts as no worse.
+        largest_ratio: Largest ratio of an IAE to the triggered flight's that counts as no worse.
         transmissions: Of the triggered flight: of single channels, all UAVs.
         every_period: The same of sending every channel in every control period.
         uniform: Every sender with one period for all channels that was flown, ascending.

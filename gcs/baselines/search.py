@@ -66,7 +66,7 @@ class Search:
     Attributes:
         base: Scenario of the periodic sender.
         reference: The triggered flight.
-        largest_ratio: Largest IAE by the triggered one's that counts as no worse.
+        largest_ratio: Largest ratio of an IAE to the triggered flight's that counts as no worse.
         fly: Flies a scenario.
         pool: Where flights run.
         on_flown: Called with each finished sender.

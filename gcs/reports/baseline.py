@@ -12,7 +12,7 @@ from mavlink_defs.constants import ACTUATORS
 
 __all__ = ["COLUMNS", "baseline_report", "baseline_rows", "baseline_words"]
 
-COLUMNS = ("sender", "transmissions", "saved by the trigger", "largest IAE by the trigger's")
+COLUMNS = ("sender", "transmissions", "saved by the trigger", "largest IAE ratio to triggered")
 
 
 def baseline_report(baseline: Baseline) -> str:
