@@ -249,7 +249,7 @@ class Dashboard(App[None]):
         elif not action.systems:
             self._tell(f"{action.what}: no vehicle has been heard", "warning")
         elif action.question:
-            choices = action.choices or (Choice(action.what.capitalize(), "yes"),)
+            choices = action.choices or (Choice(action.what[:1].upper() + action.what[1:], "yes"),)
 
             def answered(choice: str | None) -> None:
                 if choice is None:

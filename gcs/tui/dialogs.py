@@ -8,12 +8,13 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
 from gcs.tui.guard import on
 from gcs.tui.requests import Choice
-from mavlink_defs.visible import visible_lines
+from mavlink_defs.visible import visible, visible_lines
 
 __all__ = ["Help", "Question", "key_name"]
 
@@ -57,7 +58,8 @@ class Question(ModalScreen[str | None]):
             with Horizontal(classes="buttons"):
                 for i, choice in enumerate(self._choices):
                     variant: Any = choice.variant
-                    yield Button(choice.label, variant, id=f"choice-{i}", compact=True)
+                    label = Content(visible(choice.label))  # a text would be markup
+                    yield Button(label, variant, id=f"choice-{i}", compact=True)
                 yield Button("Cancel", id="cancel", compact=True)
 
     @on(Button.Pressed)

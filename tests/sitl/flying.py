@@ -18,6 +18,7 @@ import pyarrow as pa
 import yaml
 
 from gcs.fleet.processes import FleetProcesses, on_free_ports
+from gcs.scenario.bundled import SCENARIOS
 from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import PortTaken, UdpAddress, bind_udp
 
@@ -36,6 +37,12 @@ def scenario_tree(**changes: Any) -> dict[str, Any]:
     """Scenario 1 as a tree, with top-level keys replaced."""
     tree: dict[str, Any] = yaml.safe_load(SCENARIO_1.read_text())
     return tree | changes
+
+
+def hexagon_tree() -> dict[str, Any]:
+    """The bundled mission in formation, as a tree."""
+    tree: dict[str, Any] = yaml.safe_load((SCENARIOS / "missions" / "hexagon.yaml").read_text())
+    return tree | {"extends": str(SCENARIO_1)}
 
 
 def star_tree(uavs: int, **changes: Any) -> dict[str, Any]:

@@ -4,11 +4,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-import yaml
-from flying import SCENARIO_1, wait_until
+from flying import hexagon_tree, wait_until
 from station import ALL, BAD_INPUT, REFUSED, Up, failed, up
-
-from gcs.scenario.bundled import SCENARIOS
 
 pytestmark = pytest.mark.sitl
 
@@ -16,9 +13,7 @@ pytestmark = pytest.mark.sitl
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
     """Three UAVs in V formation, waiting to be armed; in lockstep they fly well on any machine."""
-    tree = yaml.safe_load((SCENARIOS / "missions" / "hexagon.yaml").read_text())
-    tree |= {"extends": str(SCENARIO_1)}
-    with up(tmp_path_factory.mktemp("fleet"), "--lockstep", tree=tree) as fleet:
+    with up(tmp_path_factory.mktemp("fleet"), "--lockstep", tree=hexagon_tree()) as fleet:
         yield fleet
 
 

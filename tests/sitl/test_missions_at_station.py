@@ -2,17 +2,14 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-import yaml
-from flying import SCENARIO_1, run
+from flying import hexagon_tree, run
 from operating import drive, make_fly, operator
 from station import BAD_INPUT, REFUSED, Up, failed, up
 from textual.widgets import Input
 from waiting import until_focused
 
-from gcs.scenario.bundled import SCENARIOS
 from gcs.station.mission import is_same
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.mission_list import MissionList
@@ -22,18 +19,11 @@ from mavlink_defs.mission_files import mission_item, read_mission_file, waypoint
 
 pytestmark = pytest.mark.sitl
 
-HEXAGON = SCENARIOS / "missions" / "hexagon.yaml"
-
-
-def hexagon() -> dict[str, Any]:
-    tree: dict[str, Any] = yaml.safe_load(HEXAGON.read_text())
-    return tree | {"extends": str(SCENARIO_1)}
-
 
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
     """Three UAVs in formation, waiting to be armed; in lockstep they fly well on any machine."""
-    with up(tmp_path_factory.mktemp("fleet"), "--lockstep", tree=hexagon()) as fleet:
+    with up(tmp_path_factory.mktemp("fleet"), "--lockstep", tree=hexagon_tree()) as fleet:
         yield fleet
 
 

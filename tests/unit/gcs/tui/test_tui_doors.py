@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 from textual.pilot import Pilot
+from textual.widgets import Input
 from tui_bench import Station, at_screen, live
-from waiting import until
+from waiting import until, until_focused
 
 from gcs.errors import CommandRefused
 from gcs.tui.app import Dashboard
@@ -24,7 +25,18 @@ FOREIGN = "[red]X[/] [/] \x1b]0;P\x07\x9b2J\u202e\u2028\r\n[@click=app.quit]q"
 SEEN = r"[red]X[/] [/] \x1b]0;P\x07\x9b2J\u202e\u2028\r"
 UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 
+NAME = FOREIGN.replace("/", "\u2215")
+
 Door = Callable[[Dashboard, Pilot[None], Path], Any]
+
+
+class Holder:
+    """A vehicle with one parameter."""
+
+    system = 1
+
+    async def list_params(self) -> tuple[Param, ...]:
+        return (Param("A", 1.0, 9),)
 
 
 async def notice(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
@@ -32,7 +44,7 @@ async def notice(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
 
 
 async def question(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
-    app.push_screen(Question(FOREIGN, [Choice("Yes", "")]))
+    app.push_screen(Question(FOREIGN, [Choice(FOREIGN, "")]))
 
 
 async def refusal(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
@@ -70,6 +82,29 @@ async def parameters(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
     await pilot.press("enter")
 
 
+async def question_about_a_parameter(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    await parameters(app, pilot, folder)
+    await until_focused(pilot, "param-value")
+    await pilot.press("2", "enter")
+    await until(pilot, lambda: isinstance(app.screen, Question), "a question")
+
+
+async def name_of_a_parameter_file(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    (folder / NAME).write_text("A 2\n")
+    await pilot.press("5", "o")
+    await until_focused(pilot, "param-value")
+    app.query_one("#param-value", Input).value = NAME
+    await pilot.press("enter")
+    await until(pilot, lambda: isinstance(app.screen, Question), "a question")
+
+
+async def error_of_a_parameter_file(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    (folder / "a.parm").write_text(f"{FOREIGN[:12]} 1\n")
+    await pilot.press("5", "o")
+    await until_focused(pilot, "param-value")
+    await pilot.press(*"a.parm", "enter")
+
+
 async def failure_of_a_widget(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
     def fail(view: Any) -> None:
         raise ValueError(FOREIGN)
@@ -86,7 +121,7 @@ async def defect(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
 
 async def name_of_a_profile(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
     (folder / "_hidden").mkdir()
-    file = folder / "_hidden" / (FOREIGN.replace("/", "\u2215") + ".yaml")
+    file = folder / "_hidden" / f"{NAME}.yaml"
     file.write_text(
         "profile: [{start_s: 0, airspeed_m_s: 40, roll_deg: 0, pitch_deg: 5, yaw_deg: 0}]"
     )
@@ -96,7 +131,7 @@ async def name_of_a_profile(app: Dashboard, pilot: Pilot[None], folder: Path) ->
 
 async def error_of_a_profile(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
     (folder / "_hidden").mkdir()
-    file = folder / "_hidden" / (FOREIGN.replace("/", "\u2215") + ".yaml")
+    file = folder / "_hidden" / f"{NAME}.yaml"
     file.write_text("profile: [{start_s: '[red]X[/] [/]'}]")
     await pilot.press("4")
     app.query_one(ProfilesPanel).load(file)
@@ -111,6 +146,9 @@ DOORS = (
     title_of_the_connection,
     events,
     parameters,
+    question_about_a_parameter,
+    name_of_a_parameter_file,
+    error_of_a_parameter_file,
     failure_of_a_widget,
     defect,
     name_of_a_profile,
@@ -124,8 +162,9 @@ def test_what_comes_in_is_shown_as_it_is(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     station = Station(1)
-    station.vehicles[1] = None
-    begin = SEEN[:9].replace("/", "\u2215") if door in {name_of_a_profile} else SEEN[:9]
+    station.vehicles[1] = Holder()
+    is_name = door in {name_of_a_profile, name_of_a_parameter_file}
+    begin = SEEN[:9].replace("/", "\u2215") if is_name else SEEN[:9]
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
         def seen() -> bool:
