@@ -17,6 +17,7 @@ from gcs.tui.app import Dashboard
 from gcs.tui.dialogs import Question
 from gcs.tui.guard import Failed
 from gcs.tui.parameters import ParametersPanel
+from gcs.tui.profile_views import ProfileFiles
 from gcs.tui.profiles import ProfilesPanel
 from gcs.tui.requests import Choice, VehicleAction
 from mavlink_defs.services.param import Param
@@ -129,6 +130,12 @@ async def name_of_a_profile(app: Dashboard, pilot: Pilot[None], folder: Path) ->
     app.query_one(ProfilesPanel).load(file)
 
 
+async def file_in_the_tree(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
+    (folder / f"{NAME}.yaml").write_text("profile: []")
+    await pilot.press("4")
+    app.query_one(ProfileFiles).reload()
+
+
 async def error_of_a_profile(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
     (folder / "_hidden").mkdir()
     file = folder / "_hidden" / f"{NAME}.yaml"
@@ -152,6 +159,7 @@ DOORS = (
     failure_of_a_widget,
     defect,
     name_of_a_profile,
+    file_in_the_tree,
     error_of_a_profile,
 )
 
@@ -163,7 +171,7 @@ def test_what_comes_in_is_shown_as_it_is(
     monkeypatch.chdir(tmp_path)
     station = Station(1)
     station.vehicles[1] = Holder()
-    is_name = door in {name_of_a_profile, name_of_a_parameter_file}
+    is_name = door in {name_of_a_profile, file_in_the_tree, name_of_a_parameter_file}
     begin = SEEN[:9].replace("/", "\u2215") if is_name else SEEN[:9]
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
