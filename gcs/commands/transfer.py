@@ -9,6 +9,7 @@ from gcs.commands.station import Station
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import console_of
+from mavlink_defs.runtime.files import write_text
 
 __all__ = ["Note", "upload", "write_held"]
 
@@ -65,6 +66,6 @@ def write_held(
         names = ", ".join(map(str, sorted(held)))
         raise BadInput(f"UAV {names} hold different {kind}s", "choose one with --uav")
     try:
-        out.write_text(text_of(first))
+        write_text(out, text_of(first))
     except OSError as problem:
         raise BadInput(f"cannot write {out}: {problem.strerror}") from problem

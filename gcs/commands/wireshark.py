@@ -8,6 +8,7 @@ import typer
 
 from gcs.errors import BadInput
 from gcs.wire.dissector import lua_dissector
+from mavlink_defs.runtime.files import write_text
 
 __all__ = ["EPILOG", "wireshark"]
 
@@ -46,7 +47,7 @@ def wireshark(
         sys.stdout.write(lua)
         return
     try:
-        out.write_text(lua)
+        write_text(out, lua)
     except OSError as problem:
         hint = "make its folder first" if not out.parent.exists() else ""
         raise BadInput(f"cannot write {out}: {problem.strerror}", hint) from problem

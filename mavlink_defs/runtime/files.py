@@ -29,22 +29,24 @@ def named(problem: OSError, path: Path | str) -> OSError:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file in UTF-8.
-
-    Raises:
-        OSError: With the file's name.
-    """
-    with naming(path):
-        path.write_text(text, encoding="utf-8")
+    """Write a text file in UTF-8, as `complete_file` does."""
+    with complete_file(path) as file:
+        file.write(text.encode())
 
 
 @contextlib.contextmanager
 def complete_file(path: Path) -> Iterator[BinaryIO]:
     """Open a file to write; the name appears when the file is complete.
 
+    What is no file but a device, a pipe or a link to something is written as it is.
+
     Raises:
-        OSError: With the file's name; nothing is left of the file.
+        OSError: With the file's name; nothing is left of the file, and one before it stays.
     """
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        with naming(path), path.open("wb") as file:
+            yield file
+        return
     part = path.with_name(f"{path.name}.part")
     try:
         with naming(path), part.open("wb") as file:
