@@ -138,6 +138,9 @@ class AutopilotConfig(Model):
     identity: Identity = Field(
         default="ardupilot", description="Autopilot whose MAVLink conventions it follows."
     )
+    fleet: tuple[SystemId, ...] = Field(
+        default=(), description="UAVs of the fleet, this one included; none: it does not tell."
+    )
     origin: Origin = Field(
         default=Origin(), description="Geographic coordinates of north = east = down = 0."
     )
@@ -198,6 +201,12 @@ class AutopilotConfig(Model):
         problems = repeated(ids)
         problems += [(i, f"UAV {n} is this UAV itself") for i, n in enumerate(ids) if n == self.id]
         Problems.check((("neighbours", i, "id"), text) for i, text in problems)
+        return self
+
+    @model_validator(mode="after")
+    def _is_of_the_fleet(self) -> "AutopilotConfig":
+        if self.fleet and self.id not in self.fleet:
+            raise Problems([(("fleet",), f"expected UAV {self.id} among them")])
         return self
 
     @model_validator(mode="after")

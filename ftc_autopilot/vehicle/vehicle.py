@@ -43,6 +43,7 @@ from mavlink_defs.services.command import CommandMessage
 from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
 from mavlink_defs.services.responder import Responder
+from mavlink_defs.system_ids import bits_of
 
 __all__ = ["Vehicle"]
 
@@ -85,6 +86,7 @@ class Vehicle:
         """
         own = SystemId(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._own, self._hot, self._controllers = own, hot, controllers
+        self._fleet = bits_of(config.fleet)
         self._stations = range(len(config.gcs))
         self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
         self._asking = 0  # the ground station whose message is being handled
@@ -337,6 +339,8 @@ class Vehicle:
         """Execute MAV_CMD_REQUEST_MESSAGE, and the older commands that ask for one message."""
         if params[0] == dialect.MAVLINK_MSG_ID_HEARTBEAT:
             message: MAVLink_message | None = self.modes.heartbeat()
+        elif params[0] == dialect.MAVLINK_MSG_ID_FTC_FLEET:
+            message = dialect.MAVLink_ftc_fleet_message(self._fleet)
         else:
             message = self.telemetry[self._asking].request(params)
         if message is None:

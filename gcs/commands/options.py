@@ -21,7 +21,9 @@ SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
 
 UavOption = Annotated[
     str | None,
-    typer.Option("--uav", metavar="IDS", help="System ids, such as 1,3; all heard by default."),
+    typer.Option(
+        "--uav", metavar="IDS", help="System ids, such as 1,3; the whole fleet by default."
+    ),
 ]
 ConnectOption = Annotated[
     str | None,

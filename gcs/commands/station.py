@@ -35,7 +35,7 @@ __all__ = [
 
 EXIT_STATUS = """
 Exit status: 0 accepted or answered by all, 2 bad input, 3 refused by one, 4 no answer from one
-(or no vehicle heard).
+(or, before anything was sent, a member of the fleet was not heard).
 """
 
 _SHARED: tuple[tuple[str, Any, Any], ...] = (
@@ -77,7 +77,7 @@ class Station:
 
     @property
     def systems(self) -> set[int] | None:
-        """System ids of the chosen vehicles; None: all that are heard.
+        """System ids of the chosen vehicles; None: the fleet, and all others that are heard.
 
         Raises:
             BadInput: The option is no list of ids.
@@ -114,6 +114,7 @@ class Station:
         *,
         inquire: bool = False,
         private: bool = False,
+        whole: bool = True,
     ) -> T:
         """Run a coroutine with a client and the chosen vehicles.
 
@@ -121,10 +122,11 @@ class Station:
             work: Called with both.
             inquire: As of `Client`.
             private: As of `Client`.
+            whole: As of `Client.discover`.
 
         Raises:
             BadInput: An option cannot be used.
-            NoAnswer: No vehicle was heard, or one of the chosen was not.
+            NoAnswer: No vehicle was heard, or one of the chosen or of the fleet was not.
         """
         systems, connection = self.systems, choose_connection(self.connect, self.signing_key)
 
@@ -137,9 +139,9 @@ class Station:
                 signing_key=self.signing_key,
             ) as client:
                 try:
-                    vehicles = await client.discover(self.timeout_s, systems)
+                    vehicles = await client.discover(self.timeout_s, systems, whole=whole)
                 except NoAnswer as problem:
-                    problem.hint = "start a fleet with `gcs up`, or give its address with --connect"
+                    problem.hint = _hint(client, systems)
                     raise
                 return await work(client, vehicles)
 
@@ -201,6 +203,14 @@ def run_interruptible(work: Coroutine[Any, Any, T]) -> T:
         return asyncio.run(work)
     except KeyboardInterrupt:
         raise Interrupted("interrupted") from None
+
+
+def _hint(client: Client, systems: set[int] | None) -> str:
+    """Return what to do if the vehicles that a command is for were not heard."""
+    heard = ",".join(str(i) for i, vehicle in client.vehicles.items() if not vehicle.state.lost)
+    if systems is None and heard:
+        return f"no command was sent; --uav {heard} chooses those that are heard"
+    return "start a fleet with `gcs up`, or give its address with --connect"
 
 
 def _systems(text: str) -> set[int]:

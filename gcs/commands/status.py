@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-from functools import partial
 from typing import Annotated, Any
 
 import typer
@@ -12,8 +11,9 @@ from rich.live import Live
 from gcs.commands.station import Station, station_command
 from gcs.errors import CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
-from gcs.station.status import drop_lines, fleet_table, vehicle_status
+from gcs.station.status import drop_lines, fleet_table, not_heard, silence_lines, vehicle_status
 from gcs.station.vehicle import Vehicle
+from gcs.station.vehicle_state import VehicleState
 from gcs.terminal import console_of, print_json
 from mavlink_defs import dialect
 
@@ -29,21 +29,14 @@ Examples:
 
 Faults are shown as active/all; `old 0.4 s` as link: in the last second or two the autopilot acted
 on a state that was that old, in simulated time.
-Below the table: what was dropped on the links, if anything.
-Exit status: 0 shown, 2 bad input, 4 no vehicle heard;
+Below the table, if there is anything: members of the fleet that were not heard within two seconds,
+what the others did not tell, and what was dropped on the links.
+Exit status: 0 shown, 2 bad input, 4 no vehicle heard, or a member of the fleet not (without --uav);
 --watch continues until Ctrl-C (0) or until its output is closed (0).
 """
 
 _ANSWERS_S = 2.0
-_FIRST_TELEMETRY_S = 1.0
 _REFRESH_S = 1.0
-_WANTED = (
-    dialect.MAVLINK_MSG_ID_ATTITUDE,
-    dialect.MAVLINK_MSG_ID_VFR_HUD,
-    dialect.MAVLINK_MSG_ID_FTC_TRACKING,
-    dialect.MAVLINK_MSG_ID_FTC_EVENTS,
-    dialect.MAVLINK_MSG_ID_FTC_DROPS,
-)
 
 
 @station_command
@@ -55,56 +48,87 @@ def status(
 ) -> None:
     """Show link, mode, attitude, events, savings and faults of every vehicle."""
 
-    async def once(client: Client, vehicles: list[Vehicle]) -> None:
-        await asyncio.gather(*(_ask(client, vehicle) for vehicle in vehicles))
-        _show(client, vehicles, station.as_json)
+    def show(client: Client) -> None:
+        if station.as_json:
+            print_json(_status(client, station))
+        else:
+            console_of(stderr=False).print(_fleet(client, station))
 
-    async def on_and_on(client: Client, vehicles: list[Vehicle]) -> None:
-        def chosen() -> list[Vehicle]:
-            return vehicles if station.uavs is not None else list(client.vehicles.values())
+    async def once(client: Client, vehicles: list[Vehicle]) -> int:
+        await _ask(client, vehicles, station)
+        show(client)
+        return NoAnswer.exit_status if _missing(client, station) else 0
 
+    async def on_and_on(client: Client, vehicles: list[Vehicle]) -> int:
+        await _ask(client, vehicles, station)
         console = console_of(stderr=False)
         if station.as_json or not console.is_terminal:
             while True:
-                _show(client, chosen(), station.as_json)
+                show(client)
                 await asyncio.sleep(_REFRESH_S)
         with Live(console=console, auto_refresh=False) as live:
             while True:
-                states = [vehicle.state for vehicle in chosen()]
-                lines = drop_lines(client.drops, states)
-                live.update(Group(fleet_table(states, client.now()), *lines), refresh=True)
+                live.update(_fleet(client, station), refresh=True)
                 await asyncio.sleep(_REFRESH_S)
 
-    if not watch:
-        station.run(once, private=True)
-        return
+    work = on_and_on if watch else once
     try:
-        station.run(on_and_on, inquire=True, private=True)
+        exit_status = station.run(work, inquire=watch, private=True, whole=False)
     except (Interrupted, BrokenPipeError):  # Ctrl-C, or the reader of the pipe ended
+        if not watch:
+            raise
         return
+    raise typer.Exit(exit_status)
 
 
-async def _ask(client: Client, vehicle: Vehicle) -> None:
-    """Request the faults, profile and drop counts of a vehicle, and await telemetry."""
-    drops = partial(vehicle.request, dialect.MAVLINK_MSG_ID_FTC_DROPS)
+def _chosen(client: Client, station: Station) -> list[VehicleState]:
+    """Return the vehicles to show: those chosen, or all that have been heard by now."""
+    states = [vehicle.state for vehicle in client.vehicles.values()]
+    return [s for s in states if station.systems is None or s.system in station.systems]
+
+
+def _missing(client: Client, station: Station) -> list[int]:
+    """Return the members of the fleet that have never been heard, if the fleet is to be shown."""
+    if station.systems is not None:
+        return []
+    return [system for system in client.fleet.missing if system not in client.vehicles]
+
+
+async def _ask(client: Client, vehicles: list[Vehicle], station: Station) -> None:
+    """Request fleet, faults, profile and drop counts, and await them and telemetry.
+
+    What a vehicle has not told by then is shown as unknown.
+    """
+
+    def complete() -> bool:
+        return not _missing(client, station) and not any(map(not_heard, _chosen(client, station)))
+
+    async def ask(vehicle: Vehicle) -> None:
+        await vehicle.ask_for_fleet()
+        await vehicle.ask_what_is_due()
+        with contextlib.suppress(CommandRefused, NoAnswer):
+            await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_DROPS)
+
     with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(_ANSWERS_S):  # what it did not tell by then is shown as unknown
-            for question in (vehicle.list_faults, vehicle.download, drops):
-                with contextlib.suppress(CommandRefused, NoAnswer):
-                    await question()
-    await client.until(lambda: vehicle.state.latest.keys() >= set(_WANTED), _FIRST_TELEMETRY_S)
+        async with asyncio.timeout(_ANSWERS_S):
+            await asyncio.gather(*map(ask, vehicles))
+            await client.until(complete, _ANSWERS_S)
 
 
-def _show(client: Client, vehicles: list[Vehicle], as_json: bool) -> None:
+def _fleet(client: Client, station: Station) -> Group:
+    """Return the table and the lines below it."""
+    states = _chosen(client, station)
+    lines = [*silence_lines(_missing(client, station), states), *drop_lines(client.drops, states)]
+    return Group(fleet_table(states, client.now()), *lines)
+
+
+def _status(client: Client, station: Station) -> dict[str, Any]:
+    """Return the same and more as JSON data."""
     now = client.now()
-    if not as_json:
-        console, states = console_of(stderr=False), [vehicle.state for vehicle in vehicles]
-        console.print(fleet_table(states, now), *drop_lines(client.drops, states), sep="\n")
-        return
-    answer: dict[str, Any] = {
+    return {
         "connection": str(client.connection),
         "saving": client.fleet.saving,
         "drops": client.drops,
-        "vehicles": [vehicle_status(vehicle.state, now).to_json() for vehicle in vehicles],
+        "not_heard": _missing(client, station),
+        "vehicles": [vehicle_status(state, now).to_json() for state in _chosen(client, station)],
     }
-    print_json(answer)

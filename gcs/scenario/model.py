@@ -170,6 +170,7 @@ class Scenario(Model):
             name=uavs[uav_id].name,
             step_us=self.step_us,
             identity=self.identity,
+            fleet=tuple(uavs),
             origin=self.origin,
             aircraft=self.aircraft,
             controller=self.controller.with_servos(servos),

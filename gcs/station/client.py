@@ -44,6 +44,8 @@ _TICK_S = 0.2
 _HEARTBEAT_S = 1.0
 _LONGEST_DATAGRAM = 65535
 _DISCOVERY_S = 1.2  # every vehicle sends a HEARTBEAT within a second
+_FLEET_S = 3.0  # for the answer to which fleet a vehicle is of; others than ours answer, too
+_MEMBERS_S = 5.0  # for members of the fleet that are not heard at once
 _NOTIFICATIONS_KEPT = 2000
 _MAX_DATAGRAMS = 64
 """Most datagrams processed at a time: a turn of the event loop costs as much as a datagram."""
@@ -203,12 +205,22 @@ class Client(asyncio.DatagramProtocol):
                 raise NoAnswer(f"UAV {names} not ready within {timeout_s:g} s on {self.connection}")
 
     async def discover(
-        self, timeout_s: float, systems: Collection[int] | None = None
+        self,
+        timeout_s: float,
+        systems: Collection[int] | None = None,
+        *,
+        whole: bool = True,
     ) -> list[Vehicle]:
         """Wait until these vehicles, or all that seem to exist, have been heard; return them.
 
+        Args:
+            timeout_s: Longest wait [s].
+            systems: System ids of the vehicles; None: all.
+            whole: With all, ask them for the other members of their fleet, and wait for these,
+                too (at most 5 s). Vehicles that know of no fleet are taken as they are heard.
+
         Raises:
-            NoAnswer: No vehicle, or one of `systems`, was not heard.
+            NoAnswer: No vehicle was heard, or one of `systems` or of the fleet was not.
         """
         begin = self.now()
 
@@ -226,7 +238,20 @@ class Client(asyncio.DatagramProtocol):
             raise NoAnswer(f"UAV {names} not heard within {timeout_s:g} s on {self.connection}")
         if not self._vehicles:
             raise NoAnswer(f"no vehicle heard within {timeout_s:g} s on {self.connection}")
+        if systems is None and whole:
+            await self._hear_the_fleet(min(timeout_s, _MEMBERS_S))
         return [v for i, v in self.vehicles.items() if systems is None or i in systems]
+
+    async def _hear_the_fleet(self, timeout_s: float) -> None:
+        """Wait until all members of the fleet of the vehicles heard have been heard."""
+        asking = [vehicle.ask_for_fleet() for vehicle in self.vehicles.values()]
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_FLEET_S):
+                await asyncio.gather(*asking)
+        if not await self.until(lambda: not self.fleet.missing, timeout_s):
+            names = ", ".join(map(str, self.fleet.missing))
+            text = f"UAV {names} of the fleet not heard within {timeout_s:g} s"
+            raise NoAnswer(f"{text} on {self.connection}")
 
     def check(self) -> None:
         """Raise the error that stopped the recording of the link, if any.

@@ -49,6 +49,13 @@ class FleetState:
         ]
 
     @property
+    def missing(self) -> list[int]:
+        """Members of the fleets of these vehicles that were not heard, or are lost; ascending."""
+        members = frozenset[int]().union(*(state.fleet for state in self.vehicles.values()))
+        present = {system for system, state in self.vehicles.items() if not state.lost}
+        return sorted(members - present)
+
+    @property
     def events(self) -> int:
         """Events of all vehicles and channels."""
         return sum(state.counts.total for state in self.vehicles.values())

@@ -21,7 +21,9 @@ __all__ = [
     "drop_lines",
     "fault_dict",
     "fleet_table",
+    "not_heard",
     "segment_dict",
+    "silence_lines",
     "vehicle_status",
 ]
 
@@ -102,6 +104,7 @@ class VehicleStatus:
     Attributes:
         uav: System id.
         link: The link to it.
+        not_heard: What it has not told, as of `not_heard`.
         armed: Whether it is armed.
         ready: Whether it is armed or can be.
         mode: Its mode.
@@ -122,6 +125,7 @@ class VehicleStatus:
 
     uav: int
     link: LinkStatus
+    not_heard: Sequence[str]
     armed: bool
     ready: bool
     mode: str
@@ -157,6 +161,7 @@ def vehicle_status(state: VehicleState, now: float) -> VehicleStatus:
             oldest_state_s=state.counts.oldest_state_s if state.tells_private else None,
             drops=state.drops,
         ),
+        not_heard=not_heard(state),
         armed=state.armed,
         ready=state.is_ready,
         mode=state.mode,
@@ -196,6 +201,38 @@ def _channels(counts: EventCounts) -> dict[str, ChannelStatus]:
         )
         for i, name in enumerate(ACTUATORS)
     }
+
+
+def not_heard(state: VehicleState) -> list[str]:
+    """Return what a vehicle has not told, in words, though it has not refused to."""
+    private = state.offers_private
+    unknown = {
+        "attitude": state.attitude_deg is None,
+        "airspeed": state.airspeed_m_s is None,
+        "references": private and state.reference is None,
+        "events": private and not state.tells_private,
+        "drops": private and state.drops is None,
+        "faults": state.offers_faults and state.faults is None,
+        "profile": state.offers_profile and state.profile is None,
+    }
+    return [word for word, is_unknown in unknown.items() if is_unknown]
+
+
+def silence_lines(missing: Iterable[int], states: Iterable[VehicleState]) -> list[str]:
+    """Return who was not heard, and what was not heard of whom; no line if all is known.
+
+    Args:
+        missing: System ids of the members of the fleet that were not heard.
+        states: The vehicles.
+    """
+    lines = [f"UAV {system} of the fleet not heard" for system in missing]
+    for state in states:
+        words, heard = not_heard(state), len(state.latest) > 1
+        if words and not heard:
+            lines.append(f"UAV {state.system} sends HEARTBEATs, and answered nothing")
+        elif words:
+            lines.append(f"not heard from UAV {state.system}: {', '.join(words)}")
+    return lines
 
 
 def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[str]:
@@ -245,7 +282,7 @@ def _row(state: VehicleState, now: float) -> list[str]:
         state.mode,
         _shown(state.time_s),
         *map(_shown, (state.airspeed_m_s, roll, pitch, yaw)),
-        str(state.counts.total),
+        str(state.counts.total) if state.tells_private else "-",
         "-" if saving is None else f"{100.0 * saving:.1f}%",
         faults,
     ]

@@ -4,6 +4,7 @@ Every operation returns, or raises `CommandRefused` (with the vehicle's reason) 
 (after several retries).
 """
 
+import contextlib
 import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
@@ -59,6 +60,7 @@ PRIVATE_INTERVALS_S = {
 }
 """Messages that vehicles stream on demand, private ones, wind and way; their intervals [s]."""
 
+_TRIES = 3
 
 E = TypeVar("E")  # events of a machine
 F = TypeVar("F")  # the last one
@@ -153,6 +155,16 @@ class Vehicle:
     async def request(self, message_id: int) -> None:
         """Request one message now; `state.latest` has it when this returns, unless it was lost."""
         await self.command(dialect.MAV_CMD_REQUEST_MESSAGE, (message_id,))
+
+    async def ask_for_fleet(self) -> None:
+        """Request its fleet; `state.fleet` stays empty if it refuses or does not answer."""
+        number = dialect.MAVLINK_MSG_ID_FTC_FLEET
+        self.state.latest.pop(number, None)
+        with contextlib.suppress(CommandRefused, NoAnswer):
+            for _ in range(_TRIES):  # the message may be lost and its acknowledgement not
+                await self.request(number)
+                if number in self.state.latest:
+                    return
 
     # faults
 

@@ -22,6 +22,7 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.profile import Segment
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
+from mavlink_defs.system_ids import systems_of
 
 __all__ = ["LOST_S", "VehicleState"]
 
@@ -291,6 +292,12 @@ class VehicleState:
         words = [reason.words for reason in DropReason]
         told = {link: zip(words, getattr(message, link), strict=True) for link in links}
         return {link: {word: n for word, n in counts if n} for link, counts in told.items()}
+
+    @property
+    def fleet(self) -> frozenset[int]:
+        """System ids of its fleet, its own included; empty if it has not told."""
+        message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_FLEET)
+        return frozenset() if message is None else systems_of(message.members)
 
     # internals
 

@@ -23,6 +23,7 @@ from mavlink_defs.profile import Segment
 from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission_server import MissionServer
+from mavlink_defs.system_ids import bits_of
 
 REAL, INT = dialect.MAV_PARAM_TYPE_REAL32, dialect.MAV_PARAM_TYPE_INT32
 PATIENCE_S = 60.0
@@ -41,6 +42,8 @@ class FakeVehicle(asyncio.DatagramProtocol):
         self.peer: Any = None
         self.heartbeats = 0
         self.intervals: list[int] | None = None  # of which messages; None: it refuses them
+        self.fleet: list[int] | None = None  # its members; None: it refuses to tell
+        self.fleets_lost = 0  # messages that tell it and are lost on their way
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self.transport = transport
@@ -86,6 +89,11 @@ class FakeVehicle(asyncio.DatagramProtocol):
                 if self.intervals[-1] == dialect.MAVLINK_MSG_ID_FTC_EVENTS:
                     four = [0] * 4
                     self.say(dialect.MAVLink_ftc_events_message(0, 0, four, four, 0, four, 0))
+                self.commands.finish(command.token, dialect.MAV_RESULT_ACCEPTED, now=now)
+            elif number == dialect.MAV_CMD_REQUEST_MESSAGE and self.fleet is not None:
+                if self.fleets_lost == 0:
+                    self.say(dialect.MAVLink_ftc_fleet_message(bits_of(self.fleet)))
+                self.fleets_lost = max(self.fleets_lost - 1, 0)
                 self.commands.finish(command.token, dialect.MAV_RESULT_ACCEPTED, now=now)
             elif number == dialect.MAV_CMD_COMPONENT_ARM_DISARM:
                 self.commands.finish(command.token, dialect.MAV_RESULT_ACCEPTED, now=now)
@@ -305,6 +313,46 @@ def test_silence_and_nobody_there() -> None:
             with pytest.raises(BadInput, match=f"UDP port {port} .* is in use"):
                 async with Client(Connection("in", UdpAddress("127.0.0.1", port))):
                     pass
+
+    run(test)
+
+
+@pytest.mark.parametrize("lost", [0, 1])
+def test_a_vehicle_names_the_members_of_its_fleet_that_are_not_there(lost: int) -> None:
+    async def test() -> None:
+        async with connected() as (client, vehicle, fake):
+            fake.fleet, fake.fleets_lost = [7, 8, 250], lost
+            with pytest.raises(NoAnswer, match="UAV 8, 250 of the fleet not heard"):
+                await client.discover(0.2)
+            assert await client.discover(PATIENCE_S, whole=False) == [vehicle]
+            assert await client.discover(PATIENCE_S, [7]) == [vehicle]
+            fake.fleet = [7]
+            assert await client.discover(PATIENCE_S) == [vehicle]
+
+    run(test)
+
+
+def test_a_late_member_of_the_fleet_is_waited_for() -> None:
+    async def test() -> None:
+        async with connected() as (client, _, fake):
+            fake.fleet = [7, 8]
+            heartbeat = FramePacker(8, 1).pack(dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 3, 3))
+            discovery = asyncio.create_task(client.discover(PATIENCE_S))
+            assert await client.until(lambda: client.fleet.missing == [8], PATIENCE_S)
+            fake.transport.sendto(heartbeat, fake.peer)
+            assert [vehicle.system for vehicle in await discovery] == [7, 8]
+
+    run(test)
+
+
+def test_a_member_that_falls_silent_is_missing() -> None:
+    async def test() -> None:
+        async with connected() as (client, vehicle, fake):
+            fake.fleet = [7, 8]
+            await vehicle.ask_for_fleet()
+            assert client.fleet.missing == [8]
+            fake.transport.close()
+            assert await client.until(lambda: client.fleet.missing == [7, 8], PATIENCE_S)
 
     run(test)
 
