@@ -31,8 +31,6 @@ from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
 
-__all__ = ["LINKS", "fly_over", "scenario_with"]
-
 LINKS = {
     "loss 5 %": Impairment(loss=0.05),
     "loss 10 %": Impairment(loss=0.1),

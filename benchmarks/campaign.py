@@ -22,8 +22,6 @@ from gcs.campaigns.model import Campaign
 from gcs.campaigns.plan import plan
 from gcs.campaigns.run import run_campaign
 
-__all__ = ["main"]
-
 FLIGHTS, FEWER, SHORT = 1000, 200, 20_000
 
 
@@ -46,6 +44,7 @@ class Watch:
     memory: list[float] = field(default_factory=list)
 
     def __call__(self, batch: Flown) -> None:
+        """Count a batch of flights."""
         self.flown_s += batch.wall_s
         self.cpu_s += batch.cpu_s
         self.ends.append((time.perf_counter(), batch.rows.num_rows, batch.wall_s))

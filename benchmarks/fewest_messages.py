@@ -37,8 +37,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state
 
-__all__ = ["BUDGET", "Schedule", "Sky", "improve", "search"]
-
 _FOLLOWER_2 = 3
 _COARSE_US = 10_000
 _CHANNEL_OF = {"airspeed": "throttle", "roll": "aileron", "pitch": "elevator", "yaw": "rudder"}

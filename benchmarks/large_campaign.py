@@ -26,8 +26,6 @@ from gcs.campaigns.report import write_report
 from gcs.campaigns.store import append_results, read_results, write_draws
 from gcs.scenario.bundled import SCENARIOS
 
-__all__ = ["main"]
-
 _ROWS, _FILE_ROWS, _FLOWN = 1_000_000, 10_000, 16
 
 

@@ -19,8 +19,6 @@ from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["main", "what_there_was"]
-
 
 def what_there_was(scenario: Scenario) -> tuple[float, float | None]:
     """Return the distance of a stuck surface from its command at the fault, and its next command.

@@ -13,8 +13,6 @@ from ftc_autopilot.control.delay import LONGEST_S
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled, inlined
 
-__all__ = ["ACKNOWLEDGEMENT", "NONE", "note_delay", "note_events"]
-
 NONE = -1
 
 ACKNOWLEDGEMENT: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [

@@ -39,8 +39,6 @@ from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.visible import log_line
 
-__all__ = ["Autopilot", "log"]
-
 _NEVER = 2**62
 _MISSION_SUFFIX = ".mission"
 _TICK_S = 0.02

@@ -6,8 +6,6 @@ from ftc_autopilot.autopilot import Autopilot
 from ftc_autopilot.loop import new_loops, run
 from mavlink_defs.framing.hot_link import Outcome
 
-__all__ = ["Autopilots"]
-
 
 class Autopilots:
     """One autopilot, or in lockstep several."""

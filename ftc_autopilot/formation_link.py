@@ -41,16 +41,6 @@ from mavlink_defs.runtime.native import (
 )
 from mavlink_defs.runtime.sockaddr import sockaddr
 
-__all__ = [
-    "FormationLink",
-    "collect_neighbour_states",
-    "new_formation_link",
-    "note_silent_neighbours",
-    "receive_neighbour_states",
-    "reset_formation_link",
-    "send_own_state",
-]
-
 _NEIGHBOUR_WAIT_S = 0.05
 """Longest wait of a lockstep step for a neighbour state in transit, over a slow relay, say [s]."""
 _NEIGHBOUR_MISSES = 5

@@ -10,8 +10,6 @@ from typing import NamedTuple
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 
-__all__ = ["Origin", "Place", "place_of", "position_of"]
-
 _EARTH_RADIUS_M = 6378137.0
 
 

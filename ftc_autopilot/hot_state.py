@@ -7,8 +7,6 @@ import numpy as np
 from ftc_autopilot.link import AutopilotLink, reset_link
 from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
 
-__all__ = ["HotState"]
-
 T = TypeVar("T")
 
 

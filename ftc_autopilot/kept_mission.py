@@ -14,8 +14,6 @@ from mavlink_defs.mission_files import mission_item
 from mavlink_defs.runtime.files import complete_file
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["KeptMission", "read_kept_mission", "write_kept_mission"]
-
 _HEAD = struct.Struct("<4d")  # home: north, east, height [m]; airspeed [m/s]
 _ITEM = struct.Struct("<5d4i")
 _DIGEST_SIZE = hashlib.sha256().digest_size

@@ -20,17 +20,6 @@ import numpy as np
 from mavlink_defs.runtime.files import naming
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "N_PARTS",
-    "VEHICLE",
-    "KeptState",
-    "keep",
-    "map_array",
-    "no_kept_state",
-    "open_kept_state",
-    "take_up",
-]
-
 VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])
 """What is kept of a vehicle besides its compiled records: custom_mode, current mission item."""
 

@@ -52,19 +52,6 @@ from mavlink_defs.runtime.jit import inlined
 from mavlink_defs.runtime.memory import copy_record
 from mavlink_defs.runtime.native import monotonic_s, receive_now, send, waits
 
-__all__ = [
-    "FORMATION",
-    "GCS",
-    "PLANT",
-    "SIMULATOR",
-    "AutopilotLink",
-    "SimulatorLink",
-    "new_link",
-    "records_to_keep",
-    "reset_link",
-    "work_on",
-]
-
 # rows of `AutopilotLink.drops`; the last holds the plant's own counts, as it reports them
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
 

@@ -26,8 +26,6 @@ from mavlink_defs.runtime.native import (
     waits,
 )
 
-__all__ = ["LOOP_STATE", "Loop", "Loops", "new_loops", "run"]
-
 _LOOK_S = 0.002
 """Lockstep: time between two looks for a datagram of a ground station [s]."""
 

@@ -31,8 +31,6 @@ from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import log_line
 
-__all__ = ["main"]
-
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the autopilot process and exit."""

@@ -5,8 +5,6 @@ from pathlib import Path
 from ftc_autopilot.link import AutopilotLink
 from mavlink_defs.runtime.spool import Spool
 
-__all__ = ["RECORD_ROWS", "Recorder"]
-
 RECORD_ROWS = 1000
 """Steps written at a time."""
 

@@ -11,8 +11,6 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import datagrams_lost
 
-__all__ = ["STATE_AGE", "forget_age", "note_age"]
-
 _NONE = -1
 
 STATE_AGE: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [

@@ -19,8 +19,6 @@ from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 
-__all__ = ["call_everything", "endless_path", "warm_up_with"]
-
 
 def warm_up_with(config_file: Path) -> None:
     """Call everything with the configuration of one autopilot, unless it cannot be used."""

@@ -33,15 +33,6 @@ from sitl_plant import link as plant_link
 from sitl_plant.fleet import fly
 from sitl_plant.process import Plant
 
-__all__ = [
-    "AutopilotTarget",
-    "PlantTarget",
-    "StationTarget",
-    "Target",
-    "parse_all_ways",
-    "records_of_tlog",
-]
-
 UAV = 2
 """The autopilot's system id: it has one neighbour, `NEIGHBOUR`."""
 NEIGHBOUR = 1

@@ -3,8 +3,6 @@
 import signal
 import sys
 
-__all__ = ["main"]
-
 _FLIES = ("fly", "up")
 _STARTS_NOTHING = {"--in-process", "--help"}
 

@@ -18,8 +18,6 @@ from gcs.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
 
-__all__ = ["COMMANDS", "app", "main", "whole_command"]
-
 _EXIT_CTRL_C = 130  # of typer
 _EXIT_DEFECT = 70
 _NOT_WRITABLE = {

@@ -17,19 +17,6 @@ from mavlink_defs.config.inherit import merged
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.framing import codec
 
-__all__ = [
-    "AIRCRAFT",
-    "ClockSender",
-    "Combination",
-    "Survival",
-    "combinations",
-    "fault_files",
-    "fly_all",
-    "fly_faults",
-    "message_bytes",
-    "on_the_front",
-]
-
 AIRCRAFT = {"ideal": (), "realistic": ("realistic",)}
 """Aircraft by name, with the bundled additions that make them."""
 

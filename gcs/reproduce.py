@@ -33,8 +33,6 @@ from mavlink_defs.runtime.files import naming, write_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["FILES", "Reproduction", "load_all", "reproduce", "steps"]
-
 FILES = ("scenario1", *CONTROLLERS, *MODES)
 """Scenario files that are flown, without suffix."""
 

@@ -11,8 +11,6 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault
 
-__all__ = ["FaultSpec"]
-
 
 class FaultSpec(Model):
     """An actuator fault (13), (19): applied = effectiveness * commanded + value.

@@ -14,16 +14,6 @@ from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.dialect import MAVLink_ftc_fault_message
 from mavlink_defs.float32 import decimal_of_float32
 
-__all__ = [
-    "MAX_FAULTS",
-    "MAX_FREQUENCY_HZ",
-    "Fault",
-    "FaultLimits",
-    "InvalidParam",
-    "fault_from_params",
-    "fault_to_params",
-]
-
 MAX_FREQUENCY_HZ = 500.0
 
 MAX_FAULTS = 16

@@ -18,14 +18,6 @@ from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = [
-    "is_mission_file",
-    "mission_item",
-    "plan_text",
-    "read_mission_file",
-    "waypoints_text",
-]
-
 _WAYPOINTS_HEAD = "QGC WPL 110"
 _COLUMNS = 12
 _LARGEST = 1e38  # a float32 field holds a little more

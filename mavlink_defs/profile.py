@@ -12,19 +12,6 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_mission_item_int_message
 from mavlink_defs.float32 import decimal_of_float32
 
-__all__ = [
-    "ANY_AIRSPEED",
-    "MAX_ITEMS",
-    "MAX_SEGMENTS",
-    "AirspeedLimits",
-    "ItemError",
-    "ProfileError",
-    "Segment",
-    "check_mission",
-    "items_to_segments",
-    "segments_to_items",
-]
-
 MAX_SEGMENTS = 50
 MAX_ITEMS = MAX_SEGMENTS + 1  # and home
 

@@ -13,8 +13,6 @@ import numpy as np
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["FAULT", "Controls", "add_fault", "apply_faults", "clear_faults", "no_faults"]
-
 _EMPTY = -1
 
 FAULT = np.dtype(

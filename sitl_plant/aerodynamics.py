@@ -12,8 +12,6 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Mat3, Vec3, mul_t, norm, scale
 
-__all__ = ["R3", "Aerodynamics", "aerodynamics"]
-
 
 class Aerodynamics(NamedTuple):
     """Airspeed, aerodynamic force, moment and control matrix."""

@@ -4,8 +4,6 @@ import numpy as np
 
 from sitl_plant.config import Aircraft
 
-__all__ = ["AIRCRAFT", "COEFFICIENTS", "aircraft_record"]
-
 COEFFICIENTS = (
     "cL0",
     "cL_alpha",

@@ -23,20 +23,6 @@ from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.atmosphere import Wind
 from sitl_plant.hardware import ActuatorServos, Sensors, sensor_problems, servo_problems
 
-__all__ = [
-    "Aircraft",
-    "Coefficients",
-    "Disturbance",
-    "Inertia",
-    "InitialState",
-    "PlantConfig",
-    "PlantUav",
-    "Seed",
-    "Sinusoid",
-    "Uncertainty",
-    "true_aircraft",
-]
-
 
 class Inertia(Model):
     """Moments and product of inertia, eq. (5); the other two products are zero."""

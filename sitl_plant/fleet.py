@@ -31,8 +31,6 @@ from sitl_plant.turbulence import advance_turbulence, start_turbulence
 from sitl_plant.vec3 import norm, sub, vec3
 from sitl_plant.wind import air_around, new_wind
 
-__all__ = ["PlantState", "fly", "new_plant_state", "observe", "receive_controls"]
-
 
 class PlantState(NamedTuple):
     """Arrays over n aircraft, in the order of the configuration."""

@@ -42,8 +42,6 @@ from mavlink_defs.runtime.native import (
 )
 from sitl_plant.fleet import PlantState, fly, observe, receive_controls
 
-__all__ = ["PlantLink", "Record", "new_link", "run", "send_states"]
-
 _RESEND_S = 0.05
 _MAX_LAG_S = 0.1
 

@@ -28,20 +28,6 @@ from sitl_plant.servo import end_period, positions
 from sitl_plant.vec3 import Vec3, add, mul, norm, scale, sub, vec3
 from sitl_plant.wind import air_around
 
-__all__ = [
-    "AIRSPEED_MAX_M_S",
-    "AIRSPEED_MIN_M_S",
-    "PITCH_MAX_RAD",
-    "Environment",
-    "describe_loss",
-    "is_below_ground",
-    "is_lost",
-    "rk4_step",
-    "specific_force",
-    "step_aircraft",
-    "time_s",
-]
-
 PITCH_MAX_RAD = math.radians(89.0)
 AIRSPEED_MIN_M_S = 3.0
 AIRSPEED_MAX_M_S = 300.0

@@ -55,8 +55,6 @@ from sitl_plant.recorder import RECORD_ROWS, Recorder
 from sitl_plant.registration import Claim, Registration
 from sitl_plant.service import AircraftService
 
-__all__ = ["main"]
-
 _TICK_S = 0.02
 _END_TIMEOUT_S = 1.0
 """Longest wait for the autopilots to acknowledge the end of the simulation."""

@@ -12,21 +12,6 @@ from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, scale, sub, vec3
 
-__all__ = [
-    "R1",
-    "R2",
-    "STILL_AIR",
-    "Air",
-    "R2_inv",
-    "State",
-    "advance",
-    "angular_acceleration",
-    "gravity_body",
-    "load_state",
-    "state_derivative",
-    "store_state",
-]
-
 State: TypeAlias = tuple[Vec3, Vec3, Vec3, Vec3]
 """Position NED [m], velocity body [m/s], roll-pitch-yaw [rad], angular velocity body [rad/s];
 of a derivative, the same per second."""

@@ -14,8 +14,6 @@ from sitl_plant.gaussian import normal
 from sitl_plant.hardware import Sensor, Sensors
 from sitl_plant.vec3 import norm, scale, sub, vec3
 
-__all__ = ["AXES", "SENSORS", "measure", "new_sensors", "true_motions"]
-
 AXES = 10
 """Measured quantities: gyro x, y, z, accelerometer x, y, z, roll, pitch, yaw, airspeed."""
 

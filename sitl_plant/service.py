@@ -18,8 +18,6 @@ from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.machine import SystemId
 from sitl_plant.actuators import add_fault, clear_faults
 
-__all__ = ["AircraftService"]
-
 _Instances: TypeAlias = dict[int, tuple[int, ...]]
 _SURFACES: _Instances = {
     0: (0, 1, 2),

@@ -20,8 +20,6 @@ from sitl_plant.actuators import Controls
 from sitl_plant.hardware import ActuatorServos, EngineServo, SurfaceServo
 from sitl_plant.lag import lagged
 
-__all__ = ["SERVOS", "begin_period", "end_period", "new_servos", "positions", "sent_commands"]
-
 _EACH = (N_CHANNELS,)
 
 SERVOS = np.dtype(

@@ -21,8 +21,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.atmosphere import Dryden
 from sitl_plant.gaussian import normal
 
-__all__ = ["TURBULENCE", "advance_turbulence", "dryden", "new_turbulence", "start_turbulence"]
-
 _CHANNEL = 200  # of the random numbers: this one and the next five
 _ROOT_3 = math.sqrt(3.0)
 _FOOT_M, _KNOT_M_S = 0.3048, 1852.0 / 3600.0

@@ -11,21 +11,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "Mat3",
-    "Vec3",
-    "add",
-    "cross",
-    "dot",
-    "mat3",
-    "mul",
-    "mul_t",
-    "norm",
-    "scale",
-    "sub",
-    "vec3",
-]
-
 Vec3: TypeAlias = tuple[float, float, float]
 Mat3: TypeAlias = tuple[Vec3, Vec3, Vec3]
 

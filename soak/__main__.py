@@ -33,8 +33,6 @@ from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.runtime.code_cache import cache_is_cold
 from soak.chapters import Chapter, chapter
 
-__all__ = ["differences", "main"]
-
 
 def main(arguments: list[str] | None = None) -> None:
     """Fly the chapters, print a line for each, and exit with 1 if any count differs."""

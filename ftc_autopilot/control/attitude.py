@@ -12,8 +12,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration
 from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, sub
 
-__all__ = ["AttitudeLaw", "attitude_law", "limited", "virtual_control"]
-
 
 class AttitudeLaw(NamedTuple):
     """The attitude controller's command and the rates of its estimates."""

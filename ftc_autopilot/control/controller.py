@@ -26,19 +26,6 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
-__all__ = [
-    "CONTROLLER",
-    "NO_INTERVAL",
-    "PARAMETERS",
-    "SIGNALS",
-    "control_step",
-    "count_events",
-    "new_controller",
-    "no_signals",
-    "parameter_record",
-    "restart_law",
-]
-
 NO_INTERVAL = 2**32 - 1
 """Smallest interval of a channel with fewer than two events."""
 

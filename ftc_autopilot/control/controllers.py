@@ -28,16 +28,6 @@ from ftc_autopilot.guidance.path import PATH
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 
-__all__ = [
-    "GUIDANCE",
-    "NOT_STARTED",
-    "Controllers",
-    "Source",
-    "begin_path",
-    "new_controllers",
-    "reset_controllers",
-]
-
 NOT_STARTED = -(2**62)
 
 

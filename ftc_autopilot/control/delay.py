@@ -18,16 +18,6 @@ from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
 from sitl_plant.vec3 import Vec3, add, scale, sub, vec3
 
-__all__ = [
-    "DELAY",
-    "LONGEST_S",
-    "interpolate",
-    "lost_states",
-    "note_commands",
-    "note_state",
-    "predicted",
-]
-
 LONGEST_S = 0.1
 """Longest delay that is predicted over, and longest gap that is made up for [s]."""
 _MEMORY = 128  # periods whose commands are remembered

@@ -10,8 +10,6 @@ from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, add, scale, sub, vec3
 
-__all__ = ["FormationErrors", "formation_errors"]
-
 
 class FormationErrors(NamedTuple):
     """Errors of one UAV against the reference and against its neighbours."""

@@ -9,8 +9,6 @@ from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
 from sitl_plant.vec3 import Mat3, Vec3, add, dot, scale
 
-__all__ = ["acceleration_without_thrust", "inversion_problem", "surfaces_for"]
-
 _LEAST_EFFECT = 1e-3
 """Least effect of the weakest combination of the surfaces, by that of the strongest one.
 

@@ -10,8 +10,6 @@ from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
 from sitl_plant.rigid_body import R2_inv, gravity_body
 from sitl_plant.vec3 import Vec3, add, dot, mul, sub, vec3
 
-__all__ = ["Motion", "fill_neighbour_state", "motion_of"]
-
 
 class Motion(NamedTuple):
     """Measured motion, and the nominal model's view of the air."""

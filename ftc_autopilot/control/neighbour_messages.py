@@ -23,8 +23,6 @@ from ftc_autopilot.control.reference import wrap
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["extrapolate", "is_message_due", "refer_to_reference"]
-
 _TAU_S = 0.1
 """Time constant with which rates decay, about that of the attitude loop [s]."""
 

@@ -14,8 +14,6 @@ from pydantic import BaseModel
 
 from ftc_autopilot.control.schedule import TABLE, Schedule, schedule_table
 
-__all__ = ["fill", "in_si", "record_dtype"]
-
 _DEGREE = math.radians(1.0)
 
 

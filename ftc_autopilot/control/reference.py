@@ -12,19 +12,6 @@ from mavlink_defs.profile import MAX_SEGMENTS, Segment
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
-__all__ = [
-    "PROFILE",
-    "Reference",
-    "filter_reference",
-    "profile_record",
-    "profile_segments",
-    "profile_value",
-    "read_reference",
-    "start_filter",
-    "wrap",
-]
-
-
 _CHANNELS, _YAW = 4, 3
 
 

@@ -11,8 +11,6 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["MAX_WINDOWS", "TABLE", "Schedule", "Window", "schedule", "schedule_table", "scheduled"]
-
 MAX_WINDOWS = 8
 """Most windows of a schedule."""
 

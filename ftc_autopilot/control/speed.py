@@ -11,8 +11,6 @@ from ftc_autopilot.control.reference import Reference
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import add, dot, scale
 
-__all__ = ["SpeedLaw", "speed_law"]
-
 
 class SpeedLaw(NamedTuple):
     """The speed controller's command, the rates of its estimates, and what they came from."""

@@ -35,8 +35,6 @@ from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
 
-__all__ = ["announce", "controller_step", "hear", "tell_neighbours"]
-
 _NO_SIGNALS = no_signals(1)
 _LONGEST_UPDATE_S = 0.1
 """Longest time that counts as passed between two updates of guidance [s]."""

@@ -16,8 +16,6 @@ from ftc_autopilot.control.triggers.base import Candidates
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["not_finite", "on_wire", "trigger"]
-
 
 @compiled
 def on_wire(command: float, lowest: float, highest: float) -> np.float32:

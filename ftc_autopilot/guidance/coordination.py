@@ -41,15 +41,6 @@ from ftc_autopilot.guidance.slots import SLOT_MOTION, move, place_of_slot
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, vec3
 
-__all__ = [
-    "FORMATION",
-    "Coordination",
-    "Progress",
-    "coordinate",
-    "new_formation",
-    "no_coordination",
-]
-
 _DEGRADED_S = 1.0
 """Time for which an actuator must be degraded to count as such [s]."""
 _TRUSTED = 0.7

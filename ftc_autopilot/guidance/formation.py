@@ -17,19 +17,6 @@ from mavlink_defs.config.models import AtMost, Loc, Model, Problems, SystemId
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.vec3 import Vec3
 
-__all__ = [
-    "LAYOUT",
-    "LEADER_FOLLOWER",
-    "MAX_CHANGES",
-    "MAX_MEMBERS",
-    "Formation",
-    "FormationChange",
-    "FormationParameters",
-    "Policy",
-    "Slot",
-    "layout_record",
-]
-
 MAX_MEMBERS = 64
 """Most UAVs that a formation can have: FTC_NEIGHBOUR reports on so many."""
 MAX_CHANGES = 16

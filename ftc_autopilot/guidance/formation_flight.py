@@ -14,8 +14,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul, sub, vec3
 
-__all__ = ["fly_in_formation", "tell_place"]
-
 _EVADING_M_S = 0.5
 """Change of the velocity asked for that counts as evading [m/s]."""
 

@@ -18,8 +18,6 @@ from ftc_autopilot.guidance.mission_items import (
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
 
-__all__ = ["Order", "Visit", "order_of"]
-
 MAX_VISITS = 1000
 
 

@@ -5,8 +5,6 @@ from typing import NamedTuple
 
 from sitl_plant.config import Aircraft
 
-__all__ = ["FlightLimits", "airspeeds_for", "level_airspeed", "tightest_turn", "turn_radius"]
-
 _PLANNED_BANK = math.radians(20.0)
 """Bank of a turn whose radius is free [rad]."""
 _RESERVE = math.radians(5.0)

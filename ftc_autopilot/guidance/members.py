@@ -17,23 +17,6 @@ import numpy as np
 from ftc_autopilot.guidance.formation import MAX_MEMBERS
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "DEGRADED",
-    "LEAVE",
-    "LOST",
-    "SILENT",
-    "SLOW",
-    "STAY",
-    "WELL",
-    "WIDEN",
-    "cause_of",
-    "enter",
-    "merge",
-    "occupants",
-    "policy_of",
-    "state_of",
-]
-
 WELL, DEGRADED, LOST, SILENT = range(4)
 """Causes, as FTC_CAUSE numbers them."""
 STAY, SLOW, WIDEN, LEAVE = range(4)

@@ -24,22 +24,6 @@ from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = [
-    "Delay",
-    "Jump",
-    "Loiter",
-    "Return",
-    "SetHome",
-    "SetSpeed",
-    "Takeoff",
-    "Task",
-    "Waypoint",
-    "decode_items",
-    "has_place",
-    "is_path",
-    "refusal",
-]
-
 _MOST_TURNS = 1000
 _LONGEST_S = 86_400
 

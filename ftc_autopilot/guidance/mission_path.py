@@ -32,8 +32,6 @@ from ftc_autopilot.guidance.targets import Target, Targets
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
 
-__all__ = ["MissionPath", "Start", "mission_path", "path_id_of"]
-
 _LARGEST_TURN = math.radians(150.0)
 """Largest turn inside a corner; at a sharper one the path goes over the waypoint [rad]."""
 _NO_TURN = 1e-6

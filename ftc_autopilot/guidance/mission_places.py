@@ -9,15 +9,6 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.profile import ItemError
 
-__all__ = [
-    "ANYWHERE_M",
-    "RELATIVE_FRAMES",
-    "Home",
-    "check_height",
-    "height_of",
-    "north_east_of",
-]
-
 ANYWHERE_M = 100_000.0
 """Farthest place from the origin; the simulation's world is flat [m]."""
 RELATIVE_FRAMES = {

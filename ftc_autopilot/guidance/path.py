@@ -14,18 +14,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "MAX_LEGS",
-    "NO_LOOP",
-    "PATH",
-    "Leg",
-    "PathPoint",
-    "height_at",
-    "locate",
-    "path_record",
-    "point_at",
-]
-
 MAX_LEGS = 256
 """Most legs that a path can have."""
 NO_LOOP = -1

@@ -8,8 +8,6 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-__all__ = ["Circle", "Piece", "Pose", "approach", "bearing", "distance", "tangent_course"]
-
 _ANGLE_TOLERANCE = 1e-9
 """A turn that is short of a whole one by no more than this is none [rad]."""
 _NEAR_M = 1e-6

@@ -16,20 +16,6 @@ from mavlink_defs.dialect import MAVLink_ftc_neighbour_message
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, add, norm, scale, sub, vec3
 
-__all__ = [
-    "FORGOTTEN_S",
-    "MAX_RELAYED",
-    "NO_PLACE",
-    "PLACE",
-    "REPEAT_S",
-    "choose_relayed",
-    "is_known",
-    "note_relayed",
-    "place_now",
-    "relay",
-    "take_in",
-]
-
 MAX_RELAYED = MAVLink_ftc_neighbour_message.array_lengths[-1]
 """Members that one message relays."""
 FORGOTTEN_S = 5.0

@@ -20,8 +20,6 @@ from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
 
-__all__ = ["Planner", "start_of"]
-
 _CLIMB_RESERVE_DEG = 5.0
 """Climb that is kept for corrections [deg]."""
 

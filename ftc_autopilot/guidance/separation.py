@@ -35,8 +35,6 @@ from ftc_autopilot.guidance.places import is_known, place_now
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, add, dot, norm, scale, sub, vec3
 
-__all__ = ["kept_apart", "nearest"]
-
 _SWEEPS = 3
 """Rounds over the members, so that evading one does not approach another."""
 _ONE_PLACE_M = 1e-6

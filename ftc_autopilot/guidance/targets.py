@@ -10,8 +10,6 @@ from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
 
-__all__ = ["Target", "Targets"]
-
 
 @dataclass(frozen=True)
 class Target:

@@ -7,8 +7,6 @@ an endless simulation is never told to land.
 
 from typing import NamedTuple
 
-__all__ = ["CELLS", "CURRENT_CA", "Battery", "battery_at"]
-
 CELLS = 3
 CURRENT_CA = 180
 """Current of autopilot, radio and servos [cA]."""

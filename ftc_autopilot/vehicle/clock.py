@@ -5,8 +5,6 @@ while simulated time stands still, and by simulated time while that runs: interv
 those of the flight, however fast it is flown.
 """
 
-__all__ = ["VehicleClock"]
-
 
 class VehicleClock:
     """Time since boot and Unix time; neither ever goes back.

@@ -21,8 +21,6 @@ from mavlink_defs.services.command import (
 from mavlink_defs.services.command_server import CommandReceived, CommandServer
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["Commands", "Handler", "PlaceHandler"]
-
 Handler: TypeAlias = Callable[[tuple[float, ...]], int]
 """Executes a command at once: its seven parameters in, MAV_RESULT out."""
 

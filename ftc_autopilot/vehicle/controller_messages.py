@@ -15,8 +15,6 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
 from mavlink_defs.framing.codec import drop_counts
 
-__all__ = ["ControllerMessages"]
-
 
 class ControllerMessages:
     """Makes messages from the controller's last step."""

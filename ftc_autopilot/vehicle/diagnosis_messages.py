@@ -12,8 +12,6 @@ from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
 
-__all__ = ["DiagnosisMessages"]
-
 _TAKEN_OVER = {
     "aileron": "roll by rudder, heading given up",
     "elevator": "pitch by thrust if need be, airspeed given up",

@@ -22,8 +22,6 @@ from ftc_autopilot.vehicle.home import VehicleHome
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["FlightPath", "Way"]
-
 _SAME_RADIUS = 1.0 + 1e-6
 """Share by which a turn may be too tight, by rounding."""
 

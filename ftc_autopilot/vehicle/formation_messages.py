@@ -12,8 +12,6 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
 
-__all__ = ["FormationMessages"]
-
 _CAUSES = ("well", "an actuator is degraded", "an actuator is lost", "silent")
 _POLICIES = ("it stays", "the formation slows down", "its slot moves outwards", "it leaves")
 _FARTHEST_M = 1000.0

@@ -12,8 +12,6 @@ from mavlink_defs.framing.frames import drop_reason, parse
 from mavlink_defs.framing.key_file import load_signer
 from mavlink_defs.framing.signing import Signer, is_ahead
 
-__all__ = ["GcsSigning"]
-
 
 class GcsSigning:
     """Signs and checks the frames of the GCS link, if there is a key.

@@ -22,8 +22,6 @@ from mavlink_defs.profile import ItemError
 from mavlink_defs.services.command import CommandMessage
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["Guided"]
-
 _ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 _NO_POSITION = (
     dialect.POSITION_TARGET_TYPEMASK_X_IGNORE

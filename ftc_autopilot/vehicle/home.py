@@ -6,8 +6,6 @@ from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["VehicleHome", "home_item"]
-
 
 class VehicleHome:
     """The home in force; at first the origin.

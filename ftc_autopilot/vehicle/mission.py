@@ -17,8 +17,6 @@ from mavlink_defs.services.mission_server import (
     MissionServer,
 )
 
-__all__ = ["Mission"]
-
 _IN_MISSION_MODE, _SUSPENDED = 1, 2
 """MISSION_CURRENT.mission_mode."""
 _ACCEPTED, _FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED

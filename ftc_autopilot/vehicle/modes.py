@@ -21,8 +21,6 @@ from mavlink_defs.constants import AUTO, FORCE_DISARM, GUIDED, LOITER, MODE_NAME
 from mavlink_defs.profile import ItemError, check_mission, items_to_segments
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["Modes", "Say"]
-
 Say = Callable[[int, str], None]
 """Announces a text, with its MAV_SEVERITY."""
 

@@ -6,8 +6,6 @@ from ftc_autopilot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.constants import OLD_STATE_S
 
-__all__ = ["OldStates"]
-
 
 class OldStates:
     """Tells when the states acted on become old, and when all of the last second were new again."""

@@ -38,8 +38,6 @@ from mavlink_defs.services.param_server import (
     ParamValueError,
 )
 
-__all__ = ["SPAN", "Tunable", "parameters_of", "trigger_tunables", "tunables"]
-
 SPAN = 10.0
 """Largest value of a parameter whose field declares no upper bound, by its default."""
 

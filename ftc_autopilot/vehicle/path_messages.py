@@ -12,8 +12,6 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
 
-__all__ = ["PathMessages"]
-
 _ONLY_POSITION = (
     dialect.POSITION_TARGET_TYPEMASK_VX_IGNORE
     | dialect.POSITION_TARGET_TYPEMASK_VY_IGNORE

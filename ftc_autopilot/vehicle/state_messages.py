@@ -22,8 +22,6 @@ from mavlink_defs.float32 import float32s, whole_within
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul
 
-__all__ = ["StateMessages"]
-
 _VECTORS = ("position", "velocity", "attitude", "rates", "specific_force", "wind")
 _INT16, _UINT16 = 2**15 - 1, 2**16 - 1
 _UNKNOWN_U16 = _UINT16

@@ -10,8 +10,6 @@ from ftc_autopilot.vehicle.clock import VehicleClock
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 
-__all__ = ["VERSION", "StatusMessages"]
-
 VERSION = tuple(map(int, re.findall(r"\d+", version("ftc-sitl"))[:3]))
 """Major, minor and patch of the installed package."""
 

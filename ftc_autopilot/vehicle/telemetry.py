@@ -22,8 +22,6 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.dialect import MAVLink_message
 
-__all__ = ["DEFAULT_INTERVALS_US", "MIN_INTERVAL_US", "Maker", "Telemetry", "makers_of"]
-
 Maker: TypeAlias = Callable[[], MAVLink_message]
 
 DEFAULT_INTERVALS_US = {

@@ -9,8 +9,6 @@ from ftc_autopilot.config import TelemetryClockKind
 from ftc_autopilot.hot_state import HotState
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP
 
-__all__ = ["TelemetryClock"]
-
 _LEAST_PACE = 1e-3
 
 

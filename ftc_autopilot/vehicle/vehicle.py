@@ -45,8 +45,6 @@ from mavlink_defs.services.param_server import ParamChanged, ParamRefused, Param
 from mavlink_defs.services.responder import Responder
 from mavlink_defs.system_ids import bits_of
 
-__all__ = ["Vehicle"]
-
 _HEARTBEAT_S = 1.0
 _REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
 _REQUESTS = {  # commands that ask for one message

@@ -18,8 +18,6 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.config.inherit import PlaceError
 from mavlink_defs.constants import N_CHANNELS
 
-__all__ = ["Aircraft", "Kept", "drawn_aircraft"]
-
 _BATCH = 4
 """Aircraft that fly before a sender is given up; fixed, so that a result is always the same."""
 

@@ -12,8 +12,6 @@ from gcs.results.summary import FlightSummary
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 
-__all__ = ["Baseline", "Robustness", "find_baseline", "find_robust", "saved"]
-
 
 @dataclass(frozen=True)
 class Robustness:

@@ -11,8 +11,6 @@ from gcs.results.summary import FlightSummary
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 
-__all__ = ["TOLERANCE", "Rival", "fly_rivals", "rivals", "with_slowest_equal"]
-
 TOLERANCE = 1.01
 """Largest IAE by that of the triggered flight that counts as no worse."""
 _SHORTEST_US, _LONGEST_US = 20_000, 500_000

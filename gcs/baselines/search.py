@@ -15,8 +15,6 @@ from gcs.results.summary import FlightSummary
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 
-__all__ = ["COARSE", "FINE", "Checked", "Search", "worst_ratio"]
-
 FINE = 1.05
 """Largest ratio of neighbouring periods in the search for one period for all channels."""
 COARSE = 1.25

@@ -11,15 +11,6 @@ from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.inherit import PlaceError, with_values
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = [
-    "own_parameters",
-    "periodic_base",
-    "sender",
-    "senders",
-    "some_periods",
-    "transmissions",
-]
-
 
 def periodic_base(scenario: Scenario, path: Path, against: Mapping[str, object]) -> Scenario:
     """Return the scenario with a periodic sender, which transmits in every control period.

@@ -11,8 +11,6 @@ from gcs.results.summary import FlightSummary
 from gcs.scenario.code import code_digest
 from gcs.scenario.model import Scenario
 
-__all__ = ["check_same", "foreign_code", "scenario_of_row"]
-
 
 def scenario_of_row(folder: Path, row: int) -> Scenario:
     """Return the scenario of one planned flight.

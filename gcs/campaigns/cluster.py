@@ -15,8 +15,6 @@ from gcs.scenario.model import Scenario
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["capacity", "check_scheduler", "cluster_elsewhere", "local_cluster", "prepare"]
-
 _CONNECT_S = 10.0
 _QUIET = {
     "distributed.scheduler.allowed-failures": 0,  # the engine counts the processes that are killed

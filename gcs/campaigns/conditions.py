@@ -11,8 +11,6 @@ from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 
-__all__ = ["Condition", "parse_condition", "parsed"]
-
 M = TypeVar("M", bound=Model)
 
 _SHAPE = re.compile(

@@ -15,22 +15,6 @@ from pydantic import Field, model_validator
 from mavlink_defs.config.models import AtMost, Model, Problems, repeated
 from mavlink_defs.config.quantity import quantity
 
-__all__ = [
-    "Choice",
-    "Distribution",
-    "LogUniform",
-    "Normal",
-    "TruncatedNormal",
-    "Uniform",
-    "Value",
-    "cells",
-    "is_number",
-    "label",
-    "quantiles",
-    "support",
-    "value_of",
-]
-
 Value: TypeAlias = Any
 """A value of a key: plain data as YAML has it."""
 

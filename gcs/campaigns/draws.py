@@ -19,8 +19,6 @@ from gcs.errors import BadInput
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["MOST_FLIGHTS", "Dimension", "dimensions", "draw_table"]
-
 MOST_FLIGHTS = 10_000_000
 """Flights that a campaign or a sweep may plan: all draws are made and kept before the first."""
 

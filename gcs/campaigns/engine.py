@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from distributed import Client, Future
 
-__all__ = ["KILLS", "Flown", "fly", "missing_rows"]
-
 KILLS = 3
 """Processes that a flight may kill before it is recorded as such."""
 _BATCH_S = 2.0  # the time that a batch is meant to take; handing one over takes milliseconds

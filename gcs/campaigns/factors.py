@@ -19,8 +19,6 @@ from mavlink_defs.config.quantity import describe
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["SEVERITY", "Factor", "drawn_columns", "fault_of", "title_of", "unit_of"]
-
 SEVERITY = ".severity"
 """End of the name of a column with the severities of a fault, whatever its kind."""
 

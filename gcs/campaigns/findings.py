@@ -21,8 +21,6 @@ from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.models import ConfigError
 
-__all__ = ["FIGURES", "Findings", "Worst", "findings_of"]
-
 FIGURES = {
     **{f"iae_{name}": f"IAE of {name} [{IAE_UNITS[name]}]" for name in QUANTITIES},
     "events": "events of all UAVs",

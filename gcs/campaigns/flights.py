@@ -19,17 +19,6 @@ from mavlink_defs.config.models import ConfigError, Problem
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = [
-    "Flights",
-    "Row",
-    "ended",
-    "figures_of",
-    "flights_of",
-    "fly_rows",
-    "outcome_of",
-    "variant_trees",
-]
-
 Row = Mapping[str, Any]
 """One row of a table, by column."""
 

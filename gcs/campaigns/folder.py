@@ -14,8 +14,6 @@ from gcs.errors import BadInput
 from mavlink_defs.config.models import shown
 from mavlink_defs.config.yaml_text import yaml_of
 
-__all__ = ["default_folder", "open_folder"]
-
 _OTHER = "choose another folder with --out"
 _NONE = object()
 """Stands for a key that is not there."""

@@ -22,8 +22,6 @@ from gcs.errors import BadInput
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 
-__all__ = ["DEFAULT", "Check", "Rule", "Worse", "gate", "parse_rules"]
-
 DEFAULT = "worse p(success) at 95 %"
 """Condition of a gate for which none is named."""
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-__all__ = ["Importance", "SobolIndex", "importances", "sobol_indices"]
-
 
 @dataclass(frozen=True)
 class Importance:

@@ -15,8 +15,6 @@ from gcs.campaigns.plan import row_of
 from gcs.campaigns.store import OUTCOMES, read_draws, read_results
 from mavlink_defs.config.files import dump
 
-__all__ = ["chosen_rows", "keep_flights"]
-
 _NO_FLIGHT = {"crashed", "failed", "invalid"}
 """Outcomes that leave nothing to keep."""
 

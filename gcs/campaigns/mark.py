@@ -16,8 +16,6 @@ from mavlink_defs.config.user_files import open_file
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.runtime.files import naming, write_text
 
-__all__ = ["MARK", "Mark", "campaign_of", "mark_of", "plain", "unfinished", "write_mark"]
-
 SCHEMA = 2
 """Number of this layout; it changes when a reader of the old one would go wrong."""
 

@@ -28,17 +28,6 @@ from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, Actuator
 from mavlink_defs.visible import visible
 
-__all__ = [
-    "Campaign",
-    "Design",
-    "DrawnFault",
-    "Factor",
-    "FaultKind",
-    "Kept",
-    "campaign_tree",
-    "load_campaign",
-]
-
 Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
 FaultKind = Literal["loss", "bias", "stuck"]
 

@@ -4,8 +4,6 @@ import numpy as np
 
 from gcs.campaigns.store import OUTCOMES
 
-__all__ = ["EVENTS", "happened", "severity"]
-
 EVENTS = ("success", "failure", *OUTCOMES[1 : OUTCOMES.index("failed")])
 """Events with a probability: flown to the end with attitude and heading kept; anything else; or
 an outcome as bad as this or worse, because a worse one hides it."""

@@ -25,8 +25,6 @@ from mavlink_defs.config.written import located
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["Plan", "load_plan", "plan", "row_of", "rows_of"]
-
 _SHOWN = 20
 """Problems of draws that are listed; further ones are counted."""
 _SLICE = 1000

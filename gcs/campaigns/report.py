@@ -9,8 +9,6 @@ from gcs.reports.campaign import campaign_report
 from gcs.reports.markdown import html_of, save_markdown
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["write_report"]
-
 _CAPTIONS = {
     "distributions": "Share of all flights at or below a value. Failures lie beyond every value: "
     "each curve ends at the share that succeeded.",

@@ -21,8 +21,6 @@ from gcs.campaigns.report import write_report
 from gcs.campaigns.store import alone_in
 from gcs.campaigns.until import is_decided, note_condition, stopping_condition
 
-__all__ = ["begin_campaign", "fly_missing", "run_campaign"]
-
 
 def run_campaign(
     planned: Plan,

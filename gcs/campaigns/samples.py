@@ -17,8 +17,6 @@ from gcs.errors import BadInput
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["Sample", "figures_of", "higher_is_better", "read_samples", "same_draws", "samples_of"]
-
 _HIGHER_IS_BETTER = ("saving", "least_separation_m", "lowest_altitude_m")
 _NO_FIGURES = ("wall_s", "duration_s", "min_interval_s", "lost_at_s", "failed_at_s")
 """Ends of names of columns that are neither good nor bad, or that have none where all is well."""

@@ -14,24 +14,6 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy import stats
 
-__all__ = [
-    "Alternative",
-    "Comparison",
-    "Estimate",
-    "SuccessComparison",
-    "compare_costs",
-    "compare_paired_costs",
-    "compare_paired_successes",
-    "compare_successes",
-    "flights_needed",
-    "holm",
-    "mean_difference",
-    "median_difference",
-    "proportion",
-    "quantile",
-    "tolerance_bound",
-]
-
 Alternative: TypeAlias = Literal["two-sided", "worse"]
 """Alternative to "no difference": any difference, or that the new flights are worse."""
 

@@ -19,8 +19,6 @@ from gcs.campaigns.conditions import Condition
 from gcs.campaigns.outcomes import happened
 from gcs.campaigns.statistics import Estimate
 
-__all__ = ["Verdict", "anytime_proportion", "evidence", "judge", "leading"]
-
 _PRIOR = 0.5  # both parameters of Jeffreys' beta distribution
 
 

@@ -34,19 +34,6 @@ from mavlink_defs.runtime.files import naming
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = [
-    "OUTCOMES",
-    "Outcome",
-    "Results",
-    "alone_in",
-    "append_results",
-    "planned_rows",
-    "read_draws",
-    "read_results",
-    "results_schema",
-    "write_draws",
-]
-
 Outcome = Literal[
     "completed",
     "heading_lost",

@@ -16,15 +16,6 @@ from gcs.errors import BadInput
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.runtime.files import write_text
 
-__all__ = [
-    "is_decided",
-    "note_condition",
-    "noted_conditions",
-    "stopping_condition",
-    "verdict_lines",
-    "verdicts",
-]
-
 _FILE = "until.json"
 
 

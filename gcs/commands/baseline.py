@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from gcs.results.summary import FlightSummary
     from gcs.scenario.model import Scenario
 
-__all__ = ["EPILOG", "baseline"]
-
 _LONGEST_US = 500_000
 
 EPILOG = """

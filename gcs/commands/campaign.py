@@ -16,8 +16,6 @@ from gcs.terminal import Terminal, console_of, numbers, table_of, words
 if TYPE_CHECKING:
     from gcs.campaigns.plan import Plan
 
-__all__ = ["EPILOG", "campaign"]
-
 EPILOG = """
 Examples:
 

@@ -18,23 +18,6 @@ from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tr
 from gcs.sweeps.axes import Axis, parse_axes
 from mavlink_defs.config.inherit import PlaceError, merged, with_values
 
-__all__ = [
-    "FreePortsOption",
-    "ProcessesOption",
-    "QuietOption",
-    "Restart",
-    "RestartOption",
-    "RunFolderOption",
-    "ScenarioArgument",
-    "SetOption",
-    "WithOption",
-    "changed_scenario",
-    "flight_progress",
-    "values_of",
-    "warm_up",
-    "warn_of_one_path",
-]
-
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
 ]

@@ -10,8 +10,6 @@ from gcs.terminal import console_of
 if TYPE_CHECKING:
     from gcs.campaigns.findings import Findings
 
-__all__ = ["EPILOG", "compare"]
-
 EPILOG = """
 Examples:
 

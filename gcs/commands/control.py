@@ -7,17 +7,6 @@ import typer
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.station.vehicle import Vehicle
 
-__all__ = [
-    "ARM_EPILOG",
-    "DISARM_EPILOG",
-    "MODE_EPILOG",
-    "START_EPILOG",
-    "arm",
-    "disarm",
-    "mode",
-    "start",
-]
-
 ARM_EPILOG = f"""
 Examples:
 

@@ -9,8 +9,6 @@ from gcs.errors import BadInput, FlightLost
 from gcs.results.format import Format
 from gcs.terminal import console_of
 
-__all__ = ["EPILOG", "export"]
-
 EPILOG = """
 Examples:
 

@@ -15,8 +15,6 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.faults import Fault
 
-__all__ = ["app"]
-
 app = typer.Typer(help="Set, clear and list actuator faults.", no_args_is_help=True)
 
 _NAMES = "aileron, elevator, rudder or throttle"

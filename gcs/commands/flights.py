@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from gcs.campaigns.engine import Flown
     from gcs.campaigns.plan import Plan
 
-__all__ = ["fly_plan", "interruptible"]
-
 
 @contextlib.contextmanager
 def interruptible(folder: Path, total: int) -> Iterator[None]:

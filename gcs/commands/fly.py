@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from gcs.results.steps import Ending, Steps
     from gcs.results.summary import FlightSummary
 
-__all__ = ["EPILOG", "fly"]
-
 _LARGE = 100e6  # bytes of a recording that are worth a word
 _MANY = 4  # autopilots for each core that are worth another
 

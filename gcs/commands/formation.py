@@ -11,8 +11,6 @@ from gcs.station.notifications import enum_name
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 
-__all__ = ["app"]
-
 app = typer.Typer(help="See the formation in space, and change slots.", no_args_is_help=True)
 
 _SHOW_EPILOG = f"""

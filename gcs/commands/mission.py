@@ -20,8 +20,6 @@ from gcs.terminal import console_of, numbers, print_json, table_of, words
 from mavlink_defs.config.models import counted
 from mavlink_defs.mission_files import is_mission_file, plan_text, waypoints_text
 
-__all__ = ["app"]
-
 app = typer.Typer(help="Show, upload, download and fly missions.", no_args_is_help=True)
 
 _File = Annotated[

@@ -6,16 +6,6 @@ import typer
 
 from mavlink_defs.constants import GCS_PORT, HUB_PORT
 
-__all__ = [
-    "SIGNING_KEY_VARIABLE",
-    "ConnectOption",
-    "JsonOption",
-    "SigningKeyOption",
-    "ThemeOption",
-    "TimeoutOption",
-    "UavOption",
-]
-
 SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
 """Environment variable with the path of a key file."""
 

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from gcs.station.client import Client
     from mavlink_defs.config.quantity import Quantity
 
-__all__ = ["app"]
-
 app = typer.Typer(help="List, read and set parameters.", no_args_is_help=True)
 
 _Name = Annotated[str, typer.Argument(metavar="NAME", help="Name, at most 16 characters.")]

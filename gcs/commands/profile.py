@@ -20,8 +20,6 @@ from mavlink_defs import dialect
 from mavlink_defs.config.models import counted
 from mavlink_defs.profile import Segment
 
-__all__ = ["app"]
-
 app = typer.Typer(help="Upload, download and check reference profiles.", no_args_is_help=True)
 
 _File = Annotated[

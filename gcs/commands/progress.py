@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
-__all__ = ["Task", "Work", "working"]
-
 EVERY_S = 30.0
 """Time between two lines where there is no terminal [s]."""
 

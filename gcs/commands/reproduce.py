@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from gcs.scenario.model import Scenario
     from mavlink_defs.endpoint import UdpAddress
 
-__all__ = ["EPILOG", "reproduce"]
-
 EPILOG = """
 Examples:
 

@@ -26,13 +26,6 @@ from gcs.station.connection import choose_connection, own_identity
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import print_json, print_line
 
-__all__ = [
-    "EXIT_STATUS",
-    "Station",
-    "run_interruptible",
-    "station_command",
-]
-
 EXIT_STATUS = """
 Exit status: 0 accepted or answered by all, 2 bad input, 3 refused by one, 4 no answer from one
 (or, before anything was sent, a member of the fleet was not heard).

@@ -17,8 +17,6 @@ from gcs.station.vehicle_state import VehicleState
 from gcs.terminal import console_of, print_json
 from mavlink_defs import dialect
 
-__all__ = ["EPILOG", "status"]
-
 EPILOG = """
 Examples:
 

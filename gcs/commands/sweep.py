@@ -15,8 +15,6 @@ from gcs.terminal import console_of
 if TYPE_CHECKING:
     from gcs.sweeps.points import Point
 
-__all__ = ["EPILOG", "sweep"]
-
 EPILOG = """
 Examples:
 

@@ -11,8 +11,6 @@ from gcs.station.vehicle import Vehicle
 from gcs.terminal import console_of
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["Note", "upload", "write_held"]
-
 Note: TypeAlias = Callable[[int, int], None]
 """Takes note of how many items of how many a vehicle has got."""
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from gcs.theory.trim import Trim
     from sitl_plant.config import Aircraft
 
-__all__ = ["EPILOG", "trim"]
-
 EPILOG = """
 Examples:
 

@@ -34,8 +34,6 @@ from mavlink_defs.config.models import counted
 from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
 
-__all__ = ["EPILOG", "up"]
-
 EPILOG = """
 Examples:
 

@@ -27,8 +27,6 @@ from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import visible
 
-__all__ = ["EPILOG", "wire"]
-
 _REFRESH_S = 0.5
 
 EPILOG = """

@@ -10,8 +10,6 @@ from gcs.errors import BadInput
 from gcs.wire.dissector import lua_dissector
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["EPILOG", "wireshark"]
-
 EPILOG = """
 Examples:
 

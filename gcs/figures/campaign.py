@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["distributions", "importance", "sobol_indices", "two_factors"]
-
 _MOST_STEPS = 1000  # of a curve
 _MOST_POINTS = 4000  # of a panel
 _MOST_FACTORS = 12

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_combinations"]
-
 _MARKERS = "osD^vPX*"
 _WIDEST = 2.0
 """Largest IAE of a panel, by its smallest one."""

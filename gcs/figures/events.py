@@ -25,8 +25,6 @@ from gcs.results.quantities import PAPER_ORDER
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["fig7", "fig8", "fig9"]
-
 _BINS = 1200  # of time; as narrow as print shows
 _RAMP = ("#74B4DE", "#0072B2", "#00273D")  # for few to many events
 _TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)

@@ -11,8 +11,6 @@ from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["FaultWindow", "PlottedFlight", "fault_windows", "literal", "wrapped"]
-
 
 @dataclass(frozen=True)
 class FaultWindow:

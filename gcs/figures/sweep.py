@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_sweep"]
-
 _COLOURS = [style.colour for style in (*STYLES[1:], STYLES[0])]  # the lightest one last
 _SHAPES = "os^Dv<>Ph*"
 _MOST_ROWS = 12

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["UNITS", "draw_tracking", "fig6", "fig10", "fig11"]
-
 UNITS = {"airspeed": "m/s", "roll": "deg", "pitch": "deg", "yaw": "deg"}
 """Of `gcs.results.summary.QUANTITIES`."""
 

@@ -12,8 +12,6 @@ from sitl_plant.rigid_body import R1
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["fig5"]
-
 _PLACE = (-0.03, -0.05, 1.0, 1.1)  # of the axes in the figure; their corners are empty
 _BOX = np.array([8.0, 4.4, 2.6])  # of north, east, altitude
 _WING = 0.32  # half a span, in units of the box

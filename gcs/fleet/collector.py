@@ -12,8 +12,6 @@ from gcs.results.steps import Ending, Mode, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.spool import SpoolReader
 
-__all__ = ["Collector"]
-
 _MOST_WAITING = 3
 """Pieces of the plant's recording that wait for an autopilot's."""
 _WHOLE = np.dtype((np.void, SIGNALS.itemsize))

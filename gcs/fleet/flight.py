@@ -28,8 +28,6 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, UdpAddress
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["fly_and_record", "fly_over_udp", "prepare"]
-
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.05
 _AT_A_TIME = 8

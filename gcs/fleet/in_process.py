@@ -25,8 +25,6 @@ from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
 from sitl_plant.plant import describe_loss
 
-__all__ = ["fly_in_process", "fly_in_steps"]
-
 _CHUNK_STEPS = 2000
 
 OnProgress = Callable[[float, np.ndarray], None]
@@ -137,6 +135,7 @@ def _brief(
 def exchange_initial_states(
     fleet: PlantState, controllers: Controllers, sources: np.ndarray, step_us: int
 ) -> None:
+    """Give every controller the initial states of its neighbours."""
     for i in range(len(sources)):
         observe(fleet, i, 0, step_us)
         announce(controllers, i, fleet.messages[i])

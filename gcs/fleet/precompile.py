@@ -26,8 +26,6 @@ from mavlink_defs.capture.tap_counts import new_counts
 from mavlink_defs.runtime.code_cache import mark_cache_warm, not_cached
 from sitl_plant.warm_up import call_everything as call_plant
 
-__all__ = ["compile_everything", "ctrl_c_while_compiling"]
-
 _COMPILER = os.path.dirname(llvmlite.__file__) + os.sep
 _LATER_S = 0.02
 _OBJECTS = 200_000  # made between two searches for garbage

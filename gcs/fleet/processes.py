@@ -26,8 +26,6 @@ from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, PortTaken, UdpAddress, bind_udp, free_ports
 from mavlink_defs.runtime.spool import SpoolReader
 
-__all__ = ["FleetProcesses", "check_ports", "on_free_ports"]
-
 T = TypeVar("T")
 
 _STOP_S = 5.0

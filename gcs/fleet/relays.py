@@ -9,8 +9,6 @@ from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay import Relay, Route
 from mavlink_defs.endpoint import UdpAddress
 
-__all__ = ["relay_of", "through"]
-
 
 def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None = None) -> Relay:
     """Return the relay for a scenario's `links.impairments`; without them, one with no routes.

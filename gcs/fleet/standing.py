@@ -18,8 +18,6 @@ from mavlink_defs.endpoint import Connection, EndpointError, UdpAddress, bind_ud
 from mavlink_defs.framing.key_file import load_signer
 from mavlink_defs.framing.signing import SigningError, words_of
 
-__all__ = ["keep_up"]
-
 _LOOK_S = 0.1
 _END_OF_PLANT_S = 1.0
 

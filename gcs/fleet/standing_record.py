@@ -14,8 +14,6 @@ from gcs.results.stored import EVENTS, TRAJECTORY
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.tlog import TlogWriter
 
-__all__ = ["LIMIT_BYTES", "LOG", "PREVIOUS", "StandingRecord"]
-
 LOG, PREVIOUS = "flight.tlog", "previous"
 LIMIT_BYTES = 128_000_000
 """Size of log and recording together at which they begin again; the ones before are kept, too."""

@@ -10,8 +10,6 @@ from gcs.reports.formatting import milliseconds, percent
 from gcs.reports.markdown import bullets, table
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["COLUMNS", "baseline_report", "baseline_rows", "baseline_words"]
-
 COLUMNS = ("sender", "transmissions", "saved by the trigger", "largest IAE ratio to triggered")
 
 

@@ -16,8 +16,6 @@ from gcs.reports.campaign_comparisons import comparisons
 from gcs.reports.formatting import interval, number, probability
 from gcs.reports.markdown import bullets, plain, table
 
-__all__ = ["campaign_report"]
-
 _WORST = 10
 _FACTORS = 8
 

@@ -17,8 +17,6 @@ from gcs.campaigns.statistics import (
 from gcs.reports.formatting import interval, p_value
 from gcs.reports.markdown import table
 
-__all__ = ["comparisons"]
-
 
 def comparisons(findings: Findings) -> str:
     """Return tables of every variant against the first one, and what they mean."""

@@ -9,8 +9,6 @@ from gcs.reports.formatting import milliseconds, percent
 from gcs.reports.markdown import table
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 
-__all__ = ["combinations_csv", "combinations_section", "front_of", "mean_iae"]
-
 
 def mean_iae(one: Combination, uav_id: int, of: dict[str, float]) -> float | None:
     """Return the mean of the four IAEs of a UAV, each by a given one; None without a flight."""

@@ -12,8 +12,6 @@ from gcs.scenario.model import Scenario
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.capture.saving import saving
 
-__all__ = ["flight_tables"]
-
 
 def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Text | str]:
     """Return what `gcs fly` prints at the end: transmissions, tracking, one line of totals."""

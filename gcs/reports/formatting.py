@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gcs.campaigns.statistics import Estimate
 
-__all__ = ["interval", "milliseconds", "number", "p_value", "percent", "probability"]
-
 
 def percent(share: float | None) -> str:
     """Format a share, as in "86.67 %"."""

@@ -7,8 +7,6 @@ from gcs.campaigns.gate import Check
 from gcs.reports.markdown import bullets, table
 from mavlink_defs.visible import visible, visible_lines
 
-__all__ = ["gate_lines", "gate_markdown", "junit"]
-
 
 def gate_lines(checks: Sequence[Check], notes: Sequence[str]) -> list[str]:
     """Return one line for each check, and the notes."""

@@ -9,8 +9,6 @@ from pathlib import Path
 from mavlink_defs.runtime.files import write_text
 from mavlink_defs.visible import visible_lines
 
-__all__ = ["bullets", "html_of", "plain", "save_markdown", "table"]
-
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
        max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }

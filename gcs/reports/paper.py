@@ -10,8 +10,6 @@ from gcs.reports.published_values import FIG_9, SAVING, TABLE_IV, TABLE_V
 from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
 from gcs.results.summary import FlightSummary, UavSummary
 
-__all__ = ["Results", "paper_report"]
-
 _FOLLOWER_2 = 3
 
 CONTROLLERS = {

@@ -3,8 +3,6 @@
 Airspeed IAE in m, angles in deg s; transmissions in 24 s of 24 000 control periods.
 """
 
-__all__ = ["FIG_9", "SAVING", "TABLE_IV", "TABLE_V"]
-
 TABLE_IV: dict[str, dict[str, float]] = {
     "scenario2_proposed": {"airspeed": 17.8, "roll": 16.4, "pitch": 13.4, "yaw": 25.6},
     "scenario2_periodic": {"airspeed": 15.8, "roll": 18.0, "pitch": 14.3, "yaw": 25.0},

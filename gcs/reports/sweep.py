@@ -23,17 +23,6 @@ from gcs.terminal import numbers, table_of, words
 from mavlink_defs.runtime.files import naming
 from mavlink_defs.visible import visible
 
-__all__ = [
-    "Dimension",
-    "choose_uav",
-    "dimensions_of",
-    "position",
-    "terminal_table",
-    "uav_of",
-    "write_csv",
-    "write_markdown",
-]
-
 _TERMINAL_ROWS = 50
 
 

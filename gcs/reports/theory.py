@@ -13,8 +13,6 @@ from gcs.theory import UavTheory, check_theory, theory_words
 from gcs.theory.judgement import Judgement
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["theory_section"]
-
 _WATCHED = 3
 _ERRORS = {
     "airspeed_m_s": "airspeed [m/s]",

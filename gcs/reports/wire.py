@@ -11,8 +11,6 @@ from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_neighbour_message
 
-__all__ = ["wire_tables", "write_csv"]
-
 _COLUMNS = (
     "kind",
     "link",

@@ -10,8 +10,6 @@ from gcs.results.quantities import QUANTITIES
 from gcs.results.steps import Steps
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["COLUMNS", "LIGHT", "Column"]
-
 _TRACKED = dict(zip(QUANTITIES, ("m/s", "rad", "rad", "rad"), strict=True))
 _RATES = dict(zip(QUANTITIES, ("m/s²", "rad/s", "rad/s", "rad/s"), strict=True))
 _COMMANDS: dict[str, str] = dict(zip(ACTUATORS, ("rad", "rad", "rad", "N"), strict=True))

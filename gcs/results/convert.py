@@ -19,8 +19,6 @@ from mavlink_defs.runtime.files import complete_file, naming
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["convert"]
-
 _TRACK_POINTS = 20_000  # of one UAV: what Google Earth draws without delay
 
 

@@ -14,8 +14,6 @@ from gcs.station.vehicle import PRIVATE_INTERVALS_S
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["check_space", "folder_bytes"]
-
 _PIECES = 4
 """Pieces of the processes' recordings that wait on disk to be put together."""
 _PLANT_ROW = 8 * (12 + 3 + 4)  # state, wind, applied commands

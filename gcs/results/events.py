@@ -7,8 +7,6 @@ import numpy as np
 
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["Events", "events_of"]
-
 Events: TypeAlias = Mapping[str, np.ndarray]
 """Columns of equal length, as `events_of` returns them."""
 

@@ -11,8 +11,6 @@ from gcs.results.summary import event_table
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.runtime.files import naming
 
-__all__ = ["CSV_PERIOD_S", "export_flight"]
-
 CSV_PERIOD_S = 0.01
 """Rows of trajectory.csv are this far apart [s]; events.csv and the .npz have every step."""
 

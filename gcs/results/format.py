@@ -2,8 +2,6 @@
 
 from enum import StrEnum
 
-__all__ = ["Format"]
-
 
 class Format(StrEnum):
     """A format that recordings are converted to."""

@@ -6,8 +6,6 @@ from ftc_autopilot.guidance.path import PATH
 from gcs.scenario.model import Scenario
 from sitl_plant.fleet import new_plant_state, observe
 
-__all__ = ["leaders_of", "paths_of"]
-
 
 def paths_of(scenario: Scenario) -> np.ndarray | None:
     """Return the path of each UAV, shape (n,), dtype `PATH`; None without a mission."""

@@ -14,8 +14,6 @@ from ftc_autopilot.guidance.path import locate, point_at
 from gcs.results.steps import Steps
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["SETTLING_S", "PathErrors", "PathFollowing", "PathSummary"]
-
 SETTLING_S = 10.0
 """A UAV's figures begin so long after it begins to follow the path; so long after its end a turn
 still counts as one [s]."""

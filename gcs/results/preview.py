@@ -9,8 +9,6 @@ from gcs.results.steps import Ending, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 
-__all__ = ["Preview"]
-
 _MOST_ROWS = 30_000  # of all UAVs
 _LEAST_STEPS = 1000
 _MOST_GAPS = 300_000  # of all UAVs

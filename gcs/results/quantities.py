@@ -2,17 +2,6 @@
 
 import numpy as np
 
-__all__ = [
-    "IAE_UNITS",
-    "PAPER_ORDER",
-    "PATH_FIGURES",
-    "QUANTITIES",
-    "TRACKED_KEYS",
-    "UNITS",
-    "in_degrees",
-    "integrated_error",
-]
-
 PAPER_ORDER = ("throttle", "aileron", "elevator", "rudder")
 """Actuator channels in the order of the paper's tables."""
 QUANTITIES = ("airspeed", "roll", "pitch", "yaw")

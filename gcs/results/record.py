@@ -2,8 +2,6 @@
 
 from enum import StrEnum
 
-__all__ = ["Record"]
-
 
 class Record(StrEnum):
     """How much of a flight is kept; every one has the figures of `summary.json`."""

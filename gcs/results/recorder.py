@@ -18,8 +18,6 @@ from gcs.results.tally import Tally
 from gcs.scenario.itinerary import outline
 from gcs.scenario.model import Scenario
 
-__all__ = ["LIGHT_PERIOD_US", "FlightRecorder", "streams_of", "trajectory_bytes"]
-
 LIGHT_PERIOD_US = 20_000
 """Steps of a light recording are so far apart, or one control period."""
 

@@ -13,8 +13,6 @@ from ftc_autopilot.control.reference import wrap
 from gcs.results.steps import Ending, Mode, Steps
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Recording"]
-
 
 @dataclass(frozen=True)
 class Recording:
@@ -133,6 +131,7 @@ class Recording:
 
 @compiled
 def wrap_all(angles: np.ndarray) -> None:
+    """Wrap angles of shape (steps, axes) to (-pi, pi] in place [rad]."""
     for k in range(angles.shape[0]):
         for i in range(angles.shape[1]):
             angles[k, i] = wrap(angles[k, i])

@@ -14,8 +14,6 @@ from gcs.results.recording import Recording
 from gcs.results.summary import FlightSummary, event_table
 from mavlink_defs.runtime.files import save_arrays, write_text
 
-__all__ = ["make_run_folder", "save_arrays_of", "save_flight", "save_summary"]
-
 
 def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
     """Make the run folder.

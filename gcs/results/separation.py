@@ -7,8 +7,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Separation", "SeparationSummary", "least_distances"]
-
 
 @dataclass(frozen=True)
 class SeparationSummary:

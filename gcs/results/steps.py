@@ -9,8 +9,6 @@ import numpy as np
 from ftc_autopilot.control.controller import SIGNALS
 from mavlink_defs.constants import N_CHANNELS
 
-__all__ = ["Ending", "Mode", "Steps"]
-
 Mode = Literal["lockstep", "real_time", "in_process"]
 
 

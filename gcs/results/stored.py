@@ -18,8 +18,6 @@ from mavlink_defs.constants import ACTUATORS
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["EVENTS", "TRAJECTORY", "batches", "is_complete", "read_recording", "read_summary"]
-
 EVENTS, TRAJECTORY = "events.arrows", "trajectory.arrows"
 _END = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 """Ends a stream whose writer closed it."""

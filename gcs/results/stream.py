@@ -20,8 +20,6 @@ from mavlink_defs.runtime.files import naming
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["EventStream", "TrajectoryStream", "row_size"]
-
 _BATCH_ROWS = 1024
 
 

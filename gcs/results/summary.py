@@ -18,17 +18,6 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.capture.saving import saving
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = [
-    "ChannelSummary",
-    "ControlFailure",
-    "DiagnosisSummary",
-    "FlightSummary",
-    "UavSummary",
-    "event_table",
-    "summarise",
-    "summary_of",
-]
-
 
 @dataclass(frozen=True)
 class ChannelSummary:

@@ -21,8 +21,6 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["FINAL_S", "Decision", "Tally", "count_steps"]
-
 FINAL_S = 1.0
 """The final error is the largest one of this long before the end [s]."""
 _SETTLING_S = 1.0  # the largest error counts after this time

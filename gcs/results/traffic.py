@@ -19,8 +19,6 @@ from sitl_plant.hardware import Sensor
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
 
-__all__ = ["KINDS", "Traffic"]
-
 KINDS = ("states", "actuator_messages", "neighbour_messages")
 """Messages whose bytes are counted."""
 

@@ -11,8 +11,6 @@ from pathlib import Path
 
 from mavlink_defs.config.models import ConfigError, Problem
 
-__all__ = ["SCENARIOS", "addition_names", "base_of", "bundled_names", "find_scenario"]
-
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "bundled_scenarios"
 SCENARIOS = _INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent / "scenarios"

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from mavlink_defs.runtime.code_cache import source_digest
 
-__all__ = ["code_digest", "code_version"]
-
 _ROOT = Path(__file__).parents[2]
 _SOURCES = (
     "mavlink_defs/**/*.py",

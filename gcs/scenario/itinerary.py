@@ -17,8 +17,6 @@ from mavlink_defs.mission_files import is_mission_file, read_mission_file
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["Itinerary", "Stage", "dry_run", "load_mission", "outline"]
-
 _ARC_POINT_RAD = math.radians(5.0)
 _FINAL_M = 2000.0  # of a path that goes on without an end
 

@@ -22,8 +22,6 @@ from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.mission_files import mission_item, read_mission_file
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["MissionEntry", "MissionSection", "entries_of_items", "with_mission_file"]
-
 
 class WaypointEntry(Model):
     """A place to fly by."""

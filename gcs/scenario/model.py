@@ -69,8 +69,6 @@ from sitl_plant.config import (
 )
 from sitl_plant.hardware import Sensors, Servos, sensor_problems, servo_problems
 
-__all__ = ["Scenario", "load_scenario", "scenario_of", "scenario_tree"]
-
 
 class Scenario(Model):
     """One flight: fleet, aircraft, controller, network, references, faults, links."""

@@ -29,8 +29,6 @@ from mavlink_defs.profile import (
 )
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["ProfileFile", "load_profile", "profile_yaml"]
-
 
 class ProfileFile(Model):
     """A profile on its own."""

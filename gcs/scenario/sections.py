@@ -30,18 +30,6 @@ from mavlink_defs.profile import Segment
 from sitl_plant.config import InitialState
 from sitl_plant.hardware import Servos
 
-__all__ = [
-    "Edge",
-    "FormationLinks",
-    "Found",
-    "Impairments",
-    "Links",
-    "Network",
-    "ProfileSegment",
-    "ScenarioFault",
-    "ScenarioUav",
-]
-
 Found: TypeAlias = Iterator[Problem | tuple[Loc, str]]
 
 _MOST_EDGES = LAST_SYSTEM * (LAST_SYSTEM - 1) // 2

@@ -8,8 +8,6 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import EndpointError, UdpAddress, is_loopback
 from mavlink_defs.framing.signing import SigningError, read_key
 
-__all__ = ["refuse_unsigned", "signed"]
-
 
 def signed(scenario: Scenario, path: str | None) -> Scenario:
     """Return the scenario with another key file; unchanged if `path` is None.

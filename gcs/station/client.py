@@ -36,8 +36,6 @@ from mavlink_defs.framing.key_file import load_signer
 from mavlink_defs.framing.signing import SigningError
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["GROUND_STATION", "Client"]
-
 GROUND_STATION = SystemId(255, dialect.MAV_COMP_ID_MISSIONPLANNER)
 _AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 _TICK_S = 0.2

@@ -17,8 +17,6 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["choose_connection", "own_identity", "warn_if_exposed"]
-
 _HOST = "127.0.0.1"
 _SYSTEM = 255
 _FIRST_COMPONENT, _COMPONENTS = 25, 75  # MAV_COMP_ID_USER1 to USER75

@@ -13,8 +13,6 @@ from mavlink_defs.dialect import MAVLink_ftc_events_message
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["SPAN_S", "WINDOW_S", "EventCounts", "Four"]
-
 Four = tuple[int, int, int, int]
 """One number per channel: aileron, elevator, rudder, throttle."""
 

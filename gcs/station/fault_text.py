@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.faults import Fault
 
-__all__ = ["describe_diagnosis", "describe_fault"]
-
 
 def describe_fault(fault: Fault) -> str:
     """Return a fault in words: "rudder at 90 % + 1 deg in (19, 22] s"."""

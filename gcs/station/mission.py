@@ -15,19 +15,6 @@ from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, Segment, items_to_segments
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = [
-    "HAS_PLACE",
-    "Mission",
-    "inserted",
-    "is_same",
-    "item_text",
-    "moved",
-    "profile_of",
-    "removed",
-    "waypoint",
-    "with_place",
-]
-
 Mission: TypeAlias = tuple[MissionItem, ...]
 """The items of a mission, home included; empty: none."""
 

@@ -18,18 +18,6 @@ from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = [
-    "Home",
-    "current_item",
-    "distance_to_item",
-    "home_of",
-    "is_on_path",
-    "nearest_of",
-    "slot_error_of",
-    "slot_place_of",
-    "wind_of",
-]
-
 _DEG_E7 = 1e7
 _LOCAL_POSITION = dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED
 

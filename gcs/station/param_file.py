@@ -12,16 +12,6 @@ from mavlink_defs.float32 import float32s
 from mavlink_defs.services.param import MAX_NAME, Param
 from mavlink_defs.visible import visible
 
-__all__ = [
-    "READ_ONLY",
-    "difference",
-    "differing",
-    "read_param_file",
-    "read_settable",
-    "set_values",
-    "text_of",
-]
-
 if TYPE_CHECKING:
     from gcs.station.vehicle import Vehicle
 

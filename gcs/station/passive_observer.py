@@ -15,8 +15,6 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
 from mavlink_defs.services.fault_list import FaultList
 
-__all__ = ["PassiveObserver"]
-
 _ANY = FaultLimits(math.inf, math.inf)
 _ALL = -1.0
 _Item = dialect.MAVLink_mission_item_int_message

@@ -14,19 +14,6 @@ from mavlink_defs.constants import ACTUATORS, OLD_STATE_S
 from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 
-__all__ = [
-    "ChannelStatus",
-    "LinkStatus",
-    "VehicleStatus",
-    "drop_lines",
-    "fault_dict",
-    "fleet_table",
-    "not_heard",
-    "segment_dict",
-    "silence_lines",
-    "vehicle_status",
-]
-
 _QUANTITIES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
 
 

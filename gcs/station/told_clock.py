@@ -2,8 +2,6 @@
 
 from mavlink_defs import dialect
 
-__all__ = ["SIMULATED_TIME", "ToldClock"]
-
 _BACK_IN_TIME_S = 1.0  # only messages older than the newest for this long: a restart
 SIMULATED_TIME = {
     dialect.MAVLINK_MSG_ID_FTC_TRACKING,

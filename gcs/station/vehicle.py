@@ -43,8 +43,6 @@ from mavlink_defs.services.param import (
     ParamSetter,
 )
 
-__all__ = ["PRIVATE_INTERVALS_S", "Progress", "Vehicle"]
-
 Progress = Callable[[int, int], None]
 """Called with the number of items done and the total."""
 

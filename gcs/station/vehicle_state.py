@@ -24,8 +24,6 @@ from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
 from mavlink_defs.system_ids import systems_of
 
-__all__ = ["LOST_S", "VehicleState"]
-
 LOST_S = 2.0
 """Silence after which the link to a vehicle counts as lost."""
 

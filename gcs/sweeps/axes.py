@@ -11,8 +11,6 @@ from gcs.errors import BadInput
 from mavlink_defs.config.models import repeated
 from mavlink_defs.config.yaml_text import parse_yaml
 
-__all__ = ["Axis", "parse_axes"]
-
 
 @dataclass(frozen=True)
 class Axis:

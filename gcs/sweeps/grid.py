@@ -20,8 +20,6 @@ from gcs.sweeps.axes import Axis
 from mavlink_defs.config.inherit import PlaceError, check_place, difference, with_values
 from mavlink_defs.config.models import ConfigError, Problem, ProblemKind
 
-__all__ = ["Grid", "plan_grid"]
-
 
 @dataclass(frozen=True)
 class Grid:

@@ -10,8 +10,6 @@ from gcs.campaigns.store import read_results
 from gcs.scenario.model import Scenario
 from gcs.sweeps.grid import Grid
 
-__all__ = ["Point", "read_points"]
-
 _FLOWN = {"heading_lost": "completed", "attitude_lost": "completed", "model_left": "lost"}
 """Outcomes of the campaign that are others here: a table tells what its one UAV lost."""
 

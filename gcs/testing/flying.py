@@ -29,8 +29,6 @@ from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.endpoint import Connection, UdpAddress
 
-__all__ = ["TestFleet"]
-
 T = TypeVar("T")
 
 _LOOK_S = 0.005

@@ -20,8 +20,6 @@ from mavlink_defs.capture.saving import saving
 from mavlink_defs.capture.tap_report import ChannelReport, TapReport
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["Channel", "Errors", "FlightResult", "UavFlight"]
-
 
 class Errors(NamedTuple):
     """One value for each tracked quantity."""

@@ -20,8 +20,6 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from sitl_plant.atmosphere import Wind
 from sitl_plant.hardware import ActuatorServos, Sensors
 
-__all__ = ["Theory", "UavTheory", "check_theory"]
-
 _SURFACES = tuple(i for i in range(N_CHANNELS) if i != THROTTLE)
 
 

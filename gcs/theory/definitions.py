@@ -17,8 +17,6 @@ from gcs.theory.equality import Equality, compare
 from gcs.theory.ground_truth import Known, short_way, solve
 from mavlink_defs.constants import THROTTLE
 
-__all__ = ["attitude_definitions", "speed_definitions", "thresholds"]
-
 _SURFACES, _THRUST = np.arange(THROTTLE), np.array([THROTTLE])
 
 

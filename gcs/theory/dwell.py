@@ -16,8 +16,6 @@ from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["WIRE_ROUNDING", "dwell_times", "in_force"]
-
 _SURFACES = PAPER_ORDER[1:]
 WIRE_ROUNDING = 2.0**-24
 """Largest error of a held command, which is a float32 share of its limit, by that limit."""

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["ROUNDING", "Equality", "compare"]
-
 ROUNDING = 1e-11
 """Largest deviation of the two sides of an equality, as a share of the summands' magnitudes.
 

@@ -6,8 +6,6 @@ from ftc_autopilot.control.triggers import TRIGGERS
 from gcs.theory.check import Theory
 from gcs.theory.judgement import Hypotheses, Judgement, Rate, Verdict
 
-__all__ = ["ASSUMPTIONS", "NOT_CHECKED", "theory_words"]
-
 ASSUMPTIONS = (
     "The ideal weights W* are taken as 0: the proofs hold for any W*, so Φ_v = Φ_ω = 0, and all "
     "that is uncertain (Δ + d, for the attitude also the trigger's σ' of (59)) is approximation "

@@ -13,8 +13,6 @@ from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import true_aircraft
 from sitl_plant.disturbance import disturbance_table
 
-__all__ = ["R2", "Known", "Neighbours", "known_quantities", "present_steps", "solve"]
-
 
 @dataclass(frozen=True)
 class Neighbours:

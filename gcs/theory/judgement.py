@@ -12,8 +12,6 @@ from gcs.theory.ground_truth import Known
 from gcs.theory.lyapunov import Subsystem
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["Certificate", "Hypotheses", "Judgement", "Rate", "Slack", "Verdict", "judge"]
-
 _END_S = 3.0
 
 

@@ -21,8 +21,6 @@ from gcs.theory.dwell import in_force
 from gcs.theory.equality import Equality, compare
 from gcs.theory.ground_truth import Known, solve
 
-__all__ = ["Subsystem", "attitude_subsystem", "speed_subsystem"]
-
 _ROUNDING = 1e-3  # the held value is rounded to float32: |p| <= 1 to within this
 
 

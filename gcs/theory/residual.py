@@ -8,8 +8,6 @@ from gcs.results.quantities import TRACKED_KEYS, in_degrees
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 
-__all__ = ["residual_sets"]
-
 _WINDOW_S = 3.0
 
 

@@ -7,8 +7,6 @@ from sitl_plant.disturbance import disturbances
 from sitl_plant.rigid_body import STILL_AIR, load_state, state_derivative
 from sitl_plant.vec3 import vec3
 
-__all__ = ["slopes"]
-
 
 @compiled
 def slopes(

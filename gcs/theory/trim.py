@@ -16,8 +16,6 @@ from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R1, R2, STILL_AIR, state_derivative
 from sitl_plant.vec3 import mul
 
-__all__ = ["ANY_SIDESLIP_DEG", "Trim", "stuck_range", "trim_stuck"]
-
 _CHOSEN_AIRSPEED = (AILERON, RUDDER)
 _NEWTONS = 1000.0  # thrust is of the order of one in the solver's unit
 _METRES_S = 50.0

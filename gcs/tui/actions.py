@@ -5,8 +5,6 @@ from gcs.tui.formatting import ids
 from gcs.tui.requests import Choice, VehicleAction
 from mavlink_defs.constants import MODE_NAMES
 
-__all__ = ["arm", "change_mode", "disarm", "start_mission"]
-
 
 def arm(systems: tuple[int, ...]) -> VehicleAction:
     """Arm, after a question: when all are armed time begins."""

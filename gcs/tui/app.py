@@ -39,8 +39,6 @@ from gcs.tui.themes import DARK, LIGHT
 from gcs.tui.view import FleetView, Panel, Source
 from mavlink_defs.visible import visible_lines
 
-__all__ = ["MIN_SIZE", "REFRESH_S", "Dashboard"]
-
 REFRESH_S = 0.2
 """Period of refreshing the visible panel."""
 

@@ -7,8 +7,6 @@ from textual.widgets import Static
 from gcs.tui.guard import Guarded
 from mavlink_defs.visible import visible_lines
 
-__all__ = ["CachedStatic"]
-
 
 class CachedStatic(Guarded, Static):
     """A Static for texts that are set often; its size is fixed unless `grow` is set."""

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 from gcs.station.notifications import Notification
 
-__all__ = ["KINDS", "Entry", "EventLog"]
-
 KINDS = ("link", "mode", "text", "ack", "faults", "profile", "action", "station")
 """Subjects of entries; "action" is the outcome of a request of this station's operator, "station" a
 failure of the dashboard itself."""

@@ -19,8 +19,6 @@ from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault
 
-__all__ = ["ALL", "MARKED", "FaultForm", "read_fault"]
-
 ALL, MARKED = 0, -1
 """Stand for every vehicle, and for the marked ones."""
 

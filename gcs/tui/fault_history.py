@@ -10,8 +10,6 @@ from mavlink_defs import dialect
 from mavlink_defs.faults import Fault
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["Acknowledgement", "FaultHistory", "FaultRecord"]
-
 _SETTING = {dialect.MAV_CMD_FTC_SET_FAULT, dialect.MAV_CMD_INJECT_FAILURE}
 _CLEARING = {dialect.MAV_CMD_FTC_CLEAR_FAULTS, dialect.MAV_CMD_INJECT_FAILURE}
 

@@ -20,8 +20,6 @@ from gcs.tui.view import FleetView, Panel
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.faults import Fault
 
-__all__ = ["FaultList", "FaultsPanel", "clear_all", "repeat"]
-
 _ROLES = {
     "active": "bad",
     "waiting": "warn",

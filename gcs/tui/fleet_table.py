@@ -16,8 +16,6 @@ from gcs.tui.view import FleetView
 from mavlink_defs.config.models import counted
 from mavlink_defs.constants import OLD_STATE_S
 
-__all__ = ["FleetTable"]
-
 _GROUPS = ("value", "error", "reference", "synchronisation error", "path")
 _PATH = 4
 _QUANTITIES = (("V m/s", 6, 2), ("roll°", 6, 1), ("pitch°", 6, 1), ("yaw°", 6, 1))

@@ -23,8 +23,6 @@ if TYPE_CHECKING:  # Textual takes style sheets from the first base that is a wi
 else:
     _Widget = object
 
-__all__ = ["Failed", "Guarded", "guarded", "on", "one_line"]
-
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 

@@ -10,8 +10,6 @@ from gcs.station.told_clock import SIMULATED_TIME, ToldClock
 from mavlink_defs.framing.frames import parse
 from mavlink_defs.framing.header import FrameHeader
 
-__all__ = ["LogClock", "read_clock"]
-
 
 @dataclass(frozen=True)
 class LogClock:

@@ -10,8 +10,6 @@ from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, number
 from gcs.tui.grid import Column, Grid, Row
 
-__all__ = ["MissionList", "PlaceError", "insertion_place", "read_place"]
-
 _COLUMNS = (
     Column("", 1, "left"),
     Column("#", 3),

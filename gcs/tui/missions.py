@@ -20,8 +20,6 @@ from gcs.tui.mission_list import MissionList, PlaceError, insertion_place, read_
 from gcs.tui.requests import Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
 
-__all__ = ["MapView", "MissionsPanel"]
-
 _DRAW_S = 0.5
 _ZOOM = 1.5
 _PAN = 0.4  # of half the width

@@ -31,8 +31,6 @@ from mavlink_defs.config.models import ConfigError, counted
 from mavlink_defs.runtime.files import write_text
 from mavlink_defs.services.param import Param
 
-__all__ = ["ParametersPanel"]
-
 _COLUMNS = (
     Column("", 1),
     Column("name", 16, "left"),

@@ -22,8 +22,6 @@ from gcs.tui.map_drawing import draw_formation
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView, Panel
 
-__all__ = ["Chart", "PlotsPanel"]
-
 _SPANS_S = (10.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 _QUANTITIES = (("airspeed", "m/s"), ("roll", "°"), ("pitch", "°"), ("yaw", "°"))
 _NAMES = ("airspeed", "roll", "pitch", "yaw", "held", "formation", "exits")

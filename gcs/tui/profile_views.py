@@ -18,8 +18,6 @@ from gcs.tui.guard import Guarded
 from mavlink_defs.profile import Segment
 from mavlink_defs.visible import visible
 
-__all__ = ["ProfileFiles", "ProfilePlot", "ProfileTable", "differences", "polyline"]
-
 _COLUMNS = (
     Column("#", 2),
     Column("start s", 7),

@@ -23,8 +23,6 @@ from mavlink_defs.config.models import ConfigError, counted
 from mavlink_defs.profile import Segment
 from mavlink_defs.visible import visible
 
-__all__ = ["Holdings", "ProfilesPanel"]
-
 _COLUMNS = (Column("", 1, "left"), Column("UAV", 3), Column("holds", 0, "left"))
 _BAR = 10
 

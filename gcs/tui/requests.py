@@ -7,8 +7,6 @@ from textual.message import Message
 
 from gcs.station.vehicle import Vehicle
 
-__all__ = ["Choice", "Outcome", "Refresh", "VehicleAction"]
-
 
 class Refresh(Message):
     """Something that the operator did wants the visible panel to be drawn again."""

@@ -12,8 +12,6 @@ from mavlink_defs.capture.tlog import TlogCutOff, TlogError, read_frames
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.constants import LAST_SYSTEM
 
-__all__ = ["count_file"]
-
 
 def count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]:
     """Count the traffic in a file; its first bytes tell its format.

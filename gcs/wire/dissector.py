@@ -3,8 +3,6 @@
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.mavgen import generate
 
-__all__ = ["lua_dissector"]
-
 _PORTS = f"{GCS_PORT},{PLANT_PORT},{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}"
 """The defaults of a scenario's links."""
 

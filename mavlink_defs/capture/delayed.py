@@ -11,8 +11,6 @@ from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_bytes
 from mavlink_defs.runtime.native import ADDRESS_SIZE
 
-__all__ = ["Delayed", "add", "earliest_s", "has_room", "new_delayed", "take", "with_room"]
-
 _CHUNK = 320  # bytes: a datagram of one frame has one chunk
 _ROOM = 64  # chunks at first
 

@@ -20,8 +20,6 @@ from mavlink_defs.runtime.random_numbers import (
 if TYPE_CHECKING:
     from mavlink_defs.capture.impairment import Impairment
 
-__all__ = ["COPIES", "FATES", "MEMORY", "Directions", "new_directions", "put"]
-
 COPIES = 2
 """The most that arrives of one datagram."""
 

@@ -19,8 +19,6 @@ from mavlink_defs.config.models import AtMost, Model, Problems
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import MAX_DATAGRAM
 
-__all__ = ["Bursts", "Fate", "Impairer", "Impairment", "Outage"]
-
 Share = Annotated[float, quantity("", ge=0.0, le=1.0, doc="Share of the datagrams.")]
 
 

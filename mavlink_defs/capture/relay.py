@@ -41,8 +41,6 @@ from mavlink_defs.capture.tap_report import OutcomeReport, TapReport
 from mavlink_defs.endpoint import EndpointError, UdpAddress, bind_udp, connect_udp, resolve
 from mavlink_defs.runtime.sockaddr import sockaddr
 
-__all__ = ["Relay", "Route"]
-
 _MAX_PEERS = 256  # of one route; of more, the one without traffic for longest is forgotten
 _DIRECTIONS = ("to", "from")
 

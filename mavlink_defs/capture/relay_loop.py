@@ -30,21 +30,6 @@ from mavlink_defs.runtime.native import (
     wait_for_any,
 )
 
-__all__ = [
-    "FIRST_FRONT",
-    "NO_PEER",
-    "Need",
-    "RelayState",
-    "add_peer",
-    "forget_peer",
-    "free_row",
-    "make_room",
-    "new_relay_state",
-    "pause",
-    "peers_of",
-    "run",
-]
-
 WAKE, FIRST_FRONT = 0, 1
 """Rows of `RelayState.polled`; peers are behind the fronts."""
 NO_PEER = -1

@@ -28,19 +28,6 @@ from mavlink_defs.runtime.hash_index import slot_of
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_bytes
 
-__all__ = [
-    "EMPTY",
-    "FLOW",
-    "NEVER",
-    "OLDER_VERSION",
-    "Counts",
-    "add_flow",
-    "count",
-    "forget",
-    "new_counts",
-    "with_room",
-]
-
 NEVER = 2**63 - 1
 """In place of an interval or a time [µs] that there is not."""
 

@@ -36,8 +36,6 @@ from mavlink_defs.config.written import located
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
 from mavlink_defs.runtime.files import write_text
 
-__all__ = ["dump", "load", "parse", "problems_of", "read", "validate"]
-
 M = TypeVar("M", bound=BaseModel)
 
 

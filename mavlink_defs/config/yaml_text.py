@@ -13,8 +13,6 @@ from yaml.composer import Composer
 
 from mavlink_defs.config.written import WrittenDict, WrittenList
 
-__all__ = ["DuplicateKeyError", "parse_yaml", "yaml_of", "yaml_problem"]
-
 _MOST_VALUES = 1_000_000
 """Values that a text may stand for: aliases of aliases multiply without end."""
 

@@ -47,36 +47,6 @@ from mavlink_defs.framing.header import (
 )
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "ACTUATORS",
-    "ACTUATORS_SIZE",
-    "BUFFER_SIZE",
-    "DROPS_SIZE",
-    "FOREIGN",
-    "NEIGHBOUR",
-    "NEIGHBOUR_SIZE",
-    "RELAYED_AT",
-    "REPORT_AT",
-    "SIGNED",
-    "SIM_STATE",
-    "SIM_STATE_SIZE",
-    "STEP_DONE",
-    "STEP_DONE_SIZE",
-    "MessageId",
-    "add_checksum",
-    "check",
-    "checksum",
-    "drop_counts",
-    "expand",
-    "identify",
-    "message_id_of",
-    "new_buffer",
-    "pack",
-    "payload_dtype",
-    "payload_view",
-    "system_of",
-]
-
 BUFFER_SIZE = MAX_FRAME_SIZE
 
 # results of `check` in place of a message id, for valid frames that pymavlink has to decode

@@ -17,8 +17,6 @@ from mavlink_defs.framing.header import (
 )
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["checked_size"]
-
 _IDS = np.array(sorted(dialect.mavlink_map), np.int64)
 _EXTRAS = np.array([dialect.mavlink_map[int(i)].crc_extra for i in _IDS], np.int64)
 

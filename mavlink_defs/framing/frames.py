@@ -22,8 +22,6 @@ from mavlink_defs.framing.header import (
 )
 from mavlink_defs.visible import visible
 
-__all__ = ["FramePacker", "drop_reason", "frame_size", "parse", "text_chunks"]
-
 _HEADER = struct.Struct("<BBHBBB3s")  # both kinds of flags in one field
 
 

@@ -7,23 +7,6 @@ from typing import NamedTuple, Self
 
 from mavlink_defs import dialect
 
-__all__ = [
-    "COMPONENT",
-    "CRC_SIZE",
-    "FLAGS",
-    "HEADER_SIZE",
-    "MAGIC",
-    "MAX_FRAME_SIZE",
-    "MESSAGE_ID",
-    "PAYLOAD_SIZE",
-    "SEQUENCE",
-    "SIGNATURE_SIZE",
-    "SIGNED_FLAG",
-    "SYSTEM",
-    "V2_MAGIC",
-    "FrameHeader",
-]
-
 MAGIC, PAYLOAD_SIZE, FLAGS, SEQUENCE, SYSTEM, COMPONENT, MESSAGE_ID = 0, 1, 2, 4, 5, 6, 7
 """Offsets [bytes]; all fields are one byte, but the message id is three, little endian."""
 

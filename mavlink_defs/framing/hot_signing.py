@@ -29,15 +29,6 @@ from mavlink_defs.framing.signing import (
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import unix_s
 
-__all__ = [
-    "LinkSigner",
-    "new_link_signer",
-    "sign_bytes",
-    "sign_frame",
-    "use_keys",
-    "verify_frame",
-]
-
 _RADIO_STATUS = dialect.MAVLINK_MSG_ID_RADIO_STATUS
 _HASH = 6  # bytes, after link id (1) and timestamp (6)
 _STAMP = 6
@@ -177,6 +168,7 @@ def _note(link_signer: LinkSigner, stamp: int) -> None:
 
 @compiled
 def append_signature(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
+    """Append the signature to the frame of so many bytes; the length with it."""
     stamp = _now(link_signer, 1)
     _note(link_signer, stamp)
     datagram[length] = link_signer.link

@@ -6,8 +6,6 @@ from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, use_ke
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import open_time
 
-__all__ = ["load_link_signer", "refresh"]
-
 
 def load_link_signer(key_file: KeyFile | None, link: int) -> LinkSigner:
     """Return the compiled signer of a link; without a file, one that neither signs nor verifies.

@@ -38,8 +38,6 @@ from numba.core import caching
 from mavlink_defs.config.models import ConfigError, Problem
 from mavlink_defs.runtime.linked_code import rebuilt
 
-__all__ = ["cache_is_cold", "code_cache_of", "mark_cache_warm", "not_cached", "source_digest"]
-
 _PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs")
 _ROOT = Path(__file__).resolve().parents[2]
 _GENERATED = {_ROOT / "mavlink_defs" / "dialect.py": _ROOT / "mavlink_defs" / "ftc.xml"}

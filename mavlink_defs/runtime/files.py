@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-__all__ = ["complete_file", "named", "naming", "save_arrays", "write_text"]
-
 
 @contextlib.contextmanager
 def naming(path: Path | str) -> Iterator[None]:

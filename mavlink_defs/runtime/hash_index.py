@@ -8,8 +8,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["slot_of"]
-
 _FACTOR = 0x9E3779B1
 
 

@@ -14,8 +14,6 @@ import numba
 from mavlink_defs.runtime.code_cache import code_cache_of
 from mavlink_defs.runtime.linked_code import EntryCompiler, LinkedCompiler
 
-__all__ = ["compiled", "inlined"]
-
 _F = TypeVar("_F", bound=Callable[..., object])
 
 _BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")

@@ -11,8 +11,6 @@ from typing import Any
 from llvmlite import binding
 from numba.core import codegen, compiler, environment
 
-__all__ = ["EntryCompiler", "LinkedCompiler", "rebuilt"]
-
 # what is used of numba has no annotations
 _Compiler: Any = compiler.Compiler
 _Library: Any = codegen.JITCodeLibrary

@@ -10,16 +10,6 @@ from numba.extending import intrinsic
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "borrowed",
-    "copy_bytes",
-    "copy_record",
-    "copy_values",
-    "load_tuple",
-    "new_table",
-    "store_tuple",
-]
-
 _T = TypeVar("_T")
 _tools = cast("Any", cgutils)  # without annotations
 

@@ -19,18 +19,6 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sent_before
 
-__all__ = [
-    "ACK_TIMEOUT_S",
-    "MAX_SENDS",
-    "PROGRESS_TIMEOUT_S",
-    "PROGRESS_UNKNOWN",
-    "CommandClient",
-    "CommandFinished",
-    "CommandMessage",
-    "CommandProgress",
-    "command_params",
-]
-
 CommandMessage: TypeAlias = MAVLink_command_long_message | MAVLink_command_int_message
 
 ACK_TIMEOUT_S = 0.5

@@ -13,8 +13,6 @@ from mavlink_defs.faults import Fault
 from mavlink_defs.services.command import CommandClient, CommandFinished
 from mavlink_defs.services.machine import Machine, SystemId
 
-__all__ = ["MAX_REQUESTS", "FaultList", "FaultLister", "FaultsListed"]
-
 MAX_REQUESTS = 8
 _GAP_TIMEOUT_S = 0.2  # after the acknowledgement nothing should be in transit
 

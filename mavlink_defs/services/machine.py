@@ -11,8 +11,6 @@ from typing import Generic, NamedTuple, TypeVar
 
 from mavlink_defs.dialect import MAVLink_message
 
-__all__ = ["Machine", "SystemId", "is_for", "sender_of", "sent_before"]
-
 E = TypeVar("E")
 
 

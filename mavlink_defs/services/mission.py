@@ -29,19 +29,6 @@ from mavlink_defs.dialect import (
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
-__all__ = [
-    "ITEM_TIMEOUT_S",
-    "MAX_RETRIES",
-    "RESPONSE_TIMEOUT_S",
-    "MissionClearer",
-    "MissionDownloader",
-    "MissionFinished",
-    "MissionItem",
-    "MissionProgress",
-    "MissionUploader",
-    "item_as_int",
-]
-
 MissionItem: TypeAlias = MAVLink_mission_item_int_message
 
 RESPONSE_TIMEOUT_S = 1.5

@@ -32,13 +32,6 @@ from mavlink_defs.services.mission import (
 )
 from mavlink_defs.services.mission_upload import Client, Upload
 
-__all__ = [
-    "MissionAccepted",
-    "MissionEvent",
-    "MissionRefused",
-    "MissionServer",
-]
-
 _MISSION = dialect.MAV_MISSION_TYPE_MISSION
 _TYPES = (_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY)
 _NO_MISSION = 0xFFFF

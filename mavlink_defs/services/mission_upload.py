@@ -8,8 +8,6 @@ from mavlink_defs.dialect import MAVLink_mission_item_message
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import MissionItem, item_as_int
 
-__all__ = ["Client", "Upload"]
-
 
 class Client(NamedTuple):
     """A client: its address, and the station over which its messages arrive."""

@@ -23,21 +23,6 @@ from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 from mavlink_defs.visible import visible
 
-__all__ = [
-    "GAP_TIMEOUT_S",
-    "MAX_NAME",
-    "MAX_RETRIES",
-    "MAX_TOGETHER",
-    "RESPONSE_TIMEOUT_S",
-    "Param",
-    "ParamFinished",
-    "ParamLister",
-    "ParamProgress",
-    "ParamReader",
-    "ParamSetter",
-    "raw_name",
-]
-
 MAX_NAME = 16
 """Most characters of a parameter's name."""
 

@@ -25,18 +25,6 @@ from mavlink_defs.float32 import decimal_of_float32, float32s
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 from mavlink_defs.services.param import MAX_NAME, raw_name
 
-__all__ = [
-    "BURST",
-    "BURST_PERIOD_S",
-    "INT32",
-    "REAL32",
-    "ParamChanged",
-    "ParamRefused",
-    "ParamServer",
-    "ParamValueError",
-    "Parameter",
-]
-
 INT32, REAL32 = dialect.MAV_PARAM_TYPE_INT32, dialect.MAV_PARAM_TYPE_REAL32
 
 BURST = 5

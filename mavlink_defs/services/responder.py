@@ -14,8 +14,6 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
-__all__ = ["Responder"]
-
 _FTP_SIZE = 251
 _FTP_REQUESTS = range(1, 128)  # op codes; the others are answers
 _FTP_NAK = 129

@@ -14,8 +14,6 @@ from ftc_autopilot.control.diagnosis.parameters import Thresholds
 from ftc_autopilot.control.diagnosis.regression import estimate, learn, long_estimate, restart
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["HEALTHY", "LOST", "SUSPECT", "decide", "phase_of", "watch"]
-
 HEALTHY, SUSPECT, LOST = 0, 1, 2
 """Phases of an actuator."""
 

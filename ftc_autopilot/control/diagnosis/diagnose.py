@@ -12,8 +12,6 @@ from ftc_autopilot.control.motion import Motion
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["diagnose"]
-
 _QUIET = 0.2  # standard deviation of the residual assumed at first, by the threshold of a jump
 _OFFSETS_S = 0.05  # no offset earlier: the filters are filling
 _LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop

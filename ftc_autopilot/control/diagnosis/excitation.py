@@ -12,8 +12,6 @@ import numpy as np
 from mavlink_defs.constants import RUDDER
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["dithered", "probe", "probed"]
-
 _HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.035, 0.05
 
 

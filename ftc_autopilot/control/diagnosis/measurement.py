@@ -23,8 +23,6 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import add, cross, mat3, mul, scale, sub, vec3
 
-__all__ = ["measure", "servo_step"]
-
 
 @compiled
 def servo_step(position: float, command: float, lag_s: float, limit: float, dt: float) -> float:

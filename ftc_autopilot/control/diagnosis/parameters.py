@@ -12,8 +12,6 @@ from mavlink_defs.constants import RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import ActuatorServos
 
-__all__ = ["Diagnosis", "Thresholds", "thresholds_of"]
-
 _Angle = Annotated[float, quantity("deg", gt=0.0, doc="Of one surface.")]
 _Time = Annotated[float, quantity("s", gt=0.0, doc="Of one surface.")]
 _Angles = tuple[_Angle, _Angle, _Angle]

@@ -19,8 +19,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["estimate", "learn", "long_estimate", "restart"]
-
 _LONG_S = 0.3
 _LONG_PRIOR = 3.0
 

@@ -4,8 +4,6 @@ import numpy as np
 
 from mavlink_defs.constants import N_CHANNELS
 
-__all__ = ["ACTUATOR", "DIAGNOSIS"]
-
 ACTUATOR = np.dtype(
     [
         # measurement

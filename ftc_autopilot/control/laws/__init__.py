@@ -18,8 +18,6 @@ from ftc_autopilot.control.laws.surviving import Surviving, surviving_law
 from ftc_autopilot.control.laws.tube import Tube, tube_law
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["KINDS", "LAWS", "Controller", "evaluate"]
-
 
 def _kind(value: Any) -> Any:
     if isinstance(value, dict):

@@ -26,8 +26,6 @@ from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R2_inv, angular_acceleration
 from sitl_plant.vec3 import add, mat3, mul, mul_t, scale, sub, vec3
 
-__all__ = ["Backstepping", "backstepping_law"]
-
 
 class Backstepping(LawParameters):
     """Parameters of nominal backstepping; gains as those of the proposed law."""

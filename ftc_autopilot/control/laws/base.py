@@ -15,8 +15,6 @@ from sitl_plant.config import Aircraft
 from sitl_plant.hardware import ActuatorServos
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["Demand", "Instant", "LawParameters"]
-
 
 class LawParameters(Model):
     """Parameters of any control law; a law adds its own parameters, and its `kind`.

@@ -4,8 +4,6 @@ from typing import Annotated, TypeAlias
 
 from mavlink_defs.config.quantity import quantity
 
-__all__ = ["TABLE_III_K1", "TABLE_III_K2", "Gains"]
-
 _Gain = Annotated[float, quantity("1/s", gt=0.0, le=500.0, doc="Gain of one axis.")]
 Gains: TypeAlias = tuple[_Gain, _Gain, _Gain]
 

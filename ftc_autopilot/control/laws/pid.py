@@ -16,8 +16,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import R2
 from sitl_plant.vec3 import Vec3, mul
 
-__all__ = ["Pid", "pid_law"]
-
 _TimeConstant = Annotated[float, quantity("s", gt=0.0, doc="Time constant of an attitude loop.")]
 _RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
 _RateGain = Annotated[float, quantity("s", ge=0.0, doc="Gain from rate to deflection.")]

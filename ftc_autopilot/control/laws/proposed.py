@@ -15,8 +15,6 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import scale, sub, vec3
 
-__all__ = ["Proposed", "proposed_law"]
-
 
 class Proposed(LawParameters):
     """Parameters of the proposed controller, eqs. (31) to (39) and (57)."""

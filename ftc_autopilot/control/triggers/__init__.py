@@ -20,8 +20,6 @@ from ftc_autopilot.control.triggers.periodic_event import PeriodicEvent, periodi
 from ftc_autopilot.control.triggers.self_triggered import SelfTriggered, self_triggered
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["MODES", "TRIGGERS", "Trigger", "clock_of", "decide"]
-
 
 def _mode(value: Any) -> Any:
     if isinstance(value, dict):

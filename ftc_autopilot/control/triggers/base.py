@@ -12,8 +12,6 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["ALL", "Candidates", "TriggerParameters", "fires", "in_steps", "threshold"]
-
 ALL = 2**N_CHANNELS - 1
 """Mask of all channels."""
 

@@ -7,8 +7,6 @@ from pydantic import Field
 from ftc_autopilot.control.triggers.base import ALL, Candidates, TriggerParameters
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Consequence", "consequence"]
-
 
 class Consequence(TriggerParameters):
     """The trigger `consequence`; the law may use the thresholds, in a part of its own."""

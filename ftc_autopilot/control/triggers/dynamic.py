@@ -23,8 +23,6 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Dynamic", "dynamic"]
-
 
 class Dynamic(TriggerParameters):
     """Thresholds and internal variable of the trigger `dynamic`."""

@@ -9,8 +9,6 @@ from ftc_autopilot.control.triggers.per_channel import per_channel
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Joint", "joint"]
-
 _SURFACES = (1 << THROTTLE) - 1
 
 

@@ -8,8 +8,6 @@ from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, f
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["PerChannel", "per_channel"]
-
 
 class PerChannel(TriggerParameters):
     """Thresholds of the trigger `per_channel`."""

@@ -13,8 +13,6 @@ from mavlink_defs.constants import ACTUATORS, N_CHANNELS, Actuator
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import period_problems
 
-__all__ = ["Periodic", "Times", "clock", "periodic"]
-
 Times: TypeAlias = tuple[float, float, float, float]
 """Times of the channels [s], as in FTC_ACTUATOR."""
 

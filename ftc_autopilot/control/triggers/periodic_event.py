@@ -18,8 +18,6 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import period_problems
 
-__all__ = ["PeriodicEvent", "periodic_event"]
-
 
 class PeriodicEvent(TriggerParameters):
     """Thresholds and clock of the trigger `periodic_event`."""

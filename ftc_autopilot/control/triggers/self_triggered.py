@@ -23,8 +23,6 @@ from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import period_problems
 
-__all__ = ["SelfTriggered", "self_triggered"]
-
 
 class SelfTriggered(TriggerParameters):
     """Thresholds and limits of the trigger `self`."""

@@ -21,17 +21,6 @@ from ftc_autopilot.guidance.laws.path_following import (
 )
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "GUIDANCE_LAWS",
-    "GUIDANCE_PARAMETERS",
-    "GUIDANCE_STATE",
-    "Guidance",
-    "guidance_record",
-    "guide",
-    "intention_of",
-    "pace_of",
-]
-
 Guidance: TypeAlias = PathFollowing
 """The parameters of any guidance law, discriminated by `kind`."""
 

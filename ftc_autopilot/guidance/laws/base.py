@@ -10,8 +10,6 @@ from mavlink_defs.config.models import Model, Problems
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["GuidanceParameters", "Intention", "Pace", "Situation"]
-
 
 class GuidanceParameters(Model):
     """Parameters of any guidance law: its period and the limits of what it may command.

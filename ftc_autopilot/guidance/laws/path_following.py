@@ -45,8 +45,6 @@ from ftc_autopilot.guidance.path import PathPoint, height_at, locate, point_at
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["PathFollowing", "path_intention", "path_law", "path_pace"]
-
 _APPROACH_MAX = math.radians(40.0)
 """Largest angle between the commanded course and the path [rad]."""
 _INTEGRATION_MAX = math.radians(10.0)

@@ -16,18 +16,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
 
-__all__ = [
-    "AIRSPEEDS",
-    "LATERAL",
-    "LONGITUDINAL",
-    "Gains",
-    "airspeeds_of",
-    "gain_at",
-    "gains_of",
-    "lateral_gain",
-    "longitudinal_gain",
-]
-
 AIRSPEEDS = 6
 """Airspeeds at which gains are computed."""
 LATERAL = 4

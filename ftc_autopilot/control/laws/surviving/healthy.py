@@ -10,8 +10,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import R2
 from sitl_plant.vec3 import Vec3, mul, scale, sub, vec3
 
-__all__ = ["thrust_for_speed", "wanted_acceleration", "wanted_rates"]
-
 _ACCELERATION_LIMITS = (20.0, 20.0, 10.0)  # of the wanted rates' derivative [rad/s²]
 _LOWERING_1_S, _LOWEST = 2.0, -0.75  # of the pitch reference [1/s, rad]
 _NEAR = math.radians(3.0)  # of the limit of the angle of attack

@@ -14,8 +14,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import Vec3, mat3, mul
 
-__all__ = ["LateralTrim", "aileron_for_roll", "driven_aileron", "lateral_trim", "rudder_for_roll"]
-
 _AT_THE_STOP = 0.92  # of the stop
 _STOP_MEMORY_S = 0.7
 _DRIVING_RAD_S, _LARGEST_DRIVE = math.radians(40.0), math.radians(25.0)

@@ -24,8 +24,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import mat3, mul, sub
 
-__all__ = ["at_stop", "surviving_law"]
-
 _LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
 
 

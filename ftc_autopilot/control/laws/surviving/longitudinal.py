@@ -10,8 +10,6 @@ from ftc_autopilot.control.laws.surviving.gains import gain_at
 from mavlink_defs.constants import ELEVATOR, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["PitchTrim", "pitch_trim", "thrust_for_pitch"]
-
 _ALPHA_MIN, _ALPHA_MAX = -0.1, 0.45  # of a trim [rad]
 _GAMMA = 0.5  # largest flight path angle of a trim [rad]
 _LEAST_LIFT = 0.03  # lift and drag coefficients together

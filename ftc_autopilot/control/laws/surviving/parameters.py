@@ -20,8 +20,6 @@ from mavlink_defs.config.quantity import quantity
 from sitl_plant.config import Aircraft
 from sitl_plant.hardware import ActuatorServos
 
-__all__ = ["Surviving"]
-
 _RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
 
 

@@ -24,8 +24,6 @@ from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.vec3 import Vec3, mul
 
-__all__ = ["AXES", "DERIVATIVES", "adapt"]
-
 AXES = 2
 """Roll and pitch."""
 DERIVATIVES = 2

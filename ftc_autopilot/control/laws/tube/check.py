@@ -15,8 +15,6 @@ from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import mat3, mul, scale, vec3
 
-__all__ = ["check", "trim"]
-
 _AIRSPEED, _ROLL, _PITCH, _YAW = range(OUTPUTS)
 _ORDER = (_AIRSPEED, _YAW, _ROLL, _PITCH)  # in which outputs are planned
 _CHANNELS = (THROTTLE, AILERON, ELEVATOR, RUDDER)  # by output

@@ -19,8 +19,6 @@ from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import inlined
 
-__all__ = ["tube_law"]
-
 
 @inlined
 def tube_law(

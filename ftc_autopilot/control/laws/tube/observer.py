@@ -15,8 +15,6 @@ from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import add, mat3, mul, vec3
 
-__all__ = ["observe"]
-
 
 @inlined
 def observe(

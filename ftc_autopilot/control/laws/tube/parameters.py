@@ -11,8 +11,6 @@ from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import N_CHANNELS
 from sitl_plant.aircraft import AIRCRAFT
 
-__all__ = ["OUTPUTS", "Tube"]
-
 OUTPUTS = 4
 """Outputs that have a tube: airspeed [m/s], roll, pitch, yaw [rad]."""
 

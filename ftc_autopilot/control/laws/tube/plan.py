@@ -6,8 +6,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Plan", "best_change", "first_exit"]
-
 _NO_INFLUENCE = 1e-9  # of a command on an output
 
 

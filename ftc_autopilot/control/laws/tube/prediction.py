@@ -11,8 +11,6 @@ from sitl_plant.lag import lagged
 from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
 from sitl_plant.vec3 import Vec3, norm
 
-__all__ = ["Servo", "Start", "predict"]
-
 
 class Servo(NamedTuple):
     """The servos' model; without lag and limit they follow at once."""

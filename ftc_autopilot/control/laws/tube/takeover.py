@@ -6,8 +6,6 @@ from ftc_autopilot.control.laws.base import Demand, Instant
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 
-__all__ = ["only_rudder_lost", "take_over", "triggered", "with_coarser_thresholds"]
-
 _MOST_DOUBLINGS = 4
 
 

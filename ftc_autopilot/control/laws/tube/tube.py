@@ -15,8 +15,6 @@ from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
 from ftc_autopilot.control.reference import wrap
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["deviate", "lay_tube"]
-
 
 @compiled
 def lay_tube(
