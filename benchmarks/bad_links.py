@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ftc_autopilot.acknowledgement import note_delay, note_events
 from ftc_autopilot.control.controller import no_signals
 from ftc_autopilot.control.controllers import Source, new_controllers
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.control.stepping import announce, controller_step, hear, tell_neighbours
-from ftc_autopilot.link import new_link
+from ftc_autopilot.hot.acknowledgement import note_delay, note_events
+from ftc_autopilot.hot.link import new_link
 from gcs.results.quantities import QUANTITIES
 from gcs.results.recording import Recording
 from gcs.results.summary import UavSummary, summarise

@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gcs.campaigns.engine import Flown
-from gcs.campaigns.model import Campaign
-from gcs.campaigns.plan import plan
-from gcs.campaigns.run import run_campaign
+from gcs.lab.campaigns.engine import Flown
+from gcs.lab.campaigns.model import Campaign
+from gcs.lab.campaigns.plan import plan
+from gcs.lab.campaigns.run import run_campaign
 
 FLIGHTS, FEWER, SHORT = 1000, 200, 20_000
 

@@ -27,7 +27,7 @@ import numpy as np
 from ftc_autopilot.control.reference import profile_record, profile_value
 from gcs.figures.style import SMALL, draw_curve, new_figure, save, style, tidy
 from gcs.fleet.in_process import fly_in_process
-from gcs.reports.published_values import TABLE_IV
+from gcs.lab.reports.published_values import TABLE_IV
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, in_degrees
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS, THROTTLE

@@ -13,14 +13,14 @@ import numpy as np
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.guidance.path import PATH
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.kept_mission import read_kept_mission, write_kept_mission
-from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
-from ftc_autopilot.link import GCS, PLANT, RECORD, SIMULATOR, new_link, records_to_keep
-from ftc_autopilot.loop import Loop
-from ftc_autopilot.recorder import RECORD_ROWS, Recorder
-from ftc_autopilot.state_age import forget_age
+from ftc_autopilot.hot.checkpoint import VEHICLE, keep, map_array, open_kept_state, take_up
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import GCS, PLANT, RECORD, SIMULATOR, new_link, records_to_keep
+from ftc_autopilot.hot.loop import Loop
+from ftc_autopilot.hot.recorder import RECORD_ROWS, Recorder
+from ftc_autopilot.hot.state_age import forget_age
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
+from ftc_autopilot.vehicle.mission_checkpoint import read_kept_mission, write_kept_mission
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
@@ -164,7 +164,7 @@ class Autopilot:
 
     @property
     def sockets(self) -> tuple[int, int, int]:
-        """File descriptors of the sockets, as of `ftc_autopilot.loop.new_loops`."""
+        """File descriptors of the sockets, as of `ftc_autopilot.hot.loop.new_loops`."""
         return self._plant.fileno(), self._formation.fileno(), self._gcs.fileno()
 
     def serve(self, outcome: Outcome) -> None:

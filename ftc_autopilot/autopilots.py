@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ftc_autopilot.autopilot import Autopilot
-from ftc_autopilot.loop import new_loops, run
+from ftc_autopilot.hot.loop import new_loops, run
 from mavlink_defs.framing.hot_link import Outcome
 
 

@@ -10,11 +10,11 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
+from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
 from ftc_autopilot.control.triggers.per_channel import PerChannel
-from ftc_autopilot.geography import Origin
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing

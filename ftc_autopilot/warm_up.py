@@ -11,10 +11,10 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
 from ftc_autopilot.guidance.path import Leg, locate, path_record, point_at
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.kept_state import keep
-from ftc_autopilot.link import new_link
-from ftc_autopilot.loop import Loop, new_loops, run
+from ftc_autopilot.hot.checkpoint import keep
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import new_link
+from ftc_autopilot.hot.loop import Loop, new_loops, run
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError

@@ -15,8 +15,8 @@ import numpy as np
 
 from ftc_autopilot.autopilot import Autopilot
 from ftc_autopilot.control.stepping import controller_step
-from ftc_autopilot.formation_link import receive_neighbour_states
-from ftc_autopilot.loop import new_loops, run
+from ftc_autopilot.hot.formation_link import receive_neighbour_states
+from ftc_autopilot.hot.loop import new_loops, run
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, vehicle_status

@@ -97,10 +97,13 @@ COMMANDS = {
     "mission": ("mission", "Show, upload, download and fly missions."),
     "param": ("param", "List, read and set parameters."),
 }
-"""Module below `gcs.commands` and one line of help of each command, in the order of the help.
+"""Module and one line of help of each command, in the order of the help.
 
 The line is that of the command's own help, which is not imported for the help of `gcs`.
 """
+
+_LAB = {"baseline", "campaign", "compare", "reproduce", "sweep", "trim"}
+"""Commands of `gcs.lab`, which needs more packages than operators do."""
 
 _EPILOG = """
 Examples:
@@ -129,8 +132,9 @@ class _Commands(TyperGroup):
     def load(self, name: str) -> None:
         """Import a command."""
         module, _ = COMMANDS[name]
+        room = "gcs.lab.commands" if name in _LAB else "gcs.commands"
         with ending_at_once():
-            home: Any = import_module(f"gcs.commands.{module}")
+            home: Any = import_module(f"{room}.{module}")
         gc.freeze()  # what is imported stays: to look for garbage there takes a tenth of a second
         holder = typer.Typer(rich_markup_mode="markdown")
         if hasattr(home, name):

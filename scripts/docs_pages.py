@@ -18,10 +18,10 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from typer.cli import get_docs_for_click
 
+from ftc_autopilot.common.schedule import Schedule
 from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import Formation, FormationParameters, Slot
@@ -29,9 +29,9 @@ from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
-from gcs.campaigns import distributions
-from gcs.campaigns.model import Campaign, DrawnFault, Factor, Kept
 from gcs.cli import whole_command
+from gcs.lab.campaigns import distributions
+from gcs.lab.campaigns.model import Campaign, DrawnFault, Factor, Kept
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault, ScenarioUav

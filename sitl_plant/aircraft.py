@@ -57,7 +57,7 @@ def aircraft_record(aircraft: Aircraft) -> np.void:
     """
     record = np.zeros(1, AIRCRAFT)
     inertia = aircraft.inertia_kg_m2
-    J = np.array(  # noqa: N806 - eq. (5)
+    J = np.array(
         [
             [inertia.Jxx, 0.0, -inertia.Jxz],
             [0.0, inertia.Jyy, 0.0],

@@ -41,7 +41,7 @@ ABOVE = ("gcs.commands.", "gcs.testing.")
 SYSTEM = {"asyncio", "selectors", "socket", "subprocess", "threading", "time"}
 USERS_OF_THE_SYSTEM = SHELLS | {
     "ftc_autopilot.warm_up",
-    "gcs.campaigns.engine",
+    "gcs.lab.campaigns.engine",
     "gcs.figures.style",
     "gcs.fleet.in_process",
     "gcs.fleet.precompile",

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.control.formation import FormationErrors
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration
 from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, sub

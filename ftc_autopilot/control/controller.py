@@ -9,15 +9,15 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.config import Controller, FormationTrigger
-from ftc_autopilot.control.formation import formation_errors
 from ftc_autopilot.control.laws import KINDS, LAWS, evaluate
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
-from ftc_autopilot.control.motion import Motion
-from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
-from ftc_autopilot.control.schedule import scheduled
-from ftc_autopilot.control.trigger import not_finite, trigger
+from ftc_autopilot.control.synchronisation_errors import formation_errors
+from ftc_autopilot.control.transmit import not_finite, trigger
 from ftc_autopilot.control.triggers import MODES, TRIGGERS, clock_of
 from ftc_autopilot.control.triggers.base import ALL, TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters

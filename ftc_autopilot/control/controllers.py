@@ -17,10 +17,10 @@ from ftc_autopilot.control.controller import (
     new_controller,
     parameter_record,
 )
-from ftc_autopilot.control.delay import (
+from ftc_autopilot.control.reference import PROFILE
+from ftc_autopilot.control.state_predictor import (
     DELAY,
 )
-from ftc_autopilot.control.reference import PROFILE
 from ftc_autopilot.guidance.coordination import FORMATION, new_formation
 from ftc_autopilot.guidance.formation import LAYOUT, layout_record
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE

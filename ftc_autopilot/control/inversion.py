@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.common.motion import Motion
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import aircraft_record

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.control.formation import FormationErrors
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import add, dot, scale
 

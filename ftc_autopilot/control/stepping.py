@@ -7,22 +7,22 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.motion import Motion, fill_neighbour_state, motion_of
 from ftc_autopilot.control.controller import control_step, count_events, no_signals
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
-from ftc_autopilot.control.delay import (
-    interpolate,
-    lost_states,
-    note_commands,
-    note_state,
-    predicted,
-)
-from ftc_autopilot.control.motion import Motion, fill_neighbour_state, motion_of
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
     is_message_due,
     refer_to_reference,
 )
 from ftc_autopilot.control.reference import profile_value
+from ftc_autopilot.control.state_predictor import (
+    interpolate,
+    lost_states,
+    note_commands,
+    note_state,
+    predicted,
+)
 from ftc_autopilot.guidance.coordination import no_coordination
 from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
 from ftc_autopilot.guidance.laws import guide

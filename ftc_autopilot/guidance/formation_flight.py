@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.guidance.coordination import Coordination, Progress, coordinate
 from ftc_autopilot.guidance.laws import intention_of, pace_of
 from ftc_autopilot.guidance.laws.base import Intention, Situation

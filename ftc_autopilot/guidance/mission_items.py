@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ftc_autopilot.geography import Origin
+from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.guidance.limits import FlightLimits
 from ftc_autopilot.guidance.mission_places import (
     ANYWHERE_M,

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from ftc_autopilot.geography import Origin, position_of
+from ftc_autopilot.common.geography import Origin, position_of
 from ftc_autopilot.guidance.limits import FlightLimits
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ftc_autopilot.geography import Origin
+from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.limits import FlightLimits, level_airspeed

@@ -8,7 +8,7 @@ import numpy as np
 from ftc_autopilot.control.controller import NO_INTERVAL
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.reference import wrap
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message

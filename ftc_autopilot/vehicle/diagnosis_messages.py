@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.laws import KINDS, LAWS
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.dialect import MAVLink_message

@@ -17,7 +17,7 @@ from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, locate, point_at
 from ftc_autopilot.guidance.planner import Planner, start_of
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.home import VehicleHome
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem

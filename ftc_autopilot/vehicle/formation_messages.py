@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, Source
 from ftc_autopilot.guidance.members import SILENT, cause_of, policy_of, state_of
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.modes import Say
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message

@@ -3,8 +3,8 @@
 import math
 from typing import NamedTuple
 
+from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.control.controllers import Controllers, Source
-from ftc_autopilot.geography import Origin
 from ftc_autopilot.guidance.mission_items import refusal
 from ftc_autopilot.guidance.mission_places import (
     ANYWHERE_M,

@@ -1,6 +1,6 @@
 """Home of a vehicle: where it returns to, and what relative altitudes count from."""
 
-from ftc_autopilot.geography import Origin, Place, place_of
+from ftc_autopilot.common.geography import Origin, Place, place_of
 from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item

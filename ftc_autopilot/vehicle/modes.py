@@ -14,7 +14,7 @@ from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.guidance.mission_items import is_path, refusal
 from ftc_autopilot.guidance.mission_places import Home
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.flight_path import FlightPath, Way
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, FORCE_DISARM, GUIDED, LOITER, MODE_NAMES, RTL

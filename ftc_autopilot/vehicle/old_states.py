@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.constants import OLD_STATE_S
 

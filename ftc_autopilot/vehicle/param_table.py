@@ -16,18 +16,18 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from ftc_autopilot.common.records import in_si
+from ftc_autopilot.common.schedule import Schedule
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.records import in_si
-from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
 from mavlink_defs.services.param import MAX_NAME
@@ -199,7 +199,7 @@ def tunables(
 
     Args:
         model: The model.
-        records: One record of `ftc_autopilot.control.records.record_dtype`, shape (1,).
+        records: One record of `ftc_autopilot.common.records.record_dtype`, shape (1,).
         prefix: Of the parameters' names.
         base: The base class.
     """

@@ -6,7 +6,7 @@ would spend most of the machine on messages that nobody can follow.
 """
 
 from ftc_autopilot.config import TelemetryClockKind
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP
 
 _LEAST_PACE = 1e-3

@@ -13,9 +13,8 @@ import numpy as np
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.control.reference import profile_segments
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.kept_mission import KeptMission
-from ftc_autopilot.link import GCS, PLANT
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import GCS, PLANT
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
@@ -25,6 +24,7 @@ from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.guided import Guided
 from ftc_autopilot.vehicle.home import VehicleHome
 from ftc_autopilot.vehicle.mission import Mission
+from ftc_autopilot.vehicle.mission_checkpoint import KeptMission
 from ftc_autopilot.vehicle.modes import Modes
 from ftc_autopilot.vehicle.old_states import OldStates
 from ftc_autopilot.vehicle.param_table import parameters_of
@@ -217,7 +217,7 @@ class Vehicle:
         """Take up what was kept of the life before; the records hold the rest already.
 
         Args:
-            kept: Record of dtype `ftc_autopilot.kept_state.VEHICLE`.
+            kept: Record of dtype `ftc_autopilot.hot.checkpoint.VEHICLE`.
             mission: Its mission; None: a profile that the records hold, if there is any.
         """
         segments = profile_segments(self._controllers.profiles[0])
@@ -230,7 +230,7 @@ class Vehicle:
         self._resumed_us = self._hot.step * self._hot.step_us
 
     def note(self, kept: np.void) -> None:
-        """Write what is to be kept into a record of dtype `ftc_autopilot.kept_state.VEHICLE`."""
+        """Write what a checkpoint has of the vehicle, record of dtype `hot.checkpoint.VEHICLE`."""
         kept["mode"], kept["item"] = self.modes.mode, self._mission.server.current
 
     def mission_to_keep(self) -> tuple[int, KeptMission]:

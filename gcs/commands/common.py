@@ -11,11 +11,11 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from gcs.campaigns.distributions import label
 from gcs.commands.progress import working
 from gcs.errors import BadInput
+from gcs.lab.campaigns.distributions import label
+from gcs.lab.sweeps.axes import Axis, parse_axes
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
-from gcs.sweeps.axes import Axis, parse_axes
 from mavlink_defs.config.inherit import PlaceError, merged, with_values
 
 ScenarioArgument = Annotated[

@@ -201,7 +201,7 @@ def _of_campaign(
             "--with and --set change a SCENARIO; a row of a campaign is flown as it was",
             "leave them out",
         )
-    from gcs.campaigns.again import scenario_of_row
+    from gcs.lab.campaigns.again import scenario_of_row
 
     return scenario_of_row(campaign, row)
 
@@ -267,7 +267,7 @@ def _report(
 
 def _compare(campaign: Path, row: int, summary: "FlightSummary", console: Console) -> None:
     """Compare a flight flown again with the campaign's table; other code may fly otherwise."""
-    from gcs.campaigns.again import check_same, foreign_code
+    from gcs.lab.campaigns.again import check_same, foreign_code
 
     if (foreign := foreign_code(campaign)) is not None:
         console.print(f"not compared with {campaign}: {foreign}", soft_wrap=True)

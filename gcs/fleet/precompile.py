@@ -16,10 +16,10 @@ import numpy as np
 from ftc_autopilot.warm_up import call_everything as call_autopilot
 from ftc_autopilot.warm_up import endless_path
 from gcs.fleet.in_process import fly_in_process
+from gcs.lab.theory import check_theory
 from gcs.results.path_following import PathFollowing
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
-from gcs.theory import check_theory
 from mavlink_defs.capture import relay_loop
 from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.tap_counts import new_counts

@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gcs.campaigns.statistics import Estimate
+    from gcs.lab.campaigns.statistics import Estimate
 
 
 def percent(share: float | None) -> str:

@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from ftc_autopilot.geography import Origin, place_of
+from ftc_autopilot.common.geography import Origin, place_of
 from gcs.errors import BadInput
 from gcs.results.format import Format
 from gcs.results.stored import EVENTS, TRAJECTORY, batches

@@ -76,7 +76,7 @@ def read_summary(folder: Path | str) -> FlightSummary:
 
 
 def read_recording(folder: Path | str) -> Recording:
-    """Read the full recording of a run folder into memory, such as for `gcs.theory.check_theory`.
+    """Read the full recording of a run folder into memory, as `gcs.lab.theory` needs it.
 
     Raises:
         BadInput: There is none, it is not a full one, or it is torn.

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ftc_autopilot.geography import Origin, place_of, position_of
+from ftc_autopilot.common.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.mission_items import has_place
 from ftc_autopilot.guidance.mission_places import RELATIVE_FRAMES
 from gcs.station.mission import HAS_PLACE

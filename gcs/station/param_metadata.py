@@ -11,10 +11,10 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from ftc_autopilot.common.records import fill
 from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.records import fill
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from ftc_autopilot.control.triggers.per_channel import PerChannel
 from ftc_autopilot.guidance.formation import FormationParameters

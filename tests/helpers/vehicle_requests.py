@@ -9,10 +9,10 @@ import numpy as np
 from hypothesis import strategies as st
 from vehicle_bench import ACCEPTED, UAV, Bench, of_type
 
-from ftc_autopilot.geography import Origin, place_of
-from ftc_autopilot.kept_mission import read_kept_mission, write_kept_mission
-from ftc_autopilot.kept_state import VEHICLE
-from ftc_autopilot.link import records_to_keep
+from ftc_autopilot.common.geography import Origin, place_of
+from ftc_autopilot.hot.checkpoint import VEHICLE
+from ftc_autopilot.hot.link import records_to_keep
+from ftc_autopilot.vehicle.mission_checkpoint import read_kept_mission, write_kept_mission
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX

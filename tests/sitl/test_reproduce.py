@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from flying import SCENARIO_1, assert_one_message, run
 
-from gcs.baselines.rivals import rivals
-from gcs.combinations import combinations
-from gcs.reproduce import FILES
+from gcs.lab.baselines.combinations import combinations
+from gcs.lab.baselines.rivals import rivals
+from gcs.lab.reproduce import FILES
 from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.diagnosis.decisions import decide, phase_of, watch
 from ftc_autopilot.control.diagnosis.measurement import measure
 from ftc_autopilot.control.diagnosis.parameters import thresholds_of
 from ftc_autopilot.control.diagnosis.regression import long_estimate
-from ftc_autopilot.control.motion import Motion
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 

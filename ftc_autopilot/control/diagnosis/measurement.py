@@ -17,8 +17,8 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.inversion import acceleration_without_thrust, surfaces_for
-from ftc_autopilot.control.motion import Motion
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import add, cross, mat3, mul, scale, sub, vec3

@@ -11,6 +11,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from ftc_autopilot.common.schedule import Schedule, schedule, scheduled
 from ftc_autopilot.control.attitude import virtual_control
 from ftc_autopilot.control.inversion import (
     acceleration_without_thrust,
@@ -19,7 +20,6 @@ from ftc_autopilot.control.inversion import (
 )
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from ftc_autopilot.control.laws.gains import TABLE_III_K1, TABLE_III_K2, Gains
-from ftc_autopilot.control.schedule import Schedule, schedule, scheduled
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.config import Aircraft

@@ -6,9 +6,9 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.formation import FormationErrors
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.config import Aircraft

@@ -5,11 +5,11 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from ftc_autopilot.common.schedule import Schedule, schedule, scheduled
 from ftc_autopilot.control.attitude import AttitudeLaw, attitude_law, limited, virtual_control
 from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
 from ftc_autopilot.control.laws.gains import TABLE_III_K1, TABLE_III_K2, Gains
 from ftc_autopilot.control.rbf import Rbf, basis_norm
-from ftc_autopilot.control.schedule import Schedule, schedule, scheduled
 from ftc_autopilot.control.speed import SpeedLaw, speed_law
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.schedule import Schedule, schedule
+from ftc_autopilot.common.schedule import Schedule, schedule
 from mavlink_defs.config.models import Loc, Model
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import N_CHANNELS

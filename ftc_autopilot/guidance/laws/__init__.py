@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ftc_autopilot.control.records import fill, record_dtype
+from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.guidance.coordination import Coordination
 from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
 from ftc_autopilot.guidance.laws.path_following import (

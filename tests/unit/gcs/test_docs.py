@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, get_args
 import pytest
 from pydantic import BaseModel, RootModel
 
-import ftc_autopilot.link
+import ftc_autopilot.hot.link
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.guidance.jumps import MAX_VISITS
@@ -276,7 +276,7 @@ def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
 
 
 def test_the_order_of_a_step_is_that_of_the_code() -> None:
-    source = inspect.getsource(ftc_autopilot.link._work)
+    source = inspect.getsource(ftc_autopilot.hot.link._work)
     step = (
         source.partition("collect_neighbour_states(")[2].partition("elif")[0]
         + source.rpartition("elif")[2]

@@ -17,8 +17,8 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.laws.base import Instant
-from ftc_autopilot.control.motion import Motion
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import copy_record

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.formation import FormationErrors
 from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
 from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.runtime.jit import compiled
 
 

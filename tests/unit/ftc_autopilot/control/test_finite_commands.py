@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.control.controller import (
     SIGNALS,
     control_step,
@@ -20,8 +21,7 @@ from ftc_autopilot.control.inversion import inversion_problem, surfaces_for
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import Demand
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.motion import motion_of
-from ftc_autopilot.control.trigger import trigger
+from ftc_autopilot.control.transmit import trigger
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS

@@ -9,6 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
+from ftc_autopilot.common.motion import motion_of
+from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.common.schedule import Schedule, schedule
 from ftc_autopilot.control.controller import (
     CONTROLLER,
     SIGNALS,
@@ -20,9 +23,6 @@ from ftc_autopilot.control.inversion import surfaces_for
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.backstepping import Backstepping
 from ftc_autopilot.control.laws.pid import Pid
-from ftc_autopilot.control.motion import motion_of
-from ftc_autopilot.control.records import fill, record_dtype
-from ftc_autopilot.control.schedule import Schedule, schedule
 from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.control.triggers.periodic import Periodic
 from gcs.fleet.in_process import fly_in_process

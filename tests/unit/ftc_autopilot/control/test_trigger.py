@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from ftc_autopilot.control.controller import new_controller, parameter_record
 from ftc_autopilot.control.laws.base import Demand
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.trigger import trigger
+from ftc_autopilot.control.transmit import trigger
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 
 A, B = (0.01, 0.5), (0.01, 0.0175)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ftc_autopilot.common.motion import fill_neighbour_state, motion_of
 from ftc_autopilot.control.controller import (
     SIGNALS,
     control_step,
@@ -12,7 +13,6 @@ from ftc_autopilot.control.controller import (
     parameter_record,
 )
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.motion import fill_neighbour_state, motion_of
 from ftc_autopilot.control.triggers.per_channel import PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE

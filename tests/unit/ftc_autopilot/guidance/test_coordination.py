@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.diagnosis import LOST as LOST_ACTUATOR
-from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.guidance.coordination import (
     Coordination,
     Progress,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.geography import Origin, place_of, position_of
+from ftc_autopilot.common.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.limits import FlightLimits
 from ftc_autopilot.guidance.mission_items import (
     Delay,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.control.motion import motion_of
+from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.guidance.coordination import Coordination, no_coordination
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guidance_record, guide
 from ftc_autopilot.guidance.laws.base import Situation

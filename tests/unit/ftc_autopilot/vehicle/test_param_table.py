@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
+from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, new_controllers
 from ftc_autopilot.control.laws import LAWS
-from ftc_autopilot.control.schedule import scheduled
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.link import new_link
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import new_link
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario
 from gcs.station.param_metadata import known_quantity

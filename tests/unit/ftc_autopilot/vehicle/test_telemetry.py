@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common
 
+from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.controllers import new_controllers
-from ftc_autopilot.geography import Origin, place_of
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.link import GCS, new_link
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import GCS, new_link
 from ftc_autopilot.vehicle.status_messages import VERSION
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from ftc_autopilot.vehicle.vehicle import Vehicle

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, UAV, Bench, of_type
 
+from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.controllers import Source
-from ftc_autopilot.geography import Origin, place_of
 from ftc_autopilot.guidance.path import point_at
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect

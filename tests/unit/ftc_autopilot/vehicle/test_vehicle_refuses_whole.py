@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from vehicle_bench import Bench
 from vehicle_requests import Request, requests, start_flight, state_of
 
-from ftc_autopilot.geography import Origin, place_of
+from ftc_autopilot.common.geography import Origin, place_of
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item

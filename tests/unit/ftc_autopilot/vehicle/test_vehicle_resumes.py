@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from vehicle_bench import ACCEPTED, ARM, START, UAV, Bench, of_type
 
 from ftc_autopilot.control.reference import profile_record, profile_segments
-from ftc_autopilot.kept_state import VEHICLE, keep, open_kept_state, take_up
-from ftc_autopilot.link import records_to_keep
+from ftc_autopilot.hot.checkpoint import VEHICLE, keep, open_kept_state, take_up
+from ftc_autopilot.hot.link import records_to_keep
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ftc_autopilot.geography import Origin, place_of
+from ftc_autopilot.common.geography import Origin, place_of
 from gcs.cli import app
 from gcs.results.mission_path import paths_of
 from gcs.scenario.itinerary import dry_run, load_mission, outline

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.control.controller import SIGNALS, no_signals
-from ftc_autopilot.link import RECORD
+from ftc_autopilot.hot.link import RECORD
 from gcs.errors import FlightLost
 from gcs.fleet.collector import Collector
 from gcs.results.steps import Steps

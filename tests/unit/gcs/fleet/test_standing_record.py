@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ftc_autopilot.link import RECORD
+from ftc_autopilot.hot.link import RECORD
 from gcs.fleet.standing_record import LOG, PREVIOUS, StandingRecord
 from gcs.results.stored import EVENTS, TRAJECTORY, batches
 from gcs.scenario.model import Scenario

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process, fly_in_steps
+from gcs.lab.theory import check_theory
 from gcs.results.columns import LIGHT
 from gcs.results.record import Record
 from gcs.results.recorder import FlightRecorder, trajectory_bytes
@@ -21,7 +22,6 @@ from gcs.results.stored import batches, is_complete, read_recording
 from gcs.results.stream import TrajectoryStream
 from gcs.results.summary import event_table, summarise
 from gcs.scenario.model import Scenario
-from gcs.theory import check_theory
 
 DURATION_S = 1.23
 

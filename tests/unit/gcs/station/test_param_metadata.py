@@ -11,8 +11,8 @@ from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.link import new_link
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import new_link
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario
 from gcs.station.param_file import READ_ONLY

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from gcs.campaigns.mark import mark_of
-from gcs.campaigns.until import noted_conditions
 from gcs.errors import BadInput
+from gcs.lab.campaigns.mark import mark_of
+from gcs.lab.campaigns.until import noted_conditions
 from gcs.results.stored import batches, read_summary
 from gcs.scenario.model import load_scenario
 from gcs.scenario.profile_file import load_profile

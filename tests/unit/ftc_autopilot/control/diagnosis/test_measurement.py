@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from ftc_autopilot.common.motion import motion_of
+from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, Diagnosis
 from ftc_autopilot.control.diagnosis.measurement import measure, servo_step
-from ftc_autopilot.control.motion import motion_of
-from ftc_autopilot.control.records import fill, record_dtype
 from gcs.scenario.model import Scenario
 from mavlink_defs.faults import Fault
 from sitl_plant.actuators import add_fault

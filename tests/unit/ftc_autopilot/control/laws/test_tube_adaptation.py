@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.control.controller import parameter_record
-from ftc_autopilot.control.formation import FormationErrors
 from ftc_autopilot.control.laws.base import Instant
 from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.laws.tube.adaptation import adapt
-from ftc_autopilot.control.motion import motion_of
 from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from ftc_autopilot.control.triggers.consequence import Consequence
-from gcs.campaigns.model import load_campaign
-from gcs.campaigns.plan import plan, rows_of
 from gcs.fleet.in_process import fly_in_process
+from gcs.lab.campaigns.model import load_campaign
+from gcs.lab.campaigns.plan import plan, rows_of
 from gcs.results.summary import summarise
 from gcs.scenario.model import scenario_of
 from mavlink_defs.config.inherit import merged

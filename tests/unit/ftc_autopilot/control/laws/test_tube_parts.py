@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.control.controller import parameter_record
-from ftc_autopilot.control.formation import FormationErrors
 from ftc_autopilot.control.laws.base import Demand, Instant
 from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.laws.tube.check import trim
@@ -24,8 +24,8 @@ from ftc_autopilot.control.laws.tube.takeover import (
     with_coarser_thresholds,
 )
 from ftc_autopilot.control.laws.tube.tube import deviate, lay_tube
-from ftc_autopilot.control.motion import motion_of
 from ftc_autopilot.control.reference import Reference, filter_reference
+from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from ftc_autopilot.control.triggers.consequence import Consequence
 from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.hardware import ActuatorServos

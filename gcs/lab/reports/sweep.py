@@ -1,0 +1,231 @@
+"""A sweep's results: table.csv with everything, table.md and the terminal's for one UAV.
+
+Savings and errors of a lost flight cover only the part flown: table.csv has them beside the time
+flown; the other tables leave them out.
+"""
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from rich import box
+from rich.table import Table
+
+from gcs.errors import BadInput
+from gcs.lab.reports.markdown import save_markdown
+from gcs.lab.sweeps.points import Point
+from gcs.reports.formatting import milliseconds, percent
+from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
+from gcs.results.traffic import KINDS
+from gcs.scenario.model import Scenario
+from gcs.terminal import numbers, table_of, words
+from mavlink_defs.runtime.files import naming
+from mavlink_defs.visible import visible
+
+_TERMINAL_ROWS = 50
+
+
+def choose_uav(scenarios: Iterable[Scenario | None], wanted: int | None) -> int | None:
+    """Return the UAV that table.md and the plot show.
+
+    Args:
+        scenarios: Of the points of the grid; None of those that cannot be flown.
+        wanted: System id; None for the first UAV with a fault, or else the last UAV.
+
+    Returns:
+        Its system id; None if no point can be flown.
+
+    Raises:
+        BadInput: No point has the wanted UAV.
+    """
+    known = [scenario for scenario in scenarios if scenario is not None]
+    if not known:
+        return wanted
+    ids = sorted({uav.id for scenario in known for uav in scenario.uavs})
+    if wanted is None:
+        faulted = [fault.uav for scenario in known for fault in scenario.faults]
+        return faulted[0] if faulted else known[0].uavs[-1].id
+    if wanted not in ids:
+        raise BadInput(f"--uav is {wanted}, expected one of {', '.join(map(str, ids))}")
+    return wanted
+
+
+# tables
+
+_UAV_COLUMNS = {
+    "uav_saving": "saving",
+    **{f"iae_{name}_{IAE_UNITS[name].replace(' ', '_')}": f"iae_{name}" for name in QUANTITIES},
+    **{
+        name: name
+        for name in (
+            *(f"events_{channel}" for channel in PAPER_ORDER),
+            "min_interval_s",
+            "attitude_lost_at_s",
+            "heading_lost_at_s",
+            "control_failed_at_s",
+            "lowest_altitude_m",
+            "messages",
+            "neighbour_messages",
+            "neighbour_saving",
+            *(f"iae_sync_{quantity}" for quantity in QUANTITIES),
+            *(f"bytes_{kind}" for kind in KINDS),
+        )
+    },
+}
+"""Columns of table.csv, and those of the results that they are."""
+
+
+def write_csv(points: Sequence[Point], path: Path) -> None:
+    """Write one row for each UAV of each point; one row for a point without a flight."""
+    keys = list(points[0].values)
+    head = ["row", _FILE, *keys, "outcome", "reason", "duration_s", "saving", "uav", *_UAV_COLUMNS]
+    with naming(path), path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(head)
+        for point in points:
+            texts = (point.file, *point.values.values(), point.outcome, point.reason)
+            start: list[Any] = [point.row, *map(visible, texts)]
+            ids = point.uav_ids()
+            if not ids:
+                rows.writerow(start + [None] * (len(head) - len(start)))
+                continue
+            start += [point.figures["duration_s"], point.figures["saving"]]
+            for uav_id in ids:
+                uav = point.uav(uav_id)
+                rows.writerow([*start, uav_id, *(uav.get(name) for name in _UAV_COLUMNS.values())])
+
+
+def write_markdown(points: Sequence[Point], uav_id: int | None, path: Path) -> None:
+    """Write the main columns for one UAV as a Markdown table."""
+    names = [name for name, _ in dimensions_of(points)]
+    iae = [f"IAE {quantity} [{IAE_UNITS[quantity]}]" for quantity in QUANTITIES]
+    head = [*names, "outcome", "saving", *iae, "events", "smallest interval", "reason"]
+    triggered = _has_formation_trigger(points)
+    if triggered:
+        head[-1:-1] = ["neighbour messages", "neighbour messages saved"]
+    lines = [_title(uav_id), "", _markdown_row(head), _markdown_row(["---"] * len(head))]
+    for point in points:
+        where = [position(point, name) for name in names]
+        cells = [*where, point.outcome, *_figures(point, uav_id), point.reason]
+        if lost := _lost(point, uav_id):
+            cells[len(where)], cells[-1] = lost
+        if triggered:
+            cells[-1:-1] = _neighbour_figures(point, uav_id)
+        lines.append(_markdown_row(cells))
+    save_markdown(path, "\n".join(lines) + "\n")
+
+
+def _markdown_row(cells: Sequence[str]) -> str:
+    escaped = (" ".join(cell.split()).replace("|", "\\|") for cell in cells)
+    return f"| {' | '.join(escaped)} |"
+
+
+def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
+    """Return what `gcs sweep` prints at the end: less than table.md, for a narrow terminal."""
+    left = len(points) - _TERMINAL_ROWS
+    caption = (
+        f"{left} more points in table.md"
+        if left > 0
+        else "red: not flown to the end, attitude or heading lost; reasons in table.md"
+    )
+    marked = any(point.reason or _lost(point, uav_id) for point in points)
+    shown = left > 0 or marked
+    names = [name for name, _ in dimensions_of(points)]
+    short = [name.rpartition(".")[2] for name in names]
+    headings = short if len(set(short)) == len(short) else names
+    triggered = _has_formation_trigger(points)
+    table = table_of(
+        *map(words, headings),
+        numbers("saving"),
+        *(numbers(f"{quantity}\n[{IAE_UNITS[quantity]}]") for quantity in QUANTITIES),
+        *[numbers("neighbour\nmessages")] * triggered,
+        title=_title(uav_id),
+        caption=caption if shown else None,
+        box=box.SIMPLE_HEAD,
+        padding=0,
+        pad_edge=False,
+    )
+    for point in points[:_TERMINAL_ROWS]:
+        where = [position(point, name) for name in names]
+        saving, *iae = _figures(point, uav_id)[:-2]
+        done = point.outcome == "completed"
+        style = "red" if not done or _lost(point, uav_id) else None
+        told = _neighbour_figures(point, uav_id)[:1] if triggered else []
+        table.add_row(*where, saving if done else point.outcome, *iae, *told, style=style)
+    return table
+
+
+def _title(uav_id: int | None) -> str:
+    return f"UAV {uav_id}: transmissions saved, integrals of absolute errors (IAE)"
+
+
+def _figures(point: Point, uav_id: int | None) -> list[str]:
+    """Format saving, IAEs, events and smallest interval of a complete flight."""
+    uav = uav_of(point, uav_id)
+    if uav is None:
+        return ["-"] * (3 + len(QUANTITIES))
+    return [
+        percent(uav["saving"]),
+        *(f"{uav[f'iae_{quantity}']:.2f}" for quantity in QUANTITIES),
+        str(uav["events"]),
+        milliseconds(uav["min_interval_s"]),
+    ]
+
+
+def _has_formation_trigger(points: Sequence[Point]) -> bool:
+    """Return whether neighbour messages were triggered in any point, and are worth a column."""
+    scenarios = (point.scenario for point in points)
+    return any(s is not None and s.links.formation.trigger is not None for s in scenarios)
+
+
+def _neighbour_figures(point: Point, uav_id: int | None) -> list[str]:
+    """Format number and saving of the neighbour messages of a complete flight."""
+    uav = uav_of(point, uav_id)
+    if uav is None:
+        return ["-", "-"]
+    return [str(uav["neighbour_messages"]), percent(uav["neighbour_saving"])]
+
+
+def _lost(point: Point, uav_id: int | None) -> tuple[str, str] | None:
+    """Return what a UAV lost, and its final error; None if nothing, or if the flight was lost."""
+    uav = uav_of(point, uav_id)
+    if uav is None:
+        return None
+    losses = (  # the worse one first
+        ("attitude lost", uav["attitude_lost_at_s"], ("roll", "pitch")),
+        ("heading lost", uav["heading_lost_at_s"], ("yaw",)),
+    )
+    for what, lost_at_s, angles in losses:
+        if lost_at_s is not None:
+            left = max(uav[f"final_error_{angle}"] or 0.0 for angle in angles)
+            return what, (
+                f"{' or '.join(angles)} more than 90° off first at {lost_at_s:g} s, "
+                f"up to {left:.3g}° in the last second"
+            )
+    return None
+
+
+def uav_of(point: Point, uav_id: int | None) -> Mapping[str, Any] | None:
+    """Return a UAV's figures in a complete flight; None if the flight is not complete."""
+    if point.outcome != "completed" or uav_id not in point.uav_ids():
+        return None
+    return point.uav(uav_id)
+
+
+Dimension: TypeAlias = tuple[str, list[str]]
+"""A column of the tables and a dimension of the plot: its name, and labels of its values."""
+
+_FILE = "scenario"
+
+
+def dimensions_of(points: Sequence[Point]) -> list[Dimension]:
+    """Return the keys that were swept, and the files if there are several."""
+    names = [*points[0].values, _FILE]
+    axes = [(name, list(dict.fromkeys(position(p, name) for p in points))) for name in names]
+    return [axis for axis in axes if axis[0] != _FILE or len(axis[1]) > 1]
+
+
+def position(point: Point, name: str) -> str:
+    """Return the label of a point in a dimension."""
+    return point.file if name == _FILE else point.values.get(name, "")

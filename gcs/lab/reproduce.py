@@ -1,0 +1,229 @@
+"""Fly the paper's scenarios, and every law with every trigger, and write the report in a folder."""
+
+import csv
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gcs.errors import BadInput
+from gcs.figures.flown import PlottedFlight
+from gcs.figures.style import save
+from gcs.fleet.in_process import fly_in_process
+from gcs.lab.baselines.combinations import combinations, fly_all, fly_faults
+from gcs.lab.baselines.rivals import fly_rivals, rivals, with_slowest_equal
+from gcs.lab.figures.combinations import draw_combinations
+from gcs.lab.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
+from gcs.lab.reports.combinations import combinations_csv, combinations_section
+from gcs.lab.reports.markdown import html_of, save_markdown
+from gcs.lab.reports.paper import CONTROLLERS, MODES, Results, paper_report
+from gcs.lab.reports.published_values import FIG_9
+from gcs.lab.reports.theory import theory_section
+from gcs.results.export import export_flight
+from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES, in_degrees, integrated_error
+from gcs.results.recording import Recording
+from gcs.results.run_folder import save_summary
+from gcs.results.summary import FlightSummary, summarise
+from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs.runtime.files import naming, write_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FILES = ("scenario1", *CONTROLLERS, *MODES)
+"""Scenario files that are flown, without suffix."""
+
+_CAPTIONS = {
+    "fig5": "Fig. 5: trajectories of the formation in scenario 1, attitude at 0, 15 and 24 s.",
+    "fig6": "Fig. 6: responses (a)-(d), tracking errors (e)-(h) and synchronisation errors (31), "
+    "(32) (i)-(l) in scenario 1. What leaves a panel is noted over its corner.",
+    "fig7": "Fig. 7: intervals between events of every channel and UAV in scenario 1.",
+    "fig8": "Fig. 8: times of the events in scenario 1.",
+    "fig9": "Fig. 9: number of events in scenario 1, beside the numbers printed in the paper.",
+    "fig10": "Fig. 10: follower 2 in scenario 2 under the controllers compared; below, the errors.",
+    "fig11": "Fig. 11: follower 2 in scenario 3 under four fault modes; below, the errors, around "
+    "the time of the faults.",
+}
+
+_COMBINATIONS = (
+    "Transmissions against IAE of follower 2 under every law and trigger. The line joins what "
+    "no other combination beats in both numbers."
+)
+_FOLLOWER_2 = 3
+_BUNDLED = "name the folder with --scenarios, or leave it out for the bundled ones"
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What was flown.
+
+    Attributes:
+        summaries: Those of the paper's flights, by file name.
+        flights: How many flights were flown, those of the second chapter included.
+    """
+
+    summaries: Mapping[str, FlightSummary]
+    flights: int
+
+
+def steps(scenarios: Mapping[str, Scenario]) -> int:
+    """Return how often a reproduction calls `on_step`."""
+    listed = combinations(scenarios["scenario1"])
+    return len(FILES) + len(_CAPTIONS) + len(listed) + len(rivals(listed)) + 3
+
+
+def load_all(folder: Path) -> dict[str, Scenario]:
+    """Load the scenarios, by file name.
+
+    Raises:
+        BadInput: The folder or a file does not exist.
+        ConfigError: A file is wrong.
+    """
+    if not folder.is_dir():
+        raise BadInput(
+            f"there is no folder {folder}, expected the paper's scenario files there",
+            _BUNDLED,
+        )
+    for file in FILES:
+        if not (folder / f"{file}.yaml").is_file():
+            raise BadInput(f"there is no file {folder / file}.yaml", _BUNDLED)
+    return {file: load_scenario(folder / f"{file}.yaml") for file in FILES}
+
+
+def reproduce(
+    scenarios: Mapping[str, Scenario],
+    fly: Callable[[str, Scenario], Recording],
+    jobs: int,
+    out: Path,
+    on_step: Callable[[str], None],
+    *,
+    faults: bool = False,
+) -> Reproduction:
+    """Fly everything, and write report, data and figures.
+
+    Args:
+        scenarios: By file name, as of `load_all`.
+        fly: Flies one of them.
+        jobs: How many flights at once.
+        out: Empty folder.
+        on_step: Called with the name of each finished step, as often as `steps` says.
+        faults: Fly every fault file, too, under every law and trigger.
+    """
+    flown = itertools.count()
+
+    def summary_of(scenario: Scenario) -> FlightSummary:
+        recording = fly_in_process(scenario)
+        next(flown)
+        return summarise(recording, scenario)
+
+    def fly_and_export(file: str) -> Recording:
+        recording = fly(file, scenarios[file])
+        next(flown)
+        folder = out / "data" / file
+        folder.mkdir(parents=True, exist_ok=True)
+        export_flight(recording, folder)
+        on_step(f"flew {scenarios[file].name}")
+        return recording
+
+    with ThreadPoolExecutor(jobs) as pool:
+        recordings = dict(zip(FILES, pool.map(fly_and_export, FILES), strict=True))
+    summaries = {f: summarise(r, scenarios[f]) for f, r in recordings.items()}
+    for file, summary in summaries.items():
+        save_summary(summary, out / "data" / file)
+    _write_table(out / "data" / "summary.csv", summaries)
+
+    theory = theory_section(scenarios, recordings, out / "data" / "theory.json")
+    on_step("checked the theory")
+    _draw(scenarios, recordings, out / "figures", on_step)
+    results = Results(
+        summaries=summaries,
+        reference_lag=_reference_lag(recordings["scenario2_proposed"]),
+        theory=theory,
+        figures=_CAPTIONS,
+    )
+    text = paper_report(results)
+    with ThreadPoolExecutor(jobs) as pool:
+        chapter = _second_chapter(scenarios, summaries, summary_of, pool, out, on_step, faults)
+    text += "\n" + chapter
+    save_markdown(out / "report.md", text)
+    write_text(out / "report.html", html_of(text, out))
+    on_step("wrote the report")
+    return Reproduction(summaries, next(flown))
+
+
+def _second_chapter(
+    scenarios: Mapping[str, Scenario],
+    summaries: Mapping[str, FlightSummary],
+    fly: Callable[[Scenario], FlightSummary],
+    pool: Executor,
+    out: Path,
+    on_step: Callable[[str], None],
+    faults: bool,
+) -> str:
+    """Fly every law with every trigger, and return the section of the report."""
+    flown, by_clock = [], []
+    listed = combinations(scenarios["scenario1"])
+    for rival in fly_rivals(rivals(listed), fly, pool):
+        by_clock.append(rival)
+        on_step(f"flew {rival.sender.law} every {rival.sender.period_s * 1e3:g} ms")
+    for one in fly_all(listed, fly, pool):
+        compared = with_slowest_equal(one, by_clock, _FOLLOWER_2)
+        flown.append(fly_faults(compared, fly, pool) if faults else compared)
+        on_step(f"flew {one.law}, {one.trigger}, {one.aircraft}")
+    write_text(out / "data" / "combinations.csv", combinations_csv(flown))
+    save(draw_combinations(flown, _FOLLOWER_2), out / "figures", "combinations")
+    on_step("drew combinations")
+    follower = summaries["scenario1"].uav(_FOLLOWER_2)
+    iae = follower.iae if follower is not None else {}
+    paper = {quantity: iae.get(quantity) or math.nan for quantity in QUANTITIES}
+    return combinations_section(flown, _FOLLOWER_2, paper, _COMBINATIONS)
+
+
+def _draw(
+    scenarios: Mapping[str, Scenario],
+    recordings: Mapping[str, Recording],
+    folder: Path,
+    on_step: Callable[[str], None],
+) -> None:
+    folder.mkdir()
+    one = PlottedFlight("scenario 1", scenarios["scenario1"], recordings["scenario1"])
+    compared, modes = (
+        [PlottedFlight(label, scenarios[file], recordings[file]) for file, label in labels.items()]
+        for labels in (CONTROLLERS, MODES)
+    )
+    drawings: dict[str, Callable[[], Figure]] = {
+        "fig5": lambda: fig5(one),
+        "fig6": lambda: fig6(one),
+        "fig7": lambda: fig7(one),
+        "fig8": lambda: fig8(one),
+        "fig9": lambda: fig9(one, FIG_9),
+        "fig10": lambda: fig10(compared),
+        "fig11": lambda: fig11(modes),
+    }
+    for name, draw in drawings.items():
+        save(draw(), folder, name)
+        on_step(f"drew {name}")
+
+
+def _reference_lag(recording: Recording) -> dict[str, float]:
+    """Return the IAE between follower 2's commands and its filtered reference [m, deg s]."""
+    last = recording.signals[:, -1]
+    area = integrated_error(last["command"] - last["reference"], recording.step_us)
+    return dict(zip(QUANTITIES, map(float, in_degrees(area)), strict=True))
+
+
+def _write_table(path: Path, summaries: Mapping[str, FlightSummary]) -> None:
+    """Write one line per flight and UAV."""
+    with naming(path), path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        iae = [f"iae_{q}_{IAE_UNITS[q].replace(' ', '_')}" for q in QUANTITIES]
+        events = [f"events_{c}" for c in PAPER_ORDER]
+        writer.writerow(["scenario", "uav", "completed", "saving", *iae, *events])
+        for name, summary in summaries.items():
+            for uav in summary.uavs:
+                counts = [uav.channels[c].events for c in PAPER_ORDER]
+                areas = [uav.iae[q] for q in QUANTITIES]
+                writer.writerow([name, uav.id, summary.completed, uav.saving, *areas, *counts])

@@ -1,0 +1,192 @@
+"""Laws and triggers: what there is, who is on the front, and what the report says of the lost."""
+
+import csv
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.triggers import MODES
+from gcs.fleet.in_process import fly_in_process
+from gcs.lab.baselines.combinations import (
+    AIRCRAFT,
+    ClockSender,
+    Combination,
+    combinations,
+    fault_files,
+    fly_all,
+    fly_faults,
+    message_bytes,
+    on_the_front,
+)
+from gcs.lab.baselines.rivals import Rival, rivals, with_slowest_equal
+from gcs.lab.reports.combinations import combinations_csv, combinations_section
+from gcs.results.quantities import QUANTITIES
+from gcs.results.summary import FlightSummary, summarise
+from gcs.scenario.model import Scenario
+
+UNIT = dict.fromkeys(QUANTITIES, 1.0)
+number = st.floats(0.0, 5.0)
+
+
+@pytest.fixture(scope="module")
+def flown(scenario1: Scenario) -> FlightSummary:
+    short = Scenario.model_validate(scenario1.model_dump() | {"duration_s": 0.05, "faults": ()})
+    return summarise(fly_in_process(short), short)
+
+
+@pytest.fixture
+def pool() -> Iterator[Executor]:
+    with ThreadPoolExecutor(2) as pool:
+        yield pool
+
+
+def with_iae(summary: FlightSummary, iae: float) -> FlightSummary:
+    uavs = [replace(uav, iae=dict.fromkeys(QUANTITIES, iae)) for uav in summary.uavs]
+    return replace(summary, uavs=tuple(uavs))
+
+
+def test_every_law_has_every_trigger_that_goes_with_it(scenario1: Scenario) -> None:
+    listed = combinations(scenario1)
+    pairs = {(one.aircraft, one.law, one.trigger) for one in listed}
+    assert len(pairs) == len(listed)
+    for law, model in LAWS.items():
+        own = {"consequence", "periodic"} if model.CHOOSES else set(MODES) - {"consequence"}
+        for aircraft in AIRCRAFT:
+            assert {mode for a, kind, mode in pairs if (a, kind) == (aircraft, law)} == own
+    for one in listed:
+        assert (one.scenario.controller.kind, one.scenario.trigger.mode) == (one.law, one.trigger)
+        assert one.scenario.trigger.a2_n == scenario1.trigger.a2_n
+        servo = one.scenario.servos.surfaces
+        assert (servo is not None and servo.lag_s > 0.0) == (one.aircraft == "realistic")
+    paper = next(one for one in listed if one.law == "proposed")
+    assert paper.scenario.controller == scenario1.controller
+
+
+@given(st.dictionaries(st.text("abc", min_size=1), st.tuples(number, number)))
+def test_nothing_beats_the_front_and_the_front_beats_the_rest(
+    points: dict[str, tuple[float, float]],
+) -> None:
+    front = on_the_front(points)
+    for name, (x, y) in points.items():
+        better = [b for a, b in points.items() if a != name and b[0] <= x and b[1] <= y]
+        beaten = any(b != (x, y) for b in better)
+        assert (name in front) != beaten
+        assert not beaten or any(points[f][0] <= x and points[f][1] <= y for f in front)
+
+
+def section(listed: list[Combination]) -> list[str]:
+    text = combinations_section(listed, 3, UNIT, "caption")
+    return [line for line in text.splitlines() if line.startswith("| ")]
+
+
+def test_a_flight_without_control_is_no_result(scenario1: Scenario, flown: FlightSummary) -> None:
+    one = Combination("ideal", "pid", "joint", scenario1, with_iae(flown, 2.0))
+    first, *others = flown.uavs
+    spoiled: list[Callable[[FlightSummary], FlightSummary]] = [
+        lambda s: replace(s, completed=False),
+        lambda s: replace(s, uavs=(replace(first, attitude_lost_at_s=0.01), *others)),
+        lambda s: replace(s, uavs=(replace(first, heading_lost_at_s=0.01), *others)),
+    ]
+    assert one.uav(3) is not None
+    assert "| **pid, joint** |" in section([one])[2]
+    for spoil in spoiled:
+        assert one.summary is not None
+        lost = replace(one, summary=spoil(one.summary))
+        assert lost.uav(3) is None
+        assert section([lost])[2].startswith("| pid, joint | lost | - |")
+
+
+def test_fault_files_that_lose_the_aircraft_are_counted(
+    scenario1: Scenario, flown: FlightSummary, pool: Executor
+) -> None:
+    first, *others = flown.uavs
+    rolled = replace(flown, uavs=(replace(first, attitude_lost_at_s=0.01), *others))
+    turned = replace(flown, uavs=(replace(first, heading_lost_at_s=0.01), *others))
+
+    def fly(scenario: Scenario) -> FlightSummary:
+        assert (scenario.controller.kind, scenario.trigger.mode) == ("pid", "joint")
+        stuck = [fault.stuck_deg is not None for fault in scenario.faults]
+        return rolled if all(stuck) else turned
+
+    one = Combination("ideal", "pid", "joint", scenario1, with_iae(flown, 2.0))
+    survival = fly_faults(one, fly, pool).survival
+    assert survival is not None
+    assert survival.flown == len(fault_files()) == 27
+    assert "stuck_zero_aileron" in survival.lost
+    assert not {"loe_aileron", "bias_rudder", "thrust_loss"} & set(survival.lost)
+    line = section([replace(one, survival=survival)])[2]
+    assert line.endswith(f"| {len(survival.lost)} of 27 |")
+
+
+def test_the_table_has_a_line_for_each_uav(scenario1: Scenario, pool: Executor) -> None:
+    brief = Scenario.model_validate(scenario1.model_dump() | {"duration_s": 0.05, "faults": ()})
+    listed = combinations(brief)[:2]
+    done = list(fly_all(listed, lambda s: summarise(fly_in_process(s), s), pool))
+    rows = list(csv.DictReader(combinations_csv(done).splitlines()))
+    assert [row["uav"] for row in rows] == ["1", "2", "3"] * 2
+    for row in rows:
+        assert int(row["bytes"]) == int(row["messages"]) * message_bytes()
+
+
+def test_a_message_is_as_long_as_on_the_wire() -> None:
+    """Header 10, time and flags 16, four commands 16, checksum 2; zeros at the end are cut."""
+    assert message_bytes() == 10 + 16 + 16 + 2
+
+
+def test_every_law_is_a_rival_by_the_clock(scenario1: Scenario) -> None:
+    found = rivals(combinations(scenario1))
+    for aircraft in AIRCRAFT:
+        own = [one.sender for one in found if one.aircraft == aircraft]
+        assert {one.law for one in own} == set(LAWS)
+        for law in LAWS:
+            periods = [one.period_s for one in own if one.law == law]
+            assert periods == sorted(periods)
+            assert (periods[0], periods[-1]) == (0.02, 0.5)
+    for one in found:
+        assert one.scenario.controller.kind == one.sender.law
+        assert one.scenario.trigger.mode == "periodic"
+
+
+def test_the_slowest_equal_sender_is_as_good_and_sends_least(
+    scenario1: Scenario, flown: FlightSummary
+) -> None:
+    def rival(law: str, events: int, iae: float, aircraft: str = "ideal") -> Rival:
+        summary = with_iae(flown, iae)
+        uavs = [
+            replace(
+                uav,
+                channels={
+                    name: replace(channel, events=events // 4)
+                    for name, channel in uav.channels.items()
+                },
+            )
+            for uav in summary.uavs
+        ]
+        sent = replace(summary, uavs=tuple(uavs))
+        return Rival(aircraft, ClockSender(law, 0.01), scenario1, sent)
+
+    one = Combination("ideal", "tube", "consequence", scenario1, with_iae(flown, 2.0))
+    as_good = [rival("pid", 400, 2.015), rival("surviving", 800, 1.0)]
+    worse = [rival("proposed", 40, 2.03), rival("pid", 80, 1.0, "realistic")]
+    lost = rival("backstepping", 40, 1.0)
+    assert lost.summary is not None
+    lost = replace(lost, summary=replace(lost.summary, completed=False))
+    compared = with_slowest_equal(one, [*worse, *as_good, lost], 3)
+    assert compared.slowest_equal == ClockSender("pid", 0.01, 400)
+    assert "| pid, every 10 ms: 400 |" in section([compared])[2]
+    alone = with_slowest_equal(one, [*worse, lost], 3)
+    assert alone.slowest_equal is None
+    assert "| none | - |" in section([alone])[2]
+
+
+def test_a_sender_by_the_clock_is_its_own_equal(scenario1: Scenario, flown: FlightSummary) -> None:
+    one = Combination("ideal", "pid", "periodic", scenario1, flown)
+    own = flown.uav(3)
+    assert own is not None
+    equal = with_slowest_equal(one, [], 3).slowest_equal
+    assert equal == ClockSender("pid", 0.001, own.events)
