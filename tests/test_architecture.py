@@ -36,7 +36,7 @@ SHELLS = {
     "sitl_plant.process",
 }
 """Modules that own a socket, a clock or a process, or start one that does."""
-ABOVE = ("gcs.commands.", "gcs.testing.")
+ABOVE = ("gcs.commands.", "gcs.lab.commands.", "gcs.testing.")
 """Packages on top of the shells."""
 SYSTEM = {"asyncio", "selectors", "socket", "subprocess", "threading", "time"}
 USERS_OF_THE_SYSTEM = SHELLS | {

@@ -90,6 +90,17 @@ class _CodeCache(_numbas.FunctionCache):
         self._impl_class = functools.partial(_Implementation, folder)
         super().__init__(function)
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return code for a signature, None if there is none.
+
+        An index names the types of all callers, also such as are in another module by now.
+        """
+        try:
+            return super().load_overload(sig, target_context)
+        except (ModuleNotFoundError, AttributeError):
+            self.flush()
+            return None
+
 
 def code_cache_of(function: Callable[..., object], variant: str) -> Any:
     """Return numba's cache for a variant of a function.

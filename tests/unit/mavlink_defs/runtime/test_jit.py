@@ -145,6 +145,23 @@ def test_a_function_is_linked_from_the_cache_into_a_changed_caller(project: Path
     assert run(project) == ["power", "1", "power", "3", "60", "1", "True", "True"]
 
 
+def test_code_for_the_type_of_a_renamed_module_is_compiled_again(project: Path) -> None:
+    """The index of a function names the modules of its arguments' types."""
+    env = os.environ | {"NUMBA_CACHE_DIR": str(project / "cache"), "NUMBA_DISABLE_JIT": "0"}
+    for module in ("pair", "couple"):
+        (project / "mavlink_defs" / f"{module}.py").write_text(
+            "from typing import NamedTuple\nclass Pair(NamedTuple):\n    left: int\n"
+        )
+        code = (
+            f"from mavlink_defs.{module} import Pair\nfrom mavlink_defs.alone import alone\n"
+            "print(alone(Pair(3)).left)"
+        )
+        command = [sys.executable, "-c", code]
+        done = subprocess.run(command, check=True, cwd=project, env=env, capture_output=True)
+        assert done.stdout == b"3\n"
+        (project / "mavlink_defs" / f"{module}.py").unlink()
+
+
 def test_a_function_of_a_notebook_stands_in_no_file(tmp_path: Path) -> None:
     code = "from mavlink_defs.runtime.jit import compiled\nprint(compiled(lambda x: x + 1)(2))"
     env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
