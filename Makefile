@@ -32,7 +32,7 @@ explore: $(READY)  ## the property tests with new examples, ten times as many; S
 docs: $(READY)  ## the documentation as a site in site/; every warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
-bench: $(READY)  ## the speed figures of the README
+bench: $(READY)  ## the speed figures of docs/explanation/performance.md
 	$(BIN)/python -m benchmarks
 
 fuzz: $(READY)  ## over a million datagrams through every parser and handler; memory must stay

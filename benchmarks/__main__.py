@@ -1,4 +1,4 @@
-"""``make bench``: the speed figures of the README, measured in one run.
+"""``make bench``: the speed figures of docs/explanation/performance.md, measured in one run.
 
 Timing is noisy on shared machines: what counts are the medians and, for the codec, the ratio
 to pymavlink, measured in alternating rounds.
