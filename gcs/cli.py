@@ -97,7 +97,7 @@ COMMANDS = {
     "formation": ("formation", "See the formation in space, and change slots."),
     "profile": ("profile", "Upload, download and check reference profiles."),
     "mission": ("mission", "Show, upload, download and fly missions."),
-    "param": ("param", "List, read and set parameters."),
+    "param": ("param", "List, read, set, save, load and compare parameters."),
 }
 """Module below `gcs.commands` and one line of help of each command, in the order of the help.
 
