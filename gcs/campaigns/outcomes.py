@@ -4,7 +4,7 @@ import numpy as np
 
 from gcs.campaigns.store import OUTCOMES
 
-__all__ = ["EVENTS", "happened", "severity"]
+__all__ = ["EVENTS", "happened", "in_words", "severity"]
 
 EVENTS = ("success", "failure", *OUTCOMES[1 : OUTCOMES.index("failed")])
 """Events with a probability: flown to the end with attitude and heading kept; anything else; or
@@ -29,3 +29,8 @@ def happened(event: str, outcome: np.ndarray) -> np.ndarray:
     if event == "success":
         return np.asarray(place == 0)
     return np.asarray(place >= (1 if event == "failure" else OUTCOMES.index(event)))
+
+
+def in_words(event: str) -> str:
+    """Return what one of `EVENTS` counts: "success", "attitude_lost or worse"."""
+    return event if event in {"success", "failure"} else f"{event} or worse"

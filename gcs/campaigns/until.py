@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gcs.campaigns.conditions import Condition, parse_condition
 from gcs.campaigns.model import Campaign
+from gcs.campaigns.outcomes import in_words
 from gcs.campaigns.samples import samples_of
 from gcs.campaigns.stopping import Verdict, judge, leading
 from gcs.campaigns.store import read_results
@@ -102,7 +103,7 @@ def verdict_lines(folder: Path, condition: Condition) -> list[str]:
         BadInput: The results cannot be read.
     """
     return [
-        f"{condition}: {found.decided} for {name}, {condition.event} in {found.count} of its first "
-        f"{found.flights} draws"
+        f"{condition}: {found.decided} for {name}, {in_words(condition.event)} in {found.count} "
+        f"of its first {found.flights} draws"
         for name, found in verdicts(folder, condition).items()
     ]
