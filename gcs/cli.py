@@ -95,7 +95,7 @@ COMMANDS = {
     "formation": ("formation", "See the formation in space, and change slots."),
     "profile": ("profile", "Upload, download and check reference profiles."),
     "mission": ("mission", "Show, upload, download and fly missions."),
-    "param": ("param", "List, read and set parameters."),
+    "param": ("param", "List, read, set, save, load and compare parameters."),
 }
 """Module and one line of help of each command, in the order of the help.
 
@@ -285,13 +285,35 @@ def main() -> None:
     sys.exit(status)
 
 
+_EXPECTED = {  # pydantic's type of an error: what an option or argument expects
+    "float_parsing": "a number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "greater_than_equal": "at least {ge}",
+    "less_than_equal": "at most {le}",
+}
+
+
 def _end_usage(problem: Any) -> NoReturn:
     """End with a mistake of the command line; without arguments, a group has printed its help."""
-    if not (text := problem.format_message()):
+    if not (text := _wrong_value(problem) or problem.format_message()):
         sys.exit(problem.exit_code)
     context = getattr(problem, "ctx", None)
     hint = "" if context is None else f"see `{context.command_path} --help`"
     _end(problem.exit_code, f"error: {text}", hint)
+
+
+def _wrong_value(problem: Any) -> str:
+    """Return which option has which value, and what it expects; "" if that is not the mistake."""
+    if not hasattr(problem.__cause__, "errors"):
+        return ""
+    error = problem.__cause__.errors()[0]  # of pydantic
+    name = problem.param.get_error_hint().replace("'", "")
+    if error["type"] == "value_error":
+        return f"{name}: {error['ctx']['error']}"
+    if (expected := _EXPECTED.get(error["type"])) is None:
+        return ""
+    return f"{name}: expected {expected.format(**error.get('ctx', {}))}, got {error['input']!r}"
 
 
 def _end(status: int, text: str, hint: str = "") -> NoReturn:

@@ -162,8 +162,9 @@ def connect_udp(address: UdpAddress) -> socket.socket:
 def connected_twin(sock: socket.socket, peer: tuple[str, int]) -> socket.socket:
     """Open another socket at the address of a bound one, which receives what one peer sends there.
 
-    For a moment before it is connected it may receive what others send. The port is shared no
-    longer than that: another program still cannot bind it.
+    For a moment before it is connected it may receive what others send. The bound one shares its
+    port no longer than that, so another program still cannot bind it. Twins share it for good, or
+    there could be no second one.
 
     Raises:
         OSError: The system gives no such socket.
@@ -179,9 +180,8 @@ def connected_twin(sock: socket.socket, peer: tuple[str, int]) -> socket.socket:
         twin.close()
         raise
     finally:
-        for one in (sock, twin):
-            with suppress(OSError):
-                one.setsockopt(socket.SOL_SOCKET, share, 0)
+        with suppress(OSError):
+            sock.setsockopt(socket.SOL_SOCKET, share, 0)
     return twin
 
 

@@ -102,18 +102,16 @@ def keys(section: str) -> str:
     extends = section in LAWS or section in TRIGGERS  # the keys of the class before it
     parents = (base for base in model.__bases__ if issubclass(base, BaseModel))
     common = next(parents).model_fields if extends else {}
-    rows = (row for row in key_rows(model) if row[0] not in common)
-    shown = ((f"`{key}`", *rest) for key, *rest in rows)
-    return f'<a id="keys-{section}"></a>\n\n' + table(
-        ("key", "expected", "default", "meaning"), shown
-    )
+    rows = ((f"`{key}`", *rest) for key, *rest in key_rows(model) if key not in common)
+    head = ("key", "expected", "default", "meaning")
+    return f'<a id="keys-{section}"></a>\n\n' + table(head, rows)
 
 
 def page_of(section: str) -> str:
     """Return the page of the reference that has the table of a section."""
     mark = f"<!-- generated: keys {section} -->"
-    pages = (path for path in sorted((DOCS / "reference").glob("*.md")) if mark in path.read_text())
-    return next(pages).name
+    pages = sorted((DOCS / "reference").glob("*.md"))
+    return next(path.name for path in pages if mark in path.read_text())
 
 
 def key_rows(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
@@ -320,8 +318,7 @@ def command_line() -> str:
 
     Lists of commands have whole sentences, and link to the commands; usage lines can be copied.
     """
-    command = whole_command()
-    _show_whole_sentences(command)
+    _show_whole_sentences(command := whole_command())
     text = get_docs_for_click(obj=command, ctx=typer.Context(command, info_name="gcs"), name="gcs")
     text = text.partition("\n")[2].replace("```console\n$ ", "```text\n")
     name = "gcs"
@@ -371,8 +368,7 @@ def first_sentence(page: Path) -> str:
     """Return ": " and the first sentence of a page without its links; nothing without prose."""
     text = re.sub(r"^```.*?^```|^<!--.*?-->", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
     prose = (part for part in text.split("\n\n") if re.match(r"[\w\"*`]", part.lstrip("\n")))
-    paragraph = " ".join(next(prose, "").split())
-    paragraph = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", paragraph)
+    paragraph = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", " ".join(next(prose, "").split()))
     sentence = re.match(r"((?:`[^`]*`|[^`])*?(?<!Fig))(?:[.?] |[.:]$)", paragraph)
     return f": {sentence[1]}." if sentence else ""
 

@@ -68,6 +68,8 @@ def fly_in_formation(
         asked,
         now.position,
         now.velocity,
+        sub(now.velocity, now.air_velocity),
+        parameters["guidance"]["common"]["airspeed_min_m_s"],
         state["places"],
         layout,
         state["table"],

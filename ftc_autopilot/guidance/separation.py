@@ -21,6 +21,9 @@ distance that is left in the time T with which they follow::
 
     v := v + max(0, (v_j - v)·r/d - γ (d + T min(d', 0) - d_min)) r/d
 
+Who is hurt and slower than an aircraft may fly cannot be followed, only passed: above it, as it
+sinks, by a change of height that may be faster.
+
 It is the present velocities that count, as aircraft follow late and neighbours do not tell what
 they intend. If both follow with a delay T, the distance goes by d'' = -(d' + γ (d - d_min))/T,
 which is damped well enough for γ T < 1/2.
@@ -45,6 +48,8 @@ _LEVEL_M = 2.0
 """Difference in height below which two UAVs are equally high [m]."""
 _VERTICAL_MAX_M_S = 3.0
 """Fastest evasion up or down [m/s]."""
+_PASSING_MAX_M_S = 8.0
+"""The same where a hurt member is passed [m/s]."""
 
 
 @compiled
@@ -52,6 +57,8 @@ def kept_apart(
     wanted: Vec3,
     position: Vec3,
     velocity: Vec3,
+    wind: Vec3,
+    slowest: float,
     places: np.ndarray,
     layout: np.void,
     table: np.ndarray,
@@ -66,6 +73,8 @@ def kept_apart(
         wanted: Velocity over ground that guidance asks for, NED [m/s].
         position: The own one, NED [m].
         velocity: The present one over ground, NED [m/s].
+        wind: At the own aircraft, NED [m/s].
+        slowest: Least airspeed that guidance asks for [m/s].
         places: Of the other members, dtype `ftc_autopilot.guidance.places.PLACE`.
         layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
         table: States of the members, see `ftc_autopilot.guidance.members`.
@@ -74,7 +83,7 @@ def kept_apart(
         least: Distance that is held, d_min [m].
         rate: γ [1/s].
     """
-    climb, count = 0.0, layout["count"]
+    climb, passing, count = 0.0, 0.0, layout["count"]
     if least <= 0.0:
         return wanted
     first, _ = nearest(position, places, layout, step, dt)
@@ -97,13 +106,23 @@ def kept_apart(
         short = dot(sub(theirs, wanted), away) - rate * room
         if short > 0.0:
             wanted = add(wanted, scale(short, away))
-            side = 1.0 if layout["own"] < m else -1.0
+            passed = cause_of(table[m]) != WELL and _airspeed(places[m], wind) < slowest
+            side = 1.0 if passed or layout["own"] < m else -1.0
             if abs(height) > _LEVEL_M:
                 side = math.copysign(1.0, height)
             level = max(1.0 - abs(height) / least, 0.0) * math.hypot(away[0], away[1])
-            climb += side * level * short
+            if passed:
+                passing += side * level * short
+            else:
+                climb += side * level * short
     climb = min(max(climb, -_VERTICAL_MAX_M_S), _VERTICAL_MAX_M_S)
+    climb += min(max(passing, -_PASSING_MAX_M_S), _PASSING_MAX_M_S)
     return add(wanted, (0.0, 0.0, -climb))
+
+
+@compiled
+def _airspeed(place: np.void, wind: Vec3) -> float:
+    return norm(sub(vec3(place["velocity"]), wind))
 
 
 @compiled

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gcs.station.client import Client
     from mavlink_defs.config.quantity import Quantity
 
-app = typer.Typer(help="List, read and set parameters.", no_args_is_help=True)
+app = typer.Typer(help="List, read, set, save, load and compare parameters.", no_args_is_help=True)
 
 _Name = Annotated[str, typer.Argument(metavar="NAME", help="Name, at most 16 characters.")]
 
@@ -204,7 +204,7 @@ def diff(
     file: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[FILE]",
+            metavar="FILE",
             help="Of NAME VALUE lines, as *.parm; without one the defaults, which are what a "
             "parameter is if the scenario leaves its key out.",
             show_default=False,

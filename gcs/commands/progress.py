@@ -4,12 +4,15 @@ import contextlib
 import threading
 import time
 from collections.abc import Iterator
+from typing import ClassVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 EVERY_S = 30.0
-"""Time between two lines where there is no terminal [s]."""
+"""Longest silence where there is no terminal, over all tasks of a command [s]."""
+LOOK_S = 0.5
+"""Time between two looks whether a line is due [s]."""
 
 
 class Task:
@@ -77,7 +80,14 @@ class Task:
 
 
 class Work:
-    """The tasks of a command that are shown together."""
+    """The tasks of a command that are shown together.
+
+    Attributes:
+        last_line_s: When a line was printed last, for whatever tasks; at first, when this command
+            began [s].
+    """
+
+    last_line_s: ClassVar[float] = time.monotonic()
 
     def __init__(self, progress: Progress | None) -> None:
         self._progress = progress
@@ -142,6 +152,9 @@ def _begun(work: Work, what: str) -> Work:
 
 def _print_lines(work: Work, console: Console, over: threading.Event) -> None:
     with contextlib.suppress(OSError):  # nobody reads them
-        while not over.wait(EVERY_S):
-            for task in [task for task in work.tasks if not task.is_done]:
-                console.print(task.line(), soft_wrap=True)
+        while not over.wait(min(LOOK_S, EVERY_S)):
+            unfinished = [task for task in work.tasks if not task.is_done]
+            if unfinished and time.monotonic() - Work.last_line_s >= EVERY_S:
+                for task in unfinished:
+                    console.print(task.line(), soft_wrap=True)
+                Work.last_line_s = time.monotonic()

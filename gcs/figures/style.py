@@ -92,6 +92,8 @@ STYLES = (
     Style("#332288", ":", 1.8),
 )
 """Hues of Okabe and Ito, and of Tol, safe for colour-blind readers; lines that differ in grey."""
+_AGAIN: tuple[Dashes, ...] = ((0.0, (2.5, 1.5)), (0.0, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5)))
+"""Dashes of those that share a colour with an earlier one."""
 
 REFERENCE: dict[str, Any] = {"color": "black", "ls": (0.0, (4.0, 3.0)), "lw": 0.9, "zorder": 3.0}
 """The line of the reference."""
@@ -110,8 +112,9 @@ _saving = Lock()
 
 
 def style(i: int) -> Style:
-    """Return the style of the i-th UAV or controller."""
-    return STYLES[i % len(STYLES)]
+    """Return the style of the i-th UAV or controller: no two of the first 18 have the same."""
+    again, own = i // len(STYLES), STYLES[i % len(STYLES)]
+    return Style(own.colour, _AGAIN[(again - 1) % len(_AGAIN)], 1.2) if again else own
 
 
 def new_figure(height_in: float, layout: Layout | None = "constrained") -> "Figure":
@@ -181,12 +184,13 @@ def frame(axis: "Axes", curves: Sequence[np.ndarray], low: float, high: float) -
     if not low < high:
         low, high = least, most
     margin = 0.06 * (high - low) or 1.0
-    axis.set_ylim(low - margin, high + margin)
+    bottom, top = low - margin, high + margin
+    axis.set_ylim(bottom, top)
     beyond = []
-    if least < low - margin:
-        beyond.append(f"min {_number(least)}")
-    if most > high + margin:
-        beyond.append(f"max {_number(most)}")
+    if least < bottom:
+        beyond.append(f"min {_number(least, bottom - least, top - bottom)}")
+    if most > top:
+        beyond.append(f"max {_number(most, most - top, top - bottom)}")
     note(axis, ", ".join(beyond))
 
 
@@ -195,8 +199,12 @@ def note(axis: "Axes", text: str) -> None:
     axis.set_title(text, loc="right", size=SMALL, color=GREY, pad=3.0)
 
 
-def _number(value: float) -> str:
+def _number(value: float, beyond: float, span: float) -> str:
+    """Return a value with as many digits as it takes to see how far it leaves an axis."""
     text = f"{value:.0f}" if abs(value) >= 100.0 else f"{value + 0.0:.2g}"  # no −0
+    exact = max(0.25 * beyond, 0.0025 * span)
+    if abs(float(text) - value) > exact:
+        text = f"{value:.{max(0, math.ceil(-math.log10(exact)))}f}"
     return text.replace("-", "−")
 
 

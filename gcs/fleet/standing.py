@@ -149,10 +149,7 @@ async def _newly_ended(fleet: FleetProcesses) -> list[tuple[str, str]]:
     if over:
         await asyncio.sleep(_END_OF_PLANT_S)
         over += fleet.newly_ended()
-    for name, text in over:
-        if name == "plant":
-            raise FlightLost(text)
-    for name, text in over:
-        if "-" in name:
+    for name, text in sorted(over, key=lambda one: one[0] != "plant"):  # the cause first
+        if name == "plant" or "-" in name:
             raise FlightLost(f"{name}: {text}")
     return over

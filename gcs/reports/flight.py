@@ -34,7 +34,7 @@ def _lowest(summary: FlightSummary) -> Iterator[str]:
     heights = [(u.lowest_altitude_m, u.id) for u in summary.uavs if u.lowest_altitude_m is not None]
     if heights:
         height, system = min(heights)
-        yield f"lowest altitude {height:.2f} m above the ground, of UAV {system}"
+        yield f"lowest altitude {height:z.2f} m above the ground, of UAV {system}"
 
 
 def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:

@@ -1,12 +1,14 @@
 """Faults: a form, and all that were seen with who acknowledged what and when."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 
+from gcs.errors import CommandRefused, NoAnswer
 from gcs.station.fault_text import describe_fault
 from gcs.station.vehicle import Vehicle
 from gcs.tui.cached_static import CachedStatic
@@ -157,6 +159,8 @@ def set_fault(
 
     async def act(vehicle: Vehicle, _: str) -> str:
         await vehicle.set_fault(fault)
+        with suppress(CommandRefused, NoAnswer):
+            await vehicle.list_faults()  # "accepted" is shown when the list has it, for `repeat`
         return f"set: {describe_fault(fault)}"
 
     what = f"set {ACTUATORS[fault.actuator]} fault"

@@ -169,6 +169,10 @@ class Grid(Guarded, ScrollView, can_focus=True):
         self._resize()
         self._show_cursor()
 
+    def watch_show_vertical_scrollbar(self) -> None:
+        """Fit the column of width 0 beside the scroll bar."""
+        self._resize()
+
     def notify_style_update(self) -> None:
         """Forget the colours of the theme before."""
         super().notify_style_update()

@@ -179,7 +179,7 @@ def draw_map(
     draw_marks(sheet, marks, palette)
     if scene.home is not None:
         sheet.write_sign("H", scene.home, palette.text)
-    for number, place in scene.route:
+    for number, place in dict(scene.route).items():  # once, whatever leads back there
         sheet.write_number(number, place, palette.route)
     for place in scene.slots:
         sheet.write_sign("○", place, palette.text)

@@ -102,6 +102,8 @@ class LiveSource:
         at = self.since_1970(notifications.at)
         self.event_log.receive(notifications, at, state.time_s if state else None)
         self.fault_history.receive(notifications, at)
+        if state is not None:
+            self.fault_history.update(state, at)
 
     @property
     def fleet(self) -> FleetState:

@@ -12,6 +12,7 @@ import yaml
 from yaml.composer import Composer
 
 from mavlink_defs.config.written import WrittenDict, WrittenList
+from mavlink_defs.visible import visible_lines
 
 _MOST_VALUES = 1_000_000
 """Values that a text may stand for: aliases of aliases multiply without end."""
@@ -35,8 +36,12 @@ def parse_yaml(text: str, name: str = "") -> Any:
 
 
 def yaml_of(data: Any) -> str:
-    """Return a text that `parse_yaml` reads back as equal data, floats to the last bit."""
-    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
+    """Return a text that `parse_yaml` reads back as equal data, floats to the last bit.
+
+    Control characters are escapes in it, those of format (U+202E) too, which YAML permits.
+    """
+    text = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
+    return visible_lines(text)
 
 
 def yaml_problem(exc: Exception) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from gcs.errors import BadInput
 from gcs.lab.campaigns.conditions import Condition, parse_condition, parsed
-from gcs.lab.campaigns.outcomes import EVENTS, happened
+from gcs.lab.campaigns.outcomes import EVENTS, happened, in_words
 from gcs.lab.campaigns.samples import Sample, higher_is_better, same_draws
 from gcs.lab.campaigns.statistics import (
     Estimate,
@@ -149,8 +149,8 @@ def _absolute(rule: Condition, new: Sample) -> Check:
         new.variant,
         str(rule),
         shown,
-        f"{count} of {flights} flights; p is {limit} at {rule.confidence_percent:g} % "
-        "(Clopper and Pearson)",
+        f"{in_words(rule.event)} in {count} of {flights} flights; p is {limit} at "
+        f"{rule.confidence_percent:g} % (Clopper and Pearson)",
     )
 
 
@@ -195,7 +195,10 @@ def _event(rule: Worse, old: Sample, new: Sample, paired: bool, level: float) ->
     good = (before, after) if event == "success" else (~before, ~after)
     compare = compare_paired_successes if paired else compare_successes
     found = compare(*good, "worse", level)
-    counts = f"{after.sum()} of {len(after)} flights, was {before.sum()} of {len(before)}"
+    counts = (
+        f"{in_words(event)} in {after.sum()} of {len(after)} flights, "
+        f"was {before.sum()} of {len(before)}"
+    )
     if found.only_old is not None and found.only_new is not None:
         worse = proportion(found.only_old, found.only_old + found.only_new, level)
         counts += f"; {_counts(found.only_old, found.only_new, worse, level)}"

@@ -27,3 +27,8 @@ def happened(event: str, outcome: np.ndarray) -> np.ndarray:
     if event == "success":
         return np.asarray(place == 0)
     return np.asarray(place >= (1 if event == "failure" else OUTCOMES.index(event)))
+
+
+def in_words(event: str) -> str:
+    """Return what one of `EVENTS` counts: "success", "attitude_lost or worse"."""
+    return event if event in {"success", "failure"} else f"{event} or worse"

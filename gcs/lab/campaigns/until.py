@@ -10,6 +10,7 @@ from pathlib import Path
 from gcs.errors import BadInput
 from gcs.lab.campaigns.conditions import Condition, parse_condition
 from gcs.lab.campaigns.model import Campaign
+from gcs.lab.campaigns.outcomes import in_words
 from gcs.lab.campaigns.samples import samples_of
 from gcs.lab.campaigns.stopping import Verdict, judge, leading
 from gcs.lab.campaigns.store import read_results
@@ -93,7 +94,7 @@ def verdict_lines(folder: Path, condition: Condition) -> list[str]:
         BadInput: The results cannot be read.
     """
     return [
-        f"{condition}: {found.decided} for {name}, {condition.event} in {found.count} of its first "
-        f"{found.flights} draws"
+        f"{condition}: {found.decided} for {name}, {in_words(condition.event)} in {found.count} "
+        f"of its first {found.flights} draws"
         for name, found in verdicts(folder, condition).items()
     ]

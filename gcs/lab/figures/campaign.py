@@ -118,8 +118,9 @@ def _draw_bars(
                 "facecolor": "none", "edgecolor": colour, "linewidth": 0.8,
             }  # fmt: skip
             panel.barh(at, each.strength, 0.85 * height, **fill)
-            sign = "" if each.correlation is None else "+" if each.correlation > 0.0 else "−"
-            panel.text(each.strength + 0.01, at, sign, va="center", size=SMALL, color=GREY)
+            if each.correlation is not None and each.strength >= 0.005:  # a bar that can be seen
+                sign = "+" if each.correlation > 0.0 else "−"
+                panel.text(each.strength + 0.01, at, sign, va="center", size=SMALL, color=GREY)
     if not any(found.values()):
         note(panel, "all flights alike")
     panel.set_xlim(0.0, 1.0)

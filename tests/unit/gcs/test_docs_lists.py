@@ -31,7 +31,6 @@ from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, MODE_NAMES
 from mavlink_defs.framing.drop_reason import DropReason
-from scripts import docs_pages
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

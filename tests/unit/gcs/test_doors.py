@@ -27,7 +27,7 @@ from gcs.tui.playback import Playback
 from gcs.tui.profile_views import ProfileFiles
 from mavlink_defs import dialect
 from mavlink_defs.config.models import ConfigError, Problem
-from mavlink_defs.config.yaml_text import yaml_of
+from mavlink_defs.config.yaml_text import parse_yaml, yaml_of
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.param import ParamFinished, ParamReader
 from mavlink_defs.services.statustext import TextAssembler
@@ -113,6 +113,13 @@ def test_names_of_scenarios(tmp_path: Path) -> None:
     assert_visible(scenario.name, lines=False)
     assert_visible(scenario.uavs[0].name, lines=False)
     assert_visible(scenario.description)
+
+
+def test_configurations_that_are_written() -> None:
+    tree = {"name": ENCODED, ENCODED: ["a text \u202e"]}
+    text = yaml_of(tree)
+    assert_visible(text)
+    assert parse_yaml(text) == tree
 
 
 def test_names_and_descriptions_of_profiles(tmp_path: Path) -> None:

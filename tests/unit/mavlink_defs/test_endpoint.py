@@ -1,5 +1,6 @@
 """Addresses and sockets."""
 
+import contextlib
 import socket
 import time
 
@@ -154,20 +155,19 @@ def test_receive_buffer_is_enlarged() -> None:
     assert size[0] <= size[1]
 
 
-def test_a_twin_receives_what_its_peer_sends_and_no_other_program_can_bind_the_port() -> None:
-    with (
-        bind_udp(UdpAddress("127.0.0.1", 0), "hub") as sock,
-        bind_udp(UdpAddress("127.0.0.1", 0), "peer") as peer,
-        bind_udp(UdpAddress("127.0.0.1", 0), "other") as other,
-        connected_twin(sock, peer.getsockname()) as twin,
-    ):
-        for one in (sock, twin):
+def test_twins_receive_what_their_peers_send_and_no_other_program_can_bind_the_port() -> None:
+    with contextlib.ExitStack() as sockets:
+        sock, other, *peers = (
+            sockets.enter_context(bind_udp(ANY_PORT, name)) for name in ("hub", "other", *"abc")
+        )
+        twins = [sockets.enter_context(connected_twin(sock, peer.getsockname())) for peer in peers]
+        for one in (sock, *twins):
             one.settimeout(5.0)
         for _ in range(2):
-            other.sendto(b"other", sock.getsockname())
-            peer.sendto(b"peer", sock.getsockname())
-            assert sock.recv(9) == b"other"
-            assert twin.recv(9) == b"peer"
+            for sender in (other, *peers):
+                sender.sendto(str(sender.getsockname()).encode(), sock.getsockname())
+            for receiver, sender in zip((sock, *twins), (other, *peers), strict=True):
+                assert receiver.recv(99) == str(sender.getsockname()).encode()
         for reuse in (False, True):
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as thief:
                 thief.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, reuse)

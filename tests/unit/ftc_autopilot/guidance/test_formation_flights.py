@@ -131,16 +131,13 @@ GRAPHS = {
 }
 
 
-@pytest.mark.parametrize("edges", GRAPHS.values(), ids=GRAPHS)
-def test_word_of_places_keeps_those_apart_who_do_not_hear_each_other(
-    edges: list[tuple[int, int]],
-) -> None:
-    """Line astern; the first loses thrust, and falls back along the line."""
+def line_astern(edges: list[tuple[int, int]], thrust_n: float, time_s: float) -> float:
+    """Return the least distance [m] if the first of four loses thrust, and falls back."""
     initial = {"east_m": 0.0, "altitude_m": 100.0, "airspeed_m_s": 40.0}
-    fault = {"uav": 1, "actuator": "throttle", "stuck_n": 500.0, "start_s": 10.0, "end_s": 30.0}
+    fault = {"uav": 1, "actuator": "throttle", "stuck_n": thrust_n, "start_s": 10.0, "end_s": 30.0}
     scenario, recording = flown(
         "missions/hexagon",
-        duration_s=45.0,
+        duration_s=time_s,
         uavs=[
             {"id": k + 1, "name": f"UAV {k + 1}", "initial": {"north_m": -25.0 * k, **initial}}
             for k in range(4)
@@ -153,7 +150,20 @@ def test_word_of_places_keeps_those_apart_who_do_not_hear_each_other(
         faults=[fault],
     )
     assert scenario.formation is not None
-    assert distances(recording).min() >= scenario.formation.separation_m - 1.0
+    assert scenario.formation.separation_m == 15.0
+    return float(distances(recording).min())
+
+
+@pytest.mark.parametrize("edges", GRAPHS.values(), ids=GRAPHS)
+def test_word_of_places_keeps_those_apart_who_do_not_hear_each_other(
+    edges: list[tuple[int, int]],
+) -> None:
+    assert line_astern(edges, 500.0, 45.0) >= 14.0
+
+
+@pytest.mark.parametrize(("thrust_n", "least_m"), [(300.0, 11.0), (0.0, 7.0)])
+def test_who_becomes_too_slow_to_be_followed_is_passed(thrust_n: float, least_m: float) -> None:
+    assert line_astern(GRAPHS["chain"], thrust_n, 17.0) >= least_m
 
 
 def test_who_has_lost_an_actuator_leaves_and_the_gap_is_closed() -> None:

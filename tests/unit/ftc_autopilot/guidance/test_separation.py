@@ -14,6 +14,7 @@ from ftc_autopilot.guidance.separation import kept_apart, nearest
 
 DT = 0.02
 LEAST_M, RATE = 15.0, 0.3
+CALM, SLOWEST_M_S = (0.0, 0.0, 0.0), 30.0
 LAG_S = 0.4  # three times in a row, as the reference filter
 Vector = tuple[float, float, float]
 
@@ -43,9 +44,8 @@ def evaded(
 ) -> np.ndarray:
     places, layout = seen(others, own)
     table = np.full(len(places), state, np.uint8)
-    return np.array(
-        kept_apart(wanted, position, velocity, places, layout, table, step, DT, LEAST_M, RATE)
-    )
+    flown = wanted, position, velocity, CALM, SLOWEST_M_S
+    return np.array(kept_apart(*flown, places, layout, table, step, DT, LEAST_M, RATE))
 
 
 class Uav:
@@ -178,6 +178,20 @@ def test_one_that_is_hurt_is_evaded_by_the_other_alone(
     known = least(4 * LOST + STAY)
     assert known >= MET
     assert known >= least(0) - 1e-6
+
+
+@pytest.mark.parametrize("own", [0, 1])
+def test_one_that_is_hurt_and_too_slow_to_be_followed_is_passed_above(own: int) -> None:
+    wanted, behind = (40.0, 0.0, 0.0), (-20.0, 0.0, 0.0)
+
+    def climb(speed: float, state: int) -> float:
+        theirs = place(np.zeros(3), np.array([speed, 0.0, 0.0]))
+        return -float(evaded(wanted, behind, wanted, theirs, own, state=state)[2])
+
+    hurt, usual = 4 * LOST + STAY, 3.0 if own == 0 else -3.0
+    assert climb(SLOWEST_M_S - 5.0, hurt) == pytest.approx(8.0)
+    assert climb(SLOWEST_M_S + 1.0, hurt) == pytest.approx(usual)
+    assert climb(SLOWEST_M_S - 5.0, 0) == pytest.approx(usual)
 
 
 def test_the_nearest_member_is_where_it_has_gone_since_it_told() -> None:

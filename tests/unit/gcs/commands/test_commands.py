@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from gcs import cli
 from gcs.cli import COMMANDS, app, whole_command
 from gcs.errors import BadInput
 from mavlink_defs.config.models import ConfigError
@@ -209,3 +210,27 @@ def test_trim_prints_steady_flights_as_tables_and_as_json() -> None:
     lowest = min(trim["position"] for trim in trims if trim["stuck"] == "aileron")
     assert lowest > 1.0  # 1.4 times the yawing moment: the true aircraft needs more rudder
     assert not any(trim["beyond"] for trim in trims)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("arm", "--timeout", "soon"), "--timeout: expected a number, got 'soon'"),
+        (("arm", "--timeout", "0"), "--timeout: expected at least 0.1, got '0'"),
+        (("fly", "x", "--row", "1.5"), "--row: expected a whole number, got '1.5'"),
+        (("trim", "x", "--roll", "99"), "--roll: expected at most 80"),
+        (("param", "set", "NAME", "x"), "VALUE: expected a number, got 'x'"),
+        (("fly", "x", "--record", "all"), "--record: 'all' is not one of 'full', 'light'"),
+    ],
+)
+def test_a_wrong_value_is_named_with_what_is_expected(
+    arguments: tuple[str, ...],
+    told: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["gcs", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith(f"error: {told}")

@@ -45,6 +45,7 @@ def test_help(
     assert not ended.value.code
     assert re.search(rf"sage: .*\b{' '.join(command[1:])} ", text)
     assert "…" not in text
+    assert "[[" not in text
     assert not re.search(r"<\w|list\[|Path\]|\bNone\b", text)
     assert max(map(len, text.splitlines())) <= int(columns)
 

@@ -69,6 +69,26 @@ def test_lines_appear_while_nothing_moves(
     assert captured.out == ""
 
 
+def test_silence_is_counted_over_all_that_a_command_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    printed, now = threading.Event(), 0.0
+
+    def line(_: Task) -> str:
+        printed.set()
+        return "a line"
+
+    monkeypatch.setattr(Task, "line", line)
+    monkeypatch.setattr(progress.Work, "last_line_s", 0.0)
+    monkeypatch.setattr("gcs.commands.progress.time.monotonic", lambda: now)
+    with working(console_of(), "the first half"):
+        now = 0.8 * progress.EVERY_S
+    with working(console_of(), "the second half"):
+        now = 1.2 * progress.EVERY_S
+        assert printed.wait(10.0)
+    printed.clear()
+    with working(console_of(), "the rest"):
+        assert not printed.wait(3.0 * progress.LOOK_S)
+
+
 def campaign_file(folder: Path) -> Path:
     """A campaign of two short flights."""
     base = {"extends": "paper/scenario1", "duration_s": 0.05, "faults": []}

@@ -23,7 +23,16 @@ import gcs
 from ftc_autopilot.control.laws import KINDS
 from gcs.figures import mission, overview
 from gcs.figures.flown import PlottedFlight
-from gcs.figures.style import REFERENCE, SINGLE, STYLES, frame, new_figure, save, usual_range
+from gcs.figures.style import (
+    REFERENCE,
+    SINGLE,
+    STYLES,
+    frame,
+    new_figure,
+    save,
+    style,
+    usual_range,
+)
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.baselines.combinations import AIRCRAFT, Combination
 from gcs.lab.campaigns.findings import Findings, findings_of
@@ -228,6 +237,10 @@ def test_the_palette_can_be_distinguished_by_every_reader() -> None:
     assert_distinguishable({SINGLE, STYLES[1].colour})
 
 
+def test_no_two_of_a_large_fleet_look_the_same() -> None:
+    assert len({(style(i).colour, style(i).dashes) for i in range(18)}) == 18
+
+
 def spans(figure: Figure) -> np.ndarray:
     """Lengths of the y axes of signals over time: not of maps, not of intervals between events."""
     return np.array(
@@ -270,6 +283,21 @@ def test_the_usual_range_is_within_the_full_one(shown: list[float], step_s: floa
     axes = new_figure(2.0).subplots()
     frame(axes, [curve], low, high)
     assert np.isfinite(axes.get_ylim()).all()
+
+
+@given(st.floats(-1e3, 1e3), st.floats(0.01, 10.0), st.floats(0.5, 100.0))
+@example(40.0, 0.05, 5.0)
+def test_a_note_says_how_far_a_signal_leaves_its_axis(
+    base: float, amplitude: float, peak: float
+) -> None:
+    curve = base + amplitude * np.sin(np.arange(2000) / 50.0)
+    curve[7] = base + (1.1 + peak) * amplitude
+    axes = new_figure(2.0).subplots()
+    frame(axes, [curve], base - amplitude, base + amplitude)
+    noted = float(axes.get_title("right").removeprefix("max ").replace("−", "-"))
+    top = axes.get_ylim()[1]
+    assert abs(noted - curve[7]) <= 0.5 * (curve[7] - top)
+    assert noted > top
 
 
 @given(st.integers(0, 23_900), st.integers(1, 100), st.floats(10.0, 1e9))

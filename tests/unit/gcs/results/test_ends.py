@@ -67,7 +67,7 @@ def test_the_tables_of_a_flight_have_its_lowest_altitude(scenario1: Scenario) ->
     scenario = diving(scenario1, 2, 1.0, -30.0)
     summary = summarise(fly_in_process(scenario), scenario)
     shown = [str(line) for line in flight_tables(summary, scenario)]
-    assert any("lowest altitude -0.0" in line and "of UAV 2" in line for line in shown)
+    assert any("lowest altitude 0.00 m above the ground, of UAV 2" in line for line in shown)
     assert figures_of(summary)["uav2.lowest_altitude_m"] == summary.uavs[1].lowest_altitude_m
 
 

@@ -1,10 +1,12 @@
 """The map and the mission list, without a fleet."""
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import plotext  # type: ignore[import-untyped]  # has no annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,7 +20,8 @@ from gcs.errors import CommandRefused
 from gcs.station.mission import Mission, is_same
 from gcs.station.navigation import Home, home_of
 from gcs.tui.app import Dashboard
-from gcs.tui.map_drawing import Scene, Window, scene_of, wind_text
+from gcs.tui.curves import Palette
+from gcs.tui.map_drawing import Scene, Window, draw_map, scene_of, wind_text
 from gcs.tui.mission_list import MissionList, PlaceError, read_place
 from gcs.tui.missions import MapView, MissionsPanel
 from mavlink_defs import dialect
@@ -226,6 +229,19 @@ def test_the_scene_has_all_that_was_told() -> None:
     passed_by.param3 = -300.0
     ((centre, radius),) = scene_of(states, 1, (HOME.item(), passed_by), 100).circles
     assert (*centre, radius) == pytest.approx((800.0, 0.0, 300.0), abs=0.1)
+
+
+def test_an_item_that_is_jumped_to_has_its_number_once_on_the_map() -> None:
+    route = scene_of([fleet().fleet.vehicles[1]], 1, triangle(), 100).route
+    plotext.clear_figure()
+    plotext.limit_size(False, False)
+    plotext.plotsize(60, 20)
+    grey = (9, 9, 9)
+    palette = Palette(grey, grey, grey, (grey, grey, grey, grey), grey, grey)
+    draw_map(plotext, Scene(route=route), Window(), (60, 20), palette)
+    lines = plotext.uncolorize(plotext.build()).splitlines()[1:-2]
+    text = " ".join(re.split("[┤│]", line, maxsplit=1)[1] for line in lines)
+    assert re.findall(r"\d", text) == ["1", "2", "3"]
 
 
 @given(

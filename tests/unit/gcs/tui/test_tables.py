@@ -11,8 +11,9 @@ from tui_bench import Station, at_screen, live, sent
 
 from gcs.station.fault_text import describe_fault
 from gcs.tui.app import Dashboard
+from gcs.tui.events import EventLog
 from gcs.tui.fleet_table import _GROUP_WIDTH, _LEAST_FAULTS, FleetTable
-from gcs.tui.grid import _fit
+from gcs.tui.grid import Column, Row, _fit
 from gcs.tui.key_bar import KeyBar
 from gcs.tui.wire_panel import WirePanel
 from mavlink_defs import dialect
@@ -44,6 +45,23 @@ def test_no_number_in_a_text_is_cut(parts: list[str], width: int) -> None:
     text = "|".join(parts)
     fitted = _fit(text, width, "left")
     assert set(NUMBER.findall(fitted)) <= set(NUMBER.findall(text))
+
+
+def test_a_scroll_bar_hides_no_text() -> None:
+    station = Station(1)
+    text = "words " * 50
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        grid = app.query_one(EventLog)
+        for count, there in ((1, False), (99, True), (1, False)):
+            rows = [Row(i, ((text, ""),)) for i in range(count)]
+            grid.show([Column("text", 0, "left")], rows)
+            await pilot.pause()
+            assert grid.show_vertical_scrollbar == there
+            room = grid.scrollable_content_region.width
+            assert grid.render_line(1).text == _fit(text, room, "left")
+
+    at_screen(live(station), work)
 
 
 @given(value=st.floats(allow_nan=False), width=st.integers(1, 9), digits=st.integers(0, 3))

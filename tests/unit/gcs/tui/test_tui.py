@@ -151,6 +151,14 @@ def test_the_fault_history_knows_who_acknowledged_what_and_when() -> None:
     assert fault_history.last.cleared is not None
 
 
+def test_a_fault_is_in_the_history_as_soon_as_it_is_listed() -> None:
+    station = Station(3)
+    source = live(station)
+    for notification in station.fleet.vehicles[3].learn_faults((RUDDER,), station.time_s):
+        source.receive(notification)
+    assert source.fault_history.last is not None
+
+
 def test_a_restarted_vehicle_has_lost_its_faults() -> None:
     fault_history, state = FaultHistory(OWN), VehicleState(SystemId(3, 1), 0.0)
     state.faults = (RUDDER,)

@@ -1,5 +1,7 @@
 """Keys pressed at the dashboard, without a fleet."""
 
+import asyncio
+
 from textual.pilot import Pilot
 from tui_bench import Station, at_screen, live, playback
 from waiting import answer, until, until_focused
@@ -7,6 +9,7 @@ from waiting import answer, until, until_focused
 from gcs.errors import CommandRefused, NoAnswer
 from gcs.tui.app import Dashboard
 from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.view import LiveSource
 from mavlink_defs.faults import Fault
 
 
@@ -111,22 +114,30 @@ def test_a_grid_keeps_its_cursor_on_what_it_stands_for() -> None:
 
 
 class FaultyVehicle:
-    """A vehicle that takes faults."""
+    """A vehicle that takes faults, and lists them when it is asked."""
 
-    def __init__(self, system: int) -> None:
+    def __init__(self, source: LiveSource, system: int) -> None:
         self.system, self.refuses = system, False
         self.faults: list[Fault] = []
+        self._source = source
 
     async def set_fault(self, fault: Fault) -> None:
         if self.refuses:
             raise CommandRefused(f"UAV {self.system} refused", 1)
         self.faults.append(fault)
 
+    async def list_faults(self) -> None:
+        await asyncio.sleep(0.2)
+        state = self._source.fleet.vehicles[self.system]
+        for notification in state.learn_faults(tuple(self.faults), self._source.now()):
+            self._source.receive(notification)
+
 
 def test_the_fault_form_is_left_after_an_accepted_fault_of_the_marked_vehicles() -> None:
     station = Station(1, 2, 3)
+    source = live(station)
     for system in (1, 2, 3):
-        station.vehicles[system] = FaultyVehicle(system)
+        station.vehicles[system] = FaultyVehicle(source, system)
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
         await pilot.press("space", "down", "space", "3")
@@ -154,4 +165,25 @@ def test_the_fault_form_is_left_after_an_accepted_fault_of_the_marked_vehicles()
         await pilot.press("C")  # is a key again
         await until(pilot, lambda: "Clear all faults of UAV 1, 2" in shown(app))
 
-    at_screen(live(station), work, (80, 24))
+    at_screen(source, work, (80, 24))
+
+
+def test_the_fault_repeated_is_the_one_just_accepted() -> None:
+    station = Station(1, 2, 3)
+    source = live(station)
+    for system in (1, 2, 3):
+        station.vehicles[system] = FaultyVehicle(source, system)
+    station.vehicles[3].faults.append(Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0))
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        await station.vehicles[3].list_faults()
+        await pilot.press("3", "n")
+        await until_focused(pilot, "actuator")
+        await pilot.press("tab", "tab", *"0.5", "ctrl+s")
+        await until_focused(pilot, "fault-list")  # accepted
+        await pilot.press("r")
+        faults = [station.vehicles[system].faults for system in (1, 2, 3)]
+        await until(pilot, lambda: sum(map(len, faults)) == 3)
+        assert faults[0] == faults[1] != []
+
+    at_screen(source, work, (80, 24))

@@ -34,8 +34,16 @@ def test_equal_campaigns_pass() -> None:
 def test_new_failures_of_any_kind_close_the_gate(outcome: str) -> None:
     [check] = checked(samples({"a": GOOD}), samples({"a": lost(8, outcome)}))
     assert check.violated
-    assert "32 of 40 flights, was 40 of 40; worse in 8 draws, better in 0" in check.text
+    assert "success in 32 of 40 flights, was 40 of 40; worse in 8 draws, better in 0" in check.text
     assert "the same 40 draws; p = 0.00391" in check.text  # 1 / 2⁸
+
+
+def test_an_event_counts_worse_outcomes_and_says_so() -> None:
+    new = samples({"a": lost(2, "ground")})
+    rules = "p(heading_lost) > 0.5 at 95 %", "worse p(heading_lost) at 95 %"
+    absolute, relative = checked(samples({"a": GOOD}), new, *rules)
+    assert "heading_lost or worse in 2 of 40 flights; p is" in absolute.text
+    assert "heading_lost or worse in 2 of 40 flights, was 0 of 40" in relative.text
 
 
 def test_fewer_failures_are_not_worse() -> None:

@@ -11,6 +11,7 @@ from campaign_tables import UAVS, campaign, draws_table, results_table, write_ca
 
 from gcs.errors import BadInput
 from gcs.lab.campaigns.findings import Findings, findings_of
+from gcs.lab.campaigns.importance import Importance
 from gcs.lab.campaigns.report import write_report
 from gcs.lab.campaigns.until import is_decided, note_condition, stopping_condition
 from gcs.lab.figures.campaign import distributions, importance, sobol_indices, two_factors
@@ -278,6 +279,16 @@ def test_the_factor_that_matters_is_named_first(mixed: Findings) -> None:
     figure = importance(mixed)
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert labels[0] == "mass"  # the figures of these tables grow with it
+
+
+def test_a_bar_of_no_length_has_no_direction(
+    mixed: Findings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = [Importance("mass", 0.4, -0.4, 0.1, 60), Importance("drag", 0.0, 0.0, 1.0, 60)]
+    both = {"failure": own, "tracking error": own}
+    monkeypatch.setattr(Findings, "importances", lambda *_: both)
+    for panel in importance(mixed).axes:
+        assert [text.get_text() for text in panel.texts] == ["−", "−"]  # of two variants
 
 
 def test_a_uav_that_a_variant_lacks_is_no_failure(tmp_path: Path) -> None:
