@@ -13,8 +13,8 @@ from pydantic import AfterValidator, Field, model_validator
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.triggers import Trigger
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers import MODES, Trigger
+from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
@@ -62,15 +62,13 @@ def trigger_problems(
     yield from ((("trigger", *loc), text) for loc, text in trigger.misfits(step_us))
     if type(controller).goes_with(trigger.mode):
         return
-    if controller.CHOOSES:
-        text = "expected 'consequence' or 'periodic', as the law"
-        yield (
-            ("trigger", "mode"),
-            f"{text} {controller.kind!r} chooses what is sent, got {trigger.mode!r}",
-        )
+    if controller.SELECTS_CHANNELS:
+        able = " or ".join(map(repr, sorted(filter(controller.goes_with, MODES))))
+        text = f"expected {able}, as the law {controller.kind!r} chooses what is sent"
+        yield ("trigger", "mode"), f"{text}, got {trigger.mode!r}"
     else:
-        chooses = ", ".join(kind for kind, law in LAWS.items() if law.CHOOSES)
-        text = f"'consequence' needs a law that chooses what is sent ({chooses})"
+        able = ", ".join(kind for kind, law in LAWS.items() if law.SELECTS_CHANNELS)
+        text = f"{trigger.mode!r} needs a law that chooses what is sent ({able})"
         yield ("trigger", "mode"), f"{text}, got the law {controller.kind!r}"
 
 

@@ -2,30 +2,9 @@
 
 import numpy as np
 
-from sitl_plant.config import Aircraft
+from sitl_plant.config import Aircraft, Coefficients
 
-COEFFICIENTS = (
-    "cL0",
-    "cL_alpha",
-    "cD0",
-    "cY_beta",
-    "cl0",
-    "cl_beta",
-    "cl_p",
-    "cl_r",
-    "cl_da",
-    "cl_dr",
-    "cm0",
-    "cm_alpha",
-    "cm_q",
-    "cm_de",
-    "cn0",
-    "cn_beta",
-    "cn_p",
-    "cn_r",
-    "cn_da",
-    "cn_dr",
-)
+COEFFICIENTS = tuple(Coefficients.model_fields)
 """Aerodynamic coefficients and derivatives, per rad."""
 
 AIRCRAFT = np.dtype(

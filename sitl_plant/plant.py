@@ -21,11 +21,12 @@ from sitl_plant.rigid_body import (
     State,
     advance,
     load_state,
+    specific_force,
     state_derivative,
     store_state,
 )
 from sitl_plant.servo import end_period, positions
-from sitl_plant.vec3 import Vec3, add, mul, norm, scale, sub, vec3
+from sitl_plant.vec3 import Vec3, add, mul, norm, sub, vec3
 from sitl_plant.wind import air_around
 
 PITCH_MAX_RAD = math.radians(89.0)
@@ -121,7 +122,7 @@ def step_aircraft(
 
 
 @compiled
-def specific_force(
+def specific_force_at(
     x: np.ndarray,
     step: int,
     step_us: int,
@@ -148,7 +149,7 @@ def specific_force(
     moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
     real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
-    return add(scale(1.0 / aircraft["m"], (air.F[0] + real[THROTTLE], air.F[1], air.F[2])), d_v)
+    return add(specific_force(air, real[THROTTLE], aircraft), d_v)
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Delays and losses between an autopilot and its aircraft, made up for by the nominal model.
+"""State predictor: compensates a known delay and bridges lost samples with the nominal model.
 
 A law that is given a state of now commands what acts only later. With a known delay it is given
 the state at that time instead: the measured one, predicted over the delay under the commands that
@@ -15,8 +15,8 @@ from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.aerodynamics import aerodynamics
-from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
-from sitl_plant.vec3 import Vec3, add, scale, sub, vec3
+from sitl_plant.rigid_body import STILL_AIR, State, advance, specific_force, state_derivative
+from sitl_plant.vec3 import Vec3, add, sub, vec3
 
 LONGEST_S = 0.1
 """Longest delay that is predicted over, and longest gap that is made up for [s]."""
@@ -142,7 +142,8 @@ def predicted(
     v, omega = sub(vec3(measured["velocity"]), wind), vec3(measured["rates"])
     state: State = (vec3(measured["position"]), v, vec3(measured["attitude"]), omega)
     thrust, _ = _acting(delay, step - ahead - 1)
-    d_v = sub(vec3(measured["specific_force"]), _specific_force(v, omega, thrust, aircraft))
+    air = aerodynamics(v, omega, aircraft)
+    d_v = sub(vec3(measured["specific_force"]), specific_force(air, thrust, aircraft))
     for k in range(ahead):
         thrust, delta = _acting(delay, step - ahead + k)
         derivative = state_derivative(
@@ -156,7 +157,8 @@ def predicted(
     result: np.void = delay["predicted"]
     copy_record(result, measured)
     velocity = add(state[1], wind)
-    force = add(_specific_force(state[1], state[3], thrust, aircraft), d_v)
+    air = aerodynamics(state[1], state[3], aircraft)
+    force = add(specific_force(air, thrust, aircraft), d_v)
     for i in range(3):
         result["velocity"][i] = velocity[i]
         result["attitude"][i] = state[2][i]
@@ -170,13 +172,6 @@ def _acting(delay: np.void, step: int) -> tuple[float, Vec3]:
     """Return thrust [N] and surfaces [rad] that were sent last at a step."""
     row = delay["commands"][step % _MEMORY]
     return row[THROTTLE], (row[AILERON], row[ELEVATOR], row[RUDDER])
-
-
-@compiled
-def _specific_force(v: Vec3, omega: Vec3, thrust: float, aircraft: np.void) -> Vec3:
-    """Return the nominal specific force, body axes [m/s²]."""
-    air = aerodynamics(v, omega, aircraft)
-    return scale(1.0 / aircraft["m"], (air.F[0] + thrust, air.F[1], air.F[2]))
 
 
 @compiled

@@ -8,7 +8,13 @@ import math
 import numpy as np
 
 from ftc_autopilot.common.motion import Motion, fill_neighbour_state, motion_of
-from ftc_autopilot.control.controller import control_step, count_events, no_signals
+from ftc_autopilot.control.controller import (
+    Inputs,
+    Records,
+    control_step,
+    count_events,
+    no_signals,
+)
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
@@ -178,20 +184,16 @@ def _control(
         profile_value(controllers.profiles[i], clock, guidance["command"])
     elif on_path:
         _guide(controllers, i, measured, motion, neighbours, clock, dt)
-    mask = control_step(
-        clock,
-        dt,
-        motion,
-        guidance["command"],
-        neighbours,
-        controllers.weights[i],
+    weights = controllers.weights[i]
+    inputs = Inputs(clock, dt, motion, guidance["command"], neighbours, weights)
+    records = Records(
         controllers.aircraft[i],
         controllers.parameters[i],
         controllers.states[i],
         controllers.actuators[i]["controls"],
         controllers.signals[i],
-        may_send,
     )
+    mask = control_step(inputs, records, may_send)
     if on_path and controllers.layouts[i]["count"] > 0:
         own, path, layout = controllers.own_states[i], controllers.paths[i], controllers.layouts[i]
         tell_place(own, path["id"], measured, motion, dt, layout, controllers.formations[i])

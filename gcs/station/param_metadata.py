@@ -16,7 +16,7 @@ from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters

@@ -53,6 +53,7 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
         (stepping, "_step"),
         (stepping, "_control"),
         (stepping, "control_step"),
+        (controller, "_step"),
         (controller, "evaluate"),
         (all_laws, "proposed_law"),
     )

@@ -20,21 +20,26 @@ _Times = tuple[_Time, _Time, _Time]
 _UNLIMITED_DEG_S = 1e6
 
 
-class Diagnosis(Model):
-    """Parameters of the diagnosis; triples are aileron, elevator, rudder."""
+class DiagnosisParameters(Model):
+    """Parameters of the diagnosis; triples are aileron, elevator, rudder.
+
+    Where no other reason is given, a value was found on the scenarios of `scenarios/faults`, ideal,
+    realistic and turbulent, and on the random aircraft of the campaign `stuck_surface`: no healthy
+    actuator is blamed there, and losses are found soonest.
+    """
 
     servo_lag_s: float | None = quantity(
         "s",
         ge=0.0,
         le=10.0,
         default=None,
-        doc="Lag of the servos, as the diagnosis models them; that of `servos` unless given.",
+        doc="Lag of the servos, as the diagnosis models them; from `servos` unless given.",
     )
     servo_rate_limit_deg_s: float | None = quantity(
-        "deg/s", gt=0.0, le=_UNLIMITED_DEG_S, default=None, doc="Their rate limit, likewise."
+        "deg/s", gt=0.0, le=_UNLIMITED_DEG_S, default=None, doc="Their rate limit; the same."
     )
     throttle_lag_s: float | None = quantity(
-        "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust, likewise."
+        "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust; the same."
     )
     filter_s: float = quantity(
         "s", gt=0.0, le=1.0, default=0.01, doc="Filter of measurement and command."
@@ -86,6 +91,101 @@ class Diagnosis(Model):
     )
     probe_s: float = quantity("s", gt=0.0, default=0.5, doc="Half period of the latter.")
 
+    jump_start_s: float = quantity(
+        "s", ge=0.0, default=0.3, doc="Jump test: start-up inhibit, while the aircraft is trimmed."
+    )
+    mean_s: float = quantity(
+        "s", gt=0.0, default=0.15, doc="Jump test: memory of the residual's mean (EWMA)."
+    )
+    smooth_s: float = quantity(
+        "s",
+        gt=0.0,
+        default=0.015,
+        doc="Jump test: filter of the smoothed residual, against gyro noise.",
+    )
+    sigma_s: float = quantity(
+        "s", gt=0.0, default=5.0, doc="Jump test: memory of the residual's variance (EWMA)."
+    )
+    first_sigma_s: float = quantity(
+        "s",
+        gt=0.0,
+        default=0.1,
+        doc="Jump test: memory of the variance at first, which then grows.",
+    )
+    slight: float = quantity(
+        "", ge=1.0, default=2.0, doc="Jump test: a jump below this many thresholds is slight."
+    )
+    blanking: float = quantity(
+        "", ge=0.0, default=1.5, doc="Blanking time by `filter_s`: most of a step has passed it."
+    )
+    slight_blanking: float = quantity(
+        "", ge=0.0, default=0.5, doc="Blanking time after a slight jump, by `filter_s`."
+    )
+    holdoff_s: float = quantity(
+        "s", ge=0.0, default=0.25, doc="Hold-off: no second jump counts for this time."
+    )
+    cleared_holdoff_s: float = quantity(
+        "s", ge=0.0, default=0.05, doc="Hold-off after a cleared suspicion: the dither's way back."
+    )
+    cooldown_s: float = quantity(
+        "s", ge=0.0, default=2.5, doc="Cooldown after a suspicion, which its dither would renew."
+    )
+    early_s: float = quantity(
+        "s", ge=0.0, default=0.5, doc="Cooldown: this much less for a jump that is not slight."
+    )
+    remembered: float = quantity(
+        "", ge=0.0, le=1.0, default=0.1, doc="Share of the long memory that a jump leaves (reset)."
+    )
+    drift: float = quantity(
+        "", gt=0.0, default=1.6, doc="Drift test: threshold by that of the jump test."
+    )
+    drift_mean_s: float = quantity(
+        "s", gt=0.0, default=4.0, doc="Drift test: memory of the residual's slower mean (EWMA)."
+    )
+    drift_start_s: float = quantity(
+        "s", ge=0.0, default=1.5, doc="Drift test: start-up inhibit, while that mean settles."
+    )
+    loss_start_s: float = quantity(
+        "s", ge=0.0, default=0.5, doc="Loss: start-up inhibit of the decision."
+    )
+    excitation_sigma: float = quantity(
+        "", ge=0.0, default=2.1, doc="Persistent excitation: least, by the residual's deviation."
+    )
+    least_window_s: float = quantity(
+        "s", ge=0.0, default=0.006, doc="Persistent excitation: shortest window."
+    )
+    min_response_ratio: float = quantity(
+        "", gt=0.0, default=0.4, doc="Loss: variance of the response by the command's below this."
+    )
+    lost_margin: float = quantity(
+        "", ge=0.0, default=0.4, doc="Loss: room of 1.5 standard errors above `lost_effectiveness`."
+    )
+    following: float = quantity(
+        "", gt=0.0, lt=1.0, default=0.5, doc="Cleared: effectiveness less its error above this."
+    )
+    return_start_s: float = quantity(
+        "s", ge=0.0, default=0.25, doc="Return test: none sooner, the probe has to move first."
+    )
+    throttle_return_start_s: float = quantity(
+        "s", ge=0.0, default=0.3, doc="Return test: the same of the throttle's long memory."
+    )
+    return_confirm_s: float = quantity(
+        "s", ge=0.0, default=0.05, doc="Return test: confirmation time."
+    )
+    quiet: float = quantity(
+        "", gt=0.0, default=0.75, doc="Return test: a small residual, by the threshold of a jump."
+    )
+    return_effectiveness: float = quantity(
+        "",
+        gt=0.0,
+        lt=1.0,
+        default=0.6,
+        doc="Return test: least effectiveness over the long memory.",
+    )
+    return_r2: float = quantity(
+        "", gt=0.0, lt=1.0, default=0.6, doc="Return test: least coefficient of determination R²."
+    )
+
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters with the slowest of the servos, where none are given."""
         surfaces = (servos.aileron, servos.elevator, servos.rudder)
@@ -99,7 +199,7 @@ class Diagnosis(Model):
         return self.model_copy(update=left_open)
 
 
-class Thresholds(NamedTuple):
+class Limits(NamedTuple):
     """The numbers of one actuator, in rad or N and s."""
 
     jump: float
@@ -110,20 +210,20 @@ class Thresholds(NamedTuple):
     confirm: float
     offset: float
     suspicion: float  # how long one lasts
-    ahead: float  # of the end of a blank, when a suspect surface begins to move
-    quiet: float  # residual that is small through a movement of the probe, if it lasts this long
+    ahead: float  # of the end of the blanking time, when the dither of a suspect surface begins
+    quiet: float  # for which a small residual has lasted through a movement of the probe
 
 
 _MORE_THAN_HALF = 1.04  # a period of the probe
 _SUSPICION_S, _RUDDER_SUSPICION_S = 0.6, 0.9
-_AHEAD_S = 0.005  # most of the movement comes after the blank; the rudder's begins at once
+_AHEAD_S = 0.005  # most of the movement comes after the blanking time; the rudder's begins at once
 
 
 @compiled
-def thresholds_of(gains: np.void, j: int) -> Thresholds:
-    """Return the thresholds of actuator j from a record made of `Diagnosis`."""
+def limits_of(gains: np.void, j: int) -> Limits:
+    """Return the limits of actuator j from a record made of `DiagnosisParameters`."""
     if j == THROTTLE:
-        return Thresholds(
+        return Limits(
             gains["jump_n"],
             math.inf,
             gains["excitation_n"],
@@ -135,7 +235,7 @@ def thresholds_of(gains: np.void, j: int) -> Thresholds:
             0.0,
             math.inf,
         )
-    return Thresholds(
+    return Limits(
         gains["jump_rad"][j],
         gains["smooth_jump_rad"][j],
         gains["excitation_rad"][j],

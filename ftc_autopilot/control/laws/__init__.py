@@ -11,11 +11,12 @@ import numpy as np
 from pydantic import Discriminator, Tag
 
 from ftc_autopilot.control.laws.backstepping import Backstepping, backstepping_law
-from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
+from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.laws.pid import Pid, pid_law
 from ftc_autopilot.control.laws.proposed import Proposed, proposed_law
 from ftc_autopilot.control.laws.surviving import Surviving, surviving_law
 from ftc_autopilot.control.laws.tube import Tube, tube_law
+from ftc_autopilot.control.step import Command, Step
 from mavlink_defs.runtime.jit import compiled
 
 
@@ -47,8 +48,8 @@ _TUBE = KINDS.index("tube")
 
 @compiled
 def evaluate(
-    now: Instant, aircraft: np.void, parameters: np.void, states: np.void, signals: np.void
-) -> Demand:
+    now: Step, aircraft: np.void, parameters: np.void, states: np.void, signals: np.void
+) -> Command:
     """Evaluate the law that a scenario has chosen, and advance its state.
 
     Args:
@@ -65,17 +66,7 @@ def evaluate(
     if law == _PID:
         return pid_law(now, aircraft, parameters["pid"], states["pid"])
     if law == _SURVIVING:
-        gains, state = parameters["surviving"], states["surviving"]
-        return surviving_law(now, aircraft, gains, state, signals)
+        return surviving_law(now, aircraft, parameters["surviving"], states["surviving"], signals)
     if law == _TUBE:
-        demand, states["chosen"] = tube_law(
-            now,
-            aircraft,
-            parameters["tube"],
-            states["tube"],
-            states["reference"],
-            parameters["common"]["reference_bandwidth_rad_s"],
-            signals,
-        )
-        return demand
+        return tube_law(now, aircraft, parameters["tube"], states["tube"], signals)
     return proposed_law(now, aircraft, parameters["proposed"], states["proposed"], signals)

@@ -11,13 +11,18 @@ import numpy as np
 from pydantic import Discriminator, Tag
 
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
-from ftc_autopilot.control.triggers.consequence import Consequence, consequence
 from ftc_autopilot.control.triggers.dynamic import Dynamic, dynamic
-from ftc_autopilot.control.triggers.joint import Joint, joint
-from ftc_autopilot.control.triggers.per_channel import PerChannel, per_channel
 from ftc_autopilot.control.triggers.periodic import Periodic, Times, clock, periodic
 from ftc_autopilot.control.triggers.periodic_event import PeriodicEvent, periodic_event
 from ftc_autopilot.control.triggers.self_triggered import SelfTriggered, self_triggered
+from ftc_autopilot.control.triggers.static import (
+    Consequence,
+    Joint,
+    PerChannel,
+    consequence,
+    joint,
+    per_channel,
+)
 from mavlink_defs.runtime.jit import compiled
 
 

@@ -22,6 +22,7 @@ class Periodic(TriggerParameters):
 
     STATE: ClassVar[np.dtype] = np.dtype([("steps", "i8")])  # made so far
     BY_THRESHOLD: ClassVar[bool] = False
+    BY_CLOCK: ClassVar[bool] = True
 
     mode: Literal["periodic"] = Field(default="periodic", description="Name of the trigger.")
 

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps
-from ftc_autopilot.control.triggers.per_channel import per_channel
+from ftc_autopilot.control.triggers.static import per_channel
 from mavlink_defs.config.models import Loc
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled

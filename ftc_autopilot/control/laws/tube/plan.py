@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import clamp
 
 _NO_INFLUENCE = 1e-9  # of a command on an output
 
@@ -68,4 +69,4 @@ def best_change(
         along -= weight * influence[k] * error[k]
         squared += weight * influence[k] * influence[k]
     change = along / squared if squared > 0.0 else 0.0
-    return Plan(min(max(change, low), high), leaves)
+    return Plan(clamp(change, low, high), leaves)

@@ -49,7 +49,7 @@ def predict(
         commands: Held from now on: aileron, elevator, rudder [rad], thrust [N], shape (4,).
         h: Step [s].
         rows: Steps.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         outputs: Airspeed, roll, pitch, yaw, shape (4, at least rows), written.
     """
     state, servo = start.state, start.servo
