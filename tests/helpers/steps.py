@@ -12,7 +12,7 @@ from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.framing.codec import NEIGHBOUR
 
 NOTHING = (0.0, 0.0, 0.0)
-COMMANDS = (0.05, 0.08, 0.3, 900.0)  # in force [rad, rad, rad, N]
+COMMANDS = np.array([0.05, 0.08, 0.3, 900.0])  # in force [rad, rad, rad, N]
 
 
 def step_of(motion: Any, first: bool = False, **changes: Any) -> Step:
@@ -27,7 +27,7 @@ def step_of(motion: Any, first: bool = False, **changes: Any) -> Step:
         filtered=np.array([[45.0, 0.0, 0.0], NOTHING, NOTHING, NOTHING]),
         bandwidth=2.5,
         errors=FormationErrors(0.0, NOTHING, 0.0, NOTHING, 1.0, 1.0, 0.0, NOTHING),
-        held=np.array(COMMANDS),
+        held=COMMANDS.copy(),
         thresholds=Thresholds((0.01, 1.0), (0.01, math.radians(1.0))),
         due=0,
         clock_s=(0.0, 0.0, 0.0, 0.0),

@@ -1,5 +1,6 @@
 """Parameters and state of the surviving law."""
 
+import warnings
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -92,7 +93,8 @@ class FaultTolerant(LawParameters):
             yield problem
             return
         try:
-            gains_of(aircraft)
+            with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
+                gains_of(aircraft)
         except ValueError:  # of the linear algebra, which names neither aircraft nor cause
             yield "rudder or thrust alone cannot hold it, so that the loops without a surface fail"
 

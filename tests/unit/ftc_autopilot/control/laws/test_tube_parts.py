@@ -328,7 +328,7 @@ def test_its_commands_are_sent_by_the_papers_triggers(
     rudder: float, thrust: float, factor: float, nominal: np.void
 ) -> None:
     now = step_of(measured(nominal))
-    thresholds, commands = coarser(now.thresholds, factor), np.array(COMMANDS)
+    thresholds, commands = coarser(now.thresholds, factor), COMMANDS.copy()
     command = Command((0.0, 0.0, rudder), thrust, ALL)
     stop = nominal["surface_limit"]
     wanted = min(max(rudder, -stop), stop)
