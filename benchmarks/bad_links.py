@@ -151,7 +151,7 @@ def _exchange(autopilots: dict[int, _Autopilot]) -> None:
     """Deliver what every autopilot has told its neighbours."""
     for autopilot in autopilots.values():
         for d, uav in enumerate(autopilot.neighbours):
-            hear(autopilot.controllers, 0, d, autopilots[uav].controllers.told[0])
+            hear(autopilot.controllers, 0, d, autopilots[uav].controllers.last_broadcast[0])
 
 
 def scenario_with(law: str, duration_s: float) -> Scenario:

@@ -12,6 +12,7 @@ import numpy as np
 
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 
 _EMPTY = -1
 
@@ -72,7 +73,11 @@ def clear_faults(row: np.ndarray, actuator: int) -> None:
 
 @compiled
 def apply_faults(
-    commanded: Controls, t: float, interval_start: float, faults: np.ndarray, aircraft: np.void
+    commanded: Controls,
+    t: float,
+    interval_start: float,
+    faults: np.ndarray,
+    aircraft: AircraftRecord,
 ) -> Controls:
     """Return what the actuators do under faults, eqs. (13) and (19): ρ · commanded + f(t).
 
@@ -85,7 +90,7 @@ def apply_faults(
         t: Time at which f is wanted [s], inside the interval.
         interval_start: Start of the integration interval [s].
         faults: One aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
-        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: The aircraft.
     """
     da, de, dr, thrust = commanded
     for i in range(len(faults)):

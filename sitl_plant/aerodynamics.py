@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import Mat3, Vec3, add, mul, mul_t, norm, scale
 
 
@@ -34,13 +35,13 @@ def R3(alpha: float, beta: float) -> Mat3:
 
 
 @compiled
-def aerodynamics(v: Vec3, omega: Vec3, aircraft: np.void) -> Aerodynamics:
+def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics:
     """Evaluate eqs. (7) to (10).
 
     Args:
         v: Velocity through the air, body axes [m/s].
         omega: Angular velocity, body axes [rad/s].
-        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: The aircraft.
     """
     V = norm(v)
     alpha = math.atan2(v[2], v[0])
@@ -79,7 +80,7 @@ def moment(air: Aerodynamics, delta: Vec3) -> Vec3:
     return add(air.N, mul(air.C, delta))
 
 
-def control_effectiveness(aircraft: np.void) -> np.ndarray:
+def control_effectiveness(aircraft: AircraftRecord) -> np.ndarray:
     """Return J⁻¹C at V = 1 m/s, angular acceleration per deflection, shape (3, 3).
 
     C of (10) grows with the square of the airspeed, and depends on neither α nor β.
@@ -110,7 +111,7 @@ class Lateral(NamedTuple):
 
 
 @compiled
-def lateral(V: float, aircraft: np.void) -> Lateral:
+def lateral(V: float, aircraft: AircraftRecord) -> Lateral:
     """Linearise lateral force and moments at an airspeed V [m/s]."""
     a = aircraft
     qS = 0.5 * a["rho"] * V * V * a["S"]
@@ -133,7 +134,7 @@ class Longitudinal(NamedTuple):
 
 
 @compiled
-def longitudinal(V: float, aircraft: np.void) -> Longitudinal:
+def longitudinal(V: float, aircraft: AircraftRecord) -> Longitudinal:
     """Linearise lift, drag and pitching moment at an airspeed V [m/s]."""
     a = aircraft
     qS = 0.5 * a["rho"] * V * V * a["S"]
@@ -143,7 +144,7 @@ def longitudinal(V: float, aircraft: np.void) -> Longitudinal:
 
 
 @compiled
-def rate_damping(V: float, aircraft: np.void) -> tuple[float, float]:
+def rate_damping(V: float, aircraft: AircraftRecord) -> tuple[float, float]:
     """Return rolling moment by roll rate and pitching moment by pitch rate [N m s/rad]."""
     qS = 0.5 * aircraft["rho"] * V * V * aircraft["S"]
     b, c_bar = aircraft["b"], aircraft["c_bar"]
@@ -155,14 +156,14 @@ def rate_damping(V: float, aircraft: np.void) -> tuple[float, float]:
 
 
 @compiled
-def drag(qS: float, aircraft: np.void) -> float:
+def drag(qS: float, aircraft: AircraftRecord) -> float:
     """Return the drag [N] at a dynamic pressure by the reference area q S [N]."""
     force: float = qS * aircraft["cD0"]
     return force
 
 
 @compiled
-def carried(alpha: float, aircraft: np.void) -> float:
+def carried(alpha: float, aircraft: AircraftRecord) -> float:
     """Return the force across the flight path by q S, at α [rad], of lift and of thrust.
 
     The thrust, along the body, balances the drag, and has a part across: C_L + C_D tan α.
@@ -172,13 +173,13 @@ def carried(alpha: float, aircraft: np.void) -> float:
 
 
 @compiled
-def carried_linearly(aircraft: np.void) -> tuple[float, float]:
+def carried_linearly(aircraft: AircraftRecord) -> tuple[float, float]:
     """Return `carried` at α = 0, and its slope there [1/rad]."""
     return aircraft["cL0"], aircraft["cL_alpha"] + aircraft["cD0"]
 
 
 @compiled
-def balanced_alpha(elevator: float, aircraft: np.void) -> float:
+def balanced_alpha(elevator: float, aircraft: AircraftRecord) -> float:
     """Return α [rad] at which an elevator deflection [rad] leaves no pitching moment."""
     a = aircraft
     alpha: float = -(a["cm0"] + a["cm_de"] * elevator) / a["cm_alpha"]
@@ -187,12 +188,16 @@ def balanced_alpha(elevator: float, aircraft: np.void) -> float:
 
 @compiled
 def correct_derivatives(
-    aircraft: np.void, aileron: float, pitch_damping: float, elevator: float, model: np.void
+    aircraft: AircraftRecord,
+    aileron: float,
+    pitch_damping: float,
+    elevator: float,
+    model: AircraftRecord,
 ) -> None:
     """Write derivatives with relative errors to a model of the same aircraft.
 
     Args:
-        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: The aircraft.
         aileron: Error of the rolling moment by aileron.
         pitch_damping: Error of the pitching moment by pitch rate.
         elevator: Error of the pitching moment by elevator.

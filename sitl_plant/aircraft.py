@@ -1,5 +1,7 @@
 """The aircraft as the compiled code sees it: Table I of the paper as one flat record."""
 
+from typing import TypeAlias
+
 import numpy as np
 
 from sitl_plant.config import Aircraft, Coefficients
@@ -24,8 +26,11 @@ AIRCRAFT = np.dtype(
     ]
 )
 
+AircraftRecord: TypeAlias = np.void
+"""Record of dtype `AIRCRAFT`: the true aircraft of a plant, the nominal one of a controller."""
 
-def aircraft_record(aircraft: Aircraft) -> np.void:
+
+def aircraft_record(aircraft: Aircraft) -> AircraftRecord:
     """Turn an aircraft's configuration into the record that the equations read.
 
     Args:

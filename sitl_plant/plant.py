@@ -14,6 +14,7 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import apply_faults
 from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.disturbance import Disturbances
 from sitl_plant.rigid_body import (
     R1,
@@ -41,7 +42,7 @@ class Environment(NamedTuple):
     faults: np.ndarray  # (MAX_FAULTS,), dtype FAULT
     wind: np.void  # dtype WIND
     turbulence: np.void  # dtype TURBULENCE
-    aircraft: np.void  # dtype AIRCRAFT
+    aircraft: AircraftRecord  # dtype AIRCRAFT
 
 
 @compiled

@@ -10,6 +10,7 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aerodynamics import Aerodynamics, aerodynamics, moment
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, scale, sub, vec3
 
 State: TypeAlias = tuple[Vec3, Vec3, Vec3, Vec3]
@@ -89,7 +90,7 @@ def angular_acceleration(omega: Vec3, moment: Vec3, J: Mat3, J_inv: Mat3) -> Vec
 
 
 @compiled
-def specific_force(air: Aerodynamics, thrust: float, aircraft: np.void) -> Vec3:
+def specific_force(air: Aerodynamics, thrust: float, aircraft: AircraftRecord) -> Vec3:
     """Return the specific force of the air and a thrust [N], body axes [m/s²]."""
     return scale(1.0 / aircraft["m"], (air.F[0] + thrust, air.F[1], air.F[2]))
 
@@ -102,7 +103,7 @@ def state_derivative(
     d_v: Vec3,
     d_omega: Vec3,
     surrounding: Air,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
 ) -> State:
     """Return the right-hand side of eqs. (1) to (4).
 
@@ -113,7 +114,7 @@ def state_derivative(
         d_v: Disturbance of the acceleration, body axes [m/s²].
         d_omega: Disturbance of the angular acceleration, body axes [rad/s²].
         surrounding: Motion of the air: forces and moments are those of the motion through it.
-        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: The aircraft.
     """
     _, v, phi, omega = state
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)

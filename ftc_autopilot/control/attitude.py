@@ -8,6 +8,7 @@ import numpy as np
 from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration
 from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, sub, vec3
 
@@ -59,7 +60,7 @@ def zeta(
     K2: Vec3,
     network: Vec3,
     robust: Vec3,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
 ) -> Vec3:
     """Return ζ_ω of (37) [rad/s²]: minus the angular acceleration that the surfaces must make.
 
@@ -87,7 +88,7 @@ def attitude_law(
     e_omega: Vec3,
     omega_d_dot: Vec3,
     basis: float,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
     gains: np.void,
     estimates: np.void,
 ) -> AttitudeLaw:

@@ -17,7 +17,14 @@ from ftc_autopilot.config import Controller, FormationTrigger
 from ftc_autopilot.control.laws import KINDS, LAWS, evaluate
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
-from ftc_autopilot.control.step import Command, Step, Thresholds
+from ftc_autopilot.control.step import (
+    Command,
+    ControllerRecord,
+    ParametersRecord,
+    SignalsRecord,
+    Step,
+    Thresholds,
+)
 from ftc_autopilot.control.synchronisation_errors import formation_errors
 from ftc_autopilot.control.transmit import not_finite, transmit
 from ftc_autopilot.control.triggers import MODES, TRIGGERS, clock_of
@@ -26,6 +33,7 @@ from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_record
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import Vec3
 
 NO_INTERVAL = 2**32 - 1
@@ -75,6 +83,8 @@ CONTROLLER = np.dtype(
     ]
 )
 
+_ESTIMATES = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
+
 SIGNALS = np.dtype(
     [
         ("V", "f8"),  # m/s
@@ -93,25 +103,11 @@ SIGNALS = np.dtype(
         ("events", "u1"),  # bit per channel
         ("not_finite", "u1"),  # bit per channel: its demand was not finite, and not sent
         ("neighbour_message", "u1"),  # 1: sent in this step, which is not the first
-        ("Phi_v", "f8"),
-        ("g_v", "f8"),
-        ("beta_v", "f8"),
-        ("Phi_omega", "f8"),
-        ("beta_omega", "f8"),
-        ("Phi_v_dot", "f8"),
-        ("g_v_dot", "f8"),
-        ("beta_v_dot", "f8"),
-        ("Phi_omega_dot", "f8"),
-        ("beta_omega_dot", "f8"),
+        *((name, "f8") for name in _ESTIMATES),
+        *((f"{name}_dot", "f8") for name in _ESTIMATES),
         ("basis", "f8"),  # ςᵀς
-        ("alpha_v", "f8"),
-        ("r_v", "f8"),
-        ("zeta_v", "f8"),
-        ("B_v", "f8"),
-        ("omega_d", "f8", (3,)),
-        ("omega_d_dot", "f8", (3,)),
-        ("e_omega", "f8", (3,)),
-        ("zeta_omega", "f8", (3,)),
+        *((name, "f8") for name in ("alpha_v", "r_v", "zeta_v", "B_v")),
+        *((name, "f8", (3,)) for name in ("omega_d", "omega_d_dot", "e_omega", "zeta_omega")),
         ("effectiveness", "f8", (N_CHANNELS,)),  # diagnosis: in use
         ("offset", "f8", (N_CHANNELS,)),  # of an actuator in service; where a lost one stands
         ("confidence", "f8", (N_CHANNELS,)),  # 1 - standard error of the effectiveness
@@ -156,12 +152,12 @@ def parameter_record(
 
 def new_controller() -> np.void:
     """Return a controller before its first step, dtype `CONTROLLER`."""
-    state: np.void = np.zeros(1, CONTROLLER)[0]
+    state: ControllerRecord = np.zeros(1, CONTROLLER)[0]
     state["min_interval"] = NO_INTERVAL
     return state
 
 
-def restart_law(state: np.void) -> None:
+def restart_law(state: ControllerRecord) -> None:
     """Let the law start again with the next step; held commands and counters stay.
 
     Args:
@@ -196,11 +192,11 @@ class Inputs(NamedTuple):
 class Records(NamedTuple):
     """The records of one UAV's controller."""
 
-    aircraft: np.void  # nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`
-    parameters: np.void  # dtype `PARAMETERS`
-    state: np.void  # dtype `CONTROLLER`, updated in place
+    aircraft: AircraftRecord  # nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`
+    parameters: ParametersRecord  # dtype `PARAMETERS`
+    state: ControllerRecord  # dtype `CONTROLLER`, updated in place
     controls: np.ndarray  # HIL_ACTUATOR_CONTROLS.controls, updated in place
-    signals: np.void  # dtype `SIGNALS`, written
+    signals: SignalsRecord  # dtype `SIGNALS`, written
 
 
 @compiled
@@ -238,7 +234,7 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
 
 
 @compiled
-def _step(inputs: Inputs, parameters: np.void, state: np.void) -> Step:
+def _step(inputs: Inputs, parameters: ParametersRecord, state: ControllerRecord) -> Step:
     """Return the step as the law sees it."""
     t, dt, motion, command, neighbours, weights = inputs
     first = state["started"] == 0
@@ -270,7 +266,7 @@ def _step(inputs: Inputs, parameters: np.void, state: np.void) -> Step:
 
 
 @compiled
-def _record_signals(signals: np.void, now: Step, command: Command, mask: int) -> None:
+def _record_signals(signals: SignalsRecord, now: Step, command: Command, mask: int) -> None:
     """Write what a step computed; a law's inner quantities are written by the law."""
     motion, reference, errors = now.motion, now.reference, now.errors
     signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
@@ -289,7 +285,7 @@ def _record_signals(signals: np.void, now: Step, command: Command, mask: int) ->
 
 
 @compiled
-def count_events(mask: int, step: int, state: np.void) -> None:
+def count_events(mask: int, step: int, state: ControllerRecord) -> None:
     """Count the events of one step.
 
     Args:

@@ -7,7 +7,7 @@ from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import control_effectiveness
-from sitl_plant.aircraft import aircraft_record
+from sitl_plant.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.config import Aircraft
 from sitl_plant.vec3 import Mat3, Vec3, add, dot, scale
 
@@ -52,14 +52,14 @@ def surfaces_for(moment: Vec3, C: Mat3) -> Vec3:
 
 
 @compiled
-def acceleration_without_thrust(motion: Motion, aircraft: np.void) -> float:
+def acceleration_without_thrust(motion: Motion, aircraft: AircraftRecord) -> float:
     """Return what V̇ would be without thrust: vᵀ(R1ᵀg + F0/m)/V [m/s²]."""
     specific = add(motion.gravity, scale(1.0 / aircraft["m"], motion.air.F))
     return dot(motion.v, specific) / motion.V
 
 
 @compiled
-def thrust_for(V_dot: float, motion: Motion, aircraft: np.void) -> float:
+def thrust_for(V_dot: float, motion: Motion, aircraft: AircraftRecord) -> float:
     """Return the thrust [N] that makes a derivative of the airspeed [m/s²]."""
     by_thrust = V_dot - acceleration_without_thrust(motion, aircraft)
     thrust: float = aircraft["m"] * by_thrust * motion.V / motion.v[0]
@@ -67,7 +67,7 @@ def thrust_for(V_dot: float, motion: Motion, aircraft: np.void) -> float:
 
 
 @compiled
-def speed_terms(now: Step, aircraft: np.void) -> tuple[float, float, float]:
+def speed_terms(now: Step, aircraft: AircraftRecord) -> tuple[float, float, float]:
     """Return r_v [m/s²], V̇ without thrust [m/s²] and ζ_v [1/kg] of (33)."""
     motion, errors = now.motion, now.errors
     lam = errors.lambda_v
@@ -77,7 +77,7 @@ def speed_terms(now: Step, aircraft: np.void) -> tuple[float, float, float]:
 
 
 @compiled
-def thrust_for_speed(now: Step, aircraft: np.void, c_v: float) -> float:
+def thrust_for_speed(now: Step, aircraft: AircraftRecord, c_v: float) -> float:
     """Return the thrust [N] that makes the speed error (31) decay at c_v [1/s]."""
     r_v, known, zeta_v = speed_terms(now, aircraft)
     errors = now.errors

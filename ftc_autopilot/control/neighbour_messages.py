@@ -20,6 +20,7 @@ import math
 import numpy as np
 
 from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.control.step import SignalsRecord
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
 
@@ -28,12 +29,12 @@ _TAU_S = 0.1
 
 
 @compiled
-def refer_to_reference(message: np.void, signals: np.void) -> None:
+def refer_to_reference(message: np.void, signals: SignalsRecord) -> None:
     """Turn the own motion in an FTC_NEIGHBOUR payload into tracking errors.
 
     Args:
         message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`, updated in place.
-        signals: Of the same step, dtype `ftc_autopilot.control.controller.SIGNALS`.
+        signals: Of the same step.
     """
     error, reference_dot = signals["error"], signals["reference_dot"]
     message["airspeed"] = error[0]

@@ -8,6 +8,7 @@ import numpy as np
 from ftc_autopilot.control.inversion import speed_terms
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import dot
 
 
@@ -26,7 +27,7 @@ class SpeedLaw(NamedTuple):
 
 @compiled
 def speed_law(
-    now: Step, basis: float, aircraft: np.void, gains: np.void, estimates: np.void
+    now: Step, basis: float, aircraft: AircraftRecord, gains: np.void, estimates: np.void
 ) -> SpeedLaw:
     """Evaluate eqs. (33) to (36).
 

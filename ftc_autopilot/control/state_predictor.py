@@ -15,6 +15,7 @@ from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import STILL_AIR, State, advance, specific_force, state_derivative
 from sitl_plant.vec3 import Vec3, add, sub, vec3
 
@@ -65,24 +66,19 @@ def interpolate(delay: np.void, measured: np.void) -> np.void:
     share = (step - first) / (np.int64(measured["step"]) - first)
     copy_record(between, measured)
     between["step"] = step
-    for k in range(3):
-        _mix(before["velocity"], measured["velocity"], share, between["velocity"], k)
-        _mix(before["attitude"], measured["attitude"], share, between["attitude"], k)
-        _mix(before["rates"], measured["rates"], share, between["rates"], k)
-        _mix(
-            before["specific_force"],
-            measured["specific_force"],
-            share,
-            between["specific_force"],
-            k,
-        )
-        _mix(before["wind"], measured["wind"], share, between["wind"], k)
+    _mix(before["velocity"], measured["velocity"], share, between["velocity"])
+    _mix(before["attitude"], measured["attitude"], share, between["attitude"])
+    _mix(before["rates"], measured["rates"], share, between["rates"])
+    force = between["specific_force"]
+    _mix(before["specific_force"], measured["specific_force"], share, force)
+    _mix(before["wind"], measured["wind"], share, between["wind"])
     return between
 
 
 @compiled
-def _mix(before: np.ndarray, after: np.ndarray, share: float, result: np.ndarray, k: int) -> None:
-    result[k] = before[k] + share * (after[k] - before[k])
+def _mix(before: np.ndarray, after: np.ndarray, share: float, result: np.ndarray) -> None:
+    for k in range(3):
+        result[k] = before[k] + share * (after[k] - before[k])
 
 
 @compiled
@@ -120,7 +116,7 @@ def note_commands(delay: np.void, step: int, held: np.ndarray) -> None:
 
 @compiled
 def predicted(
-    delay: np.void, measured: np.void, known_s: float, step_us: int, aircraft: np.void
+    delay: np.void, measured: np.void, known_s: float, step_us: int, aircraft: AircraftRecord
 ) -> np.void:
     """Return the state at which the commands of this step will act; the measured one if at once.
 
@@ -131,7 +127,7 @@ def predicted(
         measured: FTC_SIM_STATE payload.
         known_s: Delay besides that of the links [s].
         step_us: Control period [µs].
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
     """
     longest = min(_periods(LONGEST_S, step_us), _MEMORY - 1)
     ahead = min(delay["periods"] + _periods(known_s, step_us), longest)

@@ -1,6 +1,6 @@
 """What a control law is given in one control step, and what it returns."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -12,6 +12,13 @@ from sitl_plant.vec3 import Vec3
 
 ALL = 2**N_CHANNELS - 1
 """Mask of all channels; masks have bit numbers as FTC_ACTUATOR."""
+
+ParametersRecord: TypeAlias = np.void
+"""Record of dtype `ftc_autopilot.control.controller.PARAMETERS`: of all that a UAV can choose."""
+ControllerRecord: TypeAlias = np.void
+"""Record of dtype `ftc_autopilot.control.controller.CONTROLLER`, updated in place."""
+SignalsRecord: TypeAlias = np.void
+"""Record of dtype `ftc_autopilot.control.controller.SIGNALS`: what a step computed, written."""
 
 
 class Thresholds(NamedTuple):

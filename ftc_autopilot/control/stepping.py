@@ -58,7 +58,7 @@ def announce(controllers: Controllers, i: int, measured: np.void) -> None:
     fill_neighbour_state(
         motion_of(measured, controllers.aircraft[i]), measured["step"], controllers.own_states[i]
     )
-    copy_record(controllers.told[i], controllers.own_states[i])
+    copy_record(controllers.last_broadcast[i], controllers.own_states[i])
 
 
 @inlined
@@ -115,7 +115,11 @@ def tell_neighbours(controllers: Controllers, i: int, step: int, step_us: int) -
         step: The step, which `controller_step` has made.
         step_us: Control period [µs].
     """
-    parameters, own, told = controllers.parameters[i], controllers.own_states[i], controllers.told
+    parameters, own, told = (
+        controllers.parameters[i],
+        controllers.own_states[i],
+        controllers.last_broadcast,
+    )
     formation = controllers.formations[i]
     if parameters["formation_triggered"] != 0:
         dt, extrapolated = step_us / 1e6, controllers.extrapolated[i, -1]

@@ -10,11 +10,12 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.step import Command, Step
+from ftc_autopilot.control.step import Command, ControllerRecord, ParametersRecord, Step
 from ftc_autopilot.control.triggers import decide
 from ftc_autopilot.control.triggers.base import Candidates
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
 
@@ -46,9 +47,9 @@ def _saturated(commanded: float, lowest: float, highest: float, held: float) -> 
 def transmit(
     command: Command,
     now: Step,
-    aircraft: np.void,
-    parameters: np.void,
-    state: np.void,
+    aircraft: AircraftRecord,
+    parameters: ParametersRecord,
+    state: ControllerRecord,
     controls: np.ndarray,
 ) -> int:
     """Decide which channels transmit, and put their new values on the wire.
@@ -57,8 +58,8 @@ def transmit(
         command: What the law commands.
         now: The present step; in the law's first one all channels transmit.
         aircraft: Nominal aircraft, whose limits saturate the command.
-        parameters: Record of dtype `ftc_autopilot.control.controller.PARAMETERS`.
-        state: Record of dtype `ftc_autopilot.control.controller.CONTROLLER`; `held` is updated
+        parameters: Of the controller.
+        state: `held` is updated
             where a channel transmits, and so is the trigger's memory; commands that are not finite
             are counted.
         controls: HIL_ACTUATOR_CONTROLS.controls, updated where a channel transmits.

@@ -175,7 +175,7 @@ def records_to_keep(
         controllers.actuators,
         controllers.neighbour_states,
         controllers.weights,
-        controllers.told,
+        controllers.last_broadcast,
         vehicle,
     )
 

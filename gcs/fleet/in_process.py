@@ -183,5 +183,5 @@ def _deliver(controllers: Controllers, sources: np.ndarray, step: int) -> None:
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
             j = sources[i, d]
-            if j >= 0 and controllers.told[j]["step"] == step:
-                hear(controllers, i, d, controllers.told[j])
+            if j >= 0 and controllers.last_broadcast[j]["step"] == step:
+                hear(controllers, i, d, controllers.last_broadcast[j])

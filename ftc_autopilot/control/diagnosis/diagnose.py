@@ -8,9 +8,10 @@ from ftc_autopilot.control.diagnosis.decisions import decide, monitor, phase_of
 from ftc_autopilot.control.diagnosis.measurement import measure
 from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.diagnosis.regression import long_estimate
-from ftc_autopilot.control.step import Step
+from ftc_autopilot.control.step import SignalsRecord, Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
 _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, by the threshold of a jump
@@ -24,7 +25,7 @@ _TRANSIENT_S = 0.25  # after a decision about one surface, in which nothing is l
 
 @compiled
 def diagnose(
-    now: Step, aircraft: np.void, gains: np.void, state: np.void, signals: np.void
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> None:
     """Measure, learn, decide; write the results of every actuator to state and signals.
 

@@ -1,7 +1,7 @@
 """Parameters of the diagnosis."""
 
 import math
-from typing import Annotated, NamedTuple, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,14 @@ _Angles = tuple[_Angle, _Angle, _Angle]
 _Times = tuple[_Time, _Time, _Time]
 
 _UNLIMITED_DEG_S = 1e6
+
+
+def _time(default: float, doc: str) -> Any:
+    return quantity("s", gt=0.0, default=default, doc=doc)
+
+
+def _number(default: float, doc: str) -> Any:
+    return quantity("", gt=0.0, default=default, doc=doc)
 
 
 class DiagnosisParameters(Model):
@@ -47,9 +55,7 @@ class DiagnosisParameters(Model):
     window_s: _Times = Field(
         default=(0.06, 0.06, 0.15), description="Windows of the regression [s]."
     )
-    throttle_window_s: float = quantity(
-        "s", gt=0.0, default=0.06, doc="Window of the throttle's regression."
-    )
+    throttle_window_s: float = _time(0.06, "Window of the throttle's regression.")
     jump_deg: _Angles = Field(
         default=(1.5, 2.0, 3.0), description="Jumps of the residual that raise suspicion [deg]."
     )
@@ -71,7 +77,7 @@ class DiagnosisParameters(Model):
     confirm_s: _Times = Field(
         default=(0.008, 0.005, 0.015), description="Times for which a loss must be seen [s]."
     )
-    throttle_confirm_s: float = quantity("s", gt=0.0, default=0.008, doc="The throttle's.")
+    throttle_confirm_s: float = _time(0.008, "The throttle's.")
     jump_sigma: float = quantity(
         "", ge=0.0, default=5.0, doc="Jumps are at least this many standard deviations of noise."
     )
@@ -81,110 +87,50 @@ class DiagnosisParameters(Model):
     lost_effectiveness: float = quantity(
         "", gt=0.0, lt=0.5, default=0.2, doc="An actuator with less is lost."
     )
-    offset_s: float = quantity("s", gt=0.0, default=0.06, doc="Filter of the surfaces' offsets.")
-    throttle_offset_s: float = quantity("s", gt=0.0, default=0.3, doc="The throttle's.")
+    offset_s: float = _time(0.06, "Filter of the surfaces' offsets.")
+    throttle_offset_s: float = _time(0.3, "The throttle's.")
     dither_deg: _Angles = Field(
         default=(4.0, 10.0, 12.0), description="Movements of a suspect surface [deg]."
     )
     probe_deg: _Angles = Field(
         default=(2.0, 2.5, 4.0), description="Movements of a lost surface [deg]."
     )
-    probe_s: float = quantity("s", gt=0.0, default=0.5, doc="Half period of the latter.")
+    probe_s: float = _time(0.5, "Half period of the latter.")
 
-    jump_start_s: float = quantity(
-        "s", ge=0.0, default=0.3, doc="Jump test: start-up inhibit, while the aircraft is trimmed."
+    jump_start_s: float = _time(
+        0.3, "Jump test: inhibited at first, while the aircraft is trimmed."
     )
-    mean_s: float = quantity(
-        "s", gt=0.0, default=0.15, doc="Jump test: memory of the residual's mean (EWMA)."
+    mean_s: float = _time(0.15, "Jump test: memory of the residual's mean (EWMA).")
+    smooth_s: float = _time(
+        0.015, "Jump test: filter of the smoothed residual, against gyro noise."
     )
-    smooth_s: float = quantity(
-        "s",
-        gt=0.0,
-        default=0.015,
-        doc="Jump test: filter of the smoothed residual, against gyro noise.",
+    sigma_s: float = _time(5.0, "Jump test: memory of the residual's variance (EWMA).")
+    first_sigma_s: float = _time(0.1, "Jump test: memory of the variance at first; it then grows.")
+    slight: float = _number(2.0, "Jump test: a jump below this many thresholds is slight.")
+    blanking: float = _number(1.5, "Blanking time by `filter_s`: most of a step has passed then.")
+    slight_blanking: float = _number(0.5, "Blanking time after a slight jump, by `filter_s`.")
+    holdoff_s: float = _time(0.25, "Hold-off: no second jump counts for this time.")
+    cleared_holdoff_s: float = _time(
+        0.05, "Hold-off of a cleared suspicion: the dither's way back."
     )
-    sigma_s: float = quantity(
-        "s", gt=0.0, default=5.0, doc="Jump test: memory of the residual's variance (EWMA)."
-    )
-    first_sigma_s: float = quantity(
-        "s",
-        gt=0.0,
-        default=0.1,
-        doc="Jump test: memory of the variance at first, which then grows.",
-    )
-    slight: float = quantity(
-        "", ge=1.0, default=2.0, doc="Jump test: a jump below this many thresholds is slight."
-    )
-    blanking: float = quantity(
-        "", ge=0.0, default=1.5, doc="Blanking time by `filter_s`: most of a step has passed it."
-    )
-    slight_blanking: float = quantity(
-        "", ge=0.0, default=0.5, doc="Blanking time after a slight jump, by `filter_s`."
-    )
-    holdoff_s: float = quantity(
-        "s", ge=0.0, default=0.25, doc="Hold-off: no second jump counts for this time."
-    )
-    cleared_holdoff_s: float = quantity(
-        "s", ge=0.0, default=0.05, doc="Hold-off after a cleared suspicion: the dither's way back."
-    )
-    cooldown_s: float = quantity(
-        "s", ge=0.0, default=2.5, doc="Cooldown after a suspicion, which its dither would renew."
-    )
-    early_s: float = quantity(
-        "s", ge=0.0, default=0.5, doc="Cooldown: this much less for a jump that is not slight."
-    )
-    remembered: float = quantity(
-        "", ge=0.0, le=1.0, default=0.1, doc="Share of the long memory that a jump leaves (reset)."
-    )
-    drift: float = quantity(
-        "", gt=0.0, default=1.6, doc="Drift test: threshold by that of the jump test."
-    )
-    drift_mean_s: float = quantity(
-        "s", gt=0.0, default=4.0, doc="Drift test: memory of the residual's slower mean (EWMA)."
-    )
-    drift_start_s: float = quantity(
-        "s", ge=0.0, default=1.5, doc="Drift test: start-up inhibit, while that mean settles."
-    )
-    loss_start_s: float = quantity(
-        "s", ge=0.0, default=0.5, doc="Loss: start-up inhibit of the decision."
-    )
-    excitation_sigma: float = quantity(
-        "", ge=0.0, default=2.1, doc="Persistent excitation: least, by the residual's deviation."
-    )
-    least_window_s: float = quantity(
-        "s", ge=0.0, default=0.006, doc="Persistent excitation: shortest window."
-    )
-    min_response_ratio: float = quantity(
-        "", gt=0.0, default=0.4, doc="Loss: variance of the response by the command's below this."
-    )
-    lost_margin: float = quantity(
-        "", ge=0.0, default=0.4, doc="Loss: room of 1.5 standard errors above `lost_effectiveness`."
-    )
-    following: float = quantity(
-        "", gt=0.0, lt=1.0, default=0.5, doc="Cleared: effectiveness less its error above this."
-    )
-    return_start_s: float = quantity(
-        "s", ge=0.0, default=0.25, doc="Return test: none sooner, the probe has to move first."
-    )
-    throttle_return_start_s: float = quantity(
-        "s", ge=0.0, default=0.3, doc="Return test: the same of the throttle's long memory."
-    )
-    return_confirm_s: float = quantity(
-        "s", ge=0.0, default=0.05, doc="Return test: confirmation time."
-    )
-    quiet: float = quantity(
-        "", gt=0.0, default=0.75, doc="Return test: a small residual, by the threshold of a jump."
-    )
-    return_effectiveness: float = quantity(
-        "",
-        gt=0.0,
-        lt=1.0,
-        default=0.6,
-        doc="Return test: least effectiveness over the long memory.",
-    )
-    return_r2: float = quantity(
-        "", gt=0.0, lt=1.0, default=0.6, doc="Return test: least coefficient of determination R²."
-    )
+    cooldown_s: float = _time(2.5, "Cooldown after a suspicion, which its dither would renew.")
+    early_s: float = _time(0.5, "Cooldown: this much less for a jump that is not slight.")
+    remembered: float = _number(0.1, "Share of the long memory that a jump leaves: a reset.")
+    drift: float = _number(1.6, "Drift test: threshold by the one of the jump test.")
+    drift_mean_s: float = _time(4.0, "Drift test: memory of the residual's slower mean (EWMA).")
+    drift_start_s: float = _time(1.5, "Drift test: inhibited at first, while that mean settles.")
+    loss_start_s: float = _time(0.5, "Loss: inhibited at first, while the filters settle.")
+    excitation_sigma: float = _number(2.1, "Persistent excitation: least, by the residual's noise.")
+    least_window_s: float = _time(0.006, "Persistent excitation: shortest window.")
+    min_response_ratio: float = _number(0.4, "Loss: variance of response by command below this.")
+    lost_margin: float = _number(0.4, "Loss: room for 1.5 standard errors of the effectiveness.")
+    following: float = _number(0.5, "Cleared: effectiveness less its standard error above this.")
+    return_start_s: float = _time(0.25, "Return test: inhibited until the probe has moved.")
+    throttle_return_start_s: float = _time(0.3, "Return test: the same of the throttle.")
+    return_confirm_s: float = _time(0.05, "Return test: confirmation time.")
+    quiet: float = _number(0.75, "Return test: a small residual, by the threshold of a jump.")
+    return_effectiveness: float = _number(0.6, "Return test: least effectiveness, long memory.")
+    return_r2: float = _number(0.6, "Return test: least coefficient of determination.")
 
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters with the slowest of the servos, where none are given."""

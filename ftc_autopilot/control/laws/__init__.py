@@ -7,7 +7,6 @@ and a compiled function. To register it, add the model to `Controller` and the c
 
 from typing import Annotated, Any, TypeAlias, get_args
 
-import numpy as np
 from pydantic import Discriminator, Tag
 
 from ftc_autopilot.control.laws.backstepping import Backstepping, backstepping_law
@@ -16,8 +15,15 @@ from ftc_autopilot.control.laws.pid import Pid, pid_law
 from ftc_autopilot.control.laws.proposed import Proposed, proposed_law
 from ftc_autopilot.control.laws.surviving import Surviving, surviving_law
 from ftc_autopilot.control.laws.tube import Tube, tube_law
-from ftc_autopilot.control.step import Command, Step
+from ftc_autopilot.control.step import (
+    Command,
+    ControllerRecord,
+    ParametersRecord,
+    SignalsRecord,
+    Step,
+)
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 
 
 def _kind(value: Any) -> Any:
@@ -48,17 +54,20 @@ _TUBE = KINDS.index("tube")
 
 @compiled
 def evaluate(
-    now: Step, aircraft: np.void, parameters: np.void, states: np.void, signals: np.void
+    now: Step,
+    aircraft: AircraftRecord,
+    parameters: ParametersRecord,
+    states: ControllerRecord,
+    signals: SignalsRecord,
 ) -> Command:
     """Evaluate the law that a scenario has chosen, and advance its state.
 
     Args:
         now: The present step.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
-        parameters: Record of dtype `ftc_autopilot.control.controller.PARAMETERS`.
-        states: Record of dtype `ftc_autopilot.control.controller.CONTROLLER`; the law's own part is
-            updated in place.
-        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; a law may write to it.
+        aircraft: Nominal aircraft.
+        parameters: Of the controller.
+        states: The law's own part is updated in place.
+        signals: A law may write to it.
     """
     law = parameters["law"]
     if law == _BACKSTEPPING:

@@ -18,6 +18,7 @@ from ftc_autopilot.control.laws.base import TABLE_III_K1, TABLE_III_K2, Gains, L
 from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.config import Aircraft
 from sitl_plant.vec3 import mat3, mul, scale, sub
 
@@ -41,7 +42,9 @@ class Backstepping(LawParameters):
 
 
 @compiled
-def backstepping_law(now: Step, aircraft: np.void, gains: np.void, state: np.void) -> Command:
+def backstepping_law(
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void
+) -> Command:
     """Make Ṽ'' = -c_v Ṽ' and ė_ω = -K2 e_ω - λ' R2⁻ᵀ e', if the nominal model were true.
 
     Args:

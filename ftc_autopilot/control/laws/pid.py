@@ -14,6 +14,7 @@ from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import R2
 from sitl_plant.vec3 import Vec3, clamp, mul
 
@@ -68,7 +69,7 @@ class Pid(LawParameters):
 
 
 @compiled
-def pid_law(now: Step, aircraft: np.void, gains: np.void, state: np.void) -> Command:
+def pid_law(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -> Command:
     """Evaluate the loops and advance their integrals, which stop while an actuator is at its stop.
 
     Args:

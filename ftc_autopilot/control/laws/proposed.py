@@ -15,9 +15,10 @@ from ftc_autopilot.control.attitude import (
 from ftc_autopilot.control.laws.base import TABLE_III_K1, TABLE_III_K2, Gains, LawParameters
 from ftc_autopilot.control.rbf import Rbf, basis_norm
 from ftc_autopilot.control.speed import SpeedLaw, speed_law
-from ftc_autopilot.control.step import ALL, Command, Step
+from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp_each, sub, vec3
 
 
@@ -79,7 +80,7 @@ class Proposed(LawParameters):
 
 @compiled
 def proposed_law(
-    now: Step, aircraft: np.void, gains: np.void, state: np.void, signals: np.void
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> Command:
     """Evaluate eqs. (33) to (39) and (57), then advance the estimates by explicit Euler.
 
@@ -133,7 +134,7 @@ def proposed_law(
 
 @compiled
 def _record(
-    signals: np.void, estimates: np.void, basis: float, speed: SpeedLaw, attitude: AttitudeLaw
+    signals: SignalsRecord, estimates: np.void, basis: float, speed: SpeedLaw, attitude: AttitudeLaw
 ) -> None:
     """Write the laws' inner quantities, the estimates as they were used."""
     signals["Phi_v"], signals["g_v"] = estimates["Phi_v"], estimates["g_v"]

@@ -12,6 +12,7 @@ from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, RUDDER
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import lateral
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import Vec3, clamp, mat3, mul
 
@@ -29,7 +30,7 @@ class LateralTrim(NamedTuple):
 
 
 @compiled
-def lateral_trim(now: Step, lost: int, aircraft: np.void, diagnosis: np.void) -> LateralTrim:
+def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.void) -> LateralTrim:
     """Return the trim at the reference's roll angle with the aileron or the rudder stuck.
 
     It solves for β, the other surface δ and r from the rolling and the yawing moment and the side
@@ -106,7 +107,9 @@ def driven_aileron(now: Step, gains: np.void, state: np.void, stop: float) -> fl
 
 
 @compiled
-def aileron_for_roll(now: Step, commanded: Vec3, aircraft: np.void, diagnosis: np.void) -> float:
+def aileron_for_roll(
+    now: Step, commanded: Vec3, aircraft: AircraftRecord, diagnosis: np.void
+) -> float:
     """Return the aileron [rad] with the rudder lost, which alone makes the roll acceleration.
 
     Its share is what the rudder, whose deflection is measured, leaves; sideslip is left to the

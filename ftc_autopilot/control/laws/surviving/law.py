@@ -14,9 +14,10 @@ from ftc_autopilot.control.laws.surviving.lateral import (
     rudder_for_roll,
 )
 from ftc_autopilot.control.laws.surviving.longitudinal import pitch_trim, thrust_for_pitch
-from ftc_autopilot.control.step import ALL, Command, Step, Thresholds
+from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import mat3, mul, sub
 
@@ -25,7 +26,7 @@ _LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
 
 @compiled
 def surviving_law(
-    now: Step, aircraft: np.void, gains: np.void, state: np.void, signals: np.void
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> Command:
     """Invert the nominal model, correct what the diagnosis found, fly on without what is lost.
 
@@ -43,7 +44,7 @@ def surviving_law(
 
 @compiled
 def reconfigured(
-    now: Step, aircraft: np.void, gains: np.void, state: np.void, signals: np.void
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> Command:
     """Return the law's commands whatever the trigger's thresholds; arguments as of the law."""
     motion, diagnosis, actuators = now.motion, state["diagnosis"], state["diagnosis"]["actuators"]
@@ -101,7 +102,7 @@ def reconfigured(
 
 
 @compiled
-def reaching_stops(command: Command, thresholds: Thresholds, aircraft: np.void) -> Command:
+def reaching_stops(command: Command, thresholds: Thresholds, aircraft: AircraftRecord) -> Command:
     """Replace deflections that are nearer to the stop than the trigger's threshold by the stop.
 
     Else a surface that is held there would never be sent the rest: it is less than the threshold.
@@ -112,17 +113,16 @@ def reaching_stops(command: Command, thresholds: Thresholds, aircraft: np.void) 
         aircraft: Nominal aircraft, with its stops.
     """
     stop, b = aircraft["surface_limit"], thresholds.b
-    least = stop - (b[0] * stop + b[1])
+    near = b[0] * stop + b[1]
     aileron, elevator, rudder = command.delta
-    return Command(
-        (
-            math.copysign(stop, aileron) if abs(aileron) > least else aileron,
-            math.copysign(stop, elevator) if abs(elevator) > least else elevator,
-            math.copysign(stop, rudder) if abs(rudder) > least else rudder,
-        ),
-        command.thrust,
-        command.channels,
-    )
+    delta = at_stop(aileron, stop, near), at_stop(elevator, stop, near), at_stop(rudder, stop, near)
+    return Command(delta, command.thrust, command.channels)
+
+
+@compiled
+def at_stop(delta: float, stop: float, near: float) -> float:
+    """Return a deflection, or the stop if it is nearer to it than `near` [rad]."""
+    return math.copysign(stop, delta) if abs(delta) > stop - near else delta
 
 
 @compiled

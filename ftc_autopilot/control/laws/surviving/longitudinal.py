@@ -10,6 +10,7 @@ from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import ELEVATOR, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import balanced_alpha, carried, drag
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
 _ALPHA_MIN, _ALPHA_MAX = -0.1, 0.45  # of a trim [rad]
@@ -28,7 +29,9 @@ class PitchTrim(NamedTuple):
 
 
 @compiled
-def pitch_trim(now: Step, aircraft: np.void, gains: np.void, diagnosis: np.void) -> PitchTrim:
+def pitch_trim(
+    now: Step, aircraft: AircraftRecord, gains: np.void, diagnosis: np.void
+) -> PitchTrim:
     """Return the trim at the reference's pitch angle with the elevator stuck at f.
 
         M(α*, f) = 0,   γ = θ_r - α*

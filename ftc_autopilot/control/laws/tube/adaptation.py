@@ -23,6 +23,7 @@ from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.aerodynamics import correct_derivatives, rate_damping
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import Vec3, clamp, mul
 
 AXES = 2
@@ -38,7 +39,7 @@ _LARGEST_ERROR = 0.4  # relative
 
 
 @inlined
-def adapt(now: Step, aircraft: np.void, gains: np.void, state: np.void) -> None:
+def adapt(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -> None:
     """Learn from the last check period, and write the adapted aircraft to `state["model"]`.
 
     Nothing is learnt while a surface is suspect or lost: it does not do what it is commanded.
@@ -83,7 +84,9 @@ def adapt(now: Step, aircraft: np.void, gains: np.void, state: np.void) -> None:
 
 
 @inlined
-def _explain(motion: Motion, aircraft: np.void, diagnosis: np.void, signals: np.ndarray) -> None:
+def _explain(
+    motion: Motion, aircraft: AircraftRecord, diagnosis: np.void, signals: np.ndarray
+) -> None:
     """Write nominal angular accelerations by damping and by the own surface, and what is left.
 
     All have passed the filter of the diagnosis.

@@ -12,6 +12,7 @@ from ftc_autopilot.control.laws.tube.tube import build_tube, to_errors
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import clamp, mat3, mul, scale, vec3
 
@@ -29,7 +30,7 @@ def check(
     now: Step,
     positions: np.ndarray,
     no_rudder: bool,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
     gains: np.void,
     state: np.void,
     commands: np.ndarray,
@@ -126,7 +127,7 @@ def _predict_errors(
     commands: np.ndarray,
     h: float,
     rows: int,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
     path: np.ndarray,
     error: np.ndarray,
 ) -> None:
@@ -141,7 +142,7 @@ def _plan(
     o: int,
     start: Start,
     commands: np.ndarray,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
     gains: np.void,
     tables: np.ndarray,
 ) -> Plan:
@@ -180,7 +181,7 @@ def _plan(
 
 
 @compiled
-def trim(now: Step, aircraft: np.void, commands: np.ndarray) -> None:
+def trim(now: Step, aircraft: AircraftRecord, commands: np.ndarray) -> None:
     """Write the commands that balance the nominal moments, and hold the speed's derivative.
 
     Args:

@@ -9,6 +9,7 @@ import numpy as np
 from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
 _MOST_DOUBLINGS = 4
@@ -54,7 +55,7 @@ def triggered(
     j: int,
     command: Command,
     thresholds: Thresholds,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
     commands: np.ndarray,
 ) -> bool:
     """Return whether the surviving law's command of channel j is sent, which is in force then.

@@ -14,15 +14,16 @@ from ftc_autopilot.control.laws.tube.fallback import (
     triggered,
 )
 from ftc_autopilot.control.laws.tube.observer import observe
-from ftc_autopilot.control.step import Command, Step
+from ftc_autopilot.control.step import Command, SignalsRecord, Step
 from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import inlined
+from sitl_plant.aircraft import AircraftRecord
 
 
 @inlined
 def tube_law(
-    now: Step, aircraft: np.void, gains: np.void, state: np.void, signals: np.void
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> Command:
     """Return the commands, and select those that are to be sent.
 

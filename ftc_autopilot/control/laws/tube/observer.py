@@ -12,13 +12,14 @@ from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import inlined
 from sitl_plant.aerodynamics import aerodynamics, moment
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import mat3, vec3
 
 
 @inlined
 def observe(
-    now: Step, positions: np.ndarray, aircraft: np.void, gains: np.void, state: np.void
+    now: Step, positions: np.ndarray, aircraft: AircraftRecord, gains: np.void, state: np.void
 ) -> None:
     """Advance the estimates of d_v, d_ω, their slopes, and ω by one period.
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.lag import lagged
 from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
 from sitl_plant.vec3 import Vec3, norm
@@ -37,7 +38,7 @@ def predict(
     commands: np.ndarray,
     h: float,
     rows: int,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
     outputs: np.ndarray,
 ) -> None:
     """Predict airspeed [m/s] and attitude [rad] after h, 2h, ... by the midpoint rule.
