@@ -12,7 +12,6 @@ import numpy as np
 
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aircraft import AircraftRecord
 
 _EMPTY = -1
 
@@ -73,11 +72,7 @@ def clear_faults(row: np.ndarray, actuator: int) -> None:
 
 @compiled
 def apply_faults(
-    commanded: Controls,
-    t: float,
-    interval_start: float,
-    faults: np.ndarray,
-    aircraft: AircraftRecord,
+    commanded: Controls, t: float, interval_start: float, faults: np.ndarray, aircraft: np.void
 ) -> Controls:
     """Return what the actuators do under faults, eqs. (13) and (19): ρ · commanded + f(t).
 
@@ -90,7 +85,7 @@ def apply_faults(
         t: Time at which f is wanted [s], inside the interval.
         interval_start: Start of the integration interval [s].
         faults: One aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
-        aircraft: The aircraft.
+        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
     """
     da, de, dr, thrust = commanded
     for i in range(len(faults)):

@@ -10,7 +10,7 @@ value. The next message is sent when one of the sender's errors differs from it 
 relative · |error| + absolute, or after the longest silence; so without losses that is a bound of
 what the receivers are wrong by. A lost message is made up for by the next one, which is complete.
 
-On a path, it also holds the sender's place on it and in space, which go on with the rates told,
+On a path, it also holds the sender's place on it and in space, which go on with their rates,
 and a report on all members of the formation. A message is then also due when a place differs by
 more than its threshold, or the report by anything.
 """

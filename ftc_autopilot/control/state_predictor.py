@@ -1,6 +1,6 @@
 """State predictor: compensates a known delay and bridges lost samples with the nominal model.
 
-A law that is given a state of now commands what acts only later. With a known delay it is given
+A law that is given the present state commands what acts only later. With a known delay it is given
 the state at that time instead: the measured one, predicted over the delay under the commands that
 are on their way. And a state that was lost is replaced, once the next one is there, by one between
 its neighbours, so that filters, estimates and diagnosis advance by every control period.
@@ -21,14 +21,14 @@ from sitl_plant.vec3 import Vec3, add, sub, vec3
 
 LONGEST_S = 0.1
 """Longest delay that is predicted over, and longest gap that is made up for [s]."""
-_MEMORY = 128  # periods whose commands are remembered
+_HISTORY = 128  # periods whose commands are remembered
 
 DELAY = np.dtype(
     [
         ("periods", "i8"),  # delay of the links [control periods]
         ("step", "i8"),  # last step whose commands are noted
-        ("begun", "i8"),  # 0: nothing is noted yet
-        ("commands", "f8", (_MEMORY, N_CHANNELS)),  # in force after each of the last steps
+        ("started", "i8"),  # 0: nothing is noted yet
+        ("commands", "f8", (_HISTORY, N_CHANNELS)),  # in force after each of the last steps
         ("measured", SIM_STATE),  # last state received
         ("between", SIM_STATE),  # in place of a lost one
         ("predicted", SIM_STATE),
@@ -46,7 +46,7 @@ def lost_states(delay: np.void, measured: np.void, step_us: int) -> int:
         measured: FTC_SIM_STATE payload.
         step_us: Control period [µs].
     """
-    if delay["begun"] == 0:
+    if delay["started"] == 0:
         return 0
     lost = np.int64(measured["step"]) - delay["step"] - 1
     return lost if lost <= _periods(LONGEST_S, step_us) else 0
@@ -104,14 +104,14 @@ def note_commands(delay: np.void, step: int, held: np.ndarray) -> None:
         held: Aileron, elevator, rudder [rad], thrust [N], shape (4,).
     """
     commands = delay["commands"]
-    since = delay["step"] if delay["begun"] != 0 else step - _MEMORY
-    for s in range(max(since + 1, step - _MEMORY + 1), step):
+    since = delay["step"] if delay["started"] != 0 else step - _HISTORY
+    for s in range(max(since + 1, step - _HISTORY + 1), step):
         for c in range(N_CHANNELS):
-            before = commands[since % _MEMORY, c] if delay["begun"] != 0 else held[c]
-            commands[s % _MEMORY, c] = before
+            before = commands[since % _HISTORY, c] if delay["started"] != 0 else held[c]
+            commands[s % _HISTORY, c] = before
     for c in range(N_CHANNELS):
-        commands[step % _MEMORY, c] = held[c]
-    delay["step"], delay["begun"] = step, 1
+        commands[step % _HISTORY, c] = held[c]
+    delay["step"], delay["started"] = step, 1
 
 
 @compiled
@@ -129,9 +129,9 @@ def predicted(
         step_us: Control period [µs].
         aircraft: Nominal aircraft.
     """
-    longest = min(_periods(LONGEST_S, step_us), _MEMORY - 1)
+    longest = min(_periods(LONGEST_S, step_us), _HISTORY - 1)
     ahead = min(delay["periods"] + _periods(known_s, step_us), longest)
-    if ahead <= 0 or delay["begun"] == 0:
+    if ahead <= 0 or delay["started"] == 0:
         return measured
     step, dt = int(np.int64(measured["step"])), step_us / 1e6
     wind = vec3(measured["wind"])
@@ -166,7 +166,7 @@ def predicted(
 @compiled
 def _acting(delay: np.void, step: int) -> tuple[float, Vec3]:
     """Return thrust [N] and surfaces [rad] that were sent last at a step."""
-    row = delay["commands"][step % _MEMORY]
+    row = delay["commands"][step % _HISTORY]
     return row[THROTTLE], (row[AILERON], row[ELEVATOR], row[RUDDER])
 
 

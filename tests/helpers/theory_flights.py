@@ -48,7 +48,7 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = (
         (in_process, "run_steps"),
         (in_process, "controller_step"),
-        (in_process, "tell_neighbours"),
+        (in_process, "broadcast_if_triggered"),
         (in_process, "_deliver"),
         (in_process, "hear"),
         (stepping, "_step"),
