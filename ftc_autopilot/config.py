@@ -2,7 +2,7 @@
 
 It holds nothing of faults, disturbances or the true aircraft: the controller must not know.
 Names are the paper's, in ASCII; defaults are the values of Table III, or where the paper gives
-none, a set that flies well with Table III kept to the letter. Angles inside the laws are rad.
+none, a set that flies well with Table III to the letter. Angles inside the laws are rad.
 """
 
 from collections.abc import Iterator
@@ -137,7 +137,7 @@ class AutopilotConfig(Model):
         default="ardupilot", description="Autopilot whose MAVLink conventions it follows."
     )
     fleet: tuple[SystemId, ...] = Field(
-        default=(), description="UAVs of the fleet, this one included; none: it does not tell."
+        default=(), description="UAVs of the fleet, this one included; none: it does not say."
     )
     origin: Origin = Field(
         default=Origin(), description="Geographic coordinates of north = east = down = 0."

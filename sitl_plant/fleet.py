@@ -102,7 +102,7 @@ def _initial_state(initial: InitialState) -> np.ndarray:
 def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
     """Put an HIL_ACTUATOR_CONTROLS payload in force if it is newer than the last one.
 
-    One from the future is refused: its time is that of a state sent, and it would hold off all
+    One from the future is refused: its time is the time of a state sent, and it would hold off all
     later ones.
 
     Args:
@@ -141,7 +141,13 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     message, x = fleet.messages[i], fleet.states[i]
     message["time_usec"] = step * step_us
     message["step"] = step
-    around = _environment(fleet, i)
+    around = Environment(
+        fleet.servos[i],
+        fleet.faults[i],
+        fleet.wind[0],
+        fleet.turbulence[i],
+        fleet.aircraft[i],
+    )
     d_v, _ = _disturbances_at(fleet, step, step_us)
     air = vec3(fleet.air[i, :3]), vec3(fleet.air[i, 3:])
     force = specific_force_at(x, step, step_us, d_v, air, around)
@@ -173,7 +179,13 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
         hit_ground = is_below_ground(fleet.states[i])
         commanded = fleet.messages[i]["actuator_time_usec"] != _NOTHING_APPLIED
         begin_period(fleet.servos[i], fleet.sent[i], fleet.controls[i], step, commanded)
-        around = _environment(fleet, i)
+        around = Environment(
+            fleet.servos[i],
+            fleet.faults[i],
+            fleet.wind[0],
+            fleet.turbulence[i],
+            fleet.aircraft[i],
+        )
         step_aircraft(fleet.states[i], t, dt, disturbed, around, fleet.applied[i])
         if fleet.wind[0]["still"] == 0:
             V = norm(sub(vec3(fleet.states[i, 3:6]), vec3(fleet.air[i, :3])))
@@ -183,13 +195,6 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
         if lost < 0 and (hit_ground or is_lost(fleet.states[i], fleet.air[i, :3])):
             lost = i
     return lost
-
-
-@inlined
-def _environment(fleet: PlantState, i: int) -> Environment:
-    return Environment(
-        fleet.servos[i], fleet.faults[i], fleet.wind[0], fleet.turbulence[i], fleet.aircraft[i]
-    )
 
 
 @inlined

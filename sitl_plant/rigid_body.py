@@ -113,7 +113,7 @@ def state_derivative(
         delta: Applied aileron, elevator, rudder deflections [rad].
         d_v: Disturbance of the acceleration, body axes [m/s²].
         d_omega: Disturbance of the angular acceleration, body axes [rad/s²].
-        surrounding: Motion of the air: forces and moments are those of the motion through it.
+        surrounding: Motion of the air: forces and moments follow from the motion through it.
         aircraft: The aircraft.
     """
     _, v, phi, omega = state

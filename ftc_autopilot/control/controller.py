@@ -99,7 +99,7 @@ SIGNALS = np.dtype(
         ("held", "f8", (N_CHANNELS,)),  # δ_0 and T_x0
         ("path_position", "f8"),  # path parameter [m], NaN unless a path is flown
         ("report_size", "u1"),  # bytes of FTC_NEIGHBOUR from report on, less zeros at the end
-        ("slot", "f8", (3,)),  # in force: ahead, to the right, up [m], NaN likewise
+        ("slot", "f8", (3,)),  # in force: ahead, to the right, up [m], NaN in the same way
         ("events", "u1"),  # bit per channel
         ("not_finite", "u1"),  # bit per channel: its demand was not finite, and not sent
         ("neighbour_message", "u1"),  # 1: sent in this step, which is not the first

@@ -1,6 +1,6 @@
 """Controllers of one or more UAVs: their records, before and between flights.
 
-The autopilot process holds the controller of one UAV, the flight in one process those of all.
+An autopilot process holds the controller of one UAV, a flight in one process those of all of them.
 """
 
 from collections.abc import Sequence

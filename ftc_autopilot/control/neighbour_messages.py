@@ -25,7 +25,7 @@ from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
 
 _TAU_S = 0.1
-"""Time constant with which rates decay, about that of the attitude loop [s]."""
+"""Time constant with which rates decay, about the one of the attitude loop [s]."""
 
 
 @compiled
@@ -51,7 +51,7 @@ def extrapolate(message: np.void, step: int, dt: float, result: np.void) -> None
 
     Args:
         message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`.
-        step: Step, not before that of the message; at its own step the result is the message.
+        step: Step, not before the step of the message; at its own step the result is the message.
         dt: Control period [s].
         result: Payload of the same dtype, written.
     """
@@ -73,7 +73,7 @@ def extrapolate(message: np.void, step: int, dt: float, result: np.void) -> None
 
 @compiled
 def _move_on(message: np.void, time: float, result: np.void) -> None:
-    """Write what a message says of places a time later [s]; the report is that of the message."""
+    """Write what a message says of places a time later [s]; the report stays."""
     result["path_rate"] = message["path_rate"]
     result["path_position"] = message["path_position"] + time * message["path_rate"]
     for k in range(3):

@@ -94,7 +94,7 @@ def note_state(delay: np.void, measured: np.void) -> None:
 
 @compiled
 def note_commands(delay: np.void, step: int, held: np.ndarray) -> None:
-    """Note the commands in force after a step; before it, those of the last step noted were.
+    """Note the commands in force after a step; before it, the ones of the last step noted.
 
     Before the first step noted, its own were: after a restart the aircraft holds them.
 
@@ -125,7 +125,7 @@ def predicted(
     Args:
         delay: Record of dtype `DELAY`; its field `predicted` is written.
         measured: FTC_SIM_STATE payload.
-        known_s: Delay besides that of the links [s].
+        known_s: Delay besides the delay of the links [s].
         step_us: Control period [µs].
         aircraft: Nominal aircraft.
     """

@@ -22,7 +22,7 @@ _HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.035, 0.05
 def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) -> float:
     """Return the command of surface j [rad], moved to and fro if the surface is suspect.
 
-    The side is that of the law's own answer to the jump, or toward zero where the stop is near.
+    The side is the side of the law's own answer to the jump, or toward zero where the stop is near.
 
     Args:
         delta: Command of the law [rad].

@@ -24,7 +24,7 @@ from sitl_plant.vec3 import mat3, mul, scale, sub
 
 
 class Backstepping(LawParameters):
-    """Parameters of nominal backstepping; gains as those of the proposed law."""
+    """Parameters of nominal backstepping; gains as of the proposed law."""
 
     STATE: ClassVar[np.dtype] = np.dtype([("omega_d_filtered", "f8", (3,))])  # rad/s
 

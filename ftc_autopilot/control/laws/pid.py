@@ -30,7 +30,7 @@ class Pid(LawParameters):
 
     A positive surface deflection makes a negative moment, which the law's signs account for:
     gains are positive. The defaults give the rate loops of the paper's aircraft the bandwidth
-    of Table III's K2 at 45 m/s (45 rad/s), the speed loop that of c_v (10 rad/s), feed-forward
+    of Table III's K2 at 45 m/s (45 rad/s), the speed loop the one of c_v (10 rad/s), feed-forward
     against the damping, and integrals a tenth of a second (speed: half a second).
     """
 

@@ -8,7 +8,7 @@ its command,
     η' = -λ η + s,  η(0) = 0,        event when η + θ s <= 0.
 
 η grows while the command is within its threshold, and is used up beyond it. Since η >= 0, an
-event means s <= 0: it is never earlier than that of (25), (29) from the same held command.
+event means s <= 0: it is never earlier than an event of (25), (29) from the same held command.
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Trigger `periodic_event`: thresholds that are looked at by the clock.
+"""Trigger `periodic_event`: thresholds that are checked by the clock.
 
 Periodic event-triggered control after Heemels, Donkers and Teel, "Periodic event-triggered
 control for linear systems", IEEE Transactions on Automatic Control 58(4), 2013: (25) and (29)

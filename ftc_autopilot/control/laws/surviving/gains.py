@@ -28,8 +28,8 @@ LONGITUDINAL = 5
 _LATERAL_Q, _LATERAL_R = np.diag([0.0, 0.02, 0.0, 4.0]), 1.0
 _LONGITUDINAL_Q, _LONGITUDINAL_R = np.diag([5e-4, 0.0, 0.02, 6.0, 4.0]), 1e-6  # 1 per kN²
 _SLOWEST = 1.25  # times the aircraft's lowest airspeed
-_DIGITS = 9  # significant ones kept; those beyond depend on the linear algebra library
-_ALPHA = (-0.5, 0.7)  # angles of attack among which that of level flight is searched [rad]
+_DIGITS = 9  # significant; further ones depend on the linear algebra library
+_ALPHA = (-0.5, 0.7)  # angles of attack among which level flight is searched [rad]
 
 
 class Gains(NamedTuple):
@@ -42,7 +42,7 @@ class Gains(NamedTuple):
 
 @lru_cache
 def gains_of(aircraft: Aircraft) -> Gains:
-    """Return the gains of an aircraft; those of a formation's like aircraft are computed once."""
+    """Return the gains of an aircraft; a formation of equal aircraft computes them once."""
     airspeeds = airspeeds_of(aircraft)
     lateral = [lateral_gain(aircraft, V) for V in airspeeds]
     longitudinal = [longitudinal_gain(aircraft, V) for V in airspeeds]
@@ -57,7 +57,7 @@ def airspeeds_of(aircraft: Aircraft) -> np.ndarray:
 def lateral_gain(aircraft: Aircraft, V: float) -> np.ndarray:
     """Return the rudder's gains at an airspeed V [m/s], shape (LATERAL,).
 
-    The model is that of straight, level flight without sideslip.
+    The model is straight, level flight without sideslip.
     """
     a = aircraft_record(aircraft)
     air = lateral(V, a)
@@ -72,7 +72,7 @@ def lateral_gain(aircraft: Aircraft, V: float) -> np.ndarray:
 def longitudinal_gain(aircraft: Aircraft, V: float) -> np.ndarray:
     """Return the thrust's gains at an airspeed V [m/s], shape (LONGITUDINAL,) [N per unit].
 
-    The model is that of straight, level flight, and the elevator stands where it trims that:
+    The model is straight, level flight, and the elevator stands where it trims that:
 
         V̇ = (T cos α - D)/m - g sin(θ - α)
         α̇ = q - (L + T sin α)/(m V) + g cos(θ - α)/V

@@ -37,7 +37,7 @@ def pitch_trim(
         M(α*, f) = 0,   γ = θ_r - α*
         L + T sin α = m g cos γ,   T cos α = D + m g sin γ   for V*
 
-    T is that of the present airspeed: a speed error then makes no thrust of its own.
+    T is at the present airspeed: a speed error then makes no thrust of its own.
     """
     stuck = diagnosis["actuators"][ELEVATOR]["stuck"]
     alpha = clamp(balanced_alpha(stuck, aircraft), _ALPHA_MIN, _ALPHA_MAX)

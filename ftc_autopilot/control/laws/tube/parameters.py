@@ -24,7 +24,7 @@ _Times = tuple[_Time, _Time, _Time, _Time]
 
 
 class Tube(FaultTolerant):
-    """Parameters of the tube law, beside those of the surviving law, which is its fallback.
+    """Parameters of the tube law, beside the ones of the surviving law, its fallback.
 
     Lists of three are roll, pitch, yaw; of four, airspeed, roll, pitch, yaw.
     """
@@ -46,7 +46,7 @@ class Tube(FaultTolerant):
             ("information", "f8", (2, 2, 2)),  # ∑ x xᵀ dt of every axis [rad²/s³]
             ("evidence", "f8", (2, 2)),  # ∑ x y dt [rad²/s³]
             ("derivative_error", "f8", (2, 2)),  # by the nominal derivative
-            # of one step; kept here, since an array made in each takes time
+            # of one step; here, since an array made in each takes time
             ("positions", "f8", (N_CHANNELS,)),  # of the servos [rad, N]
             ("commands", "f8", (N_CHANNELS,)),  # in force [rad, N]
             # events
@@ -146,7 +146,7 @@ class Tube(FaultTolerant):
     adapt: bool = Field(
         default=True,
         description="Whether the strength of aileron and elevator and the damping of pitch are "
-        "identified in flight; false: those of the nominal aircraft.",
+        "identified in flight; false: the nominal ones.",
     )
     adaptation_memory_s: float = quantity(
         "s", gt=0.0, default=20.0, doc="Memory of the identification."

@@ -44,7 +44,7 @@ def best_change(
 
     Args:
         error: E under the command in force, shape (rows,).
-        influence: S, change of the error by that of the command, shape (rows,).
+        influence: S, change of the error by the change of the command, shape (rows,).
         width: D, half the width of the tube, shape (rows,).
         first: First row that counts.
         share: Of the tube that is used.
