@@ -18,7 +18,12 @@ from ftc_autopilot.control.controller import no_signals
 from ftc_autopilot.control.controllers import Source, new_controllers
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.control.stepping import announce, controller_step, hear, tell_neighbours
+from ftc_autopilot.control.stepping import (
+    broadcast_if_triggered,
+    controller_step,
+    hear,
+    publish_own_state,
+)
 from ftc_autopilot.hot.acknowledgement import note_delay, note_events
 from ftc_autopilot.hot.link import new_link
 from gcs.results.quantities import QUANTITIES
@@ -83,9 +88,9 @@ class _Autopilot:
         if compensated:
             controllers.delays[0]["periods"] = periods
         else:
-            controllers.delays[0]["begun"] = 0  # no state counts as lost
+            controllers.delays[0]["started"] = 0  # no state counts as lost
         mask = controller_step(controllers, 0, measured, step_us)
-        tell_neighbours(controllers, 0, step, step_us)
+        broadcast_if_triggered(controllers, 0, step, step_us)
         self.link["step"] = step
         if note_events(self.link, measured, controllers, mask, False):
             self.commands.send(controllers.actuators[0], at_s)
@@ -107,7 +112,7 @@ def fly_over(scenario: Scenario, impairment: Impairment, compensated: bool = Tru
     applied, signals = np.zeros((*shape, 4)), no_signals(scenario.steps * len(ids)).reshape(shape)
     for i, autopilot in enumerate(autopilots.values()):
         observe(fleet, i, 0, scenario.step_us)
-        announce(autopilot.controllers, 0, fleet.messages[i])
+        publish_own_state(autopilot.controllers, 0, fleet.messages[i])
     _exchange(autopilots)
     for step in range(scenario.steps):
         states[step], wind[step] = fleet.states, fleet.air[:, :3]
@@ -151,7 +156,7 @@ def _exchange(autopilots: dict[int, _Autopilot]) -> None:
     """Deliver what every autopilot has told its neighbours."""
     for autopilot in autopilots.values():
         for d, uav in enumerate(autopilot.neighbours):
-            hear(autopilot.controllers, 0, d, autopilots[uav].controllers.told[0])
+            hear(autopilot.controllers, 0, d, autopilots[uav].controllers.last_broadcast[0])
 
 
 def scenario_with(law: str, duration_s: float) -> Scenario:

@@ -2,7 +2,7 @@
 
 It holds nothing of faults, disturbances or the true aircraft: the controller must not know.
 Names are the paper's, in ASCII; defaults are the values of Table III, or where the paper gives
-none, a set that flies well with Table III kept to the letter. Angles inside the laws are rad.
+none, a set that flies well with Table III to the letter. Angles inside the laws are rad.
 """
 
 from collections.abc import Iterator
@@ -13,8 +13,8 @@ from pydantic import AfterValidator, Field, model_validator
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.triggers import Trigger
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers import MODES, Trigger
+from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
@@ -62,15 +62,13 @@ def trigger_problems(
     yield from ((("trigger", *loc), text) for loc, text in trigger.misfits(step_us))
     if type(controller).goes_with(trigger.mode):
         return
-    if controller.CHOOSES:
-        text = "expected 'consequence' or 'periodic', as the law"
-        yield (
-            ("trigger", "mode"),
-            f"{text} {controller.kind!r} chooses what is sent, got {trigger.mode!r}",
-        )
+    if controller.SELECTS_CHANNELS:
+        able = " or ".join(map(repr, sorted(filter(controller.goes_with, MODES))))
+        text = f"expected {able}, as the law {controller.kind!r} chooses what is sent"
+        yield ("trigger", "mode"), f"{text}, got {trigger.mode!r}"
     else:
-        chooses = ", ".join(kind for kind, law in LAWS.items() if law.CHOOSES)
-        text = f"'consequence' needs a law that chooses what is sent ({chooses})"
+        able = ", ".join(kind for kind, law in LAWS.items() if law.SELECTS_CHANNELS)
+        text = f"{trigger.mode!r} needs a law that chooses what is sent ({able})"
         yield ("trigger", "mode"), f"{text}, got the law {controller.kind!r}"
 
 
@@ -139,7 +137,7 @@ class AutopilotConfig(Model):
         default="ardupilot", description="Autopilot whose MAVLink conventions it follows."
     )
     fleet: tuple[SystemId, ...] = Field(
-        default=(), description="UAVs of the fleet, this one included; none: it does not tell."
+        default=(), description="UAVs of the fleet, this one included; none: it does not say."
     )
     origin: Origin = Field(
         default=Origin(), description="Geographic coordinates of north = east = down = 0."

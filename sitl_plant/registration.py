@@ -30,7 +30,7 @@ class Claim(Enum):
 
 
 class Registration:
-    """The registered autopilots of a plant; they are kept in the arrays of its link."""
+    """The registered autopilots of a plant; they are in the arrays of its link."""
 
     def __init__(
         self,

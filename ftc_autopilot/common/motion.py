@@ -7,6 +7,7 @@ import numpy as np
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_ABSOLUTE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import R2_inv, gravity_body
 from sitl_plant.vec3 import Vec3, add, dot, mul, sub, vec3
 
@@ -25,12 +26,12 @@ class Motion(NamedTuple):
 
 
 @compiled
-def motion_of(measured: np.void, aircraft: np.void) -> Motion:
+def motion_of(measured: np.void, aircraft: AircraftRecord) -> Motion:
     """Read an FTC_SIM_STATE payload.
 
     Args:
         measured: Payload of dtype `mavlink_defs.framing.codec.SIM_STATE`.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
     """
     v = sub(vec3(measured["velocity"]), vec3(measured["wind"]))
     phi = vec3(measured["attitude"])

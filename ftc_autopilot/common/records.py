@@ -1,4 +1,4 @@
-"""Parameters as compiled code sees them: records whose fields are those of the models, in SI units.
+"""Parameters as compiled code sees them: records with the fields of the models, in SI units.
 
 Angles are configured in degrees and converted here, once: a field ``b2_deg`` [deg] of a model is
 ``b2_rad`` [rad] in the record.

@@ -10,7 +10,7 @@ value. The next message is sent when one of the sender's errors differs from it 
 relative · |error| + absolute, or after the longest silence; so without losses that is a bound of
 what the receivers are wrong by. A lost message is made up for by the next one, which is complete.
 
-On a path, it also holds the sender's place on it and in space, which go on with the rates told,
+On a path, it also holds the sender's place on it and in space, which go on with their rates,
 and a report on all members of the formation. A message is then also due when a place differs by
 more than its threshold, or the report by anything.
 """
@@ -20,20 +20,21 @@ import math
 import numpy as np
 
 from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.control.step import SignalsRecord
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
 
 _TAU_S = 0.1
-"""Time constant with which rates decay, about that of the attitude loop [s]."""
+"""Time constant with which rates decay, about the one of the attitude loop [s]."""
 
 
 @compiled
-def refer_to_reference(message: np.void, signals: np.void) -> None:
+def refer_to_reference(message: np.void, signals: SignalsRecord) -> None:
     """Turn the own motion in an FTC_NEIGHBOUR payload into tracking errors.
 
     Args:
         message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`, updated in place.
-        signals: Of the same step, dtype `ftc_autopilot.control.controller.SIGNALS`.
+        signals: Of the same step.
     """
     error, reference_dot = signals["error"], signals["reference_dot"]
     message["airspeed"] = error[0]
@@ -50,7 +51,7 @@ def extrapolate(message: np.void, step: int, dt: float, result: np.void) -> None
 
     Args:
         message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`.
-        step: Step, not before that of the message; at its own step the result is the message.
+        step: Step, not before the step of the message; at its own step the result is the message.
         dt: Control period [s].
         result: Payload of the same dtype, written.
     """
@@ -72,7 +73,7 @@ def extrapolate(message: np.void, step: int, dt: float, result: np.void) -> None
 
 @compiled
 def _move_on(message: np.void, time: float, result: np.void) -> None:
-    """Write what a message says of places a time later [s]; the report is that of the message."""
+    """Write what a message says of places a time later [s]; the report stays."""
     result["path_rate"] = message["path_rate"]
     result["path_position"] = message["path_position"] + time * message["path_rate"]
     for k in range(3):

@@ -8,7 +8,7 @@ from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.reference import Reference, wrap
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3, add, scale, sub, vec3
+from sitl_plant.vec3 import Vec3, add, clamp, clamp_each, scale, sub, vec3
 
 
 class FormationErrors(NamedTuple):
@@ -35,9 +35,9 @@ def formation_errors(
     """Evaluate eqs. (31) and (32) and the neighbours' sums that r_v and (57) need.
 
     Angles and their differences are taken the short way round, so that whole turns of the own
-    aircraft or a neighbour change nothing. What a neighbour differs by counts only up to limits,
-    so that one in trouble does not drag the others along. A neighbour's errors are against its
-    own reference if it tells them, else against the own one.
+    aircraft or a neighbour change nothing. Differences to a neighbour count only up to limits: a
+    degraded one has little influence. A neighbour's errors are against its own reference if its
+    message holds them, else against the own one.
 
     Args:
         motion: Own motion.
@@ -65,10 +65,10 @@ def formation_errors(
             V_j, V_dot_j = V_j - reference.V, V_dot_j - reference.V_dot
             e_j, e_dot_j = _difference(e_j, reference.phi), sub(e_dot_j, reference.phi_dot)
         a_sum += a
-        V_sum += a * _limited(V_tilde - V_j, speed)
-        V_dot_sum += a * _limited(V_dot_j, acceleration)
-        e_sum = add(e_sum, scale(a, _all_limited(_difference(e, e_j), angle)))
-        e_dot_sum = add(e_dot_sum, scale(a, _all_limited(e_dot_j, rate)))
+        V_sum += a * clamp(V_tilde - V_j, -speed, speed)
+        V_dot_sum += a * clamp(V_dot_j, -acceleration, acceleration)
+        e_sum = add(e_sum, scale(a, clamp_each(_difference(e, e_j), angle)))
+        e_dot_sum = add(e_dot_sum, scale(a, clamp_each(e_dot_j, rate)))
     lambda1, lambda2 = weighting["lambda1"], weighting["lambda2"]
     lambda3, lambda4 = weighting["lambda3"], weighting["lambda4"]
     return FormationErrors(
@@ -87,15 +87,3 @@ def formation_errors(
 def _difference(phi: Vec3, other: Vec3) -> Vec3:
     """Return differences of roll, pitch and yaw, each the short way round [rad]."""
     return wrap(phi[0] - other[0]), wrap(phi[1] - other[1]), wrap(phi[2] - other[2])
-
-
-@compiled
-def _limited(x: float, limit: float) -> float:
-    """Return x, at most as large as the limit."""
-    return min(max(x, -limit), limit)
-
-
-@compiled
-def _all_limited(x: Vec3, limit: float) -> Vec3:
-    """Return each element, at most as large as the limit."""
-    return _limited(x[0], limit), _limited(x[1], limit), _limited(x[2], limit)

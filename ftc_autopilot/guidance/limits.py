@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+from sitl_plant.aerodynamics import carried_linearly
+from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
 
 _PLANNED_BANK = math.radians(20.0)
@@ -52,8 +54,8 @@ def level_airspeed(aircraft: Aircraft, incidence_rad: float) -> float:
 
     The thrust, which equals the drag, carries its part of the weight.
     """
-    slope = aircraft.coefficients.cL_alpha + aircraft.coefficients.cD0
-    lift = max(aircraft.coefficients.cL0 + slope * incidence_rad, 1e-6)
+    at_zero, slope = carried_linearly(aircraft_record(aircraft))
+    lift = max(at_zero + slope * incidence_rad, 1e-6)
     area = 0.5 * aircraft.air_density_kg_m3 * aircraft.wing_area_m2
     return math.sqrt(aircraft.mass_kg * aircraft.gravity_m_s2 / (area * lift))
 

@@ -16,7 +16,11 @@ import numpy as np
 from ftc_autopilot.config import Neighbour
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.control.stepping import announce, controller_step, tell_neighbours
+from ftc_autopilot.control.stepping import (
+    broadcast_if_triggered,
+    controller_step,
+    publish_own_state,
+)
 from ftc_autopilot.hot.acknowledgement import ACKNOWLEDGEMENT, NONE, note_delay, note_events
 from ftc_autopilot.hot.checkpoint import KeptState, keep, no_kept_state
 from ftc_autopilot.hot.formation_link import (
@@ -175,7 +179,7 @@ def records_to_keep(
         controllers.actuators,
         controllers.neighbour_states,
         controllers.weights,
-        controllers.told,
+        controllers.last_broadcast,
         vehicle,
     )
 
@@ -312,7 +316,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
     running, ended = flags & FTC_SIM_FLAGS_RUNNING, flags & FTC_SIM_FLAGS_ENDED
     lockstep = (flags & FTC_SIM_FLAGS_LOCKSTEP) != 0
     if running and state["step"] < 0:  # the first step needs neighbour states of step 0
-        announce(controllers, 0, sim_state)
+        publish_own_state(controllers, 0, sim_state)
         send_own_state(formation_fd, formation, controllers)
     fresh = running and step > state["step"]
     ahead = passed_over = 0
@@ -332,7 +336,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         if not lockstep:
             controllers.delays[0]["periods"] = note_delay(state, sim_state)
         mask = controller_step(controllers, 0, sim_state, state["step_us"])
-        told = tell_neighbours(controllers, 0, step, state["step_us"])
+        told = broadcast_if_triggered(controllers, 0, step, state["step_us"])
         state["step"] = step
         row = state["recorded"]
         if row < len(link.record):
@@ -347,7 +351,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
             send_own_state(formation_fd, formation, controllers)
         link.simulator.step_done[0]["silent"] = 0 if told else 1
     elif not running and not ended:  # frozen: neighbours learn of each other
-        announce(controllers, 0, sim_state)
+        publish_own_state(controllers, 0, sim_state)
         send_own_state(formation_fd, formation, controllers)
         receive_neighbour_states(formation_fd, formation, controllers, 0)
     if ended or (running and lockstep and step == state["step"]):

@@ -7,6 +7,7 @@ import numpy as np
 
 from ftc_autopilot.control.controller import NO_INTERVAL
 from ftc_autopilot.control.controllers import Controllers
+from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs import dialect
@@ -69,12 +70,13 @@ class ControllerMessages:
         )
 
     def adaptation(self) -> MAVLink_message:
-        """Return FTC_ADAPTATION."""
-        c = self._controllers.states[0]["proposed"]
+        """Return FTC_ADAPTATION; NaN under a law without these estimates."""
+        kind = KINDS[int(self._controllers.parameters[0]["law"])]
+        state = self._controllers.states[0][kind]
+        known = state.dtype.names or ()
         names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
-        return dialect.MAVLink_ftc_adaptation_message(
-            self._time_ms, *float32s(c[name] for name in names)
-        )
+        estimates = (state[name] if name in known else math.nan for name in names)
+        return dialect.MAVLink_ftc_adaptation_message(self._time_ms, *float32s(estimates))
 
     def drops(self) -> MAVLink_message:
         """Return FTC_DROPS."""

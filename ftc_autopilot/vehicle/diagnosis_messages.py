@@ -26,10 +26,10 @@ class DiagnosisMessages:
     def __init__(self, hot: HotState, controllers: Controllers) -> None:
         self._hot, self._controllers = hot, controllers
         kind = KINDS[int(controllers.parameters[0]["law"])]
-        fields = LAWS[kind].STATE.names or ()
-        self._diagnosis = (
-            controllers.states[0][kind]["diagnosis"] if "diagnosis" in fields else None
-        )
+        state = controllers.states[0][kind]
+        if LAWS[kind].FALLBACK is not None:
+            state = state["fallback"]
+        self._diagnosis = state["diagnosis"] if "diagnosis" in (state.dtype.names or ()) else None
         self._lost = [False] * len(ACTUATORS)
 
     def diagnosis(self) -> MAVLink_message:
@@ -63,9 +63,9 @@ class DiagnosisMessages:
             if lost == before[c]:
                 continue
             actuator = self._diagnosis["actuators"][c]
-            if actuator["since"] >= self._diagnosis["age"]:  # no decision: the law started anew
+            if actuator["decided_s"] >= self._diagnosis["age"]:  # no decision: the law restarted
                 continue
-            at = f"at {self._hot.time_us * 1e-6 - float(actuator['since']):.2f} s"
+            at = f"at {self._hot.time_us * 1e-6 - float(actuator['decided_s']):.2f} s"
             if lost:
                 stuck = self._amount(c, float(actuator["stuck"]))
                 where = f"{stuck:.0f} N" if c == THROTTLE else f"{stuck:.1f} deg"

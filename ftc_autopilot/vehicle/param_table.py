@@ -125,7 +125,7 @@ def parameters_of(
         *trigger_tunables(records),
         *trigger_tunables(records, config.trigger.mode),
         *tunables(LawParameters, records["common"]),
-        *tunables(LAWS[kind], records[kind], base=LawParameters),
+        *law_tunables(LAWS[kind], records[kind]),
     ]
     guidance = config.guidance.kind  # its gains; limits belong to the path, which is made once
     gains = records["guidance"][guidance]
@@ -169,6 +169,13 @@ def parameters_of(
         get = partial(lambda tunable: tunable.at(clock_s()), tunable)
         parameters.append(Parameter(tunable.name, tunable.type, get, put))
     return parameters
+
+
+def law_tunables(law: type[LawParameters], records: np.ndarray) -> Iterator[Tunable]:
+    """Find the numbers of a law, those of its fallback first; records as `law.record`, (1,)."""
+    if law.FALLBACK is not None:
+        yield from tunables(law, records["fallback"], base=LawParameters)
+    yield from tunables(law, records, base=LawParameters)
 
 
 def trigger_tunables(records: np.ndarray, mode: str | None = None) -> Iterator[Tunable]:

@@ -11,7 +11,12 @@ import numpy as np
 
 from ftc_autopilot.control.controllers import Controllers, Source, begin_path, new_controllers
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.control.stepping import announce, controller_step, hear, tell_neighbours
+from ftc_autopilot.control.stepping import (
+    broadcast_if_triggered,
+    controller_step,
+    hear,
+    publish_own_state,
+)
 from gcs.results.mission_path import paths_of
 from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps
@@ -138,7 +143,7 @@ def exchange_initial_states(
     """Give every controller the initial states of its neighbours."""
     for i in range(len(sources)):
         observe(fleet, i, 0, step_us)
-        announce(controllers, i, fleet.messages[i])
+        publish_own_state(controllers, i, fleet.messages[i])
     _deliver(controllers, sources, 0)
 
 
@@ -164,7 +169,7 @@ def run_steps(
             mask = controller_step(controllers, i, fleet.messages[i], step_us)
             if mask != 0:
                 receive_controls(fleet, i, controllers.actuators[i])
-            tell_neighbours(controllers, i, first + k, step_us)
+            broadcast_if_triggered(controllers, i, first + k, step_us)
             copy_values(states[k, i], fleet.states[i])
             copy_values(wind[k, i], fleet.air[i])
             copy_record(signals[k, i], controllers.signals[i])
@@ -183,5 +188,5 @@ def _deliver(controllers: Controllers, sources: np.ndarray, step: int) -> None:
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
             j = sources[i, d]
-            if j >= 0 and controllers.told[j]["step"] == step:
-                hear(controllers, i, d, controllers.told[j])
+            if j >= 0 and controllers.last_broadcast[j]["step"] == step:
+                hear(controllers, i, d, controllers.last_broadcast[j])

@@ -24,7 +24,7 @@ from ftc_autopilot.config import (
 )
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.reach import most_links, reach_problems

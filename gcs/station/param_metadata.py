@@ -16,11 +16,11 @@ from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
-from ftc_autopilot.vehicle.param_table import Tunable, trigger_tunables, tunables
+from ftc_autopilot.vehicle.param_table import Tunable, law_tunables, trigger_tunables, tunables
 from gcs.station.param_file import READ_ONLY
 from mavlink_defs.config.quantity import Quantity
 from mavlink_defs.float32 import float32s
@@ -107,8 +107,8 @@ def _tunables(kind: str) -> Iterator[Tunable]:
     for mode in MODES:
         if mode in (records.dtype["trigger"].names or ()):
             fill(records["trigger"][mode][0], TRIGGERS[mode](mode=mode))
-    for part in ("common", kind):
-        fill(records[part][0], law(kind=kind))
+    fill(records["common"][0], law(kind=kind))
+    law(kind=kind).write_to(records[kind][0])
     fill(records["formation"][0], FormationParameters())
     for name, guidance in GUIDANCE_LAWS.items():
         fill(records["guidance"][name][0], guidance(kind=name))
@@ -119,4 +119,4 @@ def _tunables(kind: str) -> Iterator[Tunable]:
         yield from tunables(guidance, records["guidance"][name], "GUID_", base=GuidanceParameters)
     for mode in MODES:
         yield from trigger_tunables(records, mode)
-    yield from tunables(law, records[kind], base=LawParameters)
+    yield from law_tunables(law, records[kind])

@@ -48,11 +48,13 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = (
         (in_process, "run_steps"),
         (in_process, "controller_step"),
-        (in_process, "tell_neighbours"),
+        (in_process, "broadcast_if_triggered"),
         (in_process, "_deliver"),
+        (in_process, "hear"),
         (stepping, "_step"),
         (stepping, "_control"),
         (stepping, "control_step"),
+        (controller, "_step"),
         (controller, "evaluate"),
         (all_laws, "proposed_law"),
     )

@@ -44,6 +44,7 @@ from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace
 from ftc_autopilot.guidance.path import PathPoint, height_at, locate, point_at
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aerodynamics import carried_linearly, drag
 
 _APPROACH_MAX = math.radians(40.0)
 """Largest angle between the commanded course and the path [rad]."""
@@ -161,13 +162,13 @@ def path_law(
     climb, climb_now = _climb(now, path, place, coordination, aircraft, limits, gains, state)
     weight = aircraft["m"] * aircraft["g"] * math.cos(climb)
     lift = 0.5 * aircraft["rho"] * command[0] ** 2 * aircraft["S"]
-    slope = aircraft["cL_alpha"] + aircraft["cD0"]
+    at_zero, slope = carried_linearly(aircraft)
 
-    most = aircraft["cL0"] + slope * limits["incidence_max_rad"]
+    most = at_zero + slope * limits["incidence_max_rad"]
     load = max(lift * most / weight, 1.0)  # 1/cos of the bank at the largest angle of attack
     bank_max = min(limits["bank_max_rad"], math.acos(1.0 / load))
     roll, drift = _turn(now, place, coordination, V, wind, bank_max, aircraft["g"], gains, state)
-    alpha = (weight / (lift * math.cos(roll)) - aircraft["cL0"]) / slope
+    alpha = (weight / (lift * math.cos(roll)) - at_zero) / slope
     gamma = math.asin(min(max(-now.air_velocity[2] / V, -1.0), 1.0))
     correction = min(max(climb_now - gamma, -_CLIMB_CORRECTION_MAX), _CLIMB_CORRECTION_MAX)
     command[1] = roll
@@ -356,7 +357,8 @@ def _climb(
     V = max(now.motion.V, 1.0)
     pressure = 0.5 * aircraft["rho"] * V**2 * aircraft["S"]
     weight = aircraft["m"] * aircraft["g"]
-    lag = aircraft["m"] * V / (pressure * (aircraft["cL_alpha"] + aircraft["cD0"]))
+    _, lift_slope = carried_linearly(aircraft)
+    lag = aircraft["m"] * V / (pressure * lift_slope)
     reach = gains["rounding_s"] * V
     s_later = place.s + (3.0 / now.bandwidth + lag) * place.s_dot
     slope, slope_ahead = _rounded_slope(path, place.s, reach), _rounded_slope(path, s_later, reach)
@@ -365,11 +367,11 @@ def _climb(
     sink = _upwards(error, coordination, gains, state) + coordination.up
 
     accelerating = now.reference[0, 1] / aircraft["g"]
-    drag = pressure * aircraft["cD0"]
+    D = drag(pressure, aircraft)
     thrust = limits["thrust_share_max"] * aircraft["thrust_limit"]
     most = math.sin(limits["climb_max_rad"])
-    high = min(max((thrust - drag) / weight - accelerating, -most), most)
-    low = max(min(-drag / weight - accelerating, most), -most)
+    high = min(max((thrust - D) / weight - accelerating, -most), most)
+    low = max(min(-D / weight - accelerating, most), -most)
     wanted = (sink + slope_ahead * place.s_dot) / V
     if low < wanted < high and gain > 0.0 and coordination.up == 0.0:
         limit = _INTEGRAL_SHARE * V / gain

@@ -8,7 +8,7 @@ import numpy as np
 from gcs.lab.theory.slopes import slopes
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.aerodynamics import control_effectiveness
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import true_aircraft
 from sitl_plant.disturbance import disturbance_table
@@ -115,7 +115,7 @@ def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
     true = aircraft_record(true_aircraft(aircraft, scenario.uncertainty))
     table = disturbance_table(scenario.disturbance)
     calm, nothing = np.zeros_like(table), np.zeros_like(applied)
-    G_nominal, G_true = _control_effectiveness(nominal), _control_effectiveness(true)
+    G_nominal, G_true = control_effectiveness(nominal), control_effectiveness(true)
     rho, faulty = _faults(scenario, uav_id, time_s)
     stop, thrust = float(nominal["surface_limit"]), aircraft.thrust_limit_n
     neighbours, reported = _neighbours(recording, i, scenario)
@@ -228,13 +228,6 @@ def _heard(values: np.ndarray, before: np.ndarray, others: list[int]) -> np.ndar
     """Return values of other UAVs at earlier steps, from (n, uavs, ...) to (n, degree, ...)."""
     heard: np.ndarray = values[before[:, None], others]
     return heard
-
-
-def _control_effectiveness(aircraft: np.void) -> np.ndarray:
-    """J⁻¹ C at V = 1 m/s, (3, 3); C of (10) grows with V²."""
-    C = aerodynamics((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), aircraft).C
-    effectiveness: np.ndarray = aircraft["J_inv"] @ np.array(C)
-    return effectiveness
 
 
 def _faults(scenario: Scenario, uav_id: int, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from ftc_autopilot.control.neighbour_messages import (
     is_message_due,
     refer_to_reference,
 )
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers.static import PerChannel
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.framing.codec import NEIGHBOUR
 

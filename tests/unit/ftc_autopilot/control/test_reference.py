@@ -14,7 +14,7 @@ from ftc_autopilot.control.reference import (
     start_filter,
     wrap,
 )
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers.static import PerChannel
 from mavlink_defs.profile import Segment
 
 PROFILE = profile_record(

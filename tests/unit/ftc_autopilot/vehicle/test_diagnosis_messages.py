@@ -55,12 +55,12 @@ def test_a_loss_and_a_return_are_announced_once(
 ) -> None:
     actuator = diagnosed(bench)["actuators"][channel]
     said(bench)
-    actuator["lost"], actuator["stuck"], actuator["since"] = 1, stuck, 0.06
+    actuator["lost"], actuator["stuck"], actuator["decided_s"] = 1, stuck, 0.06
     ((severity, text),) = said(bench)
     assert severity == dialect.MAV_SEVERITY_CRITICAL
     assert text.startswith(told)
     assert said(bench) == []
-    actuator["lost"], actuator["since"] = 0, 0.25
+    actuator["lost"], actuator["decided_s"] = 0, 0.25
     ((severity, text),) = said(bench)
     assert (severity, text) == (
         dialect.MAV_SEVERITY_NOTICE,

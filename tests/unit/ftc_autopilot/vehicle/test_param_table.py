@@ -49,7 +49,7 @@ def bench(scenario1: Scenario) -> Bench:
 @pytest.mark.parametrize("kind", LAWS)
 def test_names_fit_and_values_are_the_configurations(scenario1: Scenario, kind: str) -> None:
     tree = scenario1.model_dump() | {"controller": {"kind": kind}}
-    if LAWS[kind].CHOOSES:
+    if LAWS[kind].SELECTS_CHANNELS:
         tree["trigger"] = {"mode": "consequence"}
     bench = Bench(Scenario.model_validate(tree))
     for name, parameter in bench.parameters.items():
@@ -102,7 +102,7 @@ def test_a_value_out_of_range_is_refused(bench: Bench, name: str, value: float, 
 @pytest.mark.parametrize("kind", LAWS)
 def test_every_parameter_has_bounds_that_stations_show(scenario1: Scenario, kind: str) -> None:
     tree = scenario1.model_dump() | {"controller": {"kind": kind}}
-    if LAWS[kind].CHOOSES:
+    if LAWS[kind].SELECTS_CHANNELS:
         tree["trigger"] = {"mode": "consequence"}
     bench = Bench(Scenario.model_validate(tree))
     for name, parameter in bench.parameters.items():

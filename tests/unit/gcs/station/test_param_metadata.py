@@ -52,7 +52,7 @@ def test_of_a_scenario_that_says_nothing_only_what_it_has_to_say_differs(
 
 @pytest.mark.parametrize("law", LAWS)
 def test_whatever_is_changed_differs(scenario1: Scenario, law: str) -> None:
-    mode = "consequence" if LAWS[law].CHOOSES else "per_channel"
+    mode = "consequence" if LAWS[law].SELECTS_CHANNELS else "per_channel"
     params = held_by(scenario1, controller={"kind": law}, trigger={"mode": mode})
     defaults = defaults_of(params)
     assert len(defaults) > 40

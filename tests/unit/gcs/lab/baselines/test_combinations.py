@@ -55,7 +55,8 @@ def test_every_law_has_every_trigger_that_goes_with_it(scenario1: Scenario) -> N
     pairs = {(one.aircraft, one.law, one.trigger) for one in listed}
     assert len(pairs) == len(listed)
     for law, model in LAWS.items():
-        own = {"consequence", "periodic"} if model.CHOOSES else set(MODES) - {"consequence"}
+        selects = model.SELECTS_CHANNELS
+        own = {"consequence", "periodic"} if selects else set(MODES) - {"consequence"}
         for aircraft in AIRCRAFT:
             assert {mode for a, kind, mode in pairs if (a, kind) == (aircraft, law)} == own
     for one in listed:

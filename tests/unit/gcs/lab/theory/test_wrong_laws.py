@@ -25,14 +25,18 @@ def flown_by(monkeypatch: pytest.MonkeyPatch, **laws: Callable[[Law], Law]) -> R
     return fly_in_process(scenario_with(**SHORT))
 
 
+def given_step(now: Any, changes: dict[str, Callable[..., Any]]) -> Any:
+    """A step with some fields changed; each change is given the field."""
+    return now._replace(**{name: change(getattr(now, name)) for name, change in changes.items()})
+
+
 def attitude_given(**changes: Callable[..., Any]) -> Callable[[Law], Law]:
-    """An attitude law with some arguments changed; each change is given errors and motion."""
+    """An attitude law that is given errors, motion or ω̇_d changed."""
+    filtered = changes.pop("omega_d_dot", lambda omega_d_dot: omega_d_dot)
 
     def wrap(law: Law) -> Law:
-        def mutant(errors: Any, motion: Any, e_omega: Any, omega_d_dot: Any, *rest: Any) -> Any:
-            given = {"errors": errors, "motion": motion, "omega_d_dot": omega_d_dot}
-            given |= {name: change(given[name]) for name, change in changes.items()}
-            return law(given["errors"], given["motion"], e_omega, given["omega_d_dot"], *rest)
+        def mutant(now: Any, e_omega: Any, omega_d_dot: Any, *rest: Any) -> Any:
+            return law(given_step(now, changes), e_omega, filtered(omega_d_dot), *rest)
 
         return mutant
 
@@ -45,7 +49,7 @@ def with_gain(factor: Callable[[Any, Any, Any], float]) -> Callable[[Law], Law]:
     def wrap(law: Law) -> Law:
         def mutant(*given: Any) -> Any:
             done = law(*given)
-            share = factor(np.array(done.zeta_omega), np.array(given[2]), given[6])
+            share = factor(np.array(done.zeta_omega), np.array(given[1]), given[6]["beta_omega"])
             return done._replace(delta_hat=tuple(share * d for d in done.delta_hat))
 
         return mutant
@@ -63,8 +67,8 @@ def negated(law: Law) -> Law:
     """ζ_ω negated wherever it enters: (37) does not change, (39) does."""
 
     def mutant(*given: Any) -> Any:
-        done, gains = law(*given), given[9]
-        leakage = gains["sigma_omega2"] * given[6]
+        done, gains, estimates = law(*given), given[5], given[6]
+        leakage = gains["sigma_omega2"] * estimates["beta_omega"]
         zeta = tuple(-z for z in done.zeta_omega)
         rate = -(done.beta_omega_dot + leakage) - leakage
         return done._replace(zeta_omega=zeta, beta_omega_dot=rate)
@@ -74,10 +78,8 @@ def negated(law: Law) -> Law:
 
 def speed_given(**changes: Callable[..., Any]) -> Callable[[Law], Law]:
     def wrap(law: Law) -> Law:
-        def mutant(errors: Any, motion: Any, *rest: Any) -> Any:
-            given = {"errors": errors, "motion": motion}
-            given |= {name: change(given[name]) for name, change in changes.items()}
-            return law(given["errors"], given["motion"], *rest)
+        def mutant(now: Any, *rest: Any) -> Any:
+            return law(given_step(now, changes), *rest)
 
         return mutant
 
@@ -88,8 +90,9 @@ def weaker_drive(law: Law) -> Law:
     """0.9 (α_v - r_v) β̂_v in B_v, and nowhere else."""
 
     def mutant(*given: Any) -> Any:
-        weak = law(*given[:6], 0.9 * given[6], *given[7:])
-        return weak._replace(beta_v_dot=law(*given).beta_v_dot)
+        estimates = given[4].copy()
+        estimates["beta_v"] *= 0.9
+        return law(*given[:4], estimates)._replace(beta_v_dot=law(*given).beta_v_dot)
 
     return mutant
 
