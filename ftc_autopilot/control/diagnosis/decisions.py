@@ -10,12 +10,10 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.parameters import Thresholds
 from ftc_autopilot.control.diagnosis.regression import estimate, learn, long_estimate, restart
 from mavlink_defs.runtime.jit import compiled
-
-HEALTHY, SUSPECT, LOST = 0, 1, 2
-"""Phases of an actuator."""
 
 _START_S = 0.3  # no jump counts earlier: the aircraft is being trimmed
 _DECIDE_S = 0.5  # no loss is declared earlier

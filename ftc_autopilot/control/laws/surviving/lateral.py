@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import probed
 from ftc_autopilot.control.laws.base import Instant
 from ftc_autopilot.control.laws.surviving.gains import gain_at
-from ftc_autopilot.control.reference import wrap
 from mavlink_defs.constants import AILERON, RUDDER
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import angular_acceleration
