@@ -9,8 +9,9 @@ import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
-from ftc_autopilot.guidance.path import Leg, locate, path_record, point_at
+from ftc_autopilot.guidance.path import locate, path_record, point_at
 from ftc_autopilot.hot.checkpoint import keep
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import new_link
@@ -46,4 +47,4 @@ def call_everything(config: AutopilotConfig) -> None:
 
 def endless_path() -> np.void:
     """Return a straight and level path to the north, record of dtype `PATH`."""
-    return path_record([Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)], path_id=1)
+    return path_record([Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)])

@@ -16,8 +16,8 @@ from pydantic import BaseModel, RootModel
 import ftc_autopilot.hot.link
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
-from ftc_autopilot.guidance.jumps import MAX_VISITS
 from ftc_autopilot.guidance.path import MAX_LEGS
+from ftc_autopilot.guidance.targets import MAX_VISITS
 from gcs.cli import COMMANDS
 from gcs.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
 from gcs.fleet.in_process import fly_in_process

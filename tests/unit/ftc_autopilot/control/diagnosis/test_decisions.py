@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.decisions import (
-    HEALTHY,
-    LOST,
-    SUSPECT,
     decide,
     phase_of,
     watch,
