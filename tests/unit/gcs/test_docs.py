@@ -276,12 +276,12 @@ def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
 
 
 def test_the_order_of_a_step_is_that_of_the_code() -> None:
-    source = inspect.getsource(ftc_autopilot.hot.link._work)
+    source = inspect.getsource(ftc_autopilot.hot.link._answer_state)
     step = (
         source.partition("collect_neighbour_states(")[2].partition("elif")[0]
         + source.rpartition("elif")[2]
     )
-    calls = ("keep(", "MessageId.ACTUATORS", "send_own_state(", "MessageId.STEP_DONE")
+    calls = ("save(", "MessageId.ACTUATORS", "send_own_state(", "MessageId.STEP_DONE")
     assert [step.index(call) for call in calls] == sorted(step.index(call) for call in calls)
     documented = (
         (DOCS / "explanation" / "method.md").read_text().partition("## Order of operations")[2]
