@@ -57,25 +57,25 @@ def main(arguments: list[str] | None = None) -> None:
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent process is gone"
     )
     parser.add_argument(
-        "--keep",
+        "--checkpoint",
         type=Path,
         metavar="FILE",
-        help="keep the state in FILE, and resume from it if it is there; with one CONFIG only",
+        help="save the state in FILE, and resume from it if it is there; with one CONFIG only",
     )
     parser.add_argument(
         "--crash-at", type=int, metavar="STEP", help="for tests: die after this step, as by SIGKILL"
     )
     options = parser.parse_args(arguments)
     configs: list[Path] = options.configs
-    if len(configs) > 1 and options.keep is not None:
-        parser.error("--keep takes up the flight of one UAV: start a process for each CONFIG")
+    if len(configs) > 1 and options.checkpoint is not None:
+        parser.error("--checkpoint is of one UAV: start a process for each CONFIG")
     records: list[Path | None] = options.record or [None] * len(configs)
     if len(records) != len(configs):
         parser.error(f"{len(records)} --record for {len(configs)} CONFIGs: give one for each")
     with ExitStack() as sockets:
         try:
             autopilots = [
-                _boot(config, record, options.keep, sockets)
+                _boot(config, record, options.checkpoint, sockets)
                 for config, record in zip(configs, records, strict=True)
             ]
         except (ConfigError, EndpointError, SigningError) as problem:
@@ -104,7 +104,9 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(0 if all(autopilot.loss is None for autopilot in autopilots) else 1)
 
 
-def _boot(file: Path, record: Path | None, keep: Path | None, sockets: ExitStack) -> Autopilot:
+def _boot(
+    file: Path, record: Path | None, checkpoint: Path | None, sockets: ExitStack
+) -> Autopilot:
     """Return an autopilot by its configuration file; its sockets are closed with `sockets`.
 
     Raises:
@@ -124,4 +126,4 @@ def _boot(file: Path, record: Path | None, keep: Path | None, sockets: ExitStack
     for at in (address, UdpAddress(*gcs.getsockname())):
         if not is_loopback(at):
             log(config.id, exposed(at, bool(config.signing_key)))
-    return Autopilot(config, plant, formation, gcs, record, key_file, keep)
+    return Autopilot(config, plant, formation, gcs, record, key_file, checkpoint)

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.step import SignalsRecord
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.common.motion import Motion
-from ftc_autopilot.control.reference import Reference, wrap
+from ftc_autopilot.control.reference import Reference
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, add, clamp, clamp_each, scale, sub, vec3

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis import LOST as LOST_ACTUATOR
+from ftc_autopilot.common.phases import LOST as LOST_ACTUATOR
 from ftc_autopilot.guidance.formation import LEADER_FOLLOWER, MAX_MEMBERS
 from ftc_autopilot.guidance.members import (
     DEGRADED,

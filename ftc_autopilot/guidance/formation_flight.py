@@ -55,7 +55,7 @@ def fly_in_formation(
         state: Record of dtype `ftc_autopilot.guidance.coordination.FORMATION`, updated in place.
     """
     gains = parameters["formation"]
-    pace = pace_of(now, path, near, state["slot"]["place"][0], law)
+    pace = pace_of(now, path, near, state["slot"]["place"][0], parameters["guidance"], law)
     progress = Progress(
         step, dt, now.dt, clock, in_slot, path["id"], pace.s, pace.s_dot, pace.speed
     )

@@ -1,6 +1,6 @@
 """Which events have reached the plant, how late they act, and when one is sent again.
 
-FTC_SIM_STATE tells the time of the actuator message in force. Each message carries all four
+FTC_SIM_STATE carries the timestamp of the actuator message being applied. Each message has all four
 channels, so a channel's event is acknowledged by the message that carried it first and by
 every later one; and from the first state that shows a message follows after how many control
 periods it acted: the delay of the link there and back.
@@ -31,7 +31,7 @@ ACKNOWLEDGEMENT: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
 def note_delay(state: np.void, sim_state: np.void) -> int:
     """Return the delay of the link [control periods], estimated as RFC 6298 does round trips.
 
-    Only a message that the state before did not show tells it, if it was made after the last long
+    It follows only from a message that the state before did not show, made after the last long
     gap: one made before may have been sent when this process had time again.
 
     Args:

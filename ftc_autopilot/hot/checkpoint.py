@@ -1,4 +1,4 @@
-"""What an autopilot keeps for the case that its process dies: a file in shared memory.
+"""The checkpoint from which an autopilot resumes if its process dies: a file in shared memory.
 
 The compiled loop copies its records into the file after each control step, before the step's
 messages are sent; that is a copy in memory, and the system writes the file later. So an event is
@@ -21,7 +21,7 @@ from mavlink_defs.runtime.files import naming
 from mavlink_defs.runtime.jit import compiled
 
 VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])
-"""What is kept of a vehicle besides its compiled records: custom_mode, current mission item."""
+"""Of a vehicle, besides its compiled records: custom_mode, current mission item."""
 
 N_PARTS = 12
 _HEAD = 16  # bytes of a slot before its parts: count, checksum
@@ -29,20 +29,20 @@ _DIGEST = 64  # bytes of the file before the slots
 _FNV_START, _FNV_PRIME = 0x811C9DC5, 0x01000193
 
 
-class KeptState(NamedTuple):
-    """The file of an autopilot and the records that are kept in it; without slots nothing is."""
+class Checkpoint(NamedTuple):
+    """The file of an autopilot and the records saved in it; without slots nothing is saved."""
 
     slots: np.ndarray  # (2, size), bytes in the file
-    words: np.ndarray  # (2, size / 8), the same as unsigned numbers: count, checksum, the rest
-    halves: np.ndarray  # (2, size / 4), the same
+    as_u64: np.ndarray  # (2, size / 8), the same: count, checksum, the rest
+    as_u32: np.ndarray  # (2, size / 4), the same
     written: np.ndarray  # (1,), how often a slot was written
     parts: tuple[np.ndarray, ...]  # the bytes of each record, N_PARTS of them
 
 
-def no_kept_state() -> KeptState:
-    """Return what keeps nothing."""
+def no_checkpoint() -> Checkpoint:
+    """Return a checkpoint that saves nothing."""
     none = np.zeros(0, np.uint8)
-    return KeptState(
+    return Checkpoint(
         np.zeros((0, 0), np.uint8),
         np.zeros((0, 0), np.uint64),
         np.zeros((0, 0), np.uint32),
@@ -51,14 +51,14 @@ def no_kept_state() -> KeptState:
     )
 
 
-def open_kept_state(path: Path, records: Sequence[np.ndarray], configuration: str) -> KeptState:
+def open_checkpoint(path: Path, records: Sequence[np.ndarray], configuration: str) -> Checkpoint:
     """Open the file of an autopilot, or make it; its space on the disk is taken at once.
 
     Args:
         path: The file.
-        records: What is kept, `N_PARTS` arrays.
-        configuration: A text that tells a configuration from others; a file of another one, or of
-            records of other types, is begun anew.
+        records: What is saved, `N_PARTS` arrays.
+        configuration: A text that identifies the configuration; a file of another one, or of
+            records of other types, is cleared.
 
     Raises:
         OSError: The file cannot be made; it is named.
@@ -73,54 +73,51 @@ def open_kept_state(path: Path, records: Sequence[np.ndarray], configuration: st
         content[:] = 0
         content[:_DIGEST] = np.frombuffer(digest, np.uint8)
     slots = content[_DIGEST:].reshape(2, size)
-    words = slots.view(np.uint64)
-    return KeptState(slots, words, slots.view(np.uint32), words[:, 0].max(keepdims=True), parts)
+    as_u64 = slots.view(np.uint64)
+    written = as_u64[:, 0].max(keepdims=True)
+    return Checkpoint(slots, as_u64, slots.view(np.uint32), written, parts)
 
 
-def take_up(kept: KeptState) -> bool:
-    """Return the records to what was kept last; False if nothing was.
-
-    Args:
-        kept: The file; the records that it was opened with are written.
-    """
-    for slot in np.argsort(kept.words[:, 0])[::-1]:
-        if kept.words[slot, 0] == 0 or kept.words[slot, 1] != checksum(kept.halves[slot]):
+def restore(saved: Checkpoint) -> bool:
+    """Restore the records that a checkpoint was opened with; False if it holds none."""
+    for slot in np.argsort(saved.as_u64[:, 0])[::-1]:
+        if saved.as_u64[slot, 0] == 0 or saved.as_u64[slot, 1] != checksum(saved.as_u32[slot]):
             continue
         begin = _HEAD
-        for part in kept.parts:
-            part[:] = kept.slots[slot, begin : begin + len(part)]
+        for part in saved.parts:
+            part[:] = saved.slots[slot, begin : begin + len(part)]
             begin += len(part)
         return True
     return False
 
 
 @compiled
-def keep(kept: KeptState) -> None:
+def save(to: Checkpoint) -> None:
     """Write the records into the slot whose turn it is; do nothing without a file."""
-    if len(kept.slots) == 0:
+    if len(to.slots) == 0:
         return
-    kept.written[0] += np.uint64(1)
-    slot = int(kept.written[0] % np.uint64(2))
-    row = kept.slots[slot]
+    to.written[0] += np.uint64(1)
+    slot = int(to.written[0] % np.uint64(2))
+    row = to.slots[slot]
     begin = _HEAD
-    for part in kept.parts:
+    for part in to.parts:
         for k in range(len(part)):
             row[begin + k] = part[k]
         begin += len(part)
-    kept.words[slot, 0] = kept.written[0]
-    kept.words[slot, 1] = checksum(kept.halves[slot])
+    to.as_u64[slot, 0] = to.written[0]
+    to.as_u64[slot, 1] = checksum(to.as_u32[slot])
 
 
 @compiled
-def checksum(halves: np.ndarray) -> int:
+def checksum(slot: np.ndarray) -> int:
     """Return the FNV-1a hash, by numbers of 32 bits, of a slot without its checksum.
 
-    It is that of no slot that holds zeros only.
+    A slot of zeros has another one than 0.
     """
     total = _FNV_START
-    for k in range(len(halves)):
+    for k in range(len(slot)):
         if k // 2 != 1:
-            total = ((total ^ int(halves[k])) * _FNV_PRIME) & 0xFFFFFFFF
+            total = ((total ^ int(slot[k])) * _FNV_PRIME) & 0xFFFFFFFF
     return total
 
 

@@ -1,11 +1,11 @@
 """The formation link: own states to the neighbours, their states into the control step.
 
-In lockstep a step uses neighbour states of the step before. A state of a later step is kept as
-pending until its turn comes, so that it does not matter which neighbour is faster. The plant tells
-which autopilots sent nothing in the step before; the states of all others are waited for.
+In lockstep a step uses neighbour states of the step before. A state of a later step is pending
+until its turn comes, so that it does not matter which neighbour is faster. The plant reports which
+autopilots sent nothing in the step before; the states of all others are waited for.
 
-In real time a step uses the newest state of each neighbour. One of a later step than the own tells
-that this autopilot is late, not that the neighbour is wrong, as long as the plant can be there.
+In real time a step uses the newest state of each neighbour. If it is of a later step than the own,
+this autopilot is late, not the neighbour wrong, as long as the plant can be there.
 """
 
 from collections.abc import Sequence
@@ -244,7 +244,7 @@ def receive_neighbour_states(
         fd: Socket bound to the own formation port.
         link: The link.
         controllers: The controllers of one UAV; neighbour states are updated.
-        newest: Last step whose states are for use; in lockstep those of later steps become pending.
+        newest: Last step whose states are for use; in lockstep later ones become pending.
     """
     while True:
         length = receive_from_now(fd, link.received, link.sender)
@@ -309,17 +309,17 @@ def _take_neighbour_state(
     problem: int = DropReason.UNEXPECTED
     if message_id == MessageId.NEIGHBOUR:
         expand(link.received, NEIGHBOUR_SIZE)
-        problem = _keep_neighbour_state(link, controllers, newest)
+        problem = _store_neighbour_state(link, controllers, newest)
     if problem != 0:
         link.drops[-problem] += 1
 
 
 @inlined
-def _keep_neighbour_state(link: FormationLink, controllers: Controllers, newest: int) -> int:
-    """Keep the received state: in use, or in lockstep pending if its step is not over here.
+def _store_neighbour_state(link: FormationLink, controllers: Controllers, newest: int) -> int:
+    """Store the received state: in use, or in lockstep pending if its step is not over here.
 
     Returns:
-        0, or the `DropReason` for which the state was not kept.
+        0, or the `DropReason` for which the state was dropped.
     """
     d = _index_of_sender(link)
     if d < 0:

@@ -36,7 +36,7 @@ class HotState:
     """A typed view of an `AutopilotLink`; between two steps it may be read and written.
 
     Attributes:
-        step: Last running step worked on, -1 if none.
+        step: Last running step handled, -1 if none.
         step_us: Control period [µs].
         flags: FTC_SIM_FLAGS of the last state.
         heard_s: Wall-clock time of the last state [s], 0 if none.

@@ -1,6 +1,6 @@
 """The autopilot's hot path, compiled: from a received state to the datagrams it causes.
 
-In lockstep every state is worked on. In real time the newest that has come is, and those before it
+In lockstep every state is handled. In real time the newest that has come is, and those before it
 are passed over: an autopilot that was kept waiting for the processor misses steps, but is not late.
 
 For each running state: take the neighbour states of the step before, make the control step, send
@@ -22,7 +22,7 @@ from ftc_autopilot.control.stepping import (
     publish_own_state,
 )
 from ftc_autopilot.hot.acknowledgement import ACKNOWLEDGEMENT, NONE, note_delay, note_events
-from ftc_autopilot.hot.checkpoint import KeptState, keep, no_kept_state
+from ftc_autopilot.hot.checkpoint import Checkpoint, no_checkpoint, save
 from ftc_autopilot.hot.formation_link import (
     FormationLink,
     collect_neighbour_states,
@@ -64,17 +64,17 @@ _EDGE_FADE_S = 0.5
 
 LINK_STATE = np.dtype(
     [
-        ("step", "i8"),  # last running step worked on, -1: none
+        ("step", "i8"),  # last running step handled, -1: none
         ("step_us", "i8"),
         ("flags", "i8"),  # FTC_SIM_FLAGS of the last state
         ("heard_s", "f8"),  # wall-clock time of the last state [s], 0: none
         ("run", "i8"),  # the plant's, -1: no state yet
-        ("due", "i8"),  # 1: the last state is not worked on yet
+        ("due", "i8"),  # 1: the last state is not handled yet
         *ACKNOWLEDGEMENT,
         *STATE_AGE,
         ("sequence", "i8"),  # frames sent to the plant
         ("received", "i8"),  # length of the datagram in `SimulatorLink.received`
-        ("away", "i8"),  # lockstep: steps to let pass before control is taken up again
+        ("away", "i8"),  # lockstep: steps to let pass before control resumes
         ("recorded", "i8"),  # rows of the record in use
     ]
 )
@@ -84,7 +84,7 @@ class SimulatorLink(NamedTuple):
     """Buffers of the link to the plant."""
 
     system: int
-    measured: np.ndarray  # (1,), dtype SIM_STATE: the last state, kept
+    measured: np.ndarray  # (1,), dtype SIM_STATE: the last state
     drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
@@ -105,7 +105,7 @@ class AutopilotLink(NamedTuple):
     formation: FormationLink
     drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated `DropReason`
     record: np.ndarray  # dtype RECORD; empty if nothing is recorded. Python empties it
-    kept: KeptState
+    checkpoint: Checkpoint
 
 
 def new_link(
@@ -158,16 +158,16 @@ def new_link(
         formation=formation,
         drops=drops,
         record=np.zeros(record_rows, RECORD),
-        kept=no_kept_state(),
+        checkpoint=no_checkpoint(),
     )
     reset_link(link)
     return link
 
 
-def records_to_keep(
+def checkpoint_records(
     link: AutopilotLink, controllers: Controllers, vehicle: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """Return what a checkpoint has of an autopilot, the record of its vehicle last."""
+    """Return what a checkpoint saves of an autopilot, the record of its vehicle last."""
     return (
         link.state,
         link.formation.state,
@@ -198,12 +198,12 @@ def reset_link(link: AutopilotLink) -> None:
 
 
 @inlined
-def work_on(
+def handle_plant_datagram(
     length: int, fds: tuple[int, int], link: AutopilotLink, controllers: Controllers
 ) -> Outcome:
-    """Work on a datagram of the plant, which lies in `SimulatorLink.received`.
+    """Handle a datagram of the plant, which lies in `SimulatorLink.received`.
 
-    In real time on the newest state of all datagrams that wait in the socket.
+    In real time the newest state of all datagrams that wait in the socket.
 
     Args:
         length: Its length [bytes].
@@ -216,18 +216,18 @@ def work_on(
         NONE; SERVICE, OVER or RESTARTED if Python is needed.
     """
     state, simulator = link.state[0], link.simulator
-    outcome = _take_in(length, link)
+    outcome = _receive(length, link)
     while outcome == Outcome.NONE and _is_real_time(state):
         length = receive_now(fds[0], simulator.received)
         if length < 0:
             break
-        outcome = _take_in(length, link)
+        outcome = _receive(length, link)
     if outcome == Outcome.RESTARTED or state["due"] == 0:
         return outcome
     if outcome == Outcome.SERVICE and waits(fds[0], simulator.sent):
         return outcome  # and there may be a newer state behind
     state["due"] = 0
-    _work(fds[0], fds[1], link, controllers)
+    _answer_state(fds[0], fds[1], link, controllers)
     return Outcome.OVER if state["flags"] & FTC_SIM_FLAGS_ENDED else outcome
 
 
@@ -239,8 +239,8 @@ def _is_real_time(state: np.void) -> bool:
 
 
 @inlined
-def _take_in(length: int, link: AutopilotLink) -> Outcome:
-    """Keep the state that lies in `SimulatorLink.received`, if it is one; it is due then.
+def _receive(length: int, link: AutopilotLink) -> Outcome:
+    """Take the state that lies in `SimulatorLink.received`, if it is one; it is due then.
 
     Args:
         length: Length of the datagram [bytes].
@@ -286,9 +286,9 @@ def _check_state(link: SimulatorLink) -> int:
 
 @inlined
 def _is_of_another_run(link: AutopilotLink) -> bool:
-    """Keep the received state; return whether another plant process than before has sent it.
+    """Store the received state; return whether another plant process than before has sent it.
 
-    In real time one that was overtaken on its way is not kept.
+    In real time one that was overtaken on its way is not stored.
     """
     state, measured = link.state[0], link.simulator.measured[0]
     sim_state = link.simulator.sim_state[0]
@@ -304,7 +304,9 @@ def _is_of_another_run(link: AutopilotLink) -> bool:
 
 
 @inlined
-def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers) -> None:
+def _answer_state(
+    plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers
+) -> None:
     """Answer the state that is due; in lockstep nothing is left to send after FTC_STEP_DONE.
 
     So when the next state comes, every neighbour has been sent the message of this step, if there
@@ -336,7 +338,7 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
         if not lockstep:
             controllers.delays[0]["periods"] = note_delay(state, sim_state)
         mask = controller_step(controllers, 0, sim_state, state["step_us"])
-        told = broadcast_if_triggered(controllers, 0, step, state["step_us"])
+        broadcasts = broadcast_if_triggered(controllers, 0, step, state["step_us"])
         state["step"] = step
         row = state["recorded"]
         if row < len(link.record):
@@ -344,12 +346,12 @@ def _work(plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Co
             copy_record(link.record[row]["signals"], controllers.signals[0])
             state["recorded"] = row + 1
         due = note_events(state, sim_state, controllers, mask, lockstep)
-        keep(link.kept)
+        save(link.checkpoint)
         if due:
             _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)
-        if told:
+        if broadcasts:
             send_own_state(formation_fd, formation, controllers)
-        link.simulator.step_done[0]["silent"] = 0 if told else 1
+        link.simulator.step_done[0]["silent"] = 0 if broadcasts else 1
     elif not running and not ended:  # frozen: neighbours learn of each other
         publish_own_state(controllers, 0, sim_state)
         send_own_state(formation_fd, formation, controllers)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.hot.link import AutopilotLink, work_on
+from ftc_autopilot.hot.link import AutopilotLink, handle_plant_datagram
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -99,7 +99,9 @@ def run(loops: Loops) -> None:
                 heard = True
                 loop = load_tuple(loops.table, i, loops.first)
                 fds = state[i]["plant_fd"], state[i]["formation_fd"]
-                state[i]["outcome"] = work_on(length, fds, loop.link, loop.controllers)
+                state[i]["outcome"] = handle_plant_datagram(
+                    length, fds, loop.link, loop.controllers
+                )
         now_s = monotonic_s()
         looks = now_s >= look_s
         if looks:

@@ -22,7 +22,7 @@ class Recorder:
         """Write nothing any more, as what follows a gap would not be what it seems."""
         self._given_up = True
 
-    def keep(self, at_least: int = RECORD_ROWS) -> None:
+    def write(self, at_least: int = RECORD_ROWS) -> None:
         """Write the record if it has so many rows; OSError with a file's name if it cannot."""
         if self._given_up:
             self._link.state["recorded"] = 0
@@ -39,6 +39,6 @@ class Recorder:
 
     def finish(self, loss: str | None, repeats: list[int], heard_end: bool) -> None:
         """Write the rest and how the flight ended; OSError with a file's name if it cannot."""
-        self.keep(at_least=1)
+        self.write(at_least=1)
         if not self._given_up:
             self._spool.finish(loss=loss, repeats=repeats, heard_end=heard_end)

@@ -1,9 +1,9 @@
 """Real time: for how long an autopilot acted on one state, in simulated time.
 
 Until an autopilot acts on the next state, its aircraft flies by commands made of the last one. The
-plant's own step numbers tell how long that was: no clock, speed or pause of the simulation has a
-part. What they do not tell is that the socket was full, so that the newest states were lost behind
-those in it. The system counts these.
+plant's own step numbers say how long that was: no clock, speed or pause of the simulation has a
+part. What they do not show is a full socket, behind which the newest states were lost. The system
+counts these.
 """
 
 import numpy as np

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.controller import NO_INTERVAL
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.laws import KINDS
-from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS

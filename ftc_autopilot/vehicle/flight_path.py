@@ -153,7 +153,7 @@ class FlightPath:
 
     def check(self, items: Sequence[MissionItem], home: Home | None = None) -> None:
         """Check a mission, with another home than the present one if that is given."""
-        self.planner.tasks(items, home or self.home.at)
+        self.planner.check(items, home or self.home.at)
 
     def mission(
         self,
@@ -171,18 +171,19 @@ class FlightPath:
             airspeed: Up to the mission's first change of it [m/s]; None: that of cruise.
         """
         home = home or self.home.at
-        tasks = self.planner.decode(items or self.items, home)
+        items = items or self.items
         if not self._in_formation:
             start = start_of(self._hot.measured, airspeed or self.planner.limits.cruise_m_s)
-            return Way(self.planner.path(tasks, start, home, item))
-        path = self.planner.path(tasks, home=home)
+            return Way(self.planner.path(items, start, home, item))
+        path = self.planner.path(items, home=home)
         legs = np.flatnonzero(path["item"][: path["count"]] >= item)
         leg = int(legs[0]) if len(legs) else 0
         return Way(path, float(path["start"][leg]), in_slot=True)
 
     def circle_here(self) -> Way:
         """Return the circle at the present place and height."""
-        return Way(self.planner.circle(self._start(self.airspeed)))
+        start = self._start(self.airspeed)
+        return Way(self.planner.circle(start, None, start.height))
 
     def way_home(self, home: Home | None = None) -> Way:
         """Return the way home and the circle there, at the present height."""
@@ -198,13 +199,13 @@ class FlightPath:
 
         Args:
             place: North, east and height [m].
-            radius_m: As of `Loiter`.
+            radius_m: As of `Planner.circle`.
             airspeed: [m/s]; None: as before.
         """
         airspeed = airspeed or self.airspeed
         north, east, height = place
         start = self._start(airspeed)
-        path = self.planner.circle_around(start, (north, east), height, radius_m)
+        path = self.planner.circle(start, (north, east), height, radius_m)
         return Way(path, airspeed=airspeed)
 
     def begin(self, way: Way) -> None:

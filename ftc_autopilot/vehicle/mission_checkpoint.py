@@ -1,7 +1,7 @@
-"""The mission that an autopilot keeps for the case that its process dies, in a file of its own.
+"""The mission in the checkpoint of an autopilot, in a file of its own.
 
-It is written when it changes, as a whole, and begins with a checksum: what is not whole is not
-taken for a mission.
+It is written when it changes, as a whole: a checksum, home and airspeed, and the payloads of
+MISSION_ITEM_INT. A file that is not whole counts as none.
 """
 
 import hashlib
@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ftc_autopilot.guidance.mission_places import Home
-from mavlink_defs.mission_files import mission_item
+from mavlink_defs.dialect import MAVLink_mission_item_int_message
 from mavlink_defs.runtime.files import complete_file
 from mavlink_defs.services.mission import MissionItem
 
 _HEAD = struct.Struct("<4d")  # home: north, east, height [m]; airspeed [m/s]
-_ITEM = struct.Struct("<5d4i")
+_ITEM: struct.Struct = MAVLink_mission_item_int_message.unpacker
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 
-class KeptMission(NamedTuple):
+class MissionCheckpoint(NamedTuple):
     """A mission, and what else its path depends on.
 
     Attributes:
@@ -33,7 +33,7 @@ class KeptMission(NamedTuple):
     airspeed: float
 
 
-def write_kept_mission(path: Path, mission: KeptMission) -> None:
+def save_mission(path: Path, mission: MissionCheckpoint) -> None:
     """Write the file.
 
     Raises:
@@ -41,14 +41,13 @@ def write_kept_mission(path: Path, mission: KeptMission) -> None:
     """
     home = mission.home
     content = _HEAD.pack(home.north_m, home.east_m, home.height_m, mission.airspeed)
-    for i in mission.items:
-        floats = (i.param1, i.param2, i.param3, i.param4, i.z)
-        content += _ITEM.pack(*floats, i.x, i.y, i.command, i.frame)
+    for item in mission.items:
+        content += _ITEM.pack(*(getattr(item, name) for name in item.ordered_fieldnames))
     with complete_file(path) as file:
         file.write(hashlib.sha256(content).digest() + content)
 
 
-def read_kept_mission(path: Path) -> KeptMission | None:
+def load_mission(path: Path) -> MissionCheckpoint | None:
     """Return what a file holds; None if there is none, or if it is not whole."""
     try:
         whole = path.read_bytes()
@@ -58,8 +57,9 @@ def read_kept_mission(path: Path) -> KeptMission | None:
     if hashlib.sha256(content).digest() != digest:
         return None
     north, east, height, airspeed = _HEAD.unpack_from(content)
-    items = []
-    for seq, fields in enumerate(_ITEM.iter_unpack(content[_HEAD.size :])):
-        p1, p2, p3, p4, z, x, y, command, frame = fields
-        items.append(mission_item(seq, command, (p1, p2, p3, p4), x, y, z, frame))
-    return KeptMission(tuple(items), Home(north, east, height), airspeed)
+    orders = MAVLink_mission_item_int_message.orders
+    items = (
+        MAVLink_mission_item_int_message(*(fields[k] for k in orders))
+        for fields in _ITEM.iter_unpack(content[_HEAD.size :])
+    )
+    return MissionCheckpoint(tuple(items), Home(north, east, height), airspeed)

@@ -278,7 +278,7 @@ class Modes:
         self._enter(LOITER)
 
     def resume(self, mode: int) -> None:
-        """Take up the mode and the arming of a life before, as the records have them."""
+        """Restore the mode and the arming, as the restored records have them."""
         self.mode, self.armed = mode, bool(self._guidance["active"])
         if self.path.flown and self.path.record["count"] == 0:
             self._fly_straight()  # its file is gone

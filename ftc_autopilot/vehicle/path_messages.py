@@ -2,9 +2,9 @@
 
 import math
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.flight_path import FlightPath

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.common.geography import Origin, Place, place_of
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.home import VehicleHome

@@ -24,7 +24,7 @@ from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.guided import Guided
 from ftc_autopilot.vehicle.home import VehicleHome
 from ftc_autopilot.vehicle.mission import Mission
-from ftc_autopilot.vehicle.mission_checkpoint import KeptMission
+from ftc_autopilot.vehicle.mission_checkpoint import MissionCheckpoint
 from ftc_autopilot.vehicle.modes import Modes
 from ftc_autopilot.vehicle.old_states import OldStates
 from ftc_autopilot.vehicle.param_table import parameters_of
@@ -93,7 +93,7 @@ class Vehicle:
         self._reported = (-1, False, -1)
         self._texts = 0
         self._edges, self._edge_changes = hot.edges.tolist(), 0
-        self._resumed_us: int | None = None  # simulated time of what was taken up, until told
+        self._resumed_us: int | None = None  # simulated time of the checkpoint, until reported
 
         self._home = VehicleHome(config.origin)
         path = FlightPath(config, hot, controllers, self._home)
@@ -213,11 +213,11 @@ class Vehicle:
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
-    def resume(self, kept: np.void, mission: KeptMission | None = None) -> None:
-        """Take up what was kept of the life before; the records hold the rest already.
+    def resume(self, saved: np.void, mission: MissionCheckpoint | None = None) -> None:
+        """Go on from a checkpoint; the records are restored already.
 
         Args:
-            kept: Record of dtype `ftc_autopilot.hot.checkpoint.VEHICLE`.
+            saved: Record of dtype `ftc_autopilot.hot.checkpoint.VEHICLE`.
             mission: Its mission; None: a profile that the records hold, if there is any.
         """
         segments = profile_segments(self._controllers.profiles[0])
@@ -225,22 +225,22 @@ class Vehicle:
         if mission is not None:
             self._home.at, self.modes.path.airspeed = mission.home, mission.airspeed
             items = [*mission.items]
-        self._mission.resume(items, int(kept["item"]))
-        self.modes.resume(int(kept["mode"]))
+        self._mission.resume(items, int(saved["item"]))
+        self.modes.resume(int(saved["mode"]))
         self._resumed_us = self._hot.step * self._hot.step_us
 
-    def note(self, kept: np.void) -> None:
+    def save(self, to: np.void) -> None:
         """Write what a checkpoint has of the vehicle, record of dtype `hot.checkpoint.VEHICLE`."""
-        kept["mode"], kept["item"] = self.modes.mode, self._mission.server.current
+        to["mode"], to["item"] = self.modes.mode, self._mission.server.current
 
-    def mission_to_keep(self) -> tuple[int, KeptMission]:
+    def mission_checkpoint(self) -> tuple[int, MissionCheckpoint]:
         """Return the mission, and a number that changes with it."""
         server, airspeed = self._mission.server, self.modes.path.airspeed
-        kept = KeptMission(server.items, self._home.at, airspeed)
-        return hash((server.revision, airspeed, self._home.at)), kept
+        mission = MissionCheckpoint(server.items, self._home.at, airspeed)
+        return hash((server.revision, airspeed, self._home.at)), mission
 
     def farewell(self, text: str, severity: int = dialect.MAV_SEVERITY_NOTICE) -> None:
-        """Send what is not yet told, a last text and the final counters before the process ends."""
+        """Send what is not yet reported, a last text and the final counters: the process ends."""
         self._report_changes()
         self.say(severity, text)
         for station, telemetry in enumerate(self.telemetry):
@@ -390,11 +390,11 @@ class Vehicle:
             self.say(severity, text)
 
     def _report_resumption(self) -> None:
-        """Announce once what was taken up, and how old it is."""
+        """Announce once from which checkpoint the flight goes on, and how old it is."""
         if self._resumed_us is None or self._hot.heard_s == 0.0:
             return
         resumed_us, self._resumed_us = self._resumed_us, None
-        text = "autopilot restarted: mission, parameters, mode and arming taken up"
+        text = "autopilot restarted: mission, parameters, mode and arming restored"
         if resumed_us >= 0:
             age_s = (self._hot.time_us - resumed_us) * 1e-6
             text += f", and the flight of {resumed_us * 1e-6:.3f} s, {age_s:.3f} s old"
@@ -407,6 +407,6 @@ class Vehicle:
             self._edge_changes = self._hot.edge_changes
             for uav, edge, before in zip(self._hot.neighbours, edges, self._edges, strict=True):
                 if edge != before:
-                    event = "heard again, edge taken up" if edge else "silent, edge dropped"
+                    event = "heard again, edge restored" if edge else "silent, edge dropped"
                     self.say(dialect.MAV_SEVERITY_WARNING, f"neighbour {uav} {event}")
         self._edges = edges

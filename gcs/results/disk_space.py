@@ -36,7 +36,7 @@ def folder_bytes(
         scenario: What is flown.
         record: How much is kept of the steps.
         over_udp: With processes, which record and log for themselves; not with ``--in-process``.
-        restart: What autopilots that fail take up is kept.
+        restart: Autopilots that fail resume from their checkpoints.
     """
     n, steps = len(scenario.uavs), scenario.steps
     size = trajectory_bytes(scenario, record) + _FIGURES + n * _OF_UAV

@@ -12,11 +12,11 @@ def paths_of(scenario: Scenario) -> np.ndarray | None:
     if scenario.mission is None:
         return None
     fleet, planner = new_plant_state(scenario.plant_config()), scenario.planner()
-    tasks = planner.tasks(scenario.mission_items())
+    items = scenario.mission_items()
     paths = np.zeros(len(scenario.uavs), PATH)
     for i in range(len(paths)):
         observe(fleet, i, 0, scenario.step_us)
-        paths[i] = planner.first_path(tasks, fleet.messages[i])
+        paths[i] = planner.first_path(items, fleet.messages[i])
     return paths
 
 

@@ -9,7 +9,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.common.angles import wrap
 from gcs.results.steps import Ending, Mode, Steps
 from mavlink_defs.runtime.jit import compiled
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import LOST
-from ftc_autopilot.control.reference import wrap
 from gcs.results.mission_path import leaders_of, paths_of
 from gcs.results.path_following import PathFollowing
 from gcs.results.separation import Separation

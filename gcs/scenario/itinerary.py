@@ -91,9 +91,8 @@ def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> 
         raise ConfigError(name, [Problem((), "expected a waypoint or a circle, got no item")])
     if not is_path(items):
         raise ConfigError(name, [Problem((), "a profile, not a path; see gcs profile")])
-    planner = fleet.planner()
     try:
-        path = planner.path(planner.tasks(items))
+        path = fleet.planner().path(items)
     except ItemError as error:
         raise ConfigError(name, [Problem((), str(error))]) from error
     stages = tuple(_stages(path))

@@ -280,7 +280,7 @@ class Scenario(Model):
             text = f"expected [{low:g}, {high:g}] m/s, the limits of guidance and aircraft"
             yield ("guidance", "cruise_m_s"), f"{text}, got {cruise!r}"
         try:
-            planner.tasks(self.mission_items())
+            planner.check(self.mission_items())
         except ItemError as error:
             yield ("mission", "items", error.seq - 1), error.reason
 

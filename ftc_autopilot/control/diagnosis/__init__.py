@@ -6,7 +6,7 @@ the commands over a short window (`regression`), and a phase: healthy, suspect, 
 (`excitation`). Nothing here knows of fault commands.
 """
 
-from ftc_autopilot.control.diagnosis.decisions import HEALTHY, LOST, SUSPECT
+from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.diagnose import diagnose
 from ftc_autopilot.control.diagnosis.excitation import dithered, probe, probed
 from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters

@@ -19,13 +19,11 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.parameters import Limits
 from ftc_autopilot.control.diagnosis.regression import estimate, learn, long_estimate, restart
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import clamp
-
-HEALTHY, SUSPECT, LOST = 0, 1, 2
-"""Phases of an actuator."""
 
 
 @compiled

@@ -38,7 +38,7 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.guidance.coordination import Coordination, no_coordination
 from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
 from ftc_autopilot.guidance.path import PathPoint, height_at, locate, point_at

@@ -16,8 +16,8 @@ from pydantic import BaseModel, RootModel
 import ftc_autopilot.hot.link
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
-from ftc_autopilot.guidance.jumps import MAX_VISITS
 from ftc_autopilot.guidance.path import MAX_LEGS
+from ftc_autopilot.guidance.targets import MAX_VISITS
 from gcs.cli import COMMANDS
 from gcs.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
 from gcs.fleet.in_process import fly_in_process
@@ -276,12 +276,12 @@ def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
 
 
 def test_the_order_of_a_step_is_that_of_the_code() -> None:
-    source = inspect.getsource(ftc_autopilot.hot.link._work)
+    source = inspect.getsource(ftc_autopilot.hot.link._answer_state)
     step = (
         source.partition("collect_neighbour_states(")[2].partition("elif")[0]
         + source.rpartition("elif")[2]
     )
-    calls = ("keep(", "MessageId.ACTUATORS", "send_own_state(", "MessageId.STEP_DONE")
+    calls = ("save(", "MessageId.ACTUATORS", "send_own_state(", "MessageId.STEP_DONE")
     assert [step.index(call) for call in calls] == sorted(step.index(call) for call in calls)
     documented = (
         (DOCS / "explanation" / "method.md").read_text().partition("## Order of operations")[2]

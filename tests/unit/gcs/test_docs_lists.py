@@ -114,7 +114,7 @@ def lists() -> dict[str, Listed]:
         "mission-items": Listed(
             numbered(
                 (dialect.enums["MAV_CMD"][i].name.removeprefix("MAV_CMD_"), i)
-                for i in mission_items._DECODERS
+                for i in mission_items.COMMANDS
             ),
             r"[A-Z_]+ \(\d+\)",
         ),

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import probed
 from ftc_autopilot.control.laws.surviving.gains import gain_at
-from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, RUDDER
 from mavlink_defs.runtime.jit import compiled

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
-from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import compiled
 

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.common.schedule import schedule_table, scheduled
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.reference import (
@@ -12,7 +13,6 @@ from ftc_autopilot.control.reference import (
     profile_record,
     profile_value,
     start_filter,
-    wrap,
 )
 from ftc_autopilot.control.triggers.static import PerChannel
 from mavlink_defs.profile import Segment

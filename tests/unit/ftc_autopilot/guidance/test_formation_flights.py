@@ -34,7 +34,7 @@ def flown(name: str, **changes: Any) -> tuple[Scenario, Recording]:
 def places(scenario: Scenario, recording: Recording) -> np.ndarray:
     """Path parameter, distance to the right and height of each UAV, shape (samples, n, 3) [m]."""
     planner = scenario.planner()
-    path = planner.path(planner.tasks(scenario.mission_items()))
+    path = planner.path(scenario.mission_items())
     states = recording.states[:: 1000 // PER_S]
     result = np.zeros((*states.shape[:2], 3))
     for i in range(states.shape[1]):

@@ -13,7 +13,8 @@ from ftc_autopilot.guidance.coordination import Coordination, no_coordination
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guidance_record, guide
 from ftc_autopilot.guidance.laws.base import Situation
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
-from ftc_autopilot.guidance.path import Leg, path_record
+from ftc_autopilot.guidance.legs import Leg
+from ftc_autopilot.guidance.path import path_record
 from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import vec3

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.hot.checkpoint import (
     N_PARTS,
-    KeptState,
-    keep,
+    Checkpoint,
     map_array,
-    no_kept_state,
-    open_kept_state,
+    no_checkpoint,
+    open_checkpoint,
+    restore,
+    save,
 )
-from ftc_autopilot.hot.checkpoint import take_up as take_up_state
 
 RECORD = np.dtype([("step", "i8"), ("value", "f8", (3,)), ("flag", "u1")])
 
@@ -26,13 +26,13 @@ class Life:
 
     def __init__(self, path: Path, configuration: str = "uav 1") -> None:
         self.records = [np.zeros(1, RECORD) for _ in range(N_PARTS)]
-        self.kept: KeptState = open_kept_state(path, self.records, configuration)
-        self.resumes = take_up_state(self.kept)
+        self.checkpoint: Checkpoint = open_checkpoint(path, self.records, configuration)
+        self.resumes = restore(self.checkpoint)
 
-    def keep(self, step: int) -> None:
+    def save(self, step: int) -> None:
         for k, record in enumerate(self.records):
             record["step"], record["value"], record["flag"] = step, 0.1 * step + k, k
-        keep(self.kept)
+        save(self.checkpoint)
 
     def step(self) -> int:
         """The step of the records, which must all be of it."""
@@ -43,20 +43,20 @@ class Life:
 
 
 def test_it_begins_empty_and_comes_back(tmp_path: Path) -> None:
-    path = tmp_path / "uav1.kept"
+    path = tmp_path / "uav1.checkpoint"
     life = Life(path)
     assert not life.resumes
     for step in range(1, 6):
-        life.keep(step)
+        life.save(step)
         again = Life(path)
         assert (again.resumes, again.step()) == (True, step)
-    again.keep(17)  # counts on, does not begin with a slot of its own
+    again.save(17)  # counts on, does not begin with a slot of its own
     assert Life(path).step() == 17
 
 
-def test_another_configuration_begins_anew(tmp_path: Path) -> None:
-    path = tmp_path / "uav1.kept"
-    Life(path).keep(5)
+def test_another_configuration_begins_empty(tmp_path: Path) -> None:
+    path = tmp_path / "uav1.checkpoint"
+    Life(path).save(5)
     other = Life(path, "uav 1 with another law")
     assert (other.resumes, other.step()) == (False, 0)
 
@@ -69,40 +69,42 @@ def test_a_torn_slot_is_never_taken_for_a_whole_one(
     steps: int, torn: list[tuple[int, int]]
 ) -> None:
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "uav1.kept"
+        path = Path(folder) / "uav1.checkpoint"
         life = Life(path)
         for step in range(1, steps + 1):
-            life.keep(step)
-        newest = int(np.argmax(life.kept.words[:, 0]))
-        before = life.kept.slots[newest].copy()
+            life.save(step)
+        newest = int(np.argmax(life.checkpoint.as_u64[:, 0]))
+        before = life.checkpoint.slots[newest].copy()
         for place, change in torn:
-            life.kept.slots[newest, place % len(before)] ^= change
-        untouched = (before == life.kept.slots[newest]).all()
+            life.checkpoint.slots[newest, place % len(before)] ^= change
+        untouched = (before == life.checkpoint.slots[newest]).all()
         again = Life(path)
         assert again.step() == (steps if untouched else steps - 1)
         assert again.resumes == (again.step() > 0)
 
 
 def test_a_process_that_dies_while_it_writes_leaves_the_step_before(tmp_path: Path) -> None:
-    path = tmp_path / "uav1.kept"
+    path = tmp_path / "uav1.checkpoint"
     life = Life(path)
-    life.keep(1)
-    life.keep(2)
-    older = int(np.argmin(life.kept.words[:, 0]))
-    half = life.kept.slots.shape[1] // 2
-    life.kept.slots[older, 16:half] = life.kept.slots[1 - older, 16:half]  # of step 3, say
+    life.save(1)
+    life.save(2)
+    older = int(np.argmin(life.checkpoint.as_u64[:, 0]))
+    half = life.checkpoint.slots.shape[1] // 2
+    life.checkpoint.slots[older, 16:half] = life.checkpoint.slots[
+        1 - older, 16:half
+    ]  # of step 3, say
     assert Life(path).step() == 2
-    life.kept.words[older, 0] = 3  # its count is written, its checksum is not
+    life.checkpoint.as_u64[older, 0] = 3  # its count is written, its checksum is not
     assert Life(path).step() == 2
 
 
 def test_without_a_file_nothing_is_kept() -> None:
-    keep(no_kept_state())
+    save(no_checkpoint())
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "missing" / "uav1.kept"
-    with pytest.raises(OSError, match=r"uav1\.kept"):
+    path = tmp_path / "missing" / "uav1.checkpoint"
+    with pytest.raises(OSError, match=r"uav1\.checkpoint"):
         map_array(path, np.dtype("f8"), 3)
 
 

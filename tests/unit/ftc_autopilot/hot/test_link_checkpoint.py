@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from link_bench import LOCKSTEP, Rig
 
-from ftc_autopilot.hot.checkpoint import VEHICLE, open_kept_state, take_up
-from ftc_autopilot.hot.link import LINK_STATE, records_to_keep
+from ftc_autopilot.hot.checkpoint import VEHICLE, open_checkpoint, restore
+from ftc_autopilot.hot.link import LINK_STATE, checkpoint_records
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing import codec
 
@@ -19,10 +19,10 @@ def rig_with_file(scenario: Scenario, path: Path) -> Rig:
     """A link that takes up what is in the file."""
     rig = Rig(scenario)
     link, controllers = rig.link, rig.controllers
-    records = records_to_keep(link, controllers, np.zeros(1, VEHICLE))
-    kept = open_kept_state(path, records, "uav 2")
-    rig.link = link._replace(kept=kept)
-    if take_up(kept):
+    records = checkpoint_records(link, controllers, np.zeros(1, VEHICLE))
+    kept = open_checkpoint(path, records, "uav 2")
+    rig.link = link._replace(checkpoint=kept)
+    if restore(kept):
         link.state["heard_s"] = 0.0
     return rig
 

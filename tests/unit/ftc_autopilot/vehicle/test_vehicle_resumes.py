@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from vehicle_bench import ACCEPTED, ARM, START, UAV, Bench, of_type
 
 from ftc_autopilot.control.reference import profile_record, profile_segments
-from ftc_autopilot.hot.checkpoint import VEHICLE, keep, open_kept_state, take_up
-from ftc_autopilot.hot.link import records_to_keep
+from ftc_autopilot.hot.checkpoint import VEHICLE, open_checkpoint, restore, save
+from ftc_autopilot.hot.link import checkpoint_records
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO
@@ -66,14 +66,14 @@ class Life(Bench):
     def __init__(self, scenario: Scenario, path: Path) -> None:
         super().__init__(scenario)
         self.vehicle_record = np.zeros(1, VEHICLE)
-        records = records_to_keep(self.hot._both, self.controllers, self.vehicle_record)
-        self.kept = open_kept_state(path, records, "uav 1")
-        if take_up(self.kept):
+        records = checkpoint_records(self.hot._both, self.controllers, self.vehicle_record)
+        self.checkpoint = open_checkpoint(path, records, "uav 1")
+        if restore(self.checkpoint):
             self.vehicle.resume(self.vehicle_record[0])
 
-    def keep(self) -> None:
-        self.vehicle.note(self.vehicle_record[0])
-        keep(self.kept)
+    def save(self) -> None:
+        self.vehicle.save(self.vehicle_record[0])
+        save(self.checkpoint)
 
     def told(self) -> list[str]:
         self.now += 1.0
@@ -103,7 +103,7 @@ def test_profile_mode_arming_and_parameters_come_back(scenario1: Scenario, tmp_p
     first.hot.measured["time_usec"] = 9_000_000
     first.controllers.states["events"] = (5, 6, 7, 8)
     first.told()
-    first.keep()
+    first.save()
 
     second = Life(scenario1, tmp_path / "kept")
     assert (second.vehicle.modes.mode, second.vehicle.modes.armed) == (AUTO, True)
@@ -125,16 +125,16 @@ def test_profile_mode_arming_and_parameters_come_back(scenario1: Scenario, tmp_p
     assert "restarted" not in "".join(second.told())
 
 
-def test_before_the_start_there_is_no_flight_to_take_up(
+def test_before_the_start_there_is_no_flight_to_restore(
     scenario1: Scenario, tmp_path: Path
 ) -> None:
     first = Life(scenario1, tmp_path / "kept")
     first.upload(scenario1)
-    first.keep()
+    first.save()
     second = Life(scenario1, tmp_path / "kept")
     assert not second.vehicle.modes.armed
     text = "".join(second.told())
-    assert "taken up" in text
+    assert "restored" in text
     assert "flight of" not in text
 
 
@@ -143,7 +143,7 @@ def test_with_another_plant_only_the_profile_stays(scenario1: Scenario, tmp_path
     first.upload(scenario1)
     first.command(ARM, 1.0)
     first.run()
-    first.keep()
+    first.save()
     second = Life(scenario1, tmp_path / "kept")
     assert second.vehicle.modes.armed
     second.vehicle.restart()  # as the process does when the plant's run differs from the kept one
@@ -151,4 +151,4 @@ def test_with_another_plant_only_the_profile_stays(scenario1: Scenario, tmp_path
     text = "".join(second.told())
     assert len(second.downloaded()) == len(scenario1.segments()) + 1
     assert "plant restarted" in text
-    assert "taken up" not in text
+    assert "restored" not in text

@@ -5,11 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.diagnosis.decisions import (
-    HEALTHY,
-    LOST,
-    SUSPECT,
     decide,
     monitor,
     phase_of,

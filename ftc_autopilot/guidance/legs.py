@@ -1,4 +1,4 @@
-"""Pieces of a ground track: straight lines and arcs, and how they lead from one place to another.
+"""Legs of a path: straight lines and arcs, and how they lead from one place to another.
 
 Places are north and east of the origin [m], courses from north by east [rad]; a positive
 curvature or radius turns right.
@@ -30,35 +30,52 @@ class Circle(NamedTuple):
     radius: float  # positive: flown clockwise
 
 
-class Piece(NamedTuple):
-    """A line or an arc."""
+class Leg(NamedTuple):
+    """A straight line or an arc; pieces of a ground track have no more than its first five fields.
 
-    start: Pose
-    curvature: float  # 0 for a line
-    length: float
+    Attributes:
+        north_m: Start, north of the origin [m].
+        east_m: Start, east of the origin [m].
+        course_rad: Course at the start [rad].
+        curvature_1_m: 0 for a line; positive turns right [1/m].
+        length_m: Length along the ground, infinite for the last leg of a path [m].
+        height_m: Height above the origin at the start [m].
+        climb: Height gained per metre of length.
+        airspeed_m_s: Commanded airspeed [m/s].
+        item: Number of the mission item that the leg leads to.
+    """
+
+    north_m: float
+    east_m: float
+    course_rad: float
+    curvature_1_m: float
+    length_m: float
+    height_m: float = 0.0
+    climb: float = 0.0
+    airspeed_m_s: float = 0.0
+    item: int = 0
 
     @property
     def end(self) -> Pose:
         """The pose at its end."""
-        return self.at(self.length)
+        return self.at(self.length_m)
 
     def at(self, distance: float) -> Pose:
         """Return the pose after a distance [m]."""
-        north, east, course = self.start
-        turned = self.curvature * distance
+        turned = self.curvature_1_m * distance
         # sin(x) / x of half the angle serves lines and arcs alike
         half = 0.5 * turned
         chord = distance * (math.sin(half) / half if half else 1.0)
         return Pose(
-            north + chord * math.cos(course + half),
-            east + chord * math.sin(course + half),
-            course + turned,
+            self.north_m + chord * math.cos(self.course_rad + half),
+            self.east_m + chord * math.sin(self.course_rad + half),
+            self.course_rad + turned,
         )
 
-    def cut(self, distance: float) -> tuple["Piece", "Piece"]:
+    def cut(self, distance: float) -> tuple["Leg", "Leg"]:
         """Return the part up to a distance [m], and the rest."""
-        rest = Piece(self.at(distance), self.curvature, self.length - distance)
-        return self._replace(length=distance), rest
+        rest = Leg(*self.at(distance), self.curvature_1_m, self.length_m - distance)
+        return self._replace(length_m=distance), rest
 
 
 def bearing(start: tuple[float, ...], end: tuple[float, ...]) -> float:
@@ -81,7 +98,7 @@ def tangent_course(place: tuple[float, ...], circle: Circle) -> float | None:
 
 def approach(
     pose: Pose, circle: Circle, radius: float, sides: Iterable[float] = (1.0, -1.0)
-) -> list[Piece] | None:
+) -> list[Leg] | None:
     """Return the shortest arc and line from a pose into a circle, or to a point.
 
     Args:
@@ -94,10 +111,10 @@ def approach(
         At most one arc and one line, none of length 0. None if there is no such way.
     """
     ways = [way for side in sides if (way := _turn_into(pose, circle, side * radius)) is not None]
-    return min(ways, key=lambda way: sum(piece.length for piece in way), default=None)
+    return min(ways, key=lambda way: sum(leg.length_m for leg in way), default=None)
 
 
-def _turn_into(pose: Pose, circle: Circle, radius: float) -> list[Piece] | None:
+def _turn_into(pose: Pose, circle: Circle, radius: float) -> list[Leg] | None:
     """Return arc and line for a turn to one side; a left turn is a mirrored right turn."""
     side, r = math.copysign(1.0, radius), abs(radius)
     to_circle = bearing(pose, circle) - pose.course
@@ -114,6 +131,6 @@ def _turn_into(pose: Pose, circle: Circle, radius: float) -> list[Piece] | None:
     turn = (math.atan2(inward, forward) - math.atan2(offset, straight)) % (2.0 * math.pi)
     if turn > 2.0 * math.pi - _ANGLE_TOLERANCE:
         turn = 0.0
-    arc = Piece(pose, side / r, turn * r)
-    line = Piece(arc.end, 0.0, straight)
-    return [piece for piece in (arc, line) if piece.length > 0.0]
+    arc = Leg(*pose, side / r, turn * r)
+    line = Leg(*arc.end, 0.0, straight)
+    return [leg for leg in (arc, line) if leg.length_m > 0.0]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.guidance.pieces import Circle, Piece, Pose, approach, distance, tangent_course
+from ftc_autopilot.guidance.legs import Circle, Leg, Pose, approach, distance, tangent_course
 
 metres = st.floats(-5000.0, 5000.0)
 poses = st.builds(Pose, metres, metres, st.floats(-4.0, 4.0))
@@ -30,11 +30,11 @@ def test_a_way_runs_into_the_circle_without_a_corner(
     if way is None:
         return
     at = pose
-    for piece in way:
-        assert piece.length > 0.0
-        assert piece.curvature == 0.0 or abs(piece.curvature) == pytest.approx(1.0 / radius)
-        assert piece.start == pytest.approx(at, abs=1e-6)
-        at = piece.end
+    for leg in way:
+        assert leg.length_m > 0.0
+        assert leg.curvature_1_m == 0.0 or abs(leg.curvature_1_m) == pytest.approx(1.0 / radius)
+        assert leg[:3] == pytest.approx(at, abs=1e-6)
+        at = leg.end
     assert len(way) <= 2
     assert distance(centre_of(at, circle.radius), circle) < 1e-4
 
@@ -52,10 +52,10 @@ def test_there_is_always_a_way_to_a_point(pose: Pose, point: Circle, radius: flo
 
 @given(poses, metres, radii)
 def test_straight_ahead_there_is_no_turn(pose: Pose, away: float, radius: float) -> None:
-    north, east, _ = Piece(pose, 0.0, abs(away) + 1.0).end
+    north, east, _ = Leg(*pose, 0.0, abs(away) + 1.0).end
     way = approach(pose, Circle(north, east, 0.0), radius)
     assert way is not None
-    assert sum(piece.length for piece in way) == pytest.approx(abs(away) + 1.0, rel=1e-6)
+    assert sum(leg.length_m for leg in way) == pytest.approx(abs(away) + 1.0, rel=1e-6)
 
 
 @given(poses, circles)
@@ -65,15 +65,15 @@ def test_a_tangent_touches_the_circle_on_the_side_it_is_flown(pose: Pose, circle
     assert (course is None) == (away <= abs(circle.radius))
     if course is not None:
         length = math.sqrt(away**2 - circle.radius**2)
-        end = Piece(Pose(pose.north, pose.east, course), 0.0, length).end
+        end = Leg(pose.north, pose.east, course, 0.0, length).end
         assert distance(centre_of(end, circle.radius), circle) < 1e-5
 
 
 @given(poses, st.floats(-0.02, 0.02), st.floats(1.0, 3000.0), st.floats(0.0, 1.0))
-def test_both_parts_of_a_cut_piece_are_the_piece(
+def test_both_parts_of_a_cut_leg_are_the_leg(
     pose: Pose, curvature: float, length: float, share: float
 ) -> None:
-    piece = Piece(pose, curvature, length)
-    first, second = piece.cut(share * length)
-    assert first.end == pytest.approx(second.start, abs=1e-6)
-    assert second.end == pytest.approx(piece.end, abs=1e-6)
+    leg = Leg(*pose, curvature, length)
+    first, second = leg.cut(share * length)
+    assert first.end == pytest.approx(second[:3], abs=1e-6)
+    assert second.end == pytest.approx(leg.end, abs=1e-6)
