@@ -12,7 +12,8 @@ from gcs.station.notifications import Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
+from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults import InvalidParam, fault_from_params
 from mavlink_defs.services.fault_list import FaultList
 
 _ANY = FaultLimits(math.inf, math.inf)

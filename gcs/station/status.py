@@ -11,36 +11,8 @@ from gcs.station.event_counts import EventCounts
 from gcs.station.vehicle_state import VehicleState
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.constants import ACTUATORS, OLD_STATE_S
-from mavlink_defs.faults import Fault
-from mavlink_defs.profile import Segment
 
 _QUANTITIES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
-
-
-def fault_dict(fault: Fault, time_s: float | None) -> dict[str, Any]:
-    """Return a fault as plain data; `end_s` is None for one that lasts until cleared."""
-    unit = "n" if ACTUATORS[fault.actuator] == "throttle" else "deg"
-    return {
-        "actuator": ACTUATORS[fault.actuator],
-        "effectiveness": fault.effectiveness,
-        f"{'stuck' if fault.effectiveness == 0.0 else 'bias'}_{unit}": fault.value,
-        "frequency_hz": fault.frequency_hz,
-        "start_s": fault.start_s,
-        "end_s": fault.end_s if math.isfinite(fault.end_s) else None,
-        "active": time_s is not None and fault.start_s < time_s <= fault.end_s,
-    }
-
-
-def segment_dict(segment: Segment) -> dict[str, Any]:
-    """Return a segment with the keys of a scenario file."""
-    return {
-        "start_s": segment.start_s,
-        "airspeed_m_s": segment.airspeed_m_s,
-        "roll_deg": segment.roll_deg,
-        "pitch_deg": segment.pitch_deg,
-        "yaw_deg": segment.yaw_deg,
-        "shape": "ramp" if segment.ramp else "step",
-    }
 
 
 @dataclass(frozen=True)
@@ -106,8 +78,8 @@ class VehicleStatus:
         actuator_messages: Actuator messages sent because of an event.
         neighbour_messages: Messages sent to neighbours after the first step.
         channels: Events by channel.
-        faults: Its faults, as of `fault_dict`.
-        profile: Its profile, as of `segment_dict`.
+        faults: Its faults, as of `Fault.as_dict`.
+        profile: Its profile, as of `Segment.as_dict`.
     """
 
     uav: int
@@ -163,8 +135,8 @@ def vehicle_status(state: VehicleState, now: float) -> VehicleStatus:
         actuator_messages=state.counts.messages,
         neighbour_messages=state.counts.neighbour_messages,
         channels=_channels(state.counts),
-        faults=None if faults is None else [fault_dict(f, state.time_s) for f in faults],
-        profile=None if profile is None else [segment_dict(s) for s in profile],
+        faults=None if faults is None else [f.as_dict(state.time_s) for f in faults],
+        profile=None if profile is None else [s.as_dict() for s in profile],
     )
 
 

@@ -16,7 +16,7 @@ from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_n
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.constants import FORCE_DISARM, MODE_NAMES
-from mavlink_defs.faults import Fault, fault_to_params
+from mavlink_defs.faults import Fault
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
     ProfileError,
@@ -168,7 +168,7 @@ class Vehicle:
 
     async def set_fault(self, fault: Fault) -> None:
         """Set an actuator fault."""
-        await self.command(dialect.MAV_CMD_FTC_SET_FAULT, fault_to_params(fault))
+        await self.command(dialect.MAV_CMD_FTC_SET_FAULT, fault)
 
     async def clear_faults(self, actuator: int | None = None) -> None:
         """Clear the faults of one actuator (an index into `ACTUATORS`), or all."""

@@ -9,7 +9,6 @@ from collections import deque
 from typing import Any
 
 from gcs.station.event_counts import EventCounts
-from gcs.station.fault_text import describe_fault
 from gcs.station.history import History
 from gcs.station.mission import Mission, is_same, profile_of
 from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
@@ -149,7 +148,7 @@ class VehicleState:
         if faults is None or faults == before:
             return []
         self.faults = faults
-        words = "; ".join(map(describe_fault, faults)) or "none"
+        words = "; ".join(fault.describe() for fault in faults) or "none"
         if before is None and not faults:
             return []
         return [self._notifications(now, "faults", NOTICE, f"faults: {words}", faults)]
@@ -272,7 +271,7 @@ class VehicleState:
     def active_faults(self) -> tuple[Fault, ...]:
         """The faults that are active now, in simulated time."""
         time_s = self.time_s or 0.0
-        return tuple(f for f in self.faults or () if f.start_s < time_s <= f.end_s)
+        return tuple(f for f in self.faults or () if f.is_active(time_s))
 
     @property
     def diagnosis(self) -> tuple[float, ...] | None:
