@@ -9,6 +9,7 @@ from ftc_autopilot.control.controller import NO_INTERVAL
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message
@@ -39,6 +40,7 @@ class ControllerMessages:
             text = f"law failed {at}: no finite command of {' and '.join(new)}, last one held"
             yield dialect.MAV_SEVERITY_CRITICAL, text
 
+    @message(dialect.MAVLink_ftc_tracking_message)
     def tracking(self) -> MAVLink_message:
         """Return FTC_TRACKING."""
         signals = self._controllers.signals[0]
@@ -49,6 +51,7 @@ class ControllerMessages:
             _degrees(signals["sync_error"]),
         )
 
+    @message(dialect.MAVLink_ftc_events_message)
     def events(self) -> MAVLink_message:
         """Return FTC_EVENTS."""
         controller = self._controllers.states[0]
@@ -68,6 +71,7 @@ class ControllerMessages:
             oldest_state_us=min(self._hot.oldest_state_us, NO_INTERVAL),
         )
 
+    @message(dialect.MAVLink_ftc_adaptation_message)
     def adaptation(self) -> MAVLink_message:
         """Return FTC_ADAPTATION."""
         c = self._controllers.states[0]["proposed"]
@@ -76,6 +80,7 @@ class ControllerMessages:
             self._time_ms, *float32s(c[name] for name in names)
         )
 
+    @message(dialect.MAVLink_ftc_drops_message)
     def drops(self) -> MAVLink_message:
         """Return FTC_DROPS."""
         links = map(drop_counts, self._hot.drops)  # in the order of the fields

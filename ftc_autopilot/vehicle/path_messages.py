@@ -8,6 +8,7 @@ from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.flight_path import FlightPath
+from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
@@ -38,6 +39,10 @@ class PathMessages:
         self._hot, self._controllers, self._origin = hot, controllers, origin
         self._path, self._clock = path, clock
 
+    @message(
+        dialect.MAVLink_nav_controller_output_message,
+        stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
+    )
     def nav_controller_output(self) -> MAVLink_message:
         """Return NAV_CONTROLLER_OUTPUT."""
         _, roll, pitch, _ = map(float, self._controllers.guidance[0]["command"])
@@ -67,6 +72,10 @@ class PathMessages:
             *numbers[2:],
         )
 
+    @message(
+        dialect.MAVLink_position_target_global_int_message,
+        stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
+    )
     def position_target_global_int(self) -> MAVLink_message:
         """Return POSITION_TARGET_GLOBAL_INT: where the path's present item leads."""
         north, east, height = self._path.target() if self._path.flown else self._path.here()

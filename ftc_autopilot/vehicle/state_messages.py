@@ -15,6 +15,7 @@ from ftc_autopilot.control.reference import wrap
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.home import VehicleHome
+from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.dialect import MAVLink_message
@@ -51,15 +52,28 @@ class StateMessages:
 
     # time and place
 
+    @message(
+        dialect.MAVLink_system_time_message, every_s=1.0, stream=dialect.MAV_DATA_STREAM_EXTRA3
+    )
     def system_time(self) -> MAVLink_message:
         """Return SYSTEM_TIME."""
         return dialect.MAVLink_system_time_message(self._clock.unix_us, self._clock.boot_ms)
 
+    @message(
+        dialect.MAVLink_local_position_ned_message,
+        every_s=0.1,
+        stream=dialect.MAV_DATA_STREAM_POSITION,
+    )
     def local_position_ned(self) -> MAVLink_message:
         """Return LOCAL_POSITION_NED."""
         numbers = float32s((*self._vector("position"), *self._velocity_ned()))
         return dialect.MAVLink_local_position_ned_message(self._clock.boot_ms, *numbers)
 
+    @message(
+        dialect.MAVLink_global_position_int_message,
+        every_s=0.2,
+        stream=dialect.MAV_DATA_STREAM_POSITION,
+    )
     def global_position_int(self) -> MAVLink_message:
         """Return GLOBAL_POSITION_INT."""
         place = self._place()
@@ -68,6 +82,11 @@ class StateMessages:
             self._clock.boot_ms, *place, vx, vy, vz, _centidegrees(self._yaw())
         )
 
+    @message(
+        dialect.MAVLink_gps_raw_int_message,
+        every_s=0.5,
+        stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
+    )
     def gps_raw_int(self) -> MAVLink_message:
         """Return GPS_RAW_INT: the true position, stated as accurately as a receiver would."""
         place, (north, east, _) = self._place(), self._velocity_ned()
@@ -88,6 +107,7 @@ class StateMessages:
             vel_acc=_GPS_ACCURACY_MM_S,
         )
 
+    @message(dialect.MAVLink_home_position_message, every_s=1.0)
     def home_position(self) -> MAVLink_message:
         """Return HOME_POSITION."""
         return dialect.MAVLink_home_position_message(
@@ -102,6 +122,7 @@ class StateMessages:
             self._clock.boot_us,
         )
 
+    @message(dialect.MAVLink_altitude_message)
     def altitude(self) -> MAVLink_message:
         """Return ALTITUDE; the terrain is flat, as high as the origin."""
         height = self._height()
@@ -111,12 +132,14 @@ class StateMessages:
 
     # attitude and motion
 
+    @message(dialect.MAVLink_attitude_message, every_s=0.1, stream=dialect.MAV_DATA_STREAM_EXTRA1)
     def attitude(self) -> MAVLink_message:
         """Return ATTITUDE."""
         roll, pitch, yaw = self._vector("attitude")
         numbers = float32s((_wrap(roll), pitch, _wrap(yaw), *self._vector("rates")))
         return dialect.MAVLink_attitude_message(self._clock.boot_ms, *numbers)
 
+    @message(dialect.MAVLink_attitude_quaternion_message, every_s=0.2)
     def attitude_quaternion(self) -> MAVLink_message:
         """Return ATTITUDE_QUATERNION: body to NED, scalar first."""
         q1, q2, q3, q4 = float32s(_quaternion(*self._vector("attitude")))
@@ -125,6 +148,7 @@ class StateMessages:
             self._clock.boot_ms, q1, q2, q3, q4, p, q, r
         )
 
+    @message(dialect.MAVLink_attitude_target_message)
     def attitude_target(self) -> MAVLink_message:
         """Return ATTITUDE_TARGET: the filtered reference; the airspeed is in FTC_TRACKING."""
         q = _quaternion(*self._signals["reference"][1:4].tolist())
@@ -137,6 +161,7 @@ class StateMessages:
             self._clock.boot_ms, mask, float32s(q), 0.0, 0.0, 0.0, self._thrust()
         )
 
+    @message(dialect.MAVLink_vfr_hud_message, every_s=0.2, stream=dialect.MAV_DATA_STREAM_EXTRA2)
     def vfr_hud(self) -> MAVLink_message:
         """Return VFR_HUD."""
         north, east, down = self._velocity_ned()
@@ -157,6 +182,7 @@ class StateMessages:
             climb=climb,
         )
 
+    @message(dialect.MAVLink_wind_cov_message)
     def wind_cov(self) -> MAVLink_message:
         """Return WIND_COV: the wind that velocity and airspeed make; no accuracy is stated."""
         unknown = math.nan
@@ -167,6 +193,7 @@ class StateMessages:
             self._clock.boot_us, north, east, down, unknown, unknown, amsl, unknown, unknown
         )
 
+    @message(dialect.MAVLink_highres_imu_message)
     def highres_imu(self) -> MAVLink_message:
         """Return HIGHRES_IMU: specific force and rates; there is no other sensor."""
         unknown = math.nan
@@ -189,6 +216,7 @@ class StateMessages:
             _GIVEN_IMU,
         )
 
+    @message(dialect.MAVLink_odometry_message)
     def odometry(self) -> MAVLink_message:
         """Return ODOMETRY: position in the local frame, velocity and rates in the body's."""
         unknown = [math.nan, *[0.0] * 20]
@@ -214,12 +242,18 @@ class StateMessages:
 
     # actuators
 
+    @message(dialect.MAVLink_actuator_output_status_message, every_s=0.1)
     def actuator_output_status(self) -> MAVLink_message:
         """Return ACTUATOR_OUTPUT_STATUS: the commands held, as HIL_ACTUATOR_CONTROLS has them."""
         return dialect.MAVLink_actuator_output_status_message(
             self._clock.boot_us, 0b1111, self._held() + [0.0] * 28
         )
 
+    @message(
+        dialect.MAVLink_servo_output_raw_message,
+        every_s=0.5,
+        stream=dialect.MAV_DATA_STREAM_RC_CHANNELS,
+    )
     def servo_output_raw(self) -> MAVLink_message:
         """Return SERVO_OUTPUT_RAW: the same as pulses, on ArduPlane's channels."""
         aileron, elevator, rudder, throttle = self._held()

@@ -13,6 +13,7 @@ from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.machine_runner import MachineRunner
 from gcs.station.mission import Mission
 from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
+from gcs.station.telemetry import REQUESTED_S
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.constants import FORCE_DISARM, MODE_NAMES
@@ -45,18 +46,6 @@ from mavlink_defs.services.param import (
 
 Progress = Callable[[int, int], None]
 """Called with the number of items done and the total."""
-
-PRIVATE_INTERVALS_S = {
-    dialect.MAVLINK_MSG_ID_FTC_TRACKING: 0.1,
-    dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 0.5,
-    dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS: 0.5,
-    dialect.MAVLINK_MSG_ID_FTC_FORMATION: 0.2,
-    dialect.MAVLINK_MSG_ID_FTC_DROPS: 2.0,
-    dialect.MAVLINK_MSG_ID_WIND_COV: 1.0,
-    dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: 0.5,
-    dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: once it arrives, all do
-}
-"""Messages that vehicles stream on demand, private ones, wind and way; their intervals [s]."""
 
 _TRIES = 3
 
@@ -142,7 +131,7 @@ class Vehicle:
     async def ask_for_private(self) -> None:
         """Request its private messages; a refused one is not requested again."""
         try:
-            for message_id, interval_s in PRIVATE_INTERVALS_S.items():
+            for message_id, interval_s in REQUESTED_S.items():
                 await self.set_interval(message_id, interval_s)
         except CommandRefused:
             self.state.offers_private = False

@@ -12,7 +12,7 @@ from gcs.station.event_counts import EventCounts
 from gcs.station.history import History
 from gcs.station.mission import Mission, is_same, profile_of
 from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
-from gcs.station.told_clock import SIMULATED_TIME, ToldClock
+from gcs.station.telemetry import PRIVATE, ReportedClock
 from mavlink_defs import dialect
 from mavlink_defs.constants import MODE_NAMES
 from mavlink_defs.dialect import MAVLink_message
@@ -85,7 +85,7 @@ class VehicleState:
         self.mission: Mission | None = None
         self.profile: tuple[Segment, ...] | None = None
         self.faults_due = self.profile_due = self.private_due = now
-        self._boot, self._simulated = ToldClock(), ToldClock()
+        self._boot, self._simulated = ReportedClock(), ReportedClock()
 
     # input: messages and time
 
@@ -328,7 +328,7 @@ class VehicleState:
         time_ms = getattr(message, "time_boot_ms", None)
         if time_ms is None:
             return False
-        clock = self._simulated if message.get_msgId() in SIMULATED_TIME else self._boot
+        clock = self._simulated if message.get_msgId() in PRIVATE else self._boot
         if clock.goes_back(time_ms, now):
             return True
         return (
