@@ -1,14 +1,14 @@
 """``gcs fault set|clear|list``: actuator faults while the fleet is up."""
 
-import functools
 import inspect
 import math
-from collections.abc import Callable
-from typing import Annotated, Any
+from collections.abc import Iterator
+from typing import Annotated
 
 import typer
 from pydantic import ValidationError
 
+from gcs.commands.options import with_options
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput, NoAnswer
 from gcs.station.vehicle import Vehicle
@@ -46,36 +46,26 @@ Examples:
 {EXIT_STATUS}"""
 
 
-def _with_options_of_faults(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command whose argument `options` holds an option for each field of `FaultSpec`."""
-    options = []
+def _options() -> Iterator[inspect.Parameter]:
+    """Yield an option for each field of `FaultSpec` but the actuator."""
     for name, field in FaultSpec.model_fields.items():
         if (number := describe(field)) is None:
-            continue  # the actuator
+            continue
         limits = number.range() if number.le is not None else f"[{number.unit}]"
         metavar = (number.unit or "share").upper()
         option = typer.Option(metavar=metavar, help=f"{number.doc.rstrip('.')} {limits}.")
-        kind = Annotated[float | None, option]
-        keyword = inspect.Parameter.KEYWORD_ONLY
-        default = field.default
-        options.append(inspect.Parameter(name, keyword, default=default, annotation=kind))
-
-    @functools.wraps(command)
-    def with_options(**given: Any) -> None:
-        command(options={option.name: given.pop(option.name) for option in options}, **given)
-
-    own = list(inspect.signature(command).parameters.values())
-    at = next(i for i, parameter in enumerate(own) if parameter.name == "options")
-    parameters = [*own[:at], *options, *own[at + 1 :]]
-    with_options.__dict__["__signature__"] = inspect.Signature(parameters)
-    return with_options
+        yield inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=field.default,
+            annotation=Annotated[float | None, option],
+        )
 
 
 @app.command(name="set", epilog=_SET_EPILOG)
 @station_command
-@_with_options_of_faults
+@with_options("options", _options(), dict)
 def set_(
-    *,
     station: Station,
     actuator: Annotated[Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
     options: dict[str, float | None],
