@@ -2,7 +2,7 @@
 
 The aircraft applies ``effectiveness * commanded`` plus what the fault's value adds. The kind says
 what that is, and how people name the value. Another kind takes an entry of FTC_FAULT_KIND in
-`ftc.xml`, one of `KINDS` here, and a branch of `offset` in `sitl_plant.actuators`.
+`ftc.xml`, one of `FAULT_KINDS` here, and a branch of `offset` in `sitl_plant.actuators`.
 """
 
 from collections.abc import Mapping
@@ -98,10 +98,10 @@ STUCK = FaultKind(
     replaces=True,
 )
 
-KINDS: Mapping[str, FaultKind] = {kind.name: kind for kind in (BIAS, STUCK)}
+FAULT_KINDS: Mapping[str, FaultKind] = {kind.name: kind for kind in (BIAS, STUCK)}
 """All kinds by name. A loss of effectiveness alone is a bias of 0."""
 
-CODES = frozenset(kind.code for kind in KINDS.values())
+CODES = frozenset(kind.code for kind in FAULT_KINDS.values())
 """FTC_FAULT_KIND of all kinds."""
 
 
@@ -113,6 +113,6 @@ def kind_of(code: int, effectiveness: float) -> FaultKind:
         effectiveness: Remaining effectiveness; at 0, what shares its code with a kind that
             `replaces` the command is that one.
     """
-    kinds = [kind for kind in KINDS.values() if kind.code == code]
+    kinds = [kind for kind in FAULT_KINDS.values() if kind.code == code]
     fitting = (kind for kind in kinds if kind.replaces == (effectiveness == 0.0))
     return next(fitting, kinds[0])

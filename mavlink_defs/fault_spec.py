@@ -10,7 +10,7 @@ from pydantic import Field, create_model, model_validator
 from mavlink_defs.config.models import Model, Problem, Problems
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import ACTUATORS, Actuator
-from mavlink_defs.fault_kinds import BIAS, KINDS, MAX_FREQUENCY_HZ, STUCK, FaultKind
+from mavlink_defs.fault_kinds import BIAS, FAULT_KINDS, MAX_FREQUENCY_HZ, STUCK, FaultKind
 from mavlink_defs.faults import Fault
 
 
@@ -32,7 +32,7 @@ else:
                 float | None,
                 quantity(kind.unit(actuator), default=None, doc=doc),
             )
-            for kind in KINDS.values()
+            for kind in FAULT_KINDS.values()
             for actuator, doc in (("rudder", kind.of_surface), ("throttle", kind.of_throttle))
         },
     )
@@ -65,7 +65,7 @@ class FaultSpec(_WithValue):
         return self
 
     def _problems(self) -> Iterator[Problem]:
-        keys = {kind.name: kind.key(self.actuator) for kind in KINDS.values()}
+        keys = {kind.name: kind.key(self.actuator) for kind in FAULT_KINDS.values()}
         unfit = dict(self._values(ACTUATORS[0] if self.actuator == "throttle" else "throttle"))
         for kind, key in unfit.items():
             text = f"does not fit the {self.actuator}; did you mean '{{0}}'?"
@@ -92,7 +92,7 @@ class FaultSpec(_WithValue):
 
     def _values(self, actuator: Actuator) -> Iterator[tuple[FaultKind, str]]:
         """Yield the kinds whose value is given in the unit of an actuator, and their keys."""
-        for kind in KINDS.values():
+        for kind in FAULT_KINDS.values():
             if getattr(self, key := kind.key(actuator)) is not None:
                 yield kind, key
 

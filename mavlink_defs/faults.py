@@ -39,14 +39,15 @@ class Fault(NamedTuple):
     @classmethod
     def from_message(cls, message: MAVLink_ftc_fault_message) -> Self:
         """Decode an FTC_FAULT whose `count` is not 0; an open end is infinite."""
-        numbers = (
-            message.effectiveness,
-            message.value,
-            message.frequency,
-            message.start,
-            message.end,
+        return cls(
+            actuator=message.actuator,
+            effectiveness=decimal_of_float32(message.effectiveness),
+            value=decimal_of_float32(message.value),
+            frequency_hz=decimal_of_float32(message.frequency),
+            start_s=decimal_of_float32(message.start),
+            end_s=decimal_of_float32(message.end),
+            code=message.kind,
         )
-        return cls(message.actuator, *map(decimal_of_float32, numbers), message.kind)
 
     @property
     def actuator_name(self) -> Actuator:
@@ -61,7 +62,7 @@ class Fault(NamedTuple):
     def describe(self) -> str:
         """Return the fault as a text: "rudder at 50 % + 1 deg in (19, 22] s"."""
         kind, wave = self.kind, f" · cos 2π {self.frequency_hz:g} Hz" if self.frequency_hz else ""
-        parts = [self.actuator_name]
+        parts: list[str] = [self.actuator_name]
         if not kind.replaces:
             parts.append(f"at {100.0 * self.effectiveness:g} %")
         if kind.replaces or self.value:
@@ -145,19 +146,18 @@ def fault_from_params(params: Sequence[float], limits: FaultLimits) -> Fault:
     Raises:
         InvalidParam: A parameter is not finite or out of range; the first one is named.
     """
-    actuator, *numbers, code = map(decimal_of_float32, params)
+    actuator, effectiveness, value, frequency, start, end, code = map(decimal_of_float32, params)
     if actuator not in range(len(ACTUATORS)):
         raise _invalid(1, "Actuator", actuator, "0, 1, 2 or 3")
     if math.isnan(code):  # not given
         code = 0.0
     elif code not in CODES:
         raise _invalid(7, "Kind", code, " or ".join(map(str, sorted(CODES))))
-    fault = Fault(int(actuator), *numbers, int(code))
-    _check(2, "Effectiveness", fault.effectiveness, (0.0, 1.0))
+    fault = Fault(int(actuator), effectiveness, value, frequency, start, end, int(code))
+    _check(2, "Effectiveness", effectiveness, (0.0, 1.0))
     name, kind = fault.actuator_name, fault.kind
-    _check(3, "Value", fault.value, kind.bounds(name, limits), kind.unit(name))
-    _check(4, "Frequency", fault.frequency_hz, (0.0, MAX_FREQUENCY_HZ), "Hz")
-    start, end = fault.start_s, fault.end_s
+    _check(3, "Value", value, kind.bounds(name, limits), kind.unit(name))
+    _check(4, "Frequency", frequency, (0.0, MAX_FREQUENCY_HZ), "Hz")
     if not math.isnan(start) and not 0.0 <= start < math.inf:
         raise _invalid(5, "Start", start, "NaN or at least 0 s", "s")
     earliest = 0.0 if math.isnan(start) else start

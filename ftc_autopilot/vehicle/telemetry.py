@@ -77,11 +77,9 @@ class Telemetry:
         if isinstance(message, dialect.MAVLink_request_data_stream_message):
             starts = bool(message.start_stop) and message.req_message_rate > 0
             interval_us = 1e6 / message.req_message_rate if starts else -1.0
-            streams = {message.req_stream_id}
-            if message.req_stream_id == dialect.MAV_DATA_STREAM_ALL:
-                streams = {each.stream for each in _DECLARED} - {None}
+            of_all = message.req_stream_id == dialect.MAV_DATA_STREAM_ALL
             for each in _DECLARED:
-                if each.stream in streams:
+                if each.stream is not None and (of_all or each.stream == message.req_stream_id):
                     self._set_interval(each.number, interval_us)
 
     def due(self, clock_us: int, most: int | None = None) -> list[MAVLink_message]:

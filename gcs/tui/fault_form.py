@@ -16,7 +16,7 @@ from gcs.tui.cached_static import CachedStatic
 from gcs.tui.guard import Guarded, on
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ACTUATORS, Actuator
-from mavlink_defs.fault_kinds import KINDS, MAX_FREQUENCY_HZ, FaultKind
+from mavlink_defs.fault_kinds import FAULT_KINDS, MAX_FREQUENCY_HZ, FaultKind
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import Fault
 
@@ -108,7 +108,7 @@ class FaultForm(Guarded, Vertical):
             names = [(name, name) for name in ACTUATORS]
             yield Select(names, value="rudder", id="actuator", compact=True, allow_blank=False)
             yield Static("kind")
-            kinds = [(kind.choice, name) for name, kind in KINDS.items()]
+            kinds = [(kind.choice, name) for name, kind in FAULT_KINDS.items()]
             first = kinds[0][1]
             yield Select(kinds, value=first, id="fault-kind", compact=True, allow_blank=False)
             for name, (label, hint) in _FIELDS.items():
@@ -181,4 +181,4 @@ class FaultForm(Guarded, Vertical):
 
     @property
     def _kind(self) -> FaultKind:
-        return KINDS[str(self.query_one("#fault-kind", Select).value)]
+        return FAULT_KINDS[str(self.query_one("#fault-kind", Select).value)]

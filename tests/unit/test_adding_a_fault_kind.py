@@ -16,9 +16,9 @@ EDITS = {
         )
     ],
     "mavlink_defs/fault_kinds.py": [
-        ("\nKINDS: Mapping", "from mavlink_defs.dialect import FTC_FAULT_KIND_DRIFT\n"),
+        ("\nFAULT_KINDS: Mapping", "from mavlink_defs.dialect import FTC_FAULT_KIND_DRIFT\n"),
         (
-            "\nKINDS: Mapping",
+            "\nFAULT_KINDS: Mapping",
             'DRIFT = FaultKind("drift", FTC_FAULT_KIND_DRIFT, "Drift of a surface.",'
             ' "Drift of the throttle.", choice="drift", label="drift",'
             ' template="drifting by {minus}{size}", per="/s")\n',
@@ -44,11 +44,11 @@ USES = """
 from gcs.lab.campaigns.model import DrawnFault
 from gcs.tui.fault_form import read_fault
 from mavlink_defs.dialect import MAVLink_ftc_fault_message
-from mavlink_defs.fault_kinds import KINDS, FaultLimits
+from mavlink_defs.fault_kinds import FAULT_KINDS, FaultLimits
 from mavlink_defs.faults import Fault, fault_from_params
 
 texts = {"value": "-2", "effectiveness": "0.5", "start_s": "3"}
-fault = read_fault("throttle", KINDS["drift"], texts).fault
+fault = read_fault("throttle", FAULT_KINDS["drift"], texts).fault
 assert fault_from_params(fault, FaultLimits(25.0, 4000.0))[:5] == fault[:5]
 listed = MAVLink_ftc_fault_message(0.5, -2.0, 0.0, 3.0, float("inf"), 0, 1, 3, 1, fault.code)
 print(Fault.from_message(listed).describe())

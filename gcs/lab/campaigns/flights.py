@@ -15,7 +15,7 @@ from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Problem
-from mavlink_defs.fault_kinds import KINDS, FaultLimits
+from mavlink_defs.fault_kinds import FAULT_KINDS, FaultLimits
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -112,7 +112,7 @@ class Flights:
         actuator, severity = drawn["actuator"], row[f"fault.{name}.severity"]
         if (drawn_kind := row[f"fault.{name}.kind"]) == LOSS:
             return drawn | {"effectiveness": 1.0 - abs(severity)}
-        kind = KINDS[drawn_kind]
+        kind = FAULT_KINDS[drawn_kind]
         limits = FaultLimits(aircraft["surface_limit_deg"], aircraft["thrust_limit_n"])
         low, limit = kind.bounds(actuator, limits)
         return drawn | {kind.key(actuator): (severity if low < 0.0 else abs(severity)) * limit}

@@ -26,7 +26,7 @@ from mavlink_defs.config.models import (
 )
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, Actuator
-from mavlink_defs.fault_kinds import KINDS
+from mavlink_defs.fault_kinds import FAULT_KINDS
 from mavlink_defs.visible import visible
 
 Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
@@ -34,7 +34,7 @@ LOSS = "loss"
 if TYPE_CHECKING:
     DrawnKind: TypeAlias = str
 else:
-    DrawnKind = Literal[LOSS, *KINDS]
+    DrawnKind = Literal[LOSS, *FAULT_KINDS]
 
 Name = Annotated[str, StringConstraints(pattern=r"^[\w.\[\]-]+$")]
 VariantName = Annotated[
@@ -67,7 +67,7 @@ class DrawnFault(Model):
     actuators: Annotated[tuple[Actuator, ...], AtMost(len(ACTUATORS))] = Field(
         default=ACTUATORS, min_length=1, description="Actuators that it may hit, as likely each."
     )
-    kinds: Annotated[dict[DrawnKind, Distribution], AtMost(1 + len(KINDS))] = Field(
+    kinds: Annotated[dict[DrawnKind, Distribution], AtMost(1 + len(FAULT_KINDS))] = Field(
         min_length=1, description="Kinds of fault, as likely each, with their severity."
     )
     start_s: Distribution = Field(description="Onset [s of simulated time].")

@@ -22,7 +22,7 @@ from gcs.tui.profile_views import differences, polyline
 from gcs.tui.view import SILENT_S, FleetView
 from mavlink_defs import dialect
 from mavlink_defs.constants import Actuator
-from mavlink_defs.fault_kinds import KINDS
+from mavlink_defs.fault_kinds import FAULT_KINDS
 from mavlink_defs.faults import Fault
 from mavlink_defs.services.machine import SystemId
 
@@ -79,7 +79,7 @@ def test_words(shown: str, expected: str) -> None:
     ],
 )
 def test_a_form_is_read(actuator: Actuator, kind: str, texts: dict[str, str], fault: Fault) -> None:
-    read = read_fault(actuator, KINDS[kind], texts)
+    read = read_fault(actuator, FAULT_KINDS[kind], texts)
     assert repr(read.fault) == repr(fault)  # NaN is not equal to itself
     assert read.problems == ()
 
@@ -99,7 +99,7 @@ def test_a_form_is_read(actuator: Actuator, kind: str, texts: dict[str, str], fa
 def test_a_form_that_cannot_be_sent_says_why(
     kind: str, texts: dict[str, str], problem: str
 ) -> None:
-    read = read_fault("rudder", KINDS[kind], texts)
+    read = read_fault("rudder", FAULT_KINDS[kind], texts)
     assert read.fault is None
     assert problem in "\n".join(read.problems)
 
