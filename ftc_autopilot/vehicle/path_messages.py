@@ -48,9 +48,8 @@ class PathMessages:
         _, roll, pitch, _ = map(float, self._controllers.guidance[0]["command"])
         if not self._path.flown:
             bank, climb = float32s((math.degrees(roll), math.degrees(pitch)))
-            return dialect.MAVLink_nav_controller_output_message(
-                bank, climb, 0, 0, 0, 0.0, 0.0, 0.0
-            )
+            nothing = (0, 0, 0, 0.0, 0.0, 0.0)
+            return dialect.MAVLink_nav_controller_output_message(bank, climb, *nothing)
         point, (north, east, height) = self._path.point(), self._path.here()
         to_north, to_east, _ = self._path.target()
         airspeed = float(self._controllers.signals[0]["V"])

@@ -30,6 +30,7 @@ _GPS_SATELLITES = 14
 _GPS_DILUTION = 80  # of precision, horizontal and vertical [1/100]
 _GPS_ACCURACY_MM, _GPS_ACCURACY_MM_S = 800, 100
 _ZERO_PWM_US, _SPAN_PWM_US = 1500, 500
+_ZEROS = (0.0, 0.0, 0.0)
 _GIVEN_IMU = 0b111111  # HIGHRES_IMU.fields_updated: accelerations and rates
 
 
@@ -111,15 +112,7 @@ class StateMessages:
     def home_position(self) -> MAVLink_message:
         """Return HOME_POSITION."""
         return dialect.MAVLink_home_position_message(
-            *self._home.place[:3],
-            0.0,
-            0.0,
-            0.0,
-            [1.0, 0.0, 0.0, 0.0],
-            0.0,
-            0.0,
-            0.0,
-            self._clock.boot_us,
+            *self._home.place[:3], *_ZEROS, [1.0, *_ZEROS], *_ZEROS, self._clock.boot_us
         )
 
     @message(dialect.MAVLink_altitude_message)
@@ -142,8 +135,9 @@ class StateMessages:
     @message(dialect.MAVLink_attitude_quaternion_message, every_s=0.2)
     def attitude_quaternion(self) -> MAVLink_message:
         """Return ATTITUDE_QUATERNION: body to NED, scalar first."""
-        q1, q2, q3, q4 = float32s(_quaternion(*self._vector("attitude")))
-        p, q, r = float32s(self._vector("rates"))
+        q1, q2, q3, q4, p, q, r = float32s(
+            (*_quaternion(*self._vector("attitude")), *self._vector("rates"))
+        )
         return dialect.MAVLink_attitude_quaternion_message(
             self._clock.boot_ms, q1, q2, q3, q4, p, q, r
         )
@@ -165,77 +159,47 @@ class StateMessages:
     def vfr_hud(self) -> MAVLink_message:
         """Return VFR_HUD."""
         north, east, down = self._velocity_ned()
-        airspeed, groundspeed, climb, alt = float32s(
-            (
-                self._airspeed(),
-                math.hypot(north, east),
-                -down,
-                self._origin.altitude_m + self._height(),
-            )
+        altitude = self._origin.altitude_m + self._height()
+        airspeed, groundspeed, alt, climb = float32s(
+            (self._airspeed(), math.hypot(north, east), altitude, -down)
         )
-        return dialect.MAVLink_vfr_hud_message(
-            airspeed=airspeed,
-            groundspeed=groundspeed,
-            heading=_centidegrees(self._yaw()) // 100,
-            throttle=whole_within(100.0 * self._thrust(), 0, 100),
-            alt=alt,
-            climb=climb,
-        )
+        heading = _centidegrees(self._yaw()) // 100
+        throttle = whole_within(100.0 * self._thrust(), 0, 100)
+        return dialect.MAVLink_vfr_hud_message(airspeed, groundspeed, heading, throttle, alt, climb)
 
     @message(dialect.MAVLink_wind_cov_message)
     def wind_cov(self) -> MAVLink_message:
         """Return WIND_COV: the wind that velocity and airspeed make; no accuracy is stated."""
-        unknown = math.nan
-        wind = self._in_ned("wind")
         altitude = self._origin.altitude_m - self._vector("position")[2]
-        north, east, down, amsl = float32s((*wind, altitude))
+        north, east, down, amsl = float32s((*self._in_ned("wind"), altitude))
+        unknown = (math.nan, math.nan)
         return dialect.MAVLink_wind_cov_message(
-            self._clock.boot_us, north, east, down, unknown, unknown, amsl, unknown, unknown
+            self._clock.boot_us, north, east, down, *unknown, amsl, *unknown
         )
 
     @message(dialect.MAVLink_highres_imu_message)
     def highres_imu(self) -> MAVLink_message:
         """Return HIGHRES_IMU: specific force and rates; there is no other sensor."""
-        unknown = math.nan
         ax, ay, az, p, q, r = float32s((*self._vector("specific_force"), *self._vector("rates")))
+        unknown = (math.nan,) * 7
         return dialect.MAVLink_highres_imu_message(
-            self._clock.boot_us,
-            ax,
-            ay,
-            az,
-            p,
-            q,
-            r,
-            unknown,
-            unknown,
-            unknown,
-            unknown,
-            unknown,
-            unknown,
-            unknown,
-            _GIVEN_IMU,
+            self._clock.boot_us, ax, ay, az, p, q, r, *unknown, _GIVEN_IMU
         )
 
     @message(dialect.MAVLink_odometry_message)
     def odometry(self) -> MAVLink_message:
         """Return ODOMETRY: position in the local frame, velocity and rates in the body's."""
         unknown = [math.nan, *[0.0] * 20]
-        x, y, z = float32s(self._vector("position"))
-        u, v, w, p, q, r = float32s((*self._vector("velocity"), *self._vector("rates")))
+        x, y, z, u, v, w, p, q, r = float32s(
+            (*self._vector("position"), *self._vector("velocity"), *self._vector("rates"))
+        )
         return dialect.MAVLink_odometry_message(
             self._clock.boot_us,
             dialect.MAV_FRAME_LOCAL_NED,
             dialect.MAV_FRAME_BODY_FRD,
-            x,
-            y,
-            z,
+            *(x, y, z),
             float32s(_quaternion(*self._vector("attitude"))),
-            u,
-            v,
-            w,
-            p,
-            q,
-            r,
+            *(u, v, w, p, q, r),
             unknown,
             unknown,
         )

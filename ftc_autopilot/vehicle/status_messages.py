@@ -68,14 +68,9 @@ class StatusMessages:
         return dialect.MAVLink_autopilot_version_message(
             self._capabilities,
             version,
-            0,
-            0,
-            0,
-            [0] * 8,
-            [0] * 8,
-            [0] * 8,
-            0,
-            0,
+            *(0, 0, 0),
+            *([0] * 8, [0] * 8, [0] * 8),
+            *(0, 0),
             _UID | self._system,
             [*uid2],
         )
@@ -96,16 +91,13 @@ class StatusMessages:
             _SENSORS,
             _SENSORS,
             health,
-            load=0,
-            voltage_battery=CELLS * battery.cell_mv,
-            current_battery=CURRENT_CA,
-            battery_remaining=battery.remaining_percent,
-            drop_rate_comm=0,
-            errors_comm=min(self._frames_dropped(), _UINT16),
-            errors_count1=0,
-            errors_count2=0,
-            errors_count3=0,
-            errors_count4=0,
+            0,  # load
+            CELLS * battery.cell_mv,
+            CURRENT_CA,
+            battery.remaining_percent,
+            0,  # drop rate
+            min(self._frames_dropped(), _UINT16),
+            *[0] * 4,
         )
 
     @message(

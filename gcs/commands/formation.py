@@ -79,12 +79,8 @@ def slot(
         raise BadInput(f"expected --uav with one UAV, as two cannot have one slot, got {got}")
     place = (math.nan,) * 3 if planned else (given[0], given[1], given[2])
 
-    async def action(vehicle: Vehicle) -> str:
-        await vehicle.set_slot(*place)
-        where = "the planned slot" if planned else "slot {:g} m ahead, {:g} m right, {:g} m up"
-        return f"UAV {vehicle.system} takes {where.format(*place)}"
-
-    station.act(action)
+    where = "the planned slot" if planned else "slot {:g} m ahead, {:g} m right, {:g} m up"
+    station.do(lambda vehicle: vehicle.set_slot(*place), f"takes {where.format(*place)}")
 
 
 def _words(message: _Message) -> str:

@@ -93,6 +93,15 @@ class Station:
                 print_line(prefix + outcome.words, stderr=outcome.status != 0)
         raise typer.Exit(max(outcome.status for outcome in outcomes))
 
+    def do(self, operation: Callable[[Vehicle], Awaitable[object]], done: str) -> None:
+        """Apply an operation to every chosen vehicle, and report that it is "UAV 1 done"."""
+
+        async def action(vehicle: Vehicle) -> str:
+            await operation(vehicle)
+            return f"UAV {vehicle.system} {done}"
+
+        self.act(action)
+
     def run(
         self,
         work: Callable[[Client, list[Vehicle]], Awaitable[T]],

@@ -128,5 +128,5 @@ def _status(client: Client, station: Station) -> dict[str, Any]:
         "saving": client.fleet.saving,
         "drops": client.drops,
         "not_heard": _missing(client, station),
-        "vehicles": [vehicle_status(state, now).to_json() for state in _chosen(client, station)],
+        "vehicles": [vehicle_status(state, now) for state in _chosen(client, station)],
     }

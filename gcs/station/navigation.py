@@ -52,17 +52,11 @@ class Home:
         """Return item 0 of a mission that begins here."""
         place = place_of(self.origin, 0.0, 0.0, 0.0)
         return dialect.MAVLink_mission_item_int_message(
-            0,
-            0,
-            0,
+            *(0, 0, 0),
             dialect.MAV_FRAME_GLOBAL_INT,
             dialect.MAV_CMD_NAV_WAYPOINT,
-            0,
-            1,
-            0.0,
-            0.0,
-            0.0,
-            math.nan,
+            *(0, 1),
+            *(0.0, 0.0, 0.0, math.nan),
             place.latitude,
             place.longitude,
             self.origin.altitude_m,

@@ -1,8 +1,7 @@
 """The state of vehicles as data, as a table and as text."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.table import Table
@@ -15,129 +14,49 @@ from mavlink_defs.constants import ACTUATORS, OLD_STATE_S
 _QUANTITIES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
 
 
-@dataclass(frozen=True)
-class LinkStatus:
-    """The link to a vehicle.
+def vehicle_status(state: VehicleState, now: float) -> dict[str, Any]:
+    """Return the state of a vehicle as plain data; None stands for what is unknown.
 
-    Attributes:
-        lost: Whether the vehicle has fallen silent.
-        age_s: Time since anything was received [s].
-        rate_hz: Messages per second of wall-clock time.
-        restarts: Restarts of the vehicle since it was first heard.
-        oldest_state_s: Longest simulated time for which its autopilot acted on one state in the
-            last second or two [s]; 0 in lockstep; None if unknown.
-        drops: Datagrams dropped by vehicle and plant, by link and reason; None if unknown.
+    Args:
+        state: The vehicle.
+        now: Time of the client's clock [s].
+
+    Returns:
+        `link` (`oldest_state_s`: longest simulated time for which its autopilot acted on one state
+        in the last second or two [s], 0 in lockstep; `drops`: datagrams dropped by vehicle and
+        plant, by link and reason); `not_heard`; `actual`, `reference`, `error` and `sync_error`
+        (31), (32) by quantity [m/s, deg]; `held` commands as shares of their limits; `channels`
+        with their events; `faults` as of `Fault.as_dict`, `profile` as of `Segment.as_dict`.
     """
-
-    lost: bool
-    age_s: float
-    rate_hz: float
-    restarts: int
-    oldest_state_s: float | None
-    drops: Mapping[str, Mapping[str, int]] | None
-
-
-@dataclass(frozen=True)
-class ChannelStatus:
-    """The events of one actuator channel.
-
-    Attributes:
-        events: Events so far.
-        events_10_s: Events in the last 10 s of simulated time.
-        saving: Share of periodic transmissions that was saved; None before any step.
-        min_interval_s: Shortest time between two events [s]; None with fewer than two.
-        repeats: Events sent again because they were lost.
-    """
-
-    events: int
-    events_10_s: int
-    saving: float | None
-    min_interval_s: float | None
-    repeats: int
-
-
-@dataclass(frozen=True)
-class VehicleStatus:
-    """One vehicle in the output of `gcs status --json`; None for what is unknown.
-
-    Attributes:
-        uav: System id.
-        link: The link to it.
-        not_heard: What it has not told, as of `not_heard`.
-        armed: Whether it is armed.
-        ready: Whether it is armed or can be.
-        mode: Its mode.
-        time_s: Its simulated time [s].
-        actual: Airspeed [m/s] and attitude [deg], by quantity.
-        reference: The filtered reference, likewise.
-        error: Actual minus reference, likewise.
-        sync_error: Synchronisation error (31), (32), likewise.
-        held: Commands held, as shares of their limits, by channel.
-        steps: Control steps with active control.
-        saving: Share of periodic transmissions that was saved.
-        actuator_messages: Actuator messages sent because of an event.
-        neighbour_messages: Messages sent to neighbours after the first step.
-        channels: Events by channel.
-        faults: Its faults, as of `Fault.as_dict`.
-        profile: Its profile, as of `Segment.as_dict`.
-    """
-
-    uav: int
-    link: LinkStatus
-    not_heard: Sequence[str]
-    armed: bool
-    ready: bool
-    mode: str
-    time_s: float | None
-    actual: Mapping[str, float | None] | None
-    reference: Mapping[str, float | None] | None
-    error: Mapping[str, float | None] | None
-    sync_error: Mapping[str, float | None] | None
-    held: Mapping[str, float] | None
-    steps: int
-    saving: float | None
-    actuator_messages: int
-    neighbour_messages: int
-    channels: Mapping[str, ChannelStatus]
-    faults: Sequence[Mapping[str, Any]] | None
-    profile: Sequence[Mapping[str, Any]] | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the status as plain data."""
-        return asdict(self)
-
-
-def vehicle_status(state: VehicleState, now: float) -> VehicleStatus:
-    """Summarise the state of a vehicle at a time of the client's clock [s]."""
     attitude, held, faults, profile = state.attitude_deg, state.held, state.faults, state.profile
-    return VehicleStatus(
-        uav=state.system,
-        link=LinkStatus(
-            lost=state.lost,
-            age_s=state.age_s(now),
-            rate_hz=state.rate_hz(now),
-            restarts=state.restarts,
-            oldest_state_s=state.counts.oldest_state_s if state.tells_private else None,
-            drops=state.drops,
-        ),
-        not_heard=not_heard(state),
-        armed=state.armed,
-        ready=state.is_ready,
-        mode=state.mode,
-        time_s=state.time_s,
-        actual=_quantities(attitude and (state.airspeed_m_s, *attitude)),
-        reference=_quantities(state.reference),
-        error=_quantities(state.error),
-        sync_error=_quantities(state.sync_error),
-        held=None if held is None else dict(zip(ACTUATORS, held, strict=True)),
-        steps=state.counts.steps,
-        saving=state.counts.saving,
-        actuator_messages=state.counts.messages,
-        neighbour_messages=state.counts.neighbour_messages,
-        channels=_channels(state.counts),
-        faults=None if faults is None else [f.as_dict(state.time_s) for f in faults],
-        profile=None if profile is None else [s.as_dict() for s in profile],
-    )
+    return {
+        "uav": state.system,
+        "link": {
+            "lost": state.lost,
+            "age_s": state.age_s(now),
+            "rate_hz": state.rate_hz(now),
+            "restarts": state.restarts,
+            "oldest_state_s": state.counts.oldest_state_s if state.tells_private else None,
+            "drops": state.drops,
+        },
+        "not_heard": not_heard(state),
+        "armed": state.armed,
+        "ready": state.is_ready,
+        "mode": state.mode,
+        "time_s": state.time_s,
+        "actual": _quantities(attitude and (state.airspeed_m_s, *attitude)),
+        "reference": _quantities(state.reference),
+        "error": _quantities(state.error),
+        "sync_error": _quantities(state.sync_error),
+        "held": None if held is None else dict(zip(ACTUATORS, held, strict=True)),
+        "steps": state.counts.steps,
+        "saving": state.counts.saving,
+        "actuator_messages": state.counts.messages,
+        "neighbour_messages": state.counts.neighbour_messages,
+        "channels": _channels(state.counts),
+        "faults": None if faults is None else [f.as_dict(state.time_s) for f in faults],
+        "profile": None if profile is None else [s.as_dict() for s in profile],
+    }
 
 
 def _quantities(values: Iterable[float | None] | None) -> dict[str, float | None] | None:
@@ -148,16 +67,17 @@ def _quantities(values: Iterable[float | None] | None) -> dict[str, float | None
     return dict(zip(_QUANTITIES, known, strict=True))
 
 
-def _channels(counts: EventCounts) -> dict[str, ChannelStatus]:
+def _channels(counts: EventCounts) -> dict[str, dict[str, Any]]:
+    """Return by channel its events, those of the last 10 s, the saving, and repeats."""
     recent = counts.recent()
     return {
-        name: ChannelStatus(
-            events=counts.events[i],
-            events_10_s=recent[i],
-            saving=counts.savings[i],
-            min_interval_s=counts.min_interval_s[i],
-            repeats=counts.repeats[i],
-        )
+        name: {
+            "events": counts.events[i],
+            "events_10_s": recent[i],
+            "saving": counts.savings[i],
+            "min_interval_s": counts.min_interval_s[i],
+            "repeats": counts.repeats[i],
+        }
         for i, name in enumerate(ACTUATORS)
     }
 

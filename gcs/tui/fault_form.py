@@ -12,8 +12,7 @@ from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.widgets import Button, Input, Select, Static
 
-from gcs.tui.cached_static import CachedStatic
-from gcs.tui.guard import Guarded, on
+from gcs.tui.guard import CachedStatic, Guarded, on
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.fault_kinds import FAULT_KINDS, MAX_FREQUENCY_HZ, FaultKind

@@ -8,12 +8,11 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 
 from gcs.station.vehicle import Vehicle
-from gcs.tui.cached_static import CachedStatic
 from gcs.tui.fault_form import ALL, MARKED, FaultForm
 from gcs.tui.fault_history import FaultRecord
 from gcs.tui.formatting import Cell, clock, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.guard import on
+from gcs.tui.guard import CachedStatic, on
 from gcs.tui.requests import Outcome, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.constants import ACTUATORS

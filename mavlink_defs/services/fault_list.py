@@ -72,17 +72,9 @@ class FaultLister(Machine[FaultsListed]):
         """Request the list."""
         self._requests += 1
         self._deadline = None
+        params = (dialect.MAVLINK_MSG_ID_FTC_FAULT, *[0] * 6)
         message = dialect.MAVLink_command_long_message(
-            *self._vehicle,
-            dialect.MAV_CMD_REQUEST_MESSAGE,
-            0,
-            dialect.MAVLINK_MSG_ID_FTC_FAULT,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
+            *self._vehicle, dialect.MAV_CMD_REQUEST_MESSAGE, 0, *params
         )
         self._command.send(message, now)
         self._pass_on()
