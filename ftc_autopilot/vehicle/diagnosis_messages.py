@@ -1,4 +1,4 @@
-"""What the diagnosis of the own actuators tells ground stations: a message, texts, health."""
+"""What the diagnosis of the own actuators reports to ground stations: a message, texts, health."""
 
 import math
 from collections.abc import Iterator
@@ -65,7 +65,7 @@ class DiagnosisMessages:
             if lost == before[c]:
                 continue
             actuator = self._diagnosis["actuators"][c]
-            if actuator["since"] >= self._diagnosis["age"]:  # no decision: the law started anew
+            if actuator["since"] >= self._diagnosis["age"]:  # no decision: the law was restarted
                 continue
             at = f"at {self._hot.time_us * 1e-6 - float(actuator['since']):.2f} s"
             if lost:

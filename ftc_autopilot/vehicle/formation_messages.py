@@ -1,4 +1,4 @@
-"""What a member of a formation tells ground stations of it, and what they order of its slot."""
+"""What a member of a formation reports to ground stations, and their commands for its slot."""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -26,7 +26,7 @@ _ONLY_POSITION = (
 
 
 class PathMessages:
-    """Makes the messages that tell where a path leads, and how far the vehicle is from it."""
+    """Makes the messages about where a path leads, and how far the vehicle is from it."""
 
     def __init__(
         self,

@@ -35,7 +35,7 @@ _GIVEN_IMU = 0b111111  # HIGHRES_IMU.fields_updated: accelerations and rates
 
 
 class StateMessages:
-    """Makes messages of position, attitude, motion and actuators; times are those of the clock."""
+    """Makes messages of position, attitude, motion and actuators; times are on its clock."""
 
     def __init__(
         self,
@@ -234,7 +234,7 @@ class StateMessages:
         return x, y, z
 
     def _in_ned(self, name: str) -> Vec3:
-        """Return a vector of the body's axes in those of the local frame."""
+        """Return a vector of the body's axes in the local frame's."""
         return mul(R1(self._vector("attitude")), self._vector(name))
 
     def _velocity_ned(self) -> Vec3:

@@ -83,7 +83,7 @@ class StatusMessages:
     def sys_status(self) -> MAVLink_message:
         """Return SYS_STATUS: all is well, but what the diagnosis of the actuators finds.
 
-        The drops are those of the ground stations' links.
+        It counts drops on the ground stations' links.
         """
         health = _SENSORS if self._actuators_healthy() else _SENSORS & ~_ACTUATORS
         battery = battery_at(self._clock.boot_us / 1e6)
@@ -104,7 +104,7 @@ class StatusMessages:
         dialect.MAVLink_battery_status_message, every_s=2.0, stream=dialect.MAV_DATA_STREAM_EXTRA3
     )
     def battery_status(self) -> MAVLink_message:
-        """Return BATTERY_STATUS: that of the avionics."""
+        """Return BATTERY_STATUS, of the avionics."""
         battery = battery_at(self._clock.boot_us / 1e6)
         cells = [battery.cell_mv] * CELLS
         return dialect.MAVLink_battery_status_message(

@@ -50,7 +50,7 @@ _HEARTBEAT_US = 1_000_000  # it cannot be changed
 _PHASE_US = 1_000  # between the first messages of two streams
 _MAX_INTERVAL_US = INT32_MAX  # of MESSAGE_INTERVAL
 _OFF, _NOT_AVAILABLE = -1, 0
-_NEW = -1  # when a stream is due whose phase has not begun [µs]: at once
+_NEW = -1  # when a stream is due whose phase is not set [µs]: at once
 
 
 class Telemetry:
@@ -131,7 +131,7 @@ class Telemetry:
         """Make one message now; its id must be among the makers'."""
         return self._makers[message_id]()
 
-    # commands: params are those of the MAV_CMD
+    # commands: params are from the MAV_CMD
 
     def set_interval(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_SET_MESSAGE_INTERVAL: id, µs; 0 restores the default, negative stops."""
@@ -161,15 +161,15 @@ class Telemetry:
         return dialect.MAVLink_message_interval_message(message_id & 0xFFFF, interval_us)
 
     def _set_interval(self, message_id: int, interval_us: float) -> None:
-        wanted: int | None = round(min(max(interval_us, MIN_INTERVAL_US), _MAX_INTERVAL_US))
+        chosen_us: int | None = round(min(max(interval_us, MIN_INTERVAL_US), _MAX_INTERVAL_US))
         if interval_us == 0.0:
-            wanted = DEFAULT_INTERVALS_US.get(message_id)
-        if wanted is None or interval_us < 0.0:
+            chosen_us = DEFAULT_INTERVALS_US.get(message_id)
+        if chosen_us is None or interval_us < 0.0:
             self._intervals_us.pop(message_id, None)
             self._due_us.pop(message_id, None)
             return
-        if self._intervals_us.get(message_id) != wanted:
-            self._intervals_us[message_id] = wanted
+        if self._intervals_us.get(message_id) != chosen_us:
+            self._intervals_us[message_id] = chosen_us
             self._due_us[message_id] = _NEW
 
 

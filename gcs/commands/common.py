@@ -101,7 +101,7 @@ def changed_scenario(
 ) -> Scenario:
     """Read a scenario, merge additions into it, and set keys.
 
-    The name of the flight tells what was changed.
+    The name of the flight says what was changed.
 
     Args:
         scenario: A file, or the name of a bundled scenario.

@@ -137,7 +137,7 @@ def fly(
     flight.tlog (the GCS link), events.arrows, trajectory.arrows, flight.png and flight.svg;
     with a mission mission.png and mission.svg, too.
 
-    The figures of summary.json are those of every step, whatever is recorded.
+    The figures of summary.json count every step, whatever is recorded.
 
     With --campaign and --row, a flight of a campaign is flown again, over the wire or in process,
     and compared with its row of the table, bit for bit.
@@ -207,7 +207,7 @@ def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario:
 
 
 def _load_ahead(recorder: "FlightRecorder") -> None:
-    """Load the recorder's code while the fleet starts; what fails is told when it is needed."""
+    """Load the recorder's code while the fleet starts; a failure is reported when it is needed."""
     with contextlib.suppress(Exception):
         recorder.load_code()
 

@@ -87,14 +87,14 @@ def _words(message: _Message) -> str:
     if message.path_id == 0:
         return "flies no path in formation"
     ahead, right, up = message.slot
-    words = f"slot {ahead:.1f} m ahead, {right:.1f} m right, {up:.1f} m up"
+    text = f"slot {ahead:.1f} m ahead, {right:.1f} m right, {up:.1f} m up"
     errors = (f"{e:+.2f}" if math.isfinite(e) else "-" for e in message.slot_error)
-    words += f"; off by {' '.join(errors)} m"
+    text += f"; off by {' '.join(errors)} m"
     if message.nearest:
-        words += f"; UAV {message.nearest} is {message.distance:.1f} m away"
+        text += f"; UAV {message.nearest} is {message.distance:.1f} m away"
     if message.cause != dialect.FTC_CAUSE_WELL:
-        words += f"; {_cause(message)}, policy {_policy(message)}"
-    return words
+        text += f"; {_cause(message)}, policy {_policy(message)}"
+    return text
 
 
 def _data(message: _Message) -> dict[str, Any]:

@@ -49,7 +49,7 @@ Examples:
 - gcs profile check my.yaml --held --uav 3
 
 Exit status: 0 good (and held), 2 the file cannot be used, 3 a vehicle holds something else or
-refused to tell, 4 no answer from one.
+refused to answer, 4 no answer from one.
 """
 
 
@@ -132,8 +132,8 @@ def _count(segments: tuple[Segment, ...]) -> str:
 
 
 def _difference(ours: tuple[Segment, ...], theirs: tuple[Segment, ...]) -> str:
-    for i, (wanted, found) in enumerate(zip(ours, theirs, strict=False)):
-        a, b = wanted.as_dict(), found.as_dict()
+    for i, (ours_i, found) in enumerate(zip(ours, theirs, strict=False)):
+        a, b = ours_i.as_dict(), found.as_dict()
         for key, value in a.items():
             if value != b[key]:
                 return f"{key} of its segment {i} is {b[key]}, in the file {value}"

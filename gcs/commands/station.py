@@ -41,13 +41,13 @@ class _Outcome:
 
     uav: int
     outcome: str
-    words: str
+    text: str
     status: int = 0
     data: dict[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        told = {} if self.outcome == "accepted" else {"reason": self.words}
-        return {"uav": self.uav, "outcome": self.outcome, **told, **self.data}
+        reason = {} if self.outcome == "accepted" else {"reason": self.text}
+        return {"uav": self.uav, "outcome": self.outcome, **reason, **self.data}
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Station:
         else:
             for outcome in outcomes:
                 prefix = "error: " if outcome.status else ""
-                print_line(prefix + outcome.words, stderr=outcome.status != 0)
+                print_line(prefix + outcome.text, stderr=outcome.status != 0)
         raise typer.Exit(max(outcome.status for outcome in outcomes))
 
     def do(self, operation: Callable[[Vehicle], Awaitable[object]], done: str) -> None:
@@ -150,15 +150,15 @@ class Station:
         uav = vehicle.system
         try:
             async with asyncio.timeout(self.timeout):
-                words = await action(vehicle)
+                text = await action(vehicle)
         except CommandRefused as problem:
             return _Outcome(uav, "refused", str(problem), problem.exit_status)
         except NoAnswer as problem:
             return _Outcome(uav, "no answer", str(problem), problem.exit_status)
         except TimeoutError:
-            words = f"UAV {uav} did not answer within {self.timeout:g} s"
-            return _Outcome(uav, "no answer", words, NoAnswer.exit_status)
-        return _Outcome(uav, "accepted", words, data=data(vehicle))
+            text = f"UAV {uav} did not answer within {self.timeout:g} s"
+            return _Outcome(uav, "no answer", text, NoAnswer.exit_status)
+        return _Outcome(uav, "accepted", text, data=data(vehicle))
 
 
 def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Callable[..., None]:

@@ -226,7 +226,7 @@ def _announce(
         f"{counted(len(scenario.faults), 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
         f"  {_files(folder, not options.no_record)}",
-        *(f"  {'then:' if i == 0 else '     '} {words}" for i, words in enumerate(then)),
+        *(f"  {'then:' if i == 0 else '     '} {text}" for i, text in enumerate(then)),
         "  Ctrl-C stops the fleet",
     ]
     for line in lines:

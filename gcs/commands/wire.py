@@ -128,7 +128,7 @@ def wire(
 
 
 def _count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]:
-    """Count the traffic in a file; its first bytes tell its format.
+    """Count the traffic in a file; its first bytes show its format.
 
     Args:
         path: A pcap, pcapng or tlog file, or the wire.json of a flight.

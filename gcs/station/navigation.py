@@ -1,7 +1,7 @@
 """Where vehicles are and where they are to be, from their telemetry.
 
 Places are north and east in the vehicles' common local frame [m]. A function returns None while
-the vehicle has not told it.
+the vehicle has not reported it.
 """
 
 import math

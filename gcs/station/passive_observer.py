@@ -78,8 +78,8 @@ class PassiveObserver:
             return []
         time_s = state.time_s or 0.0
         fault = fault.resolved(time_s)
-        kept = [f for f in known if fault.coexists_with(f.actuator, f.start_s, f.end_s, time_s)]
-        return state.learn_faults((*kept, fault), now)
+        staying = [f for f in known if fault.coexists_with(f.actuator, f.start_s, f.end_s, time_s)]
+        return state.learn_faults((*staying, fault), now)
 
     def _listed_one(
         self, state: VehicleState, message: dialect.MAVLink_ftc_fault_message, now: float

@@ -68,7 +68,7 @@ def _quantities(values: Iterable[float | None] | None) -> dict[str, float | None
 
 
 def _channels(counts: EventCounts) -> dict[str, dict[str, Any]]:
-    """Return by channel its events, those of the last 10 s, the saving, and repeats."""
+    """Return by channel its events, events of the last 10 s, the saving, and repeats."""
     recent = counts.recent()
     return {
         name: {
@@ -83,7 +83,7 @@ def _channels(counts: EventCounts) -> dict[str, dict[str, Any]]:
 
 
 def not_heard(state: VehicleState) -> list[str]:
-    """Return what a vehicle has not told, in words, though it has not refused to."""
+    """Return what a vehicle has not reported, though it has not refused to."""
     private = state.offers_private
     unknown = {
         "attitude": state.attitude_deg is None,
@@ -106,11 +106,11 @@ def silence_lines(missing: Iterable[int], states: Iterable[VehicleState]) -> lis
     """
     lines = [f"UAV {system} of the fleet not heard" for system in missing]
     for state in states:
-        words, heard = not_heard(state), len(state.latest) > 1
-        if words and not heard:
+        missing_of, heard = not_heard(state), len(state.latest) > 1
+        if missing_of and not heard:
             lines.append(f"UAV {state.system} sends HEARTBEATs, and answered nothing")
-        elif words:
-            lines.append(f"not heard from UAV {state.system}: {', '.join(words)}")
+        elif missing_of:
+            lines.append(f"not heard from UAV {state.system}: {', '.join(missing_of)}")
     return lines
 
 

@@ -175,7 +175,7 @@ class Vehicle:
         await self.request(number)
         message = self.state.latest.get(number)
         if not isinstance(message, dialect.MAVLink_ftc_formation_message):
-            raise self._no_answer(f"UAV {self.system} did not tell its place in the formation")
+            raise self._no_answer(f"UAV {self.system} did not report its place in the formation")
         return message
 
     async def list_faults(self) -> tuple[Fault, ...]:
@@ -351,9 +351,9 @@ class Vehicle:
                 f"UAV {self.system} offers no parameters: it did not answer the request for {what}"
             )
         if done.error != dialect.MAV_PARAM_ERROR_NO_ERROR:
-            kept = f"; it keeps {done.params[0].value:g}" if done.params else ""
+            held = f"; it holds {done.params[0].value:g}" if done.params else ""
             reason = enum_name("MAV_PARAM_ERROR", done.error)
-            text = f"UAV {self.system} refused {what} ({reason}){kept}"
+            text = f"UAV {self.system} refused {what} ({reason}){held}"
             self._emit([Notification(self._now(), self.system, "ack", WARNING, text)])
             raise CommandRefused(text, done.error)
         if len(done.params) == 1:

@@ -1,6 +1,6 @@
 """The known state of one vehicle.
 
-No socket and no clock: messages and the time go in, notifications come out. Times are those of the
+No socket and no clock: messages and the time go in, notifications come out. Times are on the
 client's clock [s] unless they are called simulated time.
 """
 
@@ -57,7 +57,7 @@ class VehicleState:
         texts: Its last STATUSTEXTs, oldest first.
         faults: Its faults, including past and future ones; None until it has listed them.
         mission: The items of its mission, home included; None until it was downloaded.
-        profile: The segments of its profile, empty if its mission is none; None likewise.
+        profile: The segments of its profile, empty if its mission is none; None as above.
         offers_faults: Whether it answers requests for its faults; True until it refuses.
         offers_profile: The same for its profile.
         offers_private: The same for the streams of its private messages.
@@ -148,10 +148,10 @@ class VehicleState:
         if faults is None or faults == before:
             return []
         self.faults = faults
-        words = "; ".join(fault.describe() for fault in faults) or "none"
+        text = "; ".join(fault.describe() for fault in faults) or "none"
         if before is None and not faults:
             return []
-        return [self._notifications(now, "faults", NOTICE, f"faults: {words}", faults)]
+        return [self._notifications(now, "faults", NOTICE, f"faults: {text}", faults)]
 
     def learn_mission(self, mission: Mission | None, now: float) -> list[Notification]:
         """Record its answer to a request for its mission; None if there was none."""
@@ -160,10 +160,10 @@ class VehicleState:
             return []
         self.mission, profile = mission, profile_of(mission)
         self.profile = profile or ()
-        words = f"profile of {len(self.profile)} segments" if profile else "no profile"
+        text = f"profile of {len(self.profile)} segments" if profile else "no profile"
         if profile is None:
-            words = f"mission of {len(mission) - 1} items"
-        return [self._notifications(now, "profile", INFO, f"holds {words}", self.profile)]
+            text = f"mission of {len(mission) - 1} items"
+        return [self._notifications(now, "profile", INFO, f"holds {text}", self.profile)]
 
     def learn_private(self, now: float) -> None:
         """Record that its private messages were requested."""
@@ -192,7 +192,7 @@ class VehicleState:
         return dialect.MAVLINK_MSG_ID_FTC_EVENTS in self.latest
 
     def texts_since(self, heard: int) -> list[Text]:
-        """Return the texts received since `texts_heard` was `heard`, as far as they are kept."""
+        """Return the texts received since `texts_heard` was `heard`, as far as they are stored."""
         new = min(self.texts_heard - heard, len(self.texts))
         return list(self.texts)[len(self.texts) - new :]
 
@@ -286,13 +286,13 @@ class VehicleState:
         if message is None:
             return None
         links = ("gcs", "formation", "simulator", "plant")
-        words = [reason.words for reason in DropReason]
-        told = {link: zip(words, getattr(message, link), strict=True) for link in links}
-        return {link: {word: n for word, n in counts if n} for link, counts in told.items()}
+        reasons = [reason.words for reason in DropReason]
+        reported = {link: zip(reasons, getattr(message, link), strict=True) for link in links}
+        return {link: {reason: n for reason, n in ns if n} for link, ns in reported.items()}
 
     @property
     def fleet(self) -> frozenset[int]:
-        """System ids of its fleet, its own included; empty if it has not told."""
+        """System ids of its fleet, its own included; empty if it has not reported it."""
         message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_FLEET)
         return frozenset() if message is None else systems_of(message.members)
 
@@ -319,7 +319,7 @@ class VehicleState:
         """Return whether the vehicle has been started again.
 
         It boots, its step counter fell while time advanced, or its time since boot or simulated
-        time, which private messages tell, went back and stays back.
+        time, which private messages carry, went back and stays back.
         """
         if isinstance(message, dialect.MAVLink_heartbeat_message):
             before = self.latest.get(dialect.MAVLINK_MSG_ID_HEARTBEAT)
