@@ -31,7 +31,7 @@ from gcs.results.recording import Recording
 from gcs.results.summary import UavSummary, summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.capture.impairment import Bursts, Impairer, Impairment
-from mavlink_defs.faults import fault_from_params, fault_to_params
+from mavlink_defs.faults import fault_from_params
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
@@ -147,7 +147,7 @@ def fly_over(scenario: Scenario, impairment: Impairment, compensated: bool = Tru
 def _fleet_of(scenario: Scenario) -> PlantState:
     fleet, ids = new_plant_state(scenario.plant_config(speed=None)), [u.id for u in scenario.uavs]
     for uav, fault in scenario.fault_commands():
-        received = fault_from_params(fault_to_params(fault), scenario.aircraft.fault_limits)
+        received = fault_from_params(fault, scenario.aircraft.fault_limits)
         add_fault(fleet.faults[ids.index(uav)], received, now_s=0.0)
     return fleet
 

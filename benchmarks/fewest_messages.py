@@ -31,7 +31,7 @@ from gcs.lab.reports.published_values import TABLE_IV
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, in_degrees
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS, THROTTLE
-from mavlink_defs.faults import fault_from_params, fault_to_params
+from mavlink_defs.faults import fault_from_params
 from mavlink_defs.runtime.files import write_text
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import add_fault
@@ -119,7 +119,7 @@ class Sky:
         self._start = new_plant_state(self.scenario.plant_config())
         for _, fault in self.scenario.fault_commands():
             limits = self.scenario.aircraft.fault_limits
-            received = fault_from_params(fault_to_params(fault), limits)
+            received = fault_from_params(fault, limits)
             add_fault(self._start.faults[0], received, now_s=0.0)
         self.wanted = np.zeros((self.steps, 4))
         profile = profile_record(self.scenario.segments())

@@ -264,7 +264,7 @@ class StationTarget:
         fleet_table(states, now)
         drop_lines(self.client.drops, states)
         for state in states:
-            vehicle_status(state, now).to_json()
+            vehicle_status(state, now)
             state.counts.rates()
 
     def state(self) -> bytes:

@@ -29,7 +29,7 @@ _NOT_WRITABLE = {
     errno.EPERM,
     errno.EIO,
 }
-_SPACE = "free some space, or choose a writable folder; files written so far are kept"
+_SPACE = "free some space, or choose a writable folder; files written so far stay"
 
 COMMANDS = {
     "fly": ("fly", "Fly a scenario to its end and record it."),
@@ -99,7 +99,7 @@ COMMANDS = {
 }
 """Module and one line of help of each command, in the order of the help.
 
-The line is that of the command's own help, which is not imported for the help of `gcs`.
+It is the first line of the command's own help, which is not imported for the help of `gcs`.
 """
 
 _LAB = {"baseline", "campaign", "compare", "reproduce", "sweep", "trim"}
@@ -135,7 +135,7 @@ class _Commands(TyperGroup):
         room = "gcs.lab.commands" if name in _LAB else "gcs.commands"
         with ending_at_once():
             home: Any = import_module(f"{room}.{module}")
-        gc.freeze()  # what is imported stays: to look for garbage there takes a tenth of a second
+        gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
         holder = typer.Typer(rich_markup_mode="markdown")
         if hasattr(home, name):
             epilog = getattr(home, f"{name.upper()}_EPILOG", None) or home.EPILOG
@@ -154,8 +154,8 @@ app = typer.Typer(
 )
 
 
-def _show_versions(wanted: bool) -> None:
-    if wanted:
+def _show_versions(asked: bool) -> None:
+    if asked:
         import platform
         from importlib.metadata import version
 

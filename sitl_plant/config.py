@@ -18,7 +18,7 @@ from mavlink_defs.config.models import (
     unknown_key,
 )
 from mavlink_defs.config.quantity import quantity, whole
-from mavlink_defs.faults import FaultLimits
+from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.atmosphere import Wind
 from sitl_plant.hardware import ActuatorServos, Sensors, sensor_problems, servo_problems

@@ -1,4 +1,4 @@
-"""What the diagnosis of the own actuators tells ground stations: a message, texts, health."""
+"""What the diagnosis of the own actuators reports to ground stations: a message, texts, health."""
 
 import math
 from collections.abc import Iterator
@@ -7,6 +7,7 @@ from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.dialect import MAVLink_message
@@ -32,6 +33,7 @@ class DiagnosisMessages:
         self._diagnosis = state["diagnosis"] if "diagnosis" in (state.dtype.names or ()) else None
         self._lost = [False] * len(ACTUATORS)
 
+    @message(dialect.MAVLink_ftc_diagnosis_message)
     def diagnosis(self) -> MAVLink_message:
         """Return FTC_DIAGNOSIS; without a diagnosis, everything is unknown."""
         n = len(ACTUATORS)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from ftc_autopilot.guidance.mission_items import is_path
 from ftc_autopilot.vehicle.home import VehicleHome
+from ftc_autopilot.vehicle.message import message
 from ftc_autopilot.vehicle.modes import Modes, Say
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, MAX_MISSION_ITEMS
@@ -72,6 +73,11 @@ class Mission:
         asking = self.server.asking
         return [(m, asking if hasattr(m, "target_system") else None) for m in messages]
 
+    @message(
+        dialect.MAVLink_mission_current_message,
+        every_s=1.0,
+        stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
+    )
     def current(self) -> MAVLink_message:
         """Return MISSION_CURRENT."""
         return self.server.mission_current()

@@ -28,7 +28,7 @@ class TelemetryClock:
         """Return the time on this clock [µs].
 
         Args:
-            now: Wall-clock time [s], not before that of the last call.
+            now: Wall-clock time [s], not before the last call.
         """
         wall_us, simulated_us = round(now * 1e6), self._hot.time_us
         wall_passed_us = wall_us - self._wall_us

@@ -31,7 +31,7 @@ from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.path_messages import PathMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
-from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry, makers_of
+from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry
 from ftc_autopilot.vehicle.telemetry_clock import TelemetryClock
 from mavlink_defs import dialect
 from mavlink_defs.constants import LOITER, RTL
@@ -105,7 +105,7 @@ class Vehicle:
         self._formation = FormationMessages(config, hot, controllers, self.say)
         self._old_states = OldStates(hot)
         self._clock = VehicleClock(round(unix_s * 1e6))
-        makers = makers_of(
+        makers = (
             StateMessages(hot, controllers, config.origin, self._home, self._clock),
             self._controller,
             self._diagnosis,
@@ -114,9 +114,9 @@ class Vehicle:
                 config, self._diagnosis.healthy, lambda: int(hot.drops[GCS].sum()), self._clock
             ),
             PathMessages(hot, controllers, config.origin, path, self._clock),
+            self._mission,
         )
-        makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
-        self.telemetry = [Telemetry(makers) for _ in self._stations]
+        self.telemetry = [Telemetry(*makers) for _ in self._stations]
         self.telemetry_clock = TelemetryClock(config.telemetry_clock, hot)
         self._params = ParamServer(
             own, parameters_of(config, hot, controllers), bytewise=config.identity == "generic"

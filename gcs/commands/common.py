@@ -1,8 +1,10 @@
 """Options and output shared by several subcommands."""
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +13,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from gcs.commands.options import SigningKeyOption
 from gcs.commands.progress import working
 from gcs.errors import BadInput
 from gcs.lab.campaigns.distributions import label
@@ -70,12 +73,35 @@ RestartOption = Annotated[
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 
+@dataclass(frozen=True)
+class FleetOptions:
+    """Options of the commands that start a fleet."""
+
+    additions: WithOption = None
+    settings: SetOption = None
+    out: RunFolderOption = None
+    processes: ProcessesOption = None
+    free_ports: FreePortsOption = False
+    quiet: QuietOption = False
+    signing_key: SigningKeyOption = None
+
+
+def check_speed(speed: float | None) -> None:
+    """Check a real-time factor.
+
+    Raises:
+        BadInput: It is not above 0, or infinite.
+    """
+    if speed is not None and not 0.0 < speed < math.inf:
+        raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
+
+
 def changed_scenario(
     scenario: Path, additions: list[str] | None, settings: list[str] | None
 ) -> Scenario:
     """Read a scenario, merge additions into it, and set keys.
 
-    The name of the flight tells what was changed.
+    The name of the flight says what was changed.
 
     Args:
         scenario: A file, or the name of a bundled scenario.

@@ -126,10 +126,10 @@ def download(
 
     async def action(vehicle: Vehicle) -> str:
         held[vehicle.system] = await vehicle.download_mission()
-        words = [f"UAV {vehicle.system} holds {_count(held[vehicle.system])}"]
+        lines = [f"UAV {vehicle.system} holds {_count(held[vehicle.system])}"]
         if out is None:
-            words += [f"  {item.seq:3} {item_text(item)}" for item in held[vehicle.system][1:]]
-        return "\n".join(words)
+            lines += [f"  {item.seq:3} {item_text(item)}" for item in held[vehicle.system][1:]]
+        return "\n".join(lines)
 
     def data(vehicle: Vehicle) -> dict[str, Any]:
         return {"mission": [_plain(item) for item in held[vehicle.system]]}
@@ -142,7 +142,7 @@ def download(
 
 
 def _send(station: Station, file: Path, start: bool) -> None:
-    """Upload a mission, and start it if wanted."""
+    """Upload a mission, and start it if asked to."""
     items = load_mission(file)
     if start and len(items) < 2:
         raise BadInput(f"{file} has no item to fly", "an upload of it clears a mission")

@@ -234,7 +234,7 @@ def diff(
 
 
 def _differences(station: Station, values: dict[str, float]) -> dict[int, dict[str, float | None]]:
-    """Return for each vehicle the values held that are not those of a file."""
+    """Return for each vehicle the values held that differ from a file."""
     return {system: differing(params, values) for system, params in _held(station).items()}
 
 
@@ -273,8 +273,8 @@ def _diff_defaults(station: Station) -> None:
         )
         return
     for system, param, values in different:
-        words = ", then ".join(f"{value:.9g}" for value in values)
-        print_line(difference(system, param.name, param.value, f"default {words}"))
+        values_text = ", then ".join(f"{value:.9g}" for value in values)
+        print_line(difference(system, param.name, param.value, f"default {values_text}"))
     for system in sorted(found.keys() - {system for system, _, _ in different}):
         print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default are at it")
 

@@ -21,7 +21,7 @@ from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
-from gcs.station.vehicle import PRIVATE_INTERVALS_S
+from gcs.station.telemetry import REQUESTED_S
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
@@ -32,7 +32,7 @@ _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.05
 _AT_A_TIME = 8
 _END_TIMEOUT_S = 10.0
-_FOR_DISPLAYS = {*DEFAULT_INTERVALS_US, *PRIVATE_INTERVALS_S} - {
+_FOR_DISPLAYS = {*DEFAULT_INTERVALS_US, *REQUESTED_S} - {
     dialect.MAVLINK_MSG_ID_FTC_EVENTS,
     dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
 }

@@ -22,7 +22,7 @@ from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
-from mavlink_defs.faults import fault_from_params, fault_to_params
+from mavlink_defs.faults import fault_from_params
 from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
@@ -132,7 +132,7 @@ def _brief(
         for guidance in controllers.guidance:
             begin_path(guidance)
     for uav_id, fault in scenario.fault_commands():
-        received = fault_from_params(fault_to_params(fault), aircraft.fault_limits)
+        received = fault_from_params(fault, aircraft.fault_limits)
         add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)
 
 

@@ -10,7 +10,7 @@ from gcs.errors import BadInput
 from gcs.results.record import Record
 from gcs.results.recorder import trajectory_bytes
 from gcs.scenario.model import Scenario
-from gcs.station.vehicle import PRIVATE_INTERVALS_S
+from gcs.station.telemetry import REQUESTED_S
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 
@@ -78,7 +78,7 @@ def check_space(
 
 def _telemetry_bytes_s() -> float:
     """Return what the messages of one UAV take in `flight.tlog` [bytes/s]."""
-    intervals_s = {id_: us / 1e6 for id_, us in DEFAULT_INTERVALS_US.items()} | PRIVATE_INTERVALS_S
+    intervals_s = {id_: us / 1e6 for id_, us in DEFAULT_INTERVALS_US.items()} | REQUESTED_S
     sizes = {id_: dialect.mavlink_map[id_].unpacker.size + _FRAME for id_ in intervals_s}
     return sum(sizes[id_] / interval for id_, interval in intervals_s.items() if interval > 0.0)
 

@@ -330,13 +330,7 @@ class Scenario(Model):
             yield (*loc, "airspeed_m_s"), text
 
     def _fault_problems(self) -> Found:
-        stop, thrust = self.aircraft.surface_limit_deg, self.aircraft.thrust_limit_n
-        limits = {
-            "bias_deg": (-stop, stop, "deg"),
-            "stuck_deg": (-stop, stop, "deg"),
-            "bias_n": (-thrust, thrust, "N"),
-            "stuck_n": (0.0, thrust, "N"),
-        }
+        limits = self.aircraft.fault_limits
         for i, fault in enumerate(self.faults):
             if sum(other.uav == fault.uav for other in self.faults[:i]) == MAX_FAULTS:
                 text = f"UAV {fault.uav} has more than {MAX_FAULTS} faults, as many as fit"
@@ -344,12 +338,13 @@ class Scenario(Model):
             if fault.uav not in self._ids:
                 ids = ", ".join(map(str, self._ids))
                 yield ("faults", i, "uav"), f"expected one of the UAVs {ids}, got {fault.uav}"
-            if (key := fault.value_key) is not None:
-                low, high, unit = limits[key]
-                value = getattr(fault, key)
+            if fault.value is not None:
+                kind, value = fault.value
+                low, high = kind.bounds(fault.actuator, limits)
                 if not low <= value <= high:
-                    text = f"expected [{low:g}, {high:g}] {unit}, the aircraft's limits"
-                    yield ("faults", i, key), f"{text}, got {value!r}"
+                    expected = f"[{low:g}, {high:g}] {kind.unit(fault.actuator)}"
+                    text = f"expected {expected}, the aircraft's limits, got {value!r}"
+                    yield ("faults", i, kind.key(fault.actuator)), text
             for j in range(i):
                 if fault.overlaps(self.faults[j]):
                     text = (

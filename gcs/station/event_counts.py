@@ -19,7 +19,7 @@ Four = tuple[int, int, int, int]
 WINDOW_S = 10.0
 """Window of the recent events [s of simulated time]."""
 SPAN_S = 120.0
-"""Span that is kept for rates [s of simulated time]."""
+"""Span that is stored for rates [s of simulated time]."""
 
 _NONE_YET = 0xFFFFFFFF
 _ZERO: Four = (0, 0, 0, 0)

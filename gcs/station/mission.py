@@ -106,24 +106,24 @@ def with_place(mission: Mission, at: int, x: int, y: int, z: float) -> Mission:
 
 
 def _numbered(before: Mission, order: Sequence[MissionItem]) -> Mission:
-    """Number items anew, and let jumps lead to where they led before."""
+    """Renumber items, and let jumps lead to where they led before."""
     places = {id(item): seq for seq, item in enumerate(order)}
-    kept = [places.get(id(item)) for item in before]
+    remaining = [places.get(id(item)) for item in before]
     items = []
     for seq, item in enumerate(order):
         own = copy.copy(item)
         own.seq = seq
         if own.command == dialect.MAV_CMD_DO_JUMP:
-            own.param1 = float(_target(kept, int(own.param1), len(order) - 1))
+            own.param1 = float(_target(remaining, int(own.param1), len(order) - 1))
         items.append(own)
     return tuple(items)
 
 
-def _target(kept: Sequence[int | None], target: int, last: int) -> int:
-    """Return the new number of an item, or of the next one that was kept."""
-    if not 0 <= target < len(kept):
+def _target(remaining: Sequence[int | None], target: int, last: int) -> int:
+    """Return the new number of an item, or of the next one that remains."""
+    if not 0 <= target < len(remaining):
         return target  # it was wrong already
-    return next((seq for seq in kept[target:] if seq is not None), last)
+    return next((seq for seq in remaining[target:] if seq is not None), last)
 
 
 def _content(item: MissionItem) -> tuple[str, ...]:

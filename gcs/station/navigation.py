@@ -1,7 +1,7 @@
 """Where vehicles are and where they are to be, from their telemetry.
 
 Places are north and east in the vehicles' common local frame [m]. A function returns None while
-the vehicle has not told it.
+the vehicle has not reported it.
 """
 
 import math
@@ -52,17 +52,11 @@ class Home:
         """Return item 0 of a mission that begins here."""
         place = place_of(self.origin, 0.0, 0.0, 0.0)
         return dialect.MAVLink_mission_item_int_message(
-            0,
-            0,
-            0,
+            *(0, 0, 0),
             dialect.MAV_FRAME_GLOBAL_INT,
             dialect.MAV_CMD_NAV_WAYPOINT,
-            0,
-            1,
-            0.0,
-            0.0,
-            0.0,
-            math.nan,
+            *(0, 1),
+            *(0.0, 0.0, 0.0, math.nan),
             place.latitude,
             place.longitude,
             self.origin.altitude_m,

@@ -44,14 +44,8 @@ class EventLog:
 
     def receive(self, notifications: Notification, at: float, time_s: float | None) -> None:
         """Take in notifications of the client."""
-        self.note(
-            at,
-            time_s,
-            notifications.system,
-            notifications.kind,
-            notifications.severity,
-            notifications.text,
-        )
+        one = notifications
+        self.note(at, time_s, one.system, one.kind, one.severity, one.text)
 
     def note(
         self, at: float, time_s: float | None, system: int, kind: str, severity: int, text: str

@@ -1,7 +1,7 @@
 """All faults that were seen: when they were acknowledged, to which station, and when they ended."""
 
 from collections import defaultdict, deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 from gcs.station.notifications import Notification
@@ -131,7 +131,7 @@ class FaultHistory:
         """Take over starts that differ though nobody set a fault: a log can only estimate "now"."""
         for record in records:
             if record.fault not in faults:
-                same = (f for f in faults if replace(record.fault, start_s=f.start_s) == f)
+                same = (f for f in faults if record.fault._replace(start_s=f.start_s) == f)
                 record.fault = next(same, record.fault)
 
     def _go(self, records: list[FaultRecord], why: str, at: float) -> None:

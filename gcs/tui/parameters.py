@@ -21,10 +21,9 @@ from gcs.station.param_metadata import (
     permitted,
 )
 from gcs.station.vehicle import Vehicle
-from gcs.tui.cached_static import CachedStatic
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.guard import on
+from gcs.tui.guard import CachedStatic, on
 from gcs.tui.requests import Choice, Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.config.models import ConfigError, counted

@@ -47,7 +47,7 @@ class Machine(ABC, Generic[E]):
 
     @abstractmethod
     def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in any received message; those of no concern are ignored."""
+        """Take in any received message; others are ignored."""
 
     @abstractmethod
     def handle_timer(self, now: float) -> None:

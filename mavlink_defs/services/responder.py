@@ -22,7 +22,7 @@ _MAX_NS = 2**63 - 1
 
 
 class Responder(Machine[None]):
-    """Answers single messages; it keeps no state."""
+    """Answers single messages; it has no state."""
 
     def __init__(self, own: SystemId) -> None:
         super().__init__()

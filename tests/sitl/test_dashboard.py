@@ -14,10 +14,10 @@ from station import Up, up
 from textual.widgets import TabbedContent
 from waiting import until_focused
 
-from gcs.tui.cached_static import CachedStatic
 from gcs.tui.events import EventLog, EventsPanel
 from gcs.tui.faults import FaultList
 from gcs.tui.grid import Grid
+from gcs.tui.guard import CachedStatic
 from gcs.tui.plots import Chart
 from gcs.tui.profiles import Holdings, ProfilesPanel
 from gcs.tui.wire_panel import WirePanel

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gcs.lab.campaigns.distributions import Choice, Value, value_of
 from gcs.lab.campaigns.mark import Mark, plain
-from gcs.lab.campaigns.model import Campaign
+from gcs.lab.campaigns.model import LOSS, Campaign
 from gcs.lab.campaigns.store import Outcome, results_schema
 from gcs.results.quantities import PATH_FIGURES
 from gcs.results.summary import FlightSummary, UavSummary
@@ -15,6 +15,7 @@ from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Problem
+from mavlink_defs.fault_kinds import FAULT_KINDS, FaultLimits
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -108,14 +109,13 @@ class Flights:
         drawn = {key: row[f"fault.{name}.{key}"] for key in ("uav", "actuator", "start_s")}
         if (end_s := row[f"fault.{name}.end_s"]) is not None:
             drawn["end_s"] = end_s
-        throttle = drawn["actuator"] == "throttle"
-        limit = aircraft["thrust_limit_n" if throttle else "surface_limit_deg"]
-        kind, severity = row[f"fault.{name}.kind"], row[f"fault.{name}.severity"]
-        if kind == "loss":
+        actuator, severity = drawn["actuator"], row[f"fault.{name}.severity"]
+        if (drawn_kind := row[f"fault.{name}.kind"]) == LOSS:
             return drawn | {"effectiveness": 1.0 - abs(severity)}
-        if kind == "stuck" and throttle:
-            severity = abs(severity)
-        return drawn | {f"{kind}_{'n' if throttle else 'deg'}": severity * limit}
+        kind = FAULT_KINDS[drawn_kind]
+        limits = FaultLimits(aircraft["surface_limit_deg"], aircraft["thrust_limit_n"])
+        low, limit = kind.bounds(actuator, limits)
+        return drawn | {kind.key(actuator): (severity if low < 0.0 else abs(severity)) * limit}
 
 
 def variant_trees(

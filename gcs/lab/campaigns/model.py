@@ -5,7 +5,7 @@ Errors of a file are found as those of a scenario are, all at once; what needs t
 """
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
@@ -26,10 +26,15 @@ from mavlink_defs.config.models import (
 )
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, Actuator
+from mavlink_defs.fault_kinds import FAULT_KINDS
 from mavlink_defs.visible import visible
 
 Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
-FaultKind = Literal["loss", "bias", "stuck"]
+LOSS = "loss"
+if TYPE_CHECKING:
+    DrawnKind: TypeAlias = str
+else:
+    DrawnKind = Literal[LOSS, *FAULT_KINDS]
 
 Name = Annotated[str, StringConstraints(pattern=r"^[\w.\[\]-]+$")]
 VariantName = Annotated[
@@ -62,7 +67,7 @@ class DrawnFault(Model):
     actuators: Annotated[tuple[Actuator, ...], AtMost(len(ACTUATORS))] = Field(
         default=ACTUATORS, min_length=1, description="Actuators that it may hit, as likely each."
     )
-    kinds: Annotated[dict[FaultKind, Distribution], AtMost(3)] = Field(
+    kinds: Annotated[dict[DrawnKind, Distribution], AtMost(1 + len(FAULT_KINDS))] = Field(
         min_length=1, description="Kinds of fault, as likely each, with their severity."
     )
     start_s: Distribution = Field(description="Onset [s of simulated time].")

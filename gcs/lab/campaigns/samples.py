@@ -11,6 +11,7 @@ import numpy as np
 
 from gcs.errors import BadInput
 from gcs.lab.campaigns.factors import SEVERITY, Factor, drawn_columns, fault_of
+from gcs.lab.campaigns.model import LOSS
 from gcs.lab.campaigns.outcomes import happened
 from gcs.lab.campaigns.store import Results
 
@@ -91,7 +92,7 @@ class Sample:
         return [
             Factor(column, kind, actuators)
             for kind in sorted(set(self.texts(f"{fault_of(column)}.kind")))
-            for actuators in ([None] if alike or kind == "loss" else ["surface", "throttle"])
+            for actuators in ([None] if alike or kind == LOSS else ["surface", "throttle"])
         ]
 
     def _throttle(self, column: str) -> np.ndarray:

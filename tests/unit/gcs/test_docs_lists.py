@@ -25,11 +25,12 @@ from ftc_autopilot.vehicle.commands import _FOR_THE_SIMULATOR
 from ftc_autopilot.vehicle.vehicle import _IMPOSSIBLE
 from gcs.cli import _EXIT_DEFECT, whole_command
 from gcs.errors import GcsError
-from gcs.lab.campaigns.model import Campaign, FaultKind
+from gcs.lab.campaigns.model import LOSS, Campaign
 from gcs.lab.campaigns.store import OUTCOMES
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, MODE_NAMES
+from mavlink_defs.fault_kinds import FAULT_KINDS
 from mavlink_defs.framing.drop_reason import DropReason
 
 ROOT = Path(__file__).parents[3]
@@ -98,7 +99,7 @@ def lists() -> dict[str, Listed]:
         "designs": Listed(get_args(Campaign.model_fields["design"].annotation)),
         "drop-reasons": Listed([reason.words for reason in DropReason], r"[^,\n]+", ordered=True),
         "exit-statuses": Listed([str(status) for status in {0, _EXIT_DEFECT, *errors()}], r"\d+"),
-        "fault-kinds": Listed(get_args(FaultKind)),
+        "fault-kinds": Listed([LOSS, *FAULT_KINDS]),
         "fault-options": Listed(
             sorted(
                 options(command.commands["fault"].commands["set"])

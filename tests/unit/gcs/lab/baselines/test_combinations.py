@@ -28,6 +28,7 @@ from gcs.lab.reports.combinations import combinations_csv, combinations_section
 from gcs.results.quantities import QUANTITIES
 from gcs.results.summary import FlightSummary, summarise
 from gcs.scenario.model import Scenario
+from mavlink_defs.fault_kinds import STUCK
 
 UNIT = dict.fromkeys(QUANTITIES, 1.0)
 number = st.floats(0.0, 5.0)
@@ -111,7 +112,7 @@ def test_fault_files_that_lose_the_aircraft_are_counted(
 
     def fly(scenario: Scenario) -> FlightSummary:
         assert (scenario.controller.kind, scenario.trigger.mode) == ("pid", "joint")
-        stuck = [fault.stuck_deg is not None for fault in scenario.faults]
+        stuck = [fault.command().kind is STUCK for fault in scenario.faults]
         return rolled if all(stuck) else turned
 
     one = Combination("ideal", "pid", "joint", scenario1, with_iae(flown, 2.0))
