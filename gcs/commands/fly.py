@@ -29,6 +29,7 @@ from gcs.commands.common import (
 from gcs.commands.options import SigningKeyOption
 from gcs.commands.progress import working
 from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.extras import load_lab
 from gcs.results.record import Record
 from gcs.scenario.model import Scenario
 from gcs.scenario.signing_key import signed
@@ -201,9 +202,8 @@ def _of_campaign(
             "--with and --set change a SCENARIO; a row of a campaign is flown as it was",
             "leave them out",
         )
-    from gcs.lab.campaigns.again import scenario_of_row
-
-    return scenario_of_row(campaign, row)
+    again: Scenario = load_lab("campaigns.again").scenario_of_row(campaign, row)
+    return again
 
 
 def _load_ahead(recorder: "FlightRecorder") -> None:
@@ -267,10 +267,9 @@ def _report(
 
 def _compare(campaign: Path, row: int, summary: "FlightSummary", console: Console) -> None:
     """Compare a flight flown again with the campaign's table; other code may fly otherwise."""
-    from gcs.lab.campaigns.again import check_same, foreign_code
-
-    if (foreign := foreign_code(campaign)) is not None:
+    again = load_lab("campaigns.again")
+    if (foreign := again.foreign_code(campaign)) is not None:
         console.print(f"not compared with {campaign}: {foreign}", soft_wrap=True)
         return
-    check_same(campaign, row, summary)
+    again.check_same(campaign, row, summary)
     console.print(f"the same as row {row} of {campaign}, bit for bit", soft_wrap=True)

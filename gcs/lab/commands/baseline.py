@@ -17,7 +17,6 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
-    values_of,
     warm_up,
 )
 from gcs.commands.progress import working
@@ -136,11 +135,12 @@ def baseline(
     from gcs.lab.reports.markdown import save_markdown
     from gcs.results.run_folder import make_run_folder
     from gcs.scenario.bundled import find_scenario
+    from gcs.scenario.settings import values_of
     from mavlink_defs.runtime.files import write_text
 
     console = console_of(quiet=quiet)
     triggered = changed_scenario(scenario, additions, settings)
-    base = periodic_base(triggered, scenario, values_of(against, "--against"))
+    base = periodic_base(triggered, scenario, values_of(against or (), "--against"))
     steps = _longest(triggered, longest)
     if campaign is not None and not aircraft:
         raise BadInput("--campaign draws no aircraft", "say how many with --aircraft")

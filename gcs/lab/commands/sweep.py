@@ -77,9 +77,9 @@ def sweep(
     """
     from gcs.lab.campaigns.folder import default_folder, open_folder
     from gcs.lab.reports.sweep import choose_uav
-    from gcs.lab.sweeps.axes import parse_axes
     from gcs.lab.sweeps.grid import plan_grid
     from gcs.lab.sweeps.points import read_points
+    from gcs.scenario.settings import parse_axes
 
     console = console_of(quiet=quiet)
     grid = plan_grid(scenarios, parse_axes(settings or []))

@@ -7,7 +7,7 @@ from gcs.lab.baselines.baseline import Baseline, saved
 from gcs.lab.baselines.search import COARSE, FINE, Checked
 from gcs.lab.campaigns.statistics import proportion
 from gcs.lab.reports.markdown import bullets, table
-from gcs.reports.formatting import milliseconds, percent
+from gcs.results.quantities import milliseconds, percent
 from mavlink_defs.constants import ACTUATORS
 
 COLUMNS = ("sender", "transmissions", "saved by the trigger", "largest IAE ratio to triggered")

@@ -13,8 +13,7 @@ from gcs.lab.campaigns.statistics import flights_needed, proportion, quantile, t
 from gcs.lab.campaigns.stopping import anytime_proportion, judge
 from gcs.lab.campaigns.store import OUTCOMES
 from gcs.lab.reports.campaign_comparisons import comparisons
-from gcs.lab.reports.markdown import bullets, plain, table
-from gcs.reports.formatting import interval, number, probability
+from gcs.lab.reports.markdown import bullets, interval, number, plain, probability, table
 
 _WORST = 10
 _FACTORS = 8

@@ -14,8 +14,7 @@ from gcs.lab.campaigns.statistics import (
     mean_difference,
     median_difference,
 )
-from gcs.lab.reports.markdown import table
-from gcs.reports.formatting import interval, p_value
+from gcs.lab.reports.markdown import interval, p_value, table
 
 
 def comparisons(findings: Findings) -> str:

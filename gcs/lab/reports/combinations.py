@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from gcs.lab.baselines.combinations import AIRCRAFT, Combination, message_bytes, on_the_front
 from gcs.lab.reports.markdown import table
-from gcs.reports.formatting import milliseconds, percent
-from gcs.results.quantities import IAE_UNITS, QUANTITIES
+from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
 
 
 def mean_iae(one: Combination, uav_id: int, of: dict[str, float]) -> float | None:

@@ -15,8 +15,7 @@ from rich.table import Table
 from gcs.errors import BadInput
 from gcs.lab.reports.markdown import save_markdown
 from gcs.lab.sweeps.points import Point
-from gcs.reports.formatting import milliseconds, percent
-from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
+from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES, milliseconds, percent
 from gcs.results.traffic import KINDS
 from gcs.scenario.model import Scenario
 from gcs.terminal import numbers, table_of, words

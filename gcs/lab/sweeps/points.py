@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gcs.lab.campaigns.distributions import label
 from gcs.lab.campaigns.store import read_results
 from gcs.lab.sweeps.grid import Grid
 from gcs.scenario.model import Scenario
+from gcs.scenario.settings import label
 
 _FLOWN = {"heading_lost": "completed", "attitude_lost": "completed", "model_left": "lost"}
 """Outcomes of the campaign that are others here: a table tells what its one UAV lost."""
