@@ -3,20 +3,69 @@
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 
+from gcs.figures.style import save
 from gcs.lab.campaigns.conditions import parse_condition
-from gcs.lab.campaigns.findings import FIGURES, Findings
+from gcs.lab.campaigns.findings import FIGURES, Findings, findings_of
 from gcs.lab.campaigns.importance import Importance
 from gcs.lab.campaigns.statistics import flights_needed, proportion, quantile, tolerance_bound
 from gcs.lab.campaigns.stopping import anytime_proportion, judge
 from gcs.lab.campaigns.store import OUTCOMES
+from gcs.lab.figures.campaign import distributions, importance, sobol_indices, two_factors
 from gcs.lab.reports.campaign_comparisons import comparisons
-from gcs.lab.reports.markdown import bullets, interval, number, plain, probability, table
+from gcs.lab.reports.markdown import (
+    bullets,
+    html_of,
+    interval,
+    number,
+    plain,
+    probability,
+    save_markdown,
+    table,
+)
+from mavlink_defs.runtime.files import write_text
 
+_CAPTIONS = {
+    "distributions": "Share of all flights at or below a value. Failures lie beyond every value: "
+    "each curve ends at the share that succeeded.",
+    "importance": "Strength of the association of factors with failure and with the tracking "
+    "error; filled bars are significant (5 %, Bonferroni), + and − show the direction.",
+    "sobol": "Sobol indices: bars are total indices, dots first-order ones, with 95 % intervals.",
+    "two_factors": "Every flight that has both of the two most important numeric factors.",
+}
 _WORST = 10
 _FACTORS = 8
+
+
+def write_report(folder: Path) -> Path:
+    """Write the report of a campaign into its folder, of the flights that have ended so far.
+
+    Returns:
+        The path of report.html, which needs no other file.
+
+    Raises:
+        BadInput: The folder is not that of a campaign, or cannot be read.
+        OSError: A file cannot be written; it is named.
+    """
+    findings = findings_of(folder)
+    figures = {}
+    drawings = {
+        "distributions": distributions,
+        "importance": importance,
+        "sobol": sobol_indices,
+        "two_factors": two_factors,
+    }
+    for name, draw in drawings.items() if any(findings.counted.values()) else ():
+        if (figure := draw(findings)) is not None:
+            save(figure, folder / "figures", name)
+            figures[name] = _CAPTIONS[name]
+    markdown = campaign_report(findings, figures)
+    save_markdown(folder / "report.md", markdown)
+    write_text(folder / "report.html", html_of(markdown, folder))
+    return folder / "report.html"
 
 
 def campaign_report(findings: Findings, figures: Mapping[str, str]) -> str:
