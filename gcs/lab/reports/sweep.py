@@ -5,52 +5,23 @@ flown; the other tables leave them out.
 """
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from rich import box
 from rich.table import Table
 
-from gcs.errors import BadInput
+from gcs.lab.campaigns.points import FILE, Point, dimensions_of, position, uav_of
 from gcs.lab.reports.markdown import save_markdown
-from gcs.lab.sweeps.points import Point
 from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES, milliseconds, percent
 from gcs.results.traffic import KINDS
-from gcs.scenario.model import Scenario
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.runtime.files import naming
 from mavlink_defs.visible import visible
 
 _TERMINAL_ROWS = 50
 
-
-def choose_uav(scenarios: Iterable[Scenario | None], wanted: int | None) -> int | None:
-    """Return the UAV that table.md and the plot show.
-
-    Args:
-        scenarios: Of the points of the grid; None of those that cannot be flown.
-        wanted: System id; None for the first UAV with a fault, or else the last UAV.
-
-    Returns:
-        Its system id; None if no point can be flown.
-
-    Raises:
-        BadInput: No point has the wanted UAV.
-    """
-    known = [scenario for scenario in scenarios if scenario is not None]
-    if not known:
-        return wanted
-    ids = sorted({uav.id for scenario in known for uav in scenario.uavs})
-    if wanted is None:
-        faulted = [fault.uav for scenario in known for fault in scenario.faults]
-        return faulted[0] if faulted else known[0].uavs[-1].id
-    if wanted not in ids:
-        raise BadInput(f"--uav is {wanted}, expected one of {', '.join(map(str, ids))}")
-    return wanted
-
-
-# tables
 
 _UAV_COLUMNS = {
     "uav_saving": "saving",
@@ -78,7 +49,7 @@ _UAV_COLUMNS = {
 def write_csv(points: Sequence[Point], path: Path) -> None:
     """Write one row for each UAV of each point; one row for a point without a flight."""
     keys = list(points[0].values)
-    head = ["row", _FILE, *keys, "outcome", "reason", "duration_s", "saving", "uav", *_UAV_COLUMNS]
+    head = ["row", FILE, *keys, "outcome", "reason", "duration_s", "saving", "uav", *_UAV_COLUMNS]
     with naming(path), path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(head)
@@ -203,28 +174,3 @@ def _lost(point: Point, uav_id: int | None) -> tuple[str, str] | None:
                 f"up to {left:.3g}° in the last second"
             )
     return None
-
-
-def uav_of(point: Point, uav_id: int | None) -> Mapping[str, Any] | None:
-    """Return a UAV's figures in a complete flight; None if the flight is not complete."""
-    if point.outcome != "completed" or uav_id not in point.uav_ids():
-        return None
-    return point.uav(uav_id)
-
-
-Dimension: TypeAlias = tuple[str, list[str]]
-"""A column of the tables and a dimension of the plot: its name, and labels of its values."""
-
-_FILE = "scenario"
-
-
-def dimensions_of(points: Sequence[Point]) -> list[Dimension]:
-    """Return the keys that were swept, and the files if there are several."""
-    names = [*points[0].values, _FILE]
-    axes = [(name, list(dict.fromkeys(position(p, name) for p in points))) for name in names]
-    return [axis for axis in axes if axis[0] != _FILE or len(axis[1]) > 1]
-
-
-def position(point: Point, name: str) -> str:
-    """Return the label of a point in a dimension."""
-    return point.file if name == _FILE else point.values.get(name, "")

@@ -8,10 +8,10 @@ from sweeping import swept
 
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
+from gcs.lab.campaigns.grid import plan_grid
+from gcs.lab.campaigns.points import Point, choose_uav
 from gcs.lab.figures.sweep import draw_sweep
-from gcs.lab.reports.sweep import choose_uav, terminal_table, write_csv, write_markdown
-from gcs.lab.sweeps.grid import plan_grid
-from gcs.lab.sweeps.points import Point
+from gcs.lab.reports.sweep import terminal_table, write_csv, write_markdown
 from gcs.results.summary import FlightSummary, summarise
 from gcs.scenario.settings import parse_axes
 
