@@ -38,9 +38,9 @@ from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
+    from gcs.results.figures import FlightSummary
     from gcs.results.recorder import FlightRecorder
     from gcs.results.steps import Ending, Steps
-    from gcs.results.summary import FlightSummary
 
 _LARGE = 100e6  # bytes of a recording that are worth a word
 _MANY = 4  # autopilots for each core that are worth another

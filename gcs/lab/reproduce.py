@@ -23,10 +23,11 @@ from gcs.lab.reports.paper import CONTROLLERS, MODES, Results, paper_report
 from gcs.lab.reports.published_values import FIG_9
 from gcs.lab.reports.theory import theory_section
 from gcs.results.export import export_flight
-from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES, in_degrees, integrated_error
+from gcs.results.figures import UAV_FIGURES, FlightSummary
+from gcs.results.quantities import QUANTITIES, in_degrees, integrated_error
 from gcs.results.recording import Recording
 from gcs.results.run_folder import save_summary
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.files import naming, write_text
 
@@ -133,7 +134,7 @@ def reproduce(
     summaries = {f: summarise(r, scenarios[f]) for f, r in recordings.items()}
     for file, summary in summaries.items():
         save_summary(summary, out / "data" / file)
-    _write_table(out / "data" / "summary.csv", summaries)
+    write_summaries(out / "data" / "summary.csv", summaries)
 
     theory = theory_section(scenarios, recordings, out / "data" / "theory.json")
     on_step("checked the theory")
@@ -215,15 +216,13 @@ def _reference_lag(recording: Recording) -> dict[str, float]:
     return dict(zip(QUANTITIES, map(float, in_degrees(area)), strict=True))
 
 
-def _write_table(path: Path, summaries: Mapping[str, FlightSummary]) -> None:
+def write_summaries(path: Path, summaries: Mapping[str, FlightSummary]) -> None:
     """Write one line per flight and UAV."""
     with naming(path), path.open("w", newline="") as file:
         writer = csv.writer(file)
-        iae = [f"iae_{q}_{IAE_UNITS[q].replace(' ', '_')}" for q in QUANTITIES]
-        events = [f"events_{c}" for c in PAPER_ORDER]
-        writer.writerow(["scenario", "uav", "completed", "saving", *iae, *events])
+        figures = [figure.heading for figure in UAV_FIGURES]
+        writer.writerow(["scenario", "uav", "completed", *figures])
         for name, summary in summaries.items():
             for uav in summary.uavs:
-                counts = [uav.channels[c].events for c in PAPER_ORDER]
-                areas = [uav.iae[q] for q in QUANTITIES]
-                writer.writerow([name, uav.id, summary.completed, uav.saving, *areas, *counts])
+                values = (figure.of(uav) for figure in UAV_FIGURES)
+                writer.writerow([name, uav.id, summary.completed, *values])

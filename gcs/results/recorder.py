@@ -5,6 +5,7 @@ from pathlib import Path
 
 from gcs.results.columns import COLUMNS, LIGHT
 from gcs.results.events import events_of
+from gcs.results.figures import FlightSummary
 from gcs.results.mission_path import paths_of
 from gcs.results.preview import Preview
 from gcs.results.record import Record
@@ -13,7 +14,7 @@ from gcs.results.run_folder import save_arrays_of, save_summary
 from gcs.results.steps import Ending, Steps
 from gcs.results.stored import EVENTS, TRAJECTORY
 from gcs.results.stream import EventStream, TrajectoryStream, row_size
-from gcs.results.summary import FlightSummary, summary_of
+from gcs.results.summary import summary_of
 from gcs.results.tally import Tally
 from gcs.scenario.itinerary import outline
 from gcs.scenario.model import Scenario

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import BadInput
+from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording
-from gcs.results.summary import FlightSummary, event_table
+from gcs.results.summary import event_table
 from mavlink_defs.runtime.files import save_arrays, write_text
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from gcs.errors import BadInput
 from gcs.results.columns import COLUMNS
+from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording
 from gcs.results.steps import Ending, Steps
-from gcs.results.summary import FlightSummary
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.constants import ACTUATORS
 

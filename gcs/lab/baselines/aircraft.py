@@ -13,7 +13,7 @@ from gcs.lab.campaigns.flights import Flights, Row
 from gcs.lab.campaigns.mark import plain
 from gcs.lab.campaigns.model import Campaign
 from gcs.lab.campaigns.plan import rows_of
-from gcs.results.summary import FlightSummary
+from gcs.results.figures import FlightSummary
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.inherit import PlaceError
 from mavlink_defs.constants import N_CHANNELS

@@ -8,7 +8,7 @@ from typing import Any
 from gcs.lab.baselines.aircraft import Aircraft, Kept
 from gcs.lab.baselines.search import COARSE, FINE, Checked, Search
 from gcs.lab.baselines.senders import some_periods, transmissions
-from gcs.results.summary import FlightSummary
+from gcs.results.figures import FlightSummary
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 

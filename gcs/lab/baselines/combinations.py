@@ -10,7 +10,7 @@ import numpy as np
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.control.triggers.base import TriggerParameters
-from gcs.results.summary import FlightSummary, UavSummary
+from gcs.results.figures import FlightSummary, UavSummary
 from gcs.scenario.bundled import SCENARIOS
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged

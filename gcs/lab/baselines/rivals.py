@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from gcs.lab.baselines.combinations import ClockSender, Combination
 from gcs.lab.baselines.search import COARSE, worst_ratio
 from gcs.lab.baselines.senders import senders, some_periods
-from gcs.results.summary import FlightSummary
+from gcs.results.figures import FlightSummary
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 

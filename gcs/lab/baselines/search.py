@@ -10,8 +10,8 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 from gcs.lab.baselines.senders import own_parameters, senders, some_periods, transmissions
+from gcs.results.figures import FlightSummary
 from gcs.results.quantities import QUANTITIES
-from gcs.results.summary import FlightSummary
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 

@@ -24,7 +24,7 @@ from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.terminal import console_of, numbers, print_json, table_of, words
 
 if TYPE_CHECKING:
-    from gcs.results.summary import FlightSummary
+    from gcs.results.figures import FlightSummary
     from gcs.scenario.model import Scenario
 
 _LONGEST_US = 500_000

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from gcs.lab.baselines.combinations import AIRCRAFT, Combination, message_bytes, on_the_front
 from gcs.lab.reports.markdown import table
+from gcs.results.figures import UAV_FIGURES
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
 
 
@@ -91,9 +92,9 @@ def combinations_csv(listed: Iterable[Combination]) -> str:
     """Return one line per combination and UAV, every figure that the section has."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    iae = [f"iae_{q}_{IAE_UNITS[q].replace(' ', '_')}" for q in QUANTITIES]
     head = ["aircraft", "law", "trigger", "uav", "completed", "attitude_lost", "heading_lost"]
-    head += ["transmissions", "saving", "messages", "bytes", *iae, "faults_flown", "faults_lost"]
+    head += ["transmissions", "bytes", *(figure.heading for figure in UAV_FIGURES)]
+    head += ["faults_flown", "faults_lost"]
     head += ["slowest_equal_law", "slowest_equal_period_s", "slowest_equal_transmissions"]
     writer.writerow(head)
     for one in listed:
@@ -105,9 +106,8 @@ def combinations_csv(listed: Iterable[Combination]) -> str:
                 [
                     *(one.aircraft, one.law, one.trigger, uav.id, one.summary.completed),
                     *(uav.attitude_lost_at_s is not None, uav.heading_lost_at_s is not None),
-                    *(uav.events, uav.saving, uav.actuator_messages),
-                    uav.actuator_messages * message_bytes(),
-                    *(uav.iae[q] for q in QUANTITIES),
+                    *(uav.events, uav.actuator_messages * message_bytes()),
+                    *(figure.of(uav) for figure in UAV_FIGURES),
                     survival.flown if survival else None,
                     " ".join(survival.lost) if survival else None,
                     *((equal.law, equal.period_s, equal.transmissions) if equal else [None] * 3),

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from gcs.lab.reports.markdown import bullets, table
 from gcs.lab.reports.published_values import FIG_9, SAVING, TABLE_IV, TABLE_V
+from gcs.results.figures import FlightSummary, UavSummary
 from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES, percent
-from gcs.results.summary import FlightSummary, UavSummary
 
 _FOLLOWER_2 = 3
 

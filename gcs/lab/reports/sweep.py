@@ -14,8 +14,8 @@ from rich.table import Table
 
 from gcs.lab.campaigns.points import FILE, Point, dimensions_of, position, uav_of
 from gcs.lab.reports.markdown import save_markdown
-from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES, milliseconds, percent
-from gcs.results.traffic import KINDS
+from gcs.results.figures import UAV_FIGURES, shown_figure
+from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.runtime.files import naming
 from mavlink_defs.visible import visible
@@ -23,33 +23,11 @@ from mavlink_defs.visible import visible
 _TERMINAL_ROWS = 50
 
 
-_UAV_COLUMNS = {
-    "uav_saving": "saving",
-    **{f"iae_{name}_{IAE_UNITS[name].replace(' ', '_')}": f"iae_{name}" for name in QUANTITIES},
-    **{
-        name: name
-        for name in (
-            *(f"events_{channel}" for channel in PAPER_ORDER),
-            "min_interval_s",
-            "attitude_lost_at_s",
-            "heading_lost_at_s",
-            "control_failed_at_s",
-            "lowest_altitude_m",
-            "messages",
-            "neighbour_messages",
-            "neighbour_saving",
-            *(f"iae_sync_{quantity}" for quantity in QUANTITIES),
-            *(f"bytes_{kind}" for kind in KINDS),
-        )
-    },
-}
-"""Columns of table.csv, and those of the results that they are."""
-
-
 def write_csv(points: Sequence[Point], path: Path) -> None:
     """Write one row for each UAV of each point; one row for a point without a flight."""
     keys = list(points[0].values)
-    head = ["row", FILE, *keys, "outcome", "reason", "duration_s", "saving", "uav", *_UAV_COLUMNS]
+    head = ["row", FILE, *keys, "outcome", "reason", "duration_s", "saving", "uav"]
+    head += ["uav_saving" if f.name == "saving" else f.heading for f in UAV_FIGURES]
     with naming(path), path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(head)
@@ -63,7 +41,7 @@ def write_csv(points: Sequence[Point], path: Path) -> None:
             start += [point.figures["duration_s"], point.figures["saving"]]
             for uav_id in ids:
                 uav = point.uav(uav_id)
-                rows.writerow([*start, uav_id, *(uav.get(name) for name in _UAV_COLUMNS.values())])
+                rows.writerow([*start, uav_id, *(uav.get(figure.name) for figure in UAV_FIGURES)])
 
 
 def write_markdown(points: Sequence[Point], uav_id: int | None, path: Path) -> None:
@@ -135,12 +113,8 @@ def _figures(point: Point, uav_id: int | None) -> list[str]:
     uav = uav_of(point, uav_id)
     if uav is None:
         return ["-"] * (3 + len(QUANTITIES))
-    return [
-        percent(uav["saving"]),
-        *(f"{uav[f'iae_{quantity}']:.2f}" for quantity in QUANTITIES),
-        str(uav["events"]),
-        milliseconds(uav["min_interval_s"]),
-    ]
+    names = ("saving", *(f"iae_{quantity}" for quantity in QUANTITIES), "events", "min_interval_s")
+    return [shown_figure(name, uav[name]) for name in names]
 
 
 def _has_formation_trigger(points: Sequence[Point]) -> bool:
@@ -154,7 +128,8 @@ def _neighbour_figures(point: Point, uav_id: int | None) -> list[str]:
     uav = uav_of(point, uav_id)
     if uav is None:
         return ["-", "-"]
-    return [str(uav["neighbour_messages"]), percent(uav["neighbour_saving"])]
+    names = ("neighbour_messages", "neighbour_saving")
+    return [shown_figure(name, uav[name]) for name in names]
 
 
 def _lost(point: Point, uav_id: int | None) -> tuple[str, str] | None:

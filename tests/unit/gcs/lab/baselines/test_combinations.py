@@ -25,8 +25,9 @@ from gcs.lab.baselines.combinations import (
 )
 from gcs.lab.baselines.rivals import Rival, rivals, with_slowest_equal
 from gcs.lab.reports.combinations import combinations_csv, combinations_section
+from gcs.results.figures import FlightSummary
 from gcs.results.quantities import QUANTITIES
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
 
 UNIT = dict.fromkeys(QUANTITIES, 1.0)

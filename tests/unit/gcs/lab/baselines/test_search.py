@@ -19,7 +19,8 @@ from gcs.lab.baselines.search import COARSE, FINE, Search, worst_ratio
 from gcs.lab.baselines.senders import periodic_base, sender, some_periods, transmissions
 from gcs.lab.campaigns.model import load_campaign
 from gcs.lab.reports.baseline import baseline_report
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.figures import FlightSummary
+from gcs.results.summary import summarise
 from gcs.scenario.bundled import find_scenario
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged

@@ -12,7 +12,8 @@ from gcs.lab.campaigns.grid import plan_grid
 from gcs.lab.campaigns.points import Point, choose_uav
 from gcs.lab.figures.sweep import draw_sweep
 from gcs.lab.reports.sweep import terminal_table, write_csv, write_markdown
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.figures import FlightSummary
+from gcs.results.summary import summarise
 from gcs.scenario.settings import parse_axes
 
 
