@@ -30,7 +30,7 @@ from gcs.commands.options import SigningKeyOption
 from gcs.commands.progress import working
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.extras import load_lab
-from gcs.results.record import Record
+from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
 from gcs.scenario.signing_key import signed
 from gcs.station.connection import warn_if_exposed
@@ -40,7 +40,7 @@ from mavlink_defs.endpoint import UdpAddress
 if TYPE_CHECKING:
     from gcs.results.figures import FlightSummary
     from gcs.results.recorder import FlightRecorder
-    from gcs.results.steps import Ending, Steps
+    from gcs.results.recording import Ending, Steps
 
 _LARGE = 100e6  # bytes of a recording that are worth a word
 _MANY = 4  # autopilots for each core that are worth another
@@ -244,7 +244,7 @@ def _report(
     from gcs.figures.mission import draw_mission
     from gcs.figures.overview import draw_flight
     from gcs.reports.flight import flight_tables
-    from gcs.results.mission_path import leaders_of, paths_of
+    from gcs.results.path_following import leaders_of, paths_of
 
     summary = recorder.finish(ending)
     with working(console, "drawing the flight"):

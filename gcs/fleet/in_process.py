@@ -12,9 +12,8 @@ import numpy as np
 from ftc_autopilot.control.controllers import Controllers, Source, begin_path, new_controllers
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.control.stepping import announce, controller_step, hear, tell_neighbours
-from gcs.results.mission_path import paths_of
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Steps
+from gcs.results.path_following import paths_of
+from gcs.results.recording import Ending, Recording, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params, fault_to_params

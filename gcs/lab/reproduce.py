@@ -22,11 +22,12 @@ from gcs.lab.reports.markdown import html_of, save_markdown
 from gcs.lab.reports.paper import CONTROLLERS, MODES, Results, paper_report
 from gcs.lab.reports.published_values import FIG_9
 from gcs.lab.reports.theory import theory_section
-from gcs.results.export import export_flight
+from gcs.results.choices import Format, Record
+from gcs.results.export import convert
 from gcs.results.figures import UAV_FIGURES, FlightSummary
 from gcs.results.quantities import QUANTITIES, in_degrees, integrated_error
+from gcs.results.recorder import FlightRecorder
 from gcs.results.recording import Recording
-from gcs.results.run_folder import save_summary
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.files import naming, write_text
@@ -120,20 +121,24 @@ def reproduce(
         next(flown)
         return summarise(recording, scenario)
 
+    summaries: dict[str, FlightSummary] = {}
+
     def fly_and_export(file: str) -> Recording:
         recording = fly(file, scenarios[file])
         next(flown)
         folder = out / "data" / file
         folder.mkdir(parents=True, exist_ok=True)
-        export_flight(recording, folder)
+        recorder = FlightRecorder(scenarios[file], folder, Record.LIGHT)
+        recorder.add(recording.steps)
+        summaries[file] = recorder.finish(recording.ending)
+        for to in (Format.NPZ, Format.CSV):
+            convert(folder, to, folder)
         on_step(f"flew {scenarios[file].name}")
         return recording
 
     with ThreadPoolExecutor(jobs) as pool:
         recordings = dict(zip(FILES, pool.map(fly_and_export, FILES), strict=True))
-    summaries = {f: summarise(r, scenarios[f]) for f, r in recordings.items()}
-    for file, summary in summaries.items():
-        save_summary(summary, out / "data" / file)
+    summaries = {file: summaries[file] for file in FILES}
     write_summaries(out / "data" / "summary.csv", summaries)
 
     theory = theory_section(scenarios, recordings, out / "data" / "theory.json")

@@ -13,8 +13,8 @@ from gcs.results.quantities import (
     milliseconds,
     percent,
 )
+from gcs.results.recording import Mode
 from gcs.results.separation import SeparationSummary
-from gcs.results.steps import Mode
 from gcs.results.traffic import KINDS
 
 _Of = TypeVar("_Of")

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from gcs.results.events import events_of
 from gcs.results.figures import (
     ChannelSummary,
     ControlFailure,
@@ -13,8 +12,7 @@ from gcs.results.figures import (
     UavSummary,
 )
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending
+from gcs.results.recording import Ending, Recording
 from gcs.results.tally import FINAL_S, Decision, Tally
 from gcs.results.traffic import KINDS
 from gcs.scenario.model import Scenario
@@ -164,15 +162,6 @@ def _summarise_channel(own: np.void, repeats: np.ndarray, c: int, step_us: int) 
         repeats=int(repeats[c]),
         min_interval_s=gap * step_us / 1e6 if gap else None,
     )
-
-
-def event_table(recording: Recording) -> dict[str, np.ndarray]:
-    """Return every event of the flight as columns of equal length, ordered by time.
-
-    Columns: `uav` (system id), `channel` (number as in `mavlink_defs.faults.ACTUATORS`),
-    `step`, `time_s`, `value` (held from then on: rad, or N for the throttle).
-    """
-    return events_of(recording.signals, 0, recording.uav_ids, recording.step_us)
 
 
 def _time_s(step: int, step_us: int) -> float | None:

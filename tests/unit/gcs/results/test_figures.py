@@ -17,8 +17,7 @@ from gcs.lab.reports.combinations import combinations_csv
 from gcs.lab.reports.sweep import write_csv
 from gcs.lab.reproduce import write_summaries
 from gcs.results.figures import UAV_FIGURES, Figure, FlightSummary, UavSummary
-from gcs.results.run_folder import save_summary
-from gcs.results.stored import read_summary
+from gcs.results.run_folder import read_summary, save_summary
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 from gcs.testing.results import FlightResult
