@@ -75,7 +75,7 @@ def save_arrays_of(recording: Recording, folder: Path) -> list[Path]:
 
 
 def _save(
-    folder: Path, events: Mapping[str, np.ndarray], trajectory: Mapping[str, np.ndarray]
+    folder: Path, events: dict[str, np.ndarray], trajectory: dict[str, np.ndarray]
 ) -> list[Path]:
     paths = [folder / "events.npz", folder / "trajectory.npz"]
     for path, arrays in zip(paths, (events, trajectory), strict=True):
@@ -109,7 +109,8 @@ def _table_of(batches: Iterable["pa.RecordBatch"]) -> dict[str, np.ndarray]:
         {name: batch.column(name).to_numpy(zero_copy_only=False) for name in batch.schema.names}
         for batch in batches
     ]
-    return {name: np.concatenate([part[name] for part in parts]) for name in (parts or [()])[0]}
+    names = parts[0] if parts else ()
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
 
 def _to_csv(source: Path, path: Path) -> Path:

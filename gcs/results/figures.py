@@ -141,6 +141,11 @@ class UavSummary:
         """Actuators declared lost in which no fault had begun."""
         return sum(one.phase == "lost" and one.delay_s is None for one in self.diagnosis)
 
+    @property
+    def control_failed_at_s(self) -> float | None:
+        """When its law first gave a command that was not finite [s]; None if never."""
+        return None if self.control_failure is None else self.control_failure.time_s
+
     def first_delay_s(self, phase: Literal["lost", "back"]) -> float | None:
         """Return the delay of the first such decision that follows a fault [s]; None without."""
         return next(
@@ -282,7 +287,7 @@ def _events_of(channel: str) -> Callable[[UavSummary], int]:
 
 
 def _on_path(name: str) -> Callable[[UavSummary], float | None]:
-    return lambda uav: uav.path and getattr(uav.path, name)
+    return lambda uav: None if uav.path is None else getattr(uav.path, name)
 
 
 UAV_FIGURES: list[Figure[UavSummary]] = [
@@ -292,7 +297,7 @@ UAV_FIGURES: list[Figure[UavSummary]] = [
     _time("min_interval_s", lambda uav: uav.min_interval_s, derived=True),
     _time("attitude_lost_at_s", lambda uav: uav.attitude_lost_at_s),
     _time("heading_lost_at_s", lambda uav: uav.heading_lost_at_s),
-    _time("control_failed_at_s", lambda uav: uav.control_failure and uav.control_failure.time_s),
+    _time("control_failed_at_s", lambda uav: uav.control_failed_at_s),
     Figure("lowest_altitude_m", "m", lambda uav: uav.lowest_altitude_m, better="higher"),
     _count("messages", lambda uav: uav.actuator_messages),
     _count("neighbour_messages", lambda uav: uav.neighbour_messages),
@@ -328,7 +333,7 @@ FLIGHT_FIGURES: tuple[Figure[FlightSummary], ...] = (
     Figure(
         "least_separation_m",
         "m",
-        lambda flight: flight.separation and flight.separation.least_m,
+        lambda flight: flight.separation.least_m if flight.separation else None,
         better="higher",
     ),
     Figure("wall_s", "s", lambda flight: flight.wall_s, better=None),

@@ -55,8 +55,10 @@ def test_everything_is_there(out: Path) -> None:
         assert written == {
             "summary.json",
             "events.npz",
+            "events.arrows",
             "events.csv",
             "trajectory.npz",
+            "trajectory.arrows",
             "trajectory.csv",
         }
 
