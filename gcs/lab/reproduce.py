@@ -4,8 +4,9 @@ import csv
 import itertools
 import math
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,8 @@ from gcs.errors import BadInput
 from gcs.figures.flown import PlottedFlight
 from gcs.figures.style import save
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.baselines.combinations import combinations, fly_all, fly_faults
-from gcs.lab.baselines.rivals import fly_rivals, rivals, with_slowest_equal
+from gcs.lab.baselines.combinations import combinations, fly_faults, rivals, with_slowest_equal
+from gcs.lab.baselines.senders import Fly
 from gcs.lab.figures.combinations import draw_combinations
 from gcs.lab.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.lab.reports.combinations import combinations_csv, combinations_section
@@ -152,7 +153,9 @@ def reproduce(
     )
     text = paper_report(results)
     with ThreadPoolExecutor(jobs) as pool:
-        chapter = _second_chapter(scenarios, summaries, summary_of, pool, out, on_step, faults)
+        chapter = _second_chapter(
+            scenarios, summaries, partial(pool.map, summary_of), out, on_step, faults
+        )
     text += "\n" + chapter
     save_markdown(out / "report.md", text)
     write_text(out / "report.html", html_of(text, out))
@@ -163,8 +166,7 @@ def reproduce(
 def _second_chapter(
     scenarios: Mapping[str, Scenario],
     summaries: Mapping[str, FlightSummary],
-    fly: Callable[[Scenario], FlightSummary],
-    pool: Executor,
+    fly: Fly,
     out: Path,
     on_step: Callable[[str], None],
     faults: bool,
@@ -172,12 +174,14 @@ def _second_chapter(
     """Fly every law with every trigger, and return the section of the report."""
     flown, by_clock = [], []
     listed = combinations(scenarios["scenario1"])
-    for rival in fly_rivals(rivals(listed), fly, pool):
-        by_clock.append(rival)
-        on_step(f"flew {rival.sender.law} every {rival.sender.period_s * 1e3:g} ms")
-    for one in fly_all(listed, fly, pool):
-        compared = with_slowest_equal(one, by_clock, _FOLLOWER_2)
-        flown.append(fly_faults(compared, fly, pool) if faults else compared)
+    against = rivals(listed)
+    flights = fly(sender.scenario for _, sender in against)
+    for (aircraft, sender), summary in zip(against, flights, strict=True):
+        by_clock.append((aircraft, sender, summary))
+        on_step(f"flew {sender.law} every {sender.period_s * 1e3:g} ms")
+    for one, summary in zip(listed, fly(one.scenario for one in listed), strict=True):
+        compared = with_slowest_equal(replace(one, summary=summary), by_clock, _FOLLOWER_2)
+        flown.append(fly_faults(compared, fly) if faults else compared)
         on_step(f"flew {one.law}, {one.trigger}, {one.aircraft}")
     write_text(out / "data" / "combinations.csv", combinations_csv(flown))
     save(draw_combinations(flown, _FOLLOWER_2), out / "figures", "combinations")

@@ -4,7 +4,14 @@ import csv
 import io
 from collections.abc import Iterable, Iterator, Sequence
 
-from gcs.lab.baselines.combinations import AIRCRAFT, Combination, message_bytes, on_the_front
+from gcs.lab.baselines.combinations import (
+    AIRCRAFT,
+    Combination,
+    fault_files,
+    message_bytes,
+    on_the_front,
+)
+from gcs.lab.baselines.senders import Verdict
 from gcs.lab.reports.markdown import table
 from gcs.results.figures import UAV_FIGURES
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
@@ -57,7 +64,7 @@ def combinations_section(
     for aircraft in AIRCRAFT:
         own = [one for one in listed if one.aircraft == aircraft]
         front = front_of(own, uav_id, of)
-        survival = any(one.survival is not None for one in own)
+        survival = any(one.faults_lost is not None for one in own)
         header = ["law, trigger", "transmissions", "saved", "slowest equal sender"]
         header += ["saved against it", "messages", "bytes"]
         header += [*(f"IAE {q} [{IAE_UNITS[q]}]" for q in QUANTITIES), "mean"]
@@ -79,13 +86,14 @@ def _row(one: Combination, uav_id: int, of: dict[str, float], *, bold: bool) -> 
         if (equal := one.slowest_equal) is None:
             yield from ("none", "-")
         else:
-            yield f"{equal.law}, every {milliseconds(equal.period_s)}: {equal.transmissions}"
+            period = milliseconds(equal.sender.period_s)
+            yield f"{equal.sender.law}, every {period}: {equal.transmissions}"
             yield percent(1.0 - uav.events / equal.transmissions)
         yield from (str(uav.actuator_messages), str(uav.actuator_messages * message_bytes()))
         yield from (f"{uav.iae[quantity]:.2f}" for quantity in QUANTITIES)
         yield f"{mean:.3f}"
-    if one.survival is not None:
-        yield f"{len(one.survival.lost)} of {one.survival.flown}"
+    if one.faults_lost is not None:
+        yield f"{len(one.faults_lost)} of {len(fault_files())}"
 
 
 def combinations_csv(listed: Iterable[Combination]) -> str:
@@ -100,7 +108,7 @@ def combinations_csv(listed: Iterable[Combination]) -> str:
     for one in listed:
         if one.summary is None:
             continue
-        survival, equal = one.survival, one.slowest_equal
+        lost, equal = one.faults_lost, one.slowest_equal
         for uav in one.summary.uavs:
             writer.writerow(
                 [
@@ -108,9 +116,13 @@ def combinations_csv(listed: Iterable[Combination]) -> str:
                     *(uav.attitude_lost_at_s is not None, uav.heading_lost_at_s is not None),
                     *(uav.events, uav.actuator_messages * message_bytes()),
                     *(figure.of(uav) for figure in UAV_FIGURES),
-                    survival.flown if survival else None,
-                    " ".join(survival.lost) if survival else None,
-                    *((equal.law, equal.period_s, equal.transmissions) if equal else [None] * 3),
+                    None if lost is None else len(fault_files()),
+                    None if lost is None else " ".join(lost),
+                    *(_cells(equal) if equal else [None] * 3),
                 ]
             )
     return text.getvalue()
+
+
+def _cells(equal: Verdict) -> tuple[str, float, int]:
+    return equal.sender.law, equal.sender.period_s, equal.transmissions
