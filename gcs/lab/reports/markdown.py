@@ -47,6 +47,22 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
+def render(template: str, **values: object) -> str:
+    """Return a report in Markdown, from a file in `templates`; each of its lines is a paragraph."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("gcs.lab.reports"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["plain"] = plain
+    environment.globals["table"] = table
+    return environment.get_template(f"{template}.md.j2").render(values)
+
+
 def bullets(sentences: Iterable[str]) -> str:
     """Return a Markdown list."""
     return "".join(f"- {sentence}\n" for sentence in sentences)
