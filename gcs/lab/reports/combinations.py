@@ -12,7 +12,7 @@ from gcs.lab.baselines.combinations import (
     on_the_front,
 )
 from gcs.lab.baselines.senders import Verdict
-from gcs.lab.reports.markdown import table
+from gcs.lab.reports.markdown import render
 from gcs.results.figures import UAV_FIGURES
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
 
@@ -47,32 +47,23 @@ def combinations_section(
         of: IAEs that the last column is relative to, by quantity.
         caption: Of the figure `figures/combinations.png`.
     """
-    parts = [
-        "## Every law with every trigger\n",
-        "Scenario 1, in process, under every law and every trigger that goes with it, each with "
-        "its default parameters and the thresholds of the scenario. The realistic aircraft has "
-        "servos of 20 ms and 400 °/s and a noisy gyro. Transmissions are those of single channels "
-        f"of UAV {uav_id}; messages and bytes are its actuator messages, of {message_bytes()} "
-        "bytes each (unsigned, without UDP and IP). Saved is against every channel in every "
-        "millisecond. The slowest equal sender sends every channel by the clock, under any of the "
-        "laws: of those with no IAE of any UAV more than 1 % above this flight's, the one with the "
-        "fewest transmissions (periods of 20 to 500 ms, 25 % apart). The mean is that of the "
-        "four IAEs, each by that of the paper's law and trigger on the ideal aircraft. Bold rows "
-        "are on the front: no other has both fewer transmissions and a smaller mean. `lost` is a "
-        "flight that ended early, or in which a UAV lost its attitude or heading.\n",
-    ]
+    tables = {}
     for aircraft in AIRCRAFT:
         own = [one for one in listed if one.aircraft == aircraft]
         front = front_of(own, uav_id, of)
-        survival = any(one.faults_lost is not None for one in own)
-        header = ["law, trigger", "transmissions", "saved", "slowest equal sender"]
-        header += ["saved against it", "messages", "bytes"]
-        header += [*(f"IAE {q} [{IAE_UNITS[q]}]" for q in QUANTITIES), "mean"]
-        header += ["fault files lost"] if survival else []
+        head = ["law, trigger", "transmissions", "saved", "slowest equal sender"]
+        head += ["saved against it", "messages", "bytes"]
+        head += [*(f"IAE {q} [{IAE_UNITS[q]}]" for q in QUANTITIES), "mean"]
+        head += ["fault files lost"] * any(one.faults_lost is not None for one in own)
         rows = [list(_row(one, uav_id, of, bold=one in front)) for one in own]
-        parts += [f"### {aircraft.capitalize()} aircraft\n", table(header, rows)]
-    parts.append(f"![combinations](figures/combinations.png)\n\n*{caption}*\n")
-    return "\n".join(parts)
+        tables[aircraft] = {"head": head, "rows": rows}
+    return render(
+        "combinations",
+        uav_id=uav_id,
+        message_bytes=message_bytes(),
+        tables=tables,
+        caption=caption,
+    )
 
 
 def _row(one: Combination, uav_id: int, of: dict[str, float], *, bold: bool) -> Iterator[str]:
