@@ -20,6 +20,7 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 ifeq ($(origin SEED), undefined)
 SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
@@ -42,7 +43,7 @@ soak: $(READY)  ## an hour of ten UAVs with random faults, restarts, bad links; 
 	$(BIN)/python -m soak --seed $(SEED)
 
 lock:  ## choose new dependency versions (wants uv on the PATH)
-	uv pip compile pyproject.toml --group build --group docs --group test --universal --python-version 3.11 \
+	uv pip compile pyproject.toml --extra lab --group build --group docs --group test --universal --python-version 3.11 \
 	  --generate-hashes --no-emit-index-url --no-annotate --custom-compile-command "make lock" \
 	  --upgrade --quiet --output-file requirements.txt
 
@@ -54,5 +55,5 @@ $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
 	$(PYTHON) -c 'import sys; sys.exit("ftc-sitl needs Python 3.11 or newer, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.txt
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable '.[lab]'
 	touch $@

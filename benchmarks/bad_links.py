@@ -26,9 +26,10 @@ from ftc_autopilot.control.stepping import (
 )
 from ftc_autopilot.hot.acknowledgement import note_delay, note_events
 from ftc_autopilot.hot.link import new_link
+from gcs.results.figures import UavSummary
 from gcs.results.quantities import QUANTITIES
 from gcs.results.recording import Recording
-from gcs.results.summary import UavSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.capture.impairment import Bursts, Impairer, Impairment
 from mavlink_defs.faults import fault_from_params

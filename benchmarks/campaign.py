@@ -6,7 +6,7 @@ the pace of one and of two workers, and the share of the time that they do not f
 first batch to the last. On a machine that does other work, too, the pace says little. What a second
 worker costs then shows in the processor time of a flight, in the share of the time that workers
 fly, and in the product of the ratios of both, the efficiency that an idle machine would have.
-Memory is the resident set of this process, client and scheduler, after a tenth and after all of
+Memory is the resident set of this process after a tenth and after all of
 20 000 flights of 10 ms.
 """
 
@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gcs.lab.campaigns.engine import Flown
 from gcs.lab.campaigns.model import Campaign
 from gcs.lab.campaigns.plan import plan
-from gcs.lab.campaigns.run import run_campaign
+from gcs.lab.campaigns.workers import Flown
+from gcs.lab.run import run_campaign
 
 FLIGHTS, FEWER, SHORT = 1000, 200, 20_000
 
@@ -97,7 +97,7 @@ def main() -> None:
     print(f"  efficiency by these on an idle machine: {100 * idle:.0f} %")
     short = flown(SHORT, workers=2, duration_s=0.01).memory
     early = short[len(short) // 10]
-    print(f"memory of client and scheduler, {SHORT} flights of 10 ms:")
+    print(f"memory, {SHORT} flights of 10 ms:")
     print(f"  {early:.0f} MB after a tenth, {short[-1]:.0f} MB at the end")
 
 

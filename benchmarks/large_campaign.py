@@ -22,8 +22,8 @@ from gcs.lab.campaigns.flights import fly_rows
 from gcs.lab.campaigns.mark import write_mark
 from gcs.lab.campaigns.model import load_campaign
 from gcs.lab.campaigns.plan import plan, rows_of
-from gcs.lab.campaigns.report import write_report
 from gcs.lab.campaigns.store import append_results, read_results, write_draws
+from gcs.lab.reports.campaign import write_report
 from gcs.scenario.bundled import SCENARIOS
 
 _ROWS, _FILE_ROWS, _FLOWN = 1_000_000, 10_000, 16

@@ -14,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.errors import BadInput, GcsError, Interrupted
+from gcs.extras import load_lab
 from gcs.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
@@ -132,9 +133,12 @@ class _Commands(TyperGroup):
     def load(self, name: str) -> None:
         """Import a command."""
         module, _ = COMMANDS[name]
-        room = "gcs.lab.commands" if name in _LAB else "gcs.commands"
         with ending_at_once():
-            home: Any = import_module(f"{room}.{module}")
+            home: Any = (
+                load_lab(f"commands.{module}")
+                if name in _LAB
+                else import_module(f"gcs.commands.{module}")
+            )
         gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
         holder = typer.Typer(rich_markup_mode="markdown")
         if hasattr(home, name):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -16,9 +16,8 @@ from rich.console import Console
 from gcs.commands.options import SigningKeyOption
 from gcs.commands.progress import working
 from gcs.errors import BadInput
-from gcs.lab.campaigns.distributions import label
-from gcs.lab.sweeps.axes import Axis, parse_axes
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
+from gcs.scenario.settings import label, values_of
 from mavlink_defs.config.inherit import PlaceError, merged, with_values
 
 ScenarioArgument = Annotated[
@@ -118,7 +117,7 @@ def changed_scenario(
     changes = [f"with {name}" for name in additions or ()]
     for name in additions or ():
         tree = merged(tree, scenario_tree(name))
-    values = values_of(settings)
+    values = values_of(settings or ())
     changes += [f"{key} = {label(value)}" for key, value in values.items()]
     try:
         tree = with_values(tree, values, "--set")
@@ -127,24 +126,6 @@ def changed_scenario(
     if "name" in tree and "name" not in values:
         tree = merged(tree, {"name": ", ".join([str(tree["name"]), *changes])})
     return scenario_of(scenario, tree)
-
-
-def values_of(settings: list[str] | None, option: str = "--set") -> dict[str, Any]:
-    """Return keys and values of settings such as ``--set KEY=VALUE``.
-
-    Raises:
-        BadInput: A setting is not of that form, or has several values.
-    """
-    return {axis.key: _only(axis, option) for axis in parse_axes(settings or (), option)}
-
-
-def _only(axis: Axis, option: str) -> Any:
-    if len(axis.values) > 1:
-        raise BadInput(
-            f"{option} {axis.key} has {len(axis.values)} values, expected one",
-            "a list stands in brackets; gcs sweep flies several values",
-        )
-    return axis.values[0]
 
 
 def warn_of_one_path(scenario: Scenario, console: Console) -> None:

@@ -24,7 +24,8 @@ from gcs.commands.common import (
 from gcs.commands.options import options_of, with_options
 from gcs.commands.progress import working
 from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.results.record import Record
+from gcs.extras import load_lab
+from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
 from gcs.scenario.signing_key import signed
 from gcs.station.connection import warn_if_exposed
@@ -32,9 +33,9 @@ from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
+    from gcs.results.figures import FlightSummary
     from gcs.results.recorder import FlightRecorder
-    from gcs.results.steps import Ending
-    from gcs.results.summary import FlightSummary
+    from gcs.results.recording import Ending
 
 _LARGE = 100e6  # bytes of a recording that are worth a word
 _MANY = 4  # autopilots for each core that are worth another
@@ -201,9 +202,8 @@ def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario:
             "--with and --set change a SCENARIO; a row of a campaign is flown as it was",
             "leave them out",
         )
-    from gcs.lab.campaigns.again import scenario_of_row
-
-    return scenario_of_row(options.campaign, options.row)
+    again: Scenario = load_lab("campaigns.again").scenario_of_row(options.campaign, options.row)
+    return again
 
 
 def _load_ahead(recorder: "FlightRecorder") -> None:
@@ -258,7 +258,7 @@ def _report(
     from gcs.figures.mission import draw_mission
     from gcs.figures.overview import draw_flight
     from gcs.reports.flight import flight_tables
-    from gcs.results.mission_path import leaders_of, paths_of
+    from gcs.results.path_following import leaders_of, paths_of
 
     summary = recorder.finish(ending)
     with working(console, "drawing the flight"):
@@ -281,10 +281,9 @@ def _report(
 
 def _compare(campaign: Path, row: int, summary: "FlightSummary", console: Console) -> None:
     """Compare a flight flown again with the campaign's table; other code may fly otherwise."""
-    from gcs.lab.campaigns.again import check_same, foreign_code
-
-    if (foreign := foreign_code(campaign)) is not None:
+    again = load_lab("campaigns.again")
+    if (foreign := again.foreign_code(campaign)) is not None:
         console.print(f"not compared with {campaign}: {foreign}", soft_wrap=True)
         return
-    check_same(campaign, row, summary)
+    again.check_same(campaign, row, summary)
     console.print(f"the same as row {row} of {campaign}, bit for bit", soft_wrap=True)

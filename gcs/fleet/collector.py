@@ -7,8 +7,7 @@ import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS, no_signals
 from gcs.errors import FlightLost
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Mode, Steps
+from gcs.results.recording import Ending, Mode, Recording, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.spool import SpoolReader
 

@@ -17,8 +17,7 @@ from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from gcs.fleet.collector import Collector
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Steps
+from gcs.results.recording import Ending, Recording, Steps
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from gcs.station.telemetry import REQUESTED_S

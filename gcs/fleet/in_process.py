@@ -17,9 +17,8 @@ from ftc_autopilot.control.stepping import (
     hear,
     publish_own_state,
 )
-from gcs.results.mission_path import paths_of
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Steps
+from gcs.results.path_following import paths_of
+from gcs.results.recording import Ending, Recording, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params

@@ -16,7 +16,6 @@ import numpy as np
 from ftc_autopilot.warm_up import call_everything as call_autopilot
 from ftc_autopilot.warm_up import endless_path
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.theory import check_theory
 from gcs.results.path_following import PathFollowing
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
@@ -130,7 +129,6 @@ def _other_process(scenario: Scenario) -> Iterator[None]:
 def _call_in_process(scenario: Scenario) -> None:
     flight = fly_in_process(scenario)
     summarise(flight, scenario)
-    check_theory(flight, scenario)
     paths = np.stack([endless_path()] * len(scenario.uavs))
     PathFollowing(paths, (0,), scenario.step_us).add(flight.steps)  # without a mission, too
 

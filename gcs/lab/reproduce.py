@@ -4,8 +4,9 @@ import csv
 import itertools
 import math
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,8 @@ from gcs.errors import BadInput
 from gcs.figures.flown import PlottedFlight
 from gcs.figures.style import save
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.baselines.combinations import combinations, fly_all, fly_faults
-from gcs.lab.baselines.rivals import fly_rivals, rivals, with_slowest_equal
+from gcs.lab.baselines.combinations import combinations, fly_faults, rivals, with_slowest_equal
+from gcs.lab.baselines.senders import Fly
 from gcs.lab.figures.combinations import draw_combinations
 from gcs.lab.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.lab.reports.combinations import combinations_csv, combinations_section
@@ -22,11 +23,13 @@ from gcs.lab.reports.markdown import html_of, save_markdown
 from gcs.lab.reports.paper import CONTROLLERS, MODES, Results, paper_report
 from gcs.lab.reports.published_values import FIG_9
 from gcs.lab.reports.theory import theory_section
-from gcs.results.export import export_flight
-from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES, in_degrees, integrated_error
+from gcs.results.choices import Format, Record
+from gcs.results.export import convert
+from gcs.results.figures import UAV_FIGURES, FlightSummary
+from gcs.results.quantities import QUANTITIES, in_degrees, integrated_error
+from gcs.results.recorder import FlightRecorder
 from gcs.results.recording import Recording
-from gcs.results.run_folder import save_summary
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.files import naming, write_text
 
@@ -119,21 +122,25 @@ def reproduce(
         next(flown)
         return summarise(recording, scenario)
 
+    summaries: dict[str, FlightSummary] = {}
+
     def fly_and_export(file: str) -> Recording:
         recording = fly(file, scenarios[file])
         next(flown)
         folder = out / "data" / file
         folder.mkdir(parents=True, exist_ok=True)
-        export_flight(recording, folder)
+        recorder = FlightRecorder(scenarios[file], folder, Record.LIGHT)
+        recorder.add(recording.steps)
+        summaries[file] = recorder.finish(recording.ending)
+        for to in (Format.NPZ, Format.CSV):
+            convert(folder, to, folder)
         on_step(f"flew {scenarios[file].name}")
         return recording
 
     with ThreadPoolExecutor(jobs) as pool:
         recordings = dict(zip(FILES, pool.map(fly_and_export, FILES), strict=True))
-    summaries = {f: summarise(r, scenarios[f]) for f, r in recordings.items()}
-    for file, summary in summaries.items():
-        save_summary(summary, out / "data" / file)
-    _write_table(out / "data" / "summary.csv", summaries)
+    summaries = {file: summaries[file] for file in FILES}
+    write_summaries(out / "data" / "summary.csv", summaries)
 
     theory = theory_section(scenarios, recordings, out / "data" / "theory.json")
     on_step("checked the theory")
@@ -146,7 +153,9 @@ def reproduce(
     )
     text = paper_report(results)
     with ThreadPoolExecutor(jobs) as pool:
-        chapter = _second_chapter(scenarios, summaries, summary_of, pool, out, on_step, faults)
+        chapter = _second_chapter(
+            scenarios, summaries, partial(pool.map, summary_of), out, on_step, faults
+        )
     text += "\n" + chapter
     save_markdown(out / "report.md", text)
     write_text(out / "report.html", html_of(text, out))
@@ -157,8 +166,7 @@ def reproduce(
 def _second_chapter(
     scenarios: Mapping[str, Scenario],
     summaries: Mapping[str, FlightSummary],
-    fly: Callable[[Scenario], FlightSummary],
-    pool: Executor,
+    fly: Fly,
     out: Path,
     on_step: Callable[[str], None],
     faults: bool,
@@ -166,12 +174,14 @@ def _second_chapter(
     """Fly every law with every trigger, and return the section of the report."""
     flown, by_clock = [], []
     listed = combinations(scenarios["scenario1"])
-    for rival in fly_rivals(rivals(listed), fly, pool):
-        by_clock.append(rival)
-        on_step(f"flew {rival.sender.law} every {rival.sender.period_s * 1e3:g} ms")
-    for one in fly_all(listed, fly, pool):
-        compared = with_slowest_equal(one, by_clock, _FOLLOWER_2)
-        flown.append(fly_faults(compared, fly, pool) if faults else compared)
+    against = rivals(listed)
+    flights = fly(sender.scenario for _, sender in against)
+    for (aircraft, sender), summary in zip(against, flights, strict=True):
+        by_clock.append((aircraft, sender, summary))
+        on_step(f"flew {sender.law} every {sender.period_s * 1e3:g} ms")
+    for one, summary in zip(listed, fly(one.scenario for one in listed), strict=True):
+        compared = with_slowest_equal(replace(one, summary=summary), by_clock, _FOLLOWER_2)
+        flown.append(fly_faults(compared, fly) if faults else compared)
         on_step(f"flew {one.law}, {one.trigger}, {one.aircraft}")
     write_text(out / "data" / "combinations.csv", combinations_csv(flown))
     save(draw_combinations(flown, _FOLLOWER_2), out / "figures", "combinations")
@@ -215,15 +225,13 @@ def _reference_lag(recording: Recording) -> dict[str, float]:
     return dict(zip(QUANTITIES, map(float, in_degrees(area)), strict=True))
 
 
-def _write_table(path: Path, summaries: Mapping[str, FlightSummary]) -> None:
+def write_summaries(path: Path, summaries: Mapping[str, FlightSummary]) -> None:
     """Write one line per flight and UAV."""
     with naming(path), path.open("w", newline="") as file:
         writer = csv.writer(file)
-        iae = [f"iae_{q}_{IAE_UNITS[q].replace(' ', '_')}" for q in QUANTITIES]
-        events = [f"events_{c}" for c in PAPER_ORDER]
-        writer.writerow(["scenario", "uav", "completed", "saving", *iae, *events])
+        figures = [figure.heading for figure in UAV_FIGURES]
+        writer.writerow(["scenario", "uav", "completed", *figures])
         for name, summary in summaries.items():
             for uav in summary.uavs:
-                counts = [uav.channels[c].events for c in PAPER_ORDER]
-                areas = [uav.iae[q] for q in QUANTITIES]
-                writer.writerow([name, uav.id, summary.completed, uav.saving, *areas, *counts])
+                values = (figure.of(uav) for figure in UAV_FIGURES)
+                writer.writerow([name, uav.id, summary.completed, *values])

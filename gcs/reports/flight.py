@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from rich.table import Table
 from rich.text import Text
 
-from gcs.reports.formatting import milliseconds, percent
-from gcs.results.quantities import IAE_UNITS, QUANTITIES
-from gcs.results.summary import FlightSummary, UavSummary
+from gcs.results.figures import FlightSummary, UavSummary
+from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
 from gcs.scenario.model import Scenario
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.capture.saving import saving

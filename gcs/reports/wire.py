@@ -5,7 +5,7 @@ from typing import TextIO
 
 from rich.table import Table
 
-from gcs.reports.formatting import milliseconds, percent
+from gcs.results.quantities import milliseconds, percent
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport
 from mavlink_defs.constants import ACTUATORS

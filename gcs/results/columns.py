@@ -7,7 +7,7 @@ import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS
 from gcs.results.quantities import QUANTITIES
-from gcs.results.steps import Steps
+from gcs.results.recording import Steps
 from mavlink_defs.constants import ACTUATORS
 
 _TRACKED = dict(zip(QUANTITIES, ("m/s", "rad", "rad", "rad"), strict=True))

@@ -3,9 +3,7 @@
 import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS
-from gcs.results.events import Events
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Steps
+from gcs.results.recording import Ending, Events, Recording, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 

@@ -3,17 +3,16 @@
 import json
 from pathlib import Path
 
+from gcs.results.choices import Record
 from gcs.results.columns import COLUMNS, LIGHT
-from gcs.results.events import events_of
-from gcs.results.mission_path import paths_of
+from gcs.results.export import save_arrays_of
+from gcs.results.figures import FlightSummary
+from gcs.results.path_following import paths_of
 from gcs.results.preview import Preview
-from gcs.results.record import Record
-from gcs.results.recording import Recording
-from gcs.results.run_folder import save_arrays_of, save_summary
-from gcs.results.steps import Ending, Steps
-from gcs.results.stored import EVENTS, TRAJECTORY
-from gcs.results.stream import EventStream, TrajectoryStream, row_size
-from gcs.results.summary import FlightSummary, summary_of
+from gcs.results.recording import Ending, Recording, Steps, events_of
+from gcs.results.run_folder import save_summary
+from gcs.results.store import EVENTS, TRAJECTORY, EventStream, TrajectoryStream, row_size
+from gcs.results.summary import summary_of
 from gcs.results.tally import Tally
 from gcs.scenario.itinerary import outline
 from gcs.scenario.model import Scenario

@@ -11,10 +11,9 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import LOST
-from gcs.results.mission_path import leaders_of, paths_of
-from gcs.results.path_following import PathFollowing
+from gcs.results.path_following import PathFollowing, leaders_of, paths_of
+from gcs.results.recording import Steps
 from gcs.results.separation import Separation
-from gcs.results.steps import Steps
 from gcs.results.synchronisation import Synchronisation
 from gcs.results.traffic import Traffic
 from gcs.scenario.model import Scenario

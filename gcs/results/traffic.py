@@ -8,7 +8,7 @@ repeats, and what is said before the start and with FTC_STEP_DONE, a tap counts 
 
 import numpy as np
 
-from gcs.results.steps import Steps
+from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_MODE_FLAG_SAFETY_ARMED

@@ -24,7 +24,7 @@ from station import up
 
 from fuzzing.frames import MESSAGES, damaged, message_frame, noise
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.summary import event_table
+from gcs.results.recording import event_table
 from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl

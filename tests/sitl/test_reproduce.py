@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from flying import SCENARIO_1, assert_one_message, run
 
-from gcs.lab.baselines.combinations import combinations
-from gcs.lab.baselines.rivals import rivals
+from gcs.lab.baselines.combinations import combinations, rivals
 from gcs.lab.reproduce import FILES
 from gcs.scenario.model import load_scenario
 
@@ -55,8 +54,10 @@ def test_everything_is_there(out: Path) -> None:
         assert written == {
             "summary.json",
             "events.npz",
+            "events.arrows",
             "events.csv",
             "trajectory.npz",
+            "trajectory.arrows",
             "trajectory.csv",
         }
 

@@ -11,7 +11,7 @@ from flying import SCENARIO_1, run, summary_of
 from rich.console import Console
 
 from gcs.reports.flight import flight_tables
-from gcs.results.summary import FlightSummary
+from gcs.results.figures import FlightSummary
 from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl

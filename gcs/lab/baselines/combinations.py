@@ -1,7 +1,6 @@
-"""Every law with every trigger, on an ideal and on a realistic aircraft."""
+"""Every law with every trigger, on an ideal and on a realistic aircraft, and their rivals."""
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +9,17 @@ import numpy as np
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.control.triggers.base import TriggerParameters
-from gcs.results.summary import FlightSummary, UavSummary
+from gcs.lab.baselines.senders import (
+    COARSE,
+    Fly,
+    Sender,
+    Verdict,
+    find_slowest,
+    senders,
+    some_periods,
+    worst_ratio,
+)
+from gcs.results.figures import FlightSummary, UavSummary
 from gcs.scenario.bundled import SCENARIOS
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged
@@ -19,35 +28,9 @@ from mavlink_defs.framing import codec
 
 AIRCRAFT = {"ideal": (), "realistic": ("realistic",)}
 """Aircraft by name, with the bundled additions that make them."""
-
-
-@dataclass(frozen=True)
-class Survival:
-    """Fault files that a combination flew.
-
-    Attributes:
-        flown: How many.
-        lost: Those whose aircraft left controlled flight, by name of the file: the flight ended
-            early, or roll or pitch was more than 90° off.
-    """
-
-    flown: int
-    lost: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class ClockSender:
-    """A law that sends every channel by the clock.
-
-    Attributes:
-        law: Kind of law.
-        period_s: Of every channel [s].
-        transmissions: Of single channels, of the UAV that is compared; 0 before the flight.
-    """
-
-    law: str
-    period_s: float
-    transmissions: int = 0
+TOLERANCE = 1.01
+"""Largest IAE by that of the triggered flight that counts as no worse."""
+_SHORTEST_US, _LONGEST_US = 20_000, 500_000  # periods of rivals
 
 
 @dataclass(frozen=True)
@@ -60,9 +43,10 @@ class Combination:
         trigger: Mode of the trigger.
         scenario: What is flown.
         summary: Of the flight; None before it.
-        survival: On the fault files; None if they were not flown.
-        slowest_equal: What transmits least of the senders by the clock that track no worse; None
-            if none does, or none was flown.
+        faults_lost: Fault files on which its aircraft left controlled flight: the flight ended
+            early, or roll or pitch was more than 90° off. None if they were not flown.
+        slowest_equal: What transmits least of the senders by the clock that track no worse, with
+            the transmissions of one UAV; None if none does, or none was flown.
     """
 
     aircraft: str
@@ -70,8 +54,8 @@ class Combination:
     trigger: str
     scenario: Scenario
     summary: FlightSummary | None = None
-    survival: Survival | None = None
-    slowest_equal: ClockSender | None = None
+    faults_lost: tuple[str, ...] | None = None
+    slowest_equal: Verdict | None = None
 
     def uav(self, uav_id: int) -> UavSummary | None:
         """Return a UAV's part of the flight; None unless all attitudes and headings were kept."""
@@ -117,43 +101,71 @@ def _scenario(tree: dict[str, Any], law: str, mode: str) -> Scenario:
     return scenario_of(name, {**tree, **changes})
 
 
-def fly_all(
-    listed: Iterable[Combination], fly: Callable[[Scenario], FlightSummary], pool: Executor
-) -> Iterator[Combination]:
-    """Fly combinations, and yield each with its flight, in order.
-
-    Args:
-        listed: The combinations.
-        fly: Flies a scenario.
-        pool: Where flights run.
-    """
-    planned = list(listed)
-    flights = pool.map(fly, [one.scenario for one in planned])
-    for one, summary in zip(planned, flights, strict=True):
-        yield replace(one, summary=summary)
-
-
 def fault_files() -> list[str]:
     """Return the names of the bundled fault files."""
     return sorted(path.stem for path in (SCENARIOS / "faults").glob("*.yaml"))
 
 
-def fly_faults(
-    one: Combination, fly: Callable[[Scenario], FlightSummary], pool: Executor
-) -> Combination:
-    """Fly a combination on every fault file, and return it with what it survived."""
+def fly_faults(one: Combination, fly: Fly) -> Combination:
+    """Fly a combination on every fault file, and return it with those that it did not survive."""
     files = fault_files()
     scenarios = []
     for file in files:
         tree = scenario_of(file, scenario_tree(f"faults/{file}")).model_dump()
         scenarios.append(_scenario(_with_aircraft(tree, one.aircraft), one.law, one.trigger))
-    summaries = pool.map(fly, scenarios)
     lost = [
         file
-        for file, summary in zip(files, summaries, strict=True)
+        for file, summary in zip(files, fly(scenarios), strict=True)
         if not summary.completed or _departed(summary, heading=False)
     ]
-    return replace(one, survival=Survival(len(files), tuple(lost)))
+    return replace(one, faults_lost=tuple(lost))
+
+
+def rivals(listed: Iterable[Combination]) -> list[tuple[str, Sender]]:
+    """Return each law by the clock with periods of 0.02 to 0.5 s, on every aircraft.
+
+    Args:
+        listed: As of `combinations`.
+
+    Returns:
+        Aircraft and sender.
+    """
+    found = []
+    for one in listed:
+        if one.trigger == "periodic":
+            step_us = one.scenario.step_us
+            shortest, longest = (max(us // step_us, 1) for us in (_SHORTEST_US, _LONGEST_US))
+            for n in some_periods(longest, COARSE, shortest):
+                found += [(one.aircraft, s) for s in senders(one.scenario, (n,) * N_CHANNELS)]
+    return found
+
+
+def with_slowest_equal(
+    one: Combination, flown: Iterable[tuple[str, Sender, FlightSummary]], uav_id: int
+) -> Combination:
+    """Return a flown combination with the sender on its aircraft that transmits least.
+
+    Of the senders only those count that completed the flight with no IAE of any UAV more than 1 %
+    above that of the combination. A combination that sends by the clock is such a sender itself.
+
+    Args:
+        one: The combination.
+        flown: Those of `rivals`, with their flights.
+        uav_id: UAV whose transmissions are compared.
+    """
+    own, reference = one.uav(uav_id), one.summary
+    if own is None or reference is None:
+        return one
+    verdicts = []
+    if one.trigger == "periodic":
+        itself = Sender((1,) * N_CHANNELS, one.scenario, {})
+        verdicts.append(Verdict(itself, own.events, good=True))
+    for aircraft, sender, summary in flown:
+        uav, ratio = summary.uav(uav_id), worst_ratio(summary, reference)
+        if aircraft == one.aircraft and uav is not None:
+            good = ratio is not None and ratio <= TOLERANCE
+            verdicts.append(Verdict(sender, uav.events, good, ratio))
+    return replace(one, slowest_equal=find_slowest(verdicts))
 
 
 def message_bytes() -> int:

@@ -7,7 +7,7 @@ from gcs.lab.campaigns.flights import figures_of, flights_of, outcome_of
 from gcs.lab.campaigns.mark import mark_of
 from gcs.lab.campaigns.plan import row_of
 from gcs.lab.campaigns.store import Results, read_draws, read_results
-from gcs.results.summary import FlightSummary
+from gcs.results.figures import FlightSummary
 from gcs.scenario.code import code_digest
 from gcs.scenario.model import Scenario
 

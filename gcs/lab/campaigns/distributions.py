@@ -4,22 +4,17 @@ Every distribution is drawn by its inverse (`scipy.stats`, ``ppf``), so that a d
 experiments in the unit cube becomes one in the factors' values.
 """
 
-import json
-import math
-from collections.abc import Sequence
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from gcs.scenario.settings import cells
 from mavlink_defs.config.models import AtMost, Model, Problems, repeated
 from mavlink_defs.config.quantity import quantity
 
 Value: TypeAlias = Any
 """A value of a key: plain data as YAML has it."""
-
-_EXACT = 2**53
-"""Whole numbers up to this one are the same in the table, which has 64-bit floats."""
 
 
 def _ordered(low: float, high: float) -> None:
@@ -99,35 +94,6 @@ class Choice(Model):
 Distribution: TypeAlias = Annotated[
     Uniform | LogUniform | Normal | TruncatedNormal | Choice, Field(discriminator="kind")
 ]
-
-
-def label(value: Value) -> str:
-    """Format a value on one line: text as it is, anything else as JSON.
-
-    Raises:
-        TypeError: It is nothing that JSON knows, such as a date.
-    """
-    return value if isinstance(value, str) else json.dumps(value)
-
-
-def is_number(value: Value) -> bool:
-    """Return whether a value is a number; true and false are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def cells(values: Sequence[Value]) -> list[float] | list[str]:
-    """Return what a table has for each value of a choice: numbers if all are, or else texts.
-
-    Raises:
-        TypeError: A value is no plain data.
-    """
-    if all(is_number(value) and _is_exact(value) for value in values):
-        return [float(value) for value in values]
-    return [label(value) for value in values]
-
-
-def _is_exact(value: float) -> bool:
-    return abs(value) <= _EXACT or (isinstance(value, float) and math.isfinite(value))
 
 
 def value_of(choice: Choice, cell: float | str) -> Value:

@@ -1,28 +1,32 @@
-"""Flying the rows of a campaign on workers: batches, lost workers, what is stored when."""
+"""Flying the rows of a campaign: batches, killed workers, what is stored when."""
 
-import functools
+import contextlib
 import itertools
 import math
-import pickle
+import os
 import time
-import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.errors import BadInput, GcsError
-from gcs.lab.campaigns.cluster import capacity
-from gcs.lab.campaigns.flights import Flights, Row, ended, fly_rows
-from gcs.lab.campaigns.store import append_results, read_results
-from gcs.scenario.code import code_digest, code_version
+from gcs.lab.campaigns.flights import Flights, Row, ended
+from gcs.lab.campaigns.plan import Plan, rows_of
+from gcs.lab.campaigns.store import alone_in, append_results, read_results
+from gcs.lab.campaigns.workers import (
+    Batch,
+    Flown,
+    LocalWorkers,
+    Workers,
+    cluster,
+    compile_for,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
-    from distributed import Client, Future
 
 KILLS = 3
 """Processes that a flight may kill before it is recorded as such."""
@@ -33,26 +37,6 @@ _STORE_SHARE = 0.01  # or, in long campaigns, when this share of the time has pa
 _CAPACITY_S = 5.0  # how often workers are counted
 
 
-class Flown(NamedTuple):
-    """A batch that was flown.
-
-    Attributes:
-        worker: Address of the worker.
-        rows: Rows of the results.
-        wall_s: Time that they took [s].
-        cpu_s: Processor time that they took [s]; on a busy machine less than `wall_s`.
-    """
-
-    worker: str
-    rows: "pa.Table"
-    wall_s: float
-    cpu_s: float
-
-
-class WrongCode(BadInput):
-    """A worker runs other code than we do."""
-
-
 def missing_rows(folder: Path, planned: int) -> np.ndarray:
     """Return the numbers of planned rows that have no results, in order."""
     stored = read_results(folder, ["row"]).column("row").to_numpy()
@@ -61,8 +45,36 @@ def missing_rows(folder: Path, planned: int) -> np.ndarray:
     return np.flatnonzero(missing)
 
 
+def fly_missing(
+    planned: Plan,
+    folder: Path,
+    scheduler: str | None,
+    jobs: int | None,
+    on_flown: Callable[[Flown], None],
+    enough: Callable[[], bool] = lambda: False,
+) -> None:
+    """Fly the rows that an open folder lacks; arguments and errors as of `gcs.lab.run`."""
+    with alone_in(folder), contextlib.ExitStack() as stack:
+        missing = missing_rows(folder, planned.draws.num_rows)
+        if not len(missing):
+            return
+        workers: Workers
+        if scheduler is None:
+            if planned.example is not None:
+                compile_for(planned.example)
+            count = min(jobs or os.cpu_count() or 1, len(missing))
+            local = LocalWorkers(count, planned.flights)
+            workers = stack.enter_context(contextlib.closing(local))
+        else:
+            remote = stack.enter_context(cluster(scheduler, planned.flights))
+            remote.prepare(planned.example)
+            workers = remote
+        rows = rows_of(planned.draws.take(missing))
+        fly(workers, planned.flights, rows, len(missing), folder, on_flown, enough)
+
+
 def fly(
-    client: "Client",
+    workers: Workers,
     flights: Flights,
     rows: Iterable[Row],
     count: int,
@@ -77,7 +89,7 @@ def fly(
     `KILLS` processes is stored with the outcome ``crashed``.
 
     Args:
-        client: Client of a cluster whose workers `prepare` has checked.
+        workers: What flies them.
         flights: From rows to flights.
         rows: Rows to fly.
         count: How many they are.
@@ -89,12 +101,11 @@ def fly(
         GcsError: The scheduler was lost, or results cannot be written.
         BadInput: A worker that joined runs other code.
     """
-    packed = _packed(flights)
     with _Storing(folder, enough) as store:
         queue = _Queue(iter(rows), count)
         suspects: list[Row] = []
         kills: Counter[int] = Counter()
-        for batch, flown in _in_parallel(client, packed, queue):
+        for batch, flown in _in_parallel(workers, queue):
             if flown is None:
                 suspects += batch
                 kills.update(row["row"] for row in batch)
@@ -104,119 +115,40 @@ def fly(
             if store.add(flown.rows):
                 return
         for row in suspects:
-            flown = _alone(client, flights, packed, row, kills)
+            flown = _alone(workers, flights, row, kills)
             on_flown(flown)
             if store.add(flown.rows):
                 return
 
 
-def _in_parallel(
-    client: "Client", flights: bytes, queue: "_Queue"
-) -> Iterator[tuple[list[Row], Flown | None]]:
+def _in_parallel(workers: Workers, queue: "_Queue") -> Iterator[tuple[Batch, Flown | None]]:
     """Yield each batch with what became of it; None if it lost its worker."""
-    from distributed import as_completed
-
-    running: dict[Future, list[Row]] = {}
-    finished = as_completed(loop=client.loop)  # it would look for a default client
-    counted_at, workers = -math.inf, 1
-    try:
-        while True:
-            if time.monotonic() - counted_at > _CAPACITY_S:
-                counted_at, workers = time.monotonic(), max(_connected(client), 1)
-            while len(running) < workers and (batch := queue.next_batch(workers)):
-                future = _submit(client, flights, batch)
-                running[future] = batch
-                finished.add(future)
-            if not running:
-                return
-            future = next(finished)
-            yield running.pop(future), _result(future)
-    finally:
-        client.cancel(list(running), force=True)
+    running, capacity, counted_at = 0, 1, -math.inf
+    while True:
+        if time.monotonic() - counted_at > _CAPACITY_S:
+            counted_at, capacity = time.monotonic(), max(workers.capacity(), 1)
+        while running < capacity and (batch := queue.next_batch(capacity)):
+            workers.submit(batch)
+            running += 1
+        if not running:
+            return
+        yield workers.wait()
+        running -= 1
 
 
-def _alone(
-    client: "Client", flights: Flights, packed: bytes, row: Row, kills: Counter[int]
-) -> Flown:
+def _alone(workers: Workers, flights: Flights, row: Row, kills: Counter[int]) -> Flown:
     """Fly one row while nothing else flies, until it is flown or has killed enough processes."""
     import pyarrow as pa
 
     while kills[row["row"]] < KILLS:
-        future = _submit(client, packed, [row])
-        try:
-            flown = _result(future)
-        finally:
-            client.cancel([future], force=True)
+        workers.submit([row])
+        _, flown = workers.wait()
         if flown is not None:
             return flown
         kills[row["row"]] += 1
     reason = f"its process was killed {KILLS} times"
     crashed = pa.Table.from_pylist([ended(row, "crashed", reason)], flights.schema)
     return Flown("", crashed, 0.0, 0.0)
-
-
-def _submit(client: "Client", flights: bytes, batch: list[Row]) -> "Future":
-    return client.submit(_fly_batch, flights, _packed(batch), code_digest(), pure=False)
-
-
-def _packed(value: object) -> bytes:
-    """Return a value as bytes: the scheduler, which keeps tasks for a while, need not know it."""
-    return zlib.compress(pickle.dumps(value))
-
-
-@functools.lru_cache(maxsize=1)
-def _unpacked(packed: bytes) -> Flights:
-    flights: Flights = pickle.loads(zlib.decompress(packed))
-    return flights
-
-
-def _result(future: "Future") -> Flown | None:
-    """Return the result of a batch; None if its worker died.
-
-    Raises:
-        GcsError: The scheduler was lost.
-    """
-    from distributed import KilledWorker
-    from distributed.client import FutureCancelledError
-
-    try:
-        flown: Flown = future.result()
-    except KilledWorker:
-        return None
-    except (FutureCancelledError, OSError) as problem:
-        raise _scheduler_lost() from problem
-    return flown
-
-
-def _connected(client: "Client") -> int:
-    try:
-        return capacity(client)
-    except (OSError, ValueError, RuntimeError) as problem:
-        raise _scheduler_lost() from problem
-
-
-def _scheduler_lost() -> GcsError:
-    return GcsError(
-        "the connection to the scheduler was lost; the flights so far are stored",
-        "the same command continues, with or without --scheduler",
-    )
-
-
-def _fly_batch(flights: bytes, batch: bytes, digest: str) -> Flown:
-    """Fly a batch; this runs on a worker."""
-    from distributed import get_worker
-
-    worker = get_worker().address
-    if code_digest() != digest:
-        raise WrongCode(
-            f"worker {worker} runs ftc-sitl {code_version()} with digest {code_digest()}, "
-            f"expected digest {digest}",
-            "install the same version on every host, and restart the workers",
-        )
-    begin, cpu_begin = time.perf_counter(), time.process_time()
-    rows = fly_rows(_unpacked(flights), pickle.loads(zlib.decompress(batch)))
-    wall_s, cpu_s = time.perf_counter() - begin, time.process_time() - cpu_begin
-    return Flown(worker, rows, wall_s, cpu_s)
 
 
 @dataclass

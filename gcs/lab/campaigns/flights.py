@@ -8,8 +8,7 @@ from gcs.lab.campaigns.distributions import Choice, Value, value_of
 from gcs.lab.campaigns.mark import Mark, plain
 from gcs.lab.campaigns.model import LOSS, Campaign
 from gcs.lab.campaigns.store import Outcome, results_schema
-from gcs.results.quantities import PATH_FIGURES
-from gcs.results.summary import FlightSummary, UavSummary
+from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, FlightSummary
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.files import validate
@@ -206,43 +205,7 @@ def outcome_of(summary: FlightSummary) -> tuple[Outcome, str]:
 
 def figures_of(summary: FlightSummary) -> dict[str, Any]:
     """Return the figures of a flight, by column of the results."""
-    figures: dict[str, Any] = {
-        "duration_s": summary.duration_s,
-        "saving": summary.saving,
-        "events": sum(uav.events for uav in summary.uavs),
-        "messages": sum(uav.actuator_messages for uav in summary.uavs),
-        "neighbour_messages": sum(uav.neighbour_messages for uav in summary.uavs),
-        "neighbour_saving": summary.neighbour_saving,
-        "least_separation_m": summary.separation and summary.separation.least_m,
-        "wall_s": summary.wall_s,
-    }
+    figures: dict[str, Any] = {figure.name: figure.of(summary) for figure in FLIGHT_FIGURES}
     for uav in summary.uavs:
-        figures |= {f"uav{uav.id}.{name}": value for name, value in _figures_of_uav(uav).items()}
+        figures |= {f"uav{uav.id}.{figure.name}": figure.of(uav) for figure in UAV_FIGURES}
     return figures
-
-
-def _figures_of_uav(uav: UavSummary) -> dict[str, Any]:
-    by_quantity = {
-        f"{figure}_{quantity}": value
-        for figure in ("iae", "iae_filtered", "iae_sync", "max_error", "final_error")
-        for quantity, value in getattr(uav, figure).items()
-    }
-    return {
-        "saving": uav.saving,
-        "neighbour_saving": uav.neighbour_saving,
-        **by_quantity,
-        "min_interval_s": uav.min_interval_s,
-        "attitude_lost_at_s": uav.attitude_lost_at_s,
-        "heading_lost_at_s": uav.heading_lost_at_s,
-        "control_failed_at_s": uav.control_failure and uav.control_failure.time_s,
-        "lowest_altitude_m": uav.lowest_altitude_m,
-        "detection_s": uav.first_delay_s("lost"),
-        "return_s": uav.first_delay_s("back"),
-        **{name: uav.path and getattr(uav.path, name) for name in PATH_FIGURES},
-        "false_alarms": uav.false_alarms,
-        "events": uav.events,
-        **{f"events_{name}": channel.events for name, channel in uav.channels.items()},
-        "messages": uav.actuator_messages,
-        "neighbour_messages": uav.neighbour_messages,
-        **{f"bytes_{kind}": size for kind, size in uav.link_bytes.items()},
-    }

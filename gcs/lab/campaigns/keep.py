@@ -50,7 +50,8 @@ def keep_flights(folder: Path, flights: Flights) -> Iterator[tuple[int, int]]:
         OSError: A file cannot be written; it is named.
     """
     from gcs.fleet.in_process import fly_in_process
-    from gcs.results.run_folder import save_flight
+    from gcs.results.export import save_arrays_of
+    from gcs.results.run_folder import save_summary
     from gcs.results.summary import summarise
 
     rows, draws = chosen_rows(folder, flights.campaign.keep), read_draws(folder)
@@ -65,5 +66,6 @@ def keep_flights(folder: Path, flights: Flights) -> Iterator[tuple[int, int]]:
         check_same(folder, number, summary)
         target.mkdir(parents=True, exist_ok=True)
         dump(scenario, target / "scenario.yaml")
-        save_flight(recording, summary, target)
+        save_summary(summary, target)
+        save_arrays_of(recording, target)
     yield len(rows), len(rows)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
-from gcs.lab.campaigns.distributions import Choice, Distribution, is_number, support
+from gcs.lab.campaigns.distributions import Choice, Distribution, support
+from gcs.scenario.settings import is_number
 from mavlink_defs.config.files import read, validate
 from mavlink_defs.config.inherit import with_values
 from mavlink_defs.config.models import (

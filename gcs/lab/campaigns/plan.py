@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gcs.lab.campaigns.distributions import Choice, is_number, support
+from gcs.lab.campaigns.distributions import Choice, support
 from gcs.lab.campaigns.draws import draw_table
 from gcs.lab.campaigns.flights import Flights, Row, variant_trees
 from gcs.lab.campaigns.mark import Mark, plain
@@ -17,6 +17,7 @@ from gcs.lab.campaigns.store import results_schema
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from gcs.scenario.settings import is_number
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, value_at
 from mavlink_defs.config.models import ConfigError, Loc, Problem, ProblemKind

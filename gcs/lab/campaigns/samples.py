@@ -14,13 +14,11 @@ from gcs.lab.campaigns.factors import SEVERITY, Factor, drawn_columns, fault_of
 from gcs.lab.campaigns.model import LOSS
 from gcs.lab.campaigns.outcomes import happened
 from gcs.lab.campaigns.store import Results
+from gcs.results.figures import better_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_HIGHER_IS_BETTER = ("saving", "least_separation_m", "lowest_altitude_m")
-_NO_FIGURES = ("wall_s", "duration_s", "min_interval_s", "lost_at_s", "failed_at_s")
-"""Ends of names of columns that are neither good nor bad, or that have none where all is well."""
 _UAV = re.compile(r"uav\d+\.")
 
 
@@ -180,21 +178,12 @@ class Sample:
 
 def higher_is_better(figure: str) -> bool:
     """Return whether the cost of a figure is its negative."""
-    return figure.endswith(_HIGHER_IS_BETTER)
+    return better_of(_UAV.sub("", figure)) == "higher"
 
 
 def figures_of(schema: "pa.Schema") -> list[str]:
-    """Return the columns that hold figures of flights."""
-    import pyarrow as pa
-
-    drawn = drawn_columns(schema)
-    return [
-        field.name
-        for field in schema
-        if (pa.types.is_floating(field.type) or pa.types.is_integer(field.type))
-        and field.name not in {"row", "draw", "seed", *drawn}
-        and not field.name.endswith(_NO_FIGURES)
-    ]
+    """Return the columns that hold figures of flights by which one is better than another."""
+    return [name for name in schema.names if better_of(_UAV.sub("", name)) is not None]
 
 
 def read_samples(folder: Path) -> dict[str, Sample]:

@@ -23,12 +23,11 @@ import fcntl
 import functools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from gcs.errors import BadInput
 from gcs.lab.campaigns.mark import MARK, mark_of
-from gcs.results.quantities import PAPER_ORDER, PATH_FIGURES, QUANTITIES
-from gcs.results.traffic import KINDS
+from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, Figure
 from mavlink_defs.runtime.files import naming
 
 if TYPE_CHECKING:
@@ -61,57 +60,22 @@ def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
     """Return the columns of the results, given those of the draws.
 
     ``outcome`` is one of `OUTCOMES`, ``reason`` says why it is not ``completed``. Figures are
-    those of `gcs.results.summary`; null where a flight has none. ``events``, ``messages``,
+    those of `gcs.results.figures`; null where a flight has none. ``events``, ``messages``,
     ``neighbour_messages`` and savings are of the whole fleet, ``uav{k}.…`` of the UAV with id k.
     ``detection_s`` and ``return_s`` are delays of the diagnosis after the beginning and the end of
     a fault, ``false_alarms`` actuators declared lost in which no fault had begun.
     """
     import pyarrow as pa
 
-    fields = [
-        pa.field("outcome", pa.string()),
-        pa.field("reason", pa.string()),
-        pa.field("duration_s", pa.float64()),
-        pa.field("saving", pa.float64()),
-        pa.field("events", pa.int64()),
-        pa.field("messages", pa.int64()),
-        pa.field("neighbour_messages", pa.int64()),
-        pa.field("neighbour_saving", pa.float64()),
-        pa.field("least_separation_m", pa.float64()),
-    ]
+    def columns(figures: Sequence[Figure[Any]], prefix: str = "") -> Iterator[pa.Field]:
+        for figure in figures:
+            yield pa.field(prefix + figure.name, pa.int64() if figure.whole else pa.float64())
+
+    fields = [pa.field(name, pa.string()) for name in ("outcome", "reason")]
+    fields += columns(FLIGHT_FIGURES)
     for uav_id in uav_ids:
-        for name in (
-            "saving",
-            "neighbour_saving",
-            *(
-                f"{figure}_{quantity}"
-                for figure in ("iae", "iae_filtered", "iae_sync", "max_error", "final_error")
-                for quantity in QUANTITIES
-            ),
-            "min_interval_s",
-            "attitude_lost_at_s",
-            "heading_lost_at_s",
-            "control_failed_at_s",
-            "lowest_altitude_m",
-            "detection_s",
-            "return_s",
-            *PATH_FIGURES,
-        ):
-            fields.append(pa.field(f"uav{uav_id}.{name}", pa.float64()))
-        for name in (
-            "false_alarms",
-            "events",
-            *(f"events_{channel}" for channel in PAPER_ORDER),
-            "messages",
-            "neighbour_messages",
-            *(f"bytes_{kind}" for kind in KINDS),
-        ):
-            fields.append(pa.field(f"uav{uav_id}.{name}", pa.int64()))
-    fields += [
-        pa.field("wall_s", pa.float64()),
-        pa.field("version", pa.string()),
-        pa.field("digest", pa.string()),
-    ]
+        fields += columns(UAV_FIGURES, f"uav{uav_id}.")
+    fields += [pa.field(name, pa.string()) for name in ("version", "digest")]
     return pa.schema([*draws, *fields])
 
 

@@ -5,12 +5,15 @@ report then uses intervals that hold although somebody looked.
 """
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 from gcs.errors import BadInput
 from gcs.lab.campaigns.conditions import Condition, parse_condition
+from gcs.lab.campaigns.folder import open_folder
 from gcs.lab.campaigns.model import Campaign
 from gcs.lab.campaigns.outcomes import in_words
+from gcs.lab.campaigns.plan import Plan
 from gcs.lab.campaigns.samples import samples_of
 from gcs.lab.campaigns.stopping import Verdict, judge, leading
 from gcs.lab.campaigns.store import read_results
@@ -33,6 +36,20 @@ def stopping_condition(text: str, campaign: Campaign) -> Condition:
             "write design: random, or leave --until out",
         )
     return condition
+
+
+def begin_campaign(planned: Plan, folder: Path, until: str | None) -> Callable[[], bool]:
+    """Make or open the folder of a campaign; arguments and errors as of `gcs.lab.run`.
+
+    Returns:
+        A function that tells from the stored flights whether the condition is decided.
+    """
+    campaign = planned.mark.campaign
+    condition = None if until is None else stopping_condition(until, campaign)
+    open_folder(folder, planned)
+    if condition is not None:
+        note_condition(folder, condition)
+    return lambda: condition is not None and is_decided(folder, campaign, condition)
 
 
 def note_condition(folder: Path, condition: Condition) -> None:

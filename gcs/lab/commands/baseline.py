@@ -5,8 +5,9 @@ import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich import box
@@ -17,7 +18,6 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
-    values_of,
     warm_up,
 )
 from gcs.commands.progress import working
@@ -25,7 +25,7 @@ from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.terminal import console_of, numbers, print_json, table_of, words
 
 if TYPE_CHECKING:
-    from gcs.results.summary import FlightSummary
+    from gcs.results.figures import FlightSummary
     from gcs.scenario.model import Scenario
 
 _LONGEST_US = 500_000
@@ -127,20 +127,19 @@ def baseline(
     for all channels, with one for each, and, with --aircraft, on aircraft that differ from the
     nominal one. All in process. The folder gets baseline.json and baseline.md.
     """
-    from gcs.lab.baselines.aircraft import drawn_aircraft
-    from gcs.lab.baselines.baseline import find_baseline, find_robust
-    from gcs.lab.baselines.search import Search, worst_ratio
-    from gcs.lab.baselines.senders import periodic_base
+    from gcs.lab.baselines.baseline import Search, find_baseline, find_robust
+    from gcs.lab.baselines.senders import periodic_base, worst_ratio
     from gcs.lab.campaigns.model import load_campaign
     from gcs.lab.reports.baseline import COLUMNS, baseline_report, baseline_rows, baseline_words
     from gcs.lab.reports.markdown import save_markdown
     from gcs.results.run_folder import make_run_folder
     from gcs.scenario.bundled import find_scenario
+    from gcs.scenario.settings import values_of
     from mavlink_defs.runtime.files import write_text
 
     console = console_of(quiet=quiet)
     triggered = changed_scenario(scenario, additions, settings)
-    base = periodic_base(triggered, scenario, values_of(against, "--against"))
+    base = periodic_base(triggered, scenario, values_of(against or (), "--against"))
     steps = _longest(triggered, longest)
     if campaign is not None and not aircraft:
         raise BadInput("--campaign draws no aircraft", "say how many with --aircraft")
@@ -152,10 +151,6 @@ def baseline(
     try:
         with working(console) as work:
             task = work.add("looking for the slowest equal senders", unit="flights")
-
-            def show(_: Any) -> None:
-                task.advance()
-
             reference = _fly(triggered)
             if worst_ratio(reference, reference) is None:
                 reason = reference.loss or "it lost its attitude or heading"
@@ -164,13 +159,10 @@ def baseline(
                     "choose a scenario that its law and trigger complete",
                 )
             ratio = 1.0 + tolerance / 100.0
-            search = Search(base, reference, ratio, _fly, pool, show)
+            search = Search(base, reference, ratio, partial(pool.map, _fly), task.advance)
             found = find_baseline(triggered, search, steps, each_channel=not no_per_channel)
             if drawn is not None:
-                fleet = drawn_aircraft(
-                    drawn, file, aircraft, triggered, reference, within, keep / 100.0
-                )
-                robust = find_robust(triggered, base, fleet, steps, _fly, pool, show)
+                robust = find_robust(triggered, search, drawn, file, steps, within, keep / 100.0)
                 found = replace(found, robustness=robust)
     except KeyboardInterrupt:
         raise Interrupted("interrupted; nothing is kept") from None

@@ -75,11 +75,10 @@ def campaign(
     flight, stored every few seconds: after any interruption, the same command continues there.
     """
     from gcs.errors import BadInput
-    from gcs.lab.campaigns.cluster import check_scheduler
     from gcs.lab.campaigns.folder import default_folder
     from gcs.lab.campaigns.plan import load_plan
-    from gcs.lab.campaigns.run import begin_campaign
-    from gcs.lab.campaigns.until import stopping_condition, verdict_lines
+    from gcs.lab.campaigns.until import begin_campaign, stopping_condition, verdict_lines
+    from gcs.lab.campaigns.workers import check_scheduler
     from gcs.scenario.bundled import find_scenario
 
     if jobs is not None and scheduler is not None:
@@ -113,9 +112,9 @@ def _keep(planned: "Plan", folder: Path, console: Terminal) -> None:
 
 
 def _report(folder: Path, console: Terminal) -> None:
-    from gcs.lab.campaigns.report import write_report
     from gcs.lab.campaigns.samples import read_samples
     from gcs.lab.campaigns.store import OUTCOMES
+    from gcs.lab.reports.campaign import write_report
 
     samples = read_samples(folder)
     counts = {name: Counter(own.outcome.tolist()) for name, own in samples.items()}

@@ -12,8 +12,8 @@ from gcs.commands.progress import Task, Work, working
 from gcs.errors import Interrupted
 
 if TYPE_CHECKING:
-    from gcs.lab.campaigns.engine import Flown
     from gcs.lab.campaigns.plan import Plan
+    from gcs.lab.campaigns.workers import Flown
 
 
 @contextlib.contextmanager
@@ -43,9 +43,8 @@ def fly_plan(
     scheduler: str | None = None,
     enough: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Fly the rows that an open folder lacks; arguments and errors as of `run_campaign`."""
-    from gcs.lab.campaigns.engine import missing_rows
-    from gcs.lab.campaigns.run import fly_missing
+    """Fly the rows that an open folder lacks; arguments and errors as of `gcs.lab.run`."""
+    from gcs.lab.campaigns.engine import fly_missing, missing_rows
 
     total = planned.draws.num_rows
     left = len(missing_rows(folder, total))

@@ -13,7 +13,7 @@ from gcs.lab.commands.flights import fly_plan, interruptible
 from gcs.terminal import console_of
 
 if TYPE_CHECKING:
-    from gcs.lab.sweeps.points import Point
+    from gcs.lab.campaigns.points import Point
 
 EPILOG = """
 Examples:
@@ -76,10 +76,9 @@ def sweep(
     table.md, and sweep.png and sweep.svg: saving against IAE.
     """
     from gcs.lab.campaigns.folder import default_folder, open_folder
-    from gcs.lab.reports.sweep import choose_uav
-    from gcs.lab.sweeps.axes import parse_axes
-    from gcs.lab.sweeps.grid import plan_grid
-    from gcs.lab.sweeps.points import read_points
+    from gcs.lab.campaigns.grid import plan_grid
+    from gcs.lab.campaigns.points import choose_uav, read_points
+    from gcs.scenario.settings import parse_axes
 
     console = console_of(quiet=quiet)
     grid = plan_grid(scenarios, parse_axes(settings or []))

@@ -115,7 +115,7 @@ def trim(
 
 def _airspeeds(scenario: "Scenario") -> list[float]:
     """Return the airspeeds of a scenario's profile, or of the path of its mission [m/s]."""
-    from gcs.results.mission_path import paths_of
+    from gcs.results.path_following import paths_of
 
     if (paths := paths_of(scenario)) is None:
         return [segment.airspeed_m_s for segment in scenario.profile]

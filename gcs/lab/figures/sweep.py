@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.figures.flown import literal
 from gcs.figures.style import GREY, SMALL, STYLES, logarithmic_if_wide, new_figure, save, tidy
-from gcs.lab.reports.sweep import Dimension, dimensions_of, position, uav_of
-from gcs.lab.sweeps.points import Point
+from gcs.lab.campaigns.points import Dimension, Point, dimensions_of, position, uav_of
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 
 if TYPE_CHECKING:

@@ -2,12 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 
-from gcs.lab.baselines.aircraft import Kept
 from gcs.lab.baselines.baseline import Baseline, saved
-from gcs.lab.baselines.search import COARSE, FINE, Checked
+from gcs.lab.baselines.senders import COARSE, FINE, Sender, Verdict
 from gcs.lab.campaigns.statistics import proportion
 from gcs.lab.reports.markdown import bullets, table
-from gcs.reports.formatting import milliseconds, percent
+from gcs.results.quantities import milliseconds, percent
 from mavlink_defs.constants import ACTUATORS
 
 COLUMNS = ("sender", "transmissions", "saved by the trigger", "largest IAE ratio to triggered")
@@ -29,16 +28,16 @@ def baseline_rows(baseline: Baseline) -> Iterator[tuple[str, ...]]:
     yield f"triggered ({baseline.trigger})", str(sent), "", "1.000"
     every = baseline.every_period
     first = baseline.uniform[0]
-    ratio = _ratio(first) if set(first.periods) == {1} else "-"
+    ratio = _ratio(first) if set(first.sender.periods) == {1} else "-"
     period = milliseconds(baseline.step_us / 1e6)
     yield f"every {period}", str(every), percent(saved(sent, every)), ratio
     if uniform is not None:
-        yield _line(f"slowest equal: every {_sender(baseline, uniform)}", baseline, uniform)
+        yield _line(f"slowest equal: every {_sender(baseline, uniform.sender)}", baseline, uniform)
     if (own := baseline.per_channel) is not None:
-        yield _line(f"the same by channel: {_sender(baseline, own)}", baseline, own)
+        yield _line(f"the same by channel: {_sender(baseline, own.sender)}", baseline, own)
     if baseline.robustness is not None and (robust := baseline.robustness.slowest) is not None:
         yield (
-            f"equally robust: every {_sender(baseline, robust)}",
+            f"equally robust: every {_sender(baseline, robust.sender)}",
             str(robust.transmissions),
             percent(saved(sent, robust.transmissions)),
             "-",
@@ -47,7 +46,7 @@ def baseline_rows(baseline: Baseline) -> Iterator[tuple[str, ...]]:
 
 def baseline_words(baseline: Baseline) -> Iterator[str]:
     """Yield what was searched, and what the table does not say."""
-    longest = baseline.uniform[-1]
+    longest = _ms(baseline, baseline.uniform[-1].sender.periods)
     limit = f"{100.0 * (baseline.largest_ratio - 1.0):g} %"
     yield (
         f"Equal: the flight is completed, and no IAE of any UAV is more than {limit} above that "
@@ -55,14 +54,14 @@ def baseline_words(baseline: Baseline) -> Iterator[str]:
     )
     uniform = baseline.slowest_uniform
     listed = (
-        f"{len(baseline.uniform)} periods up to {_ms(baseline, longest.periods)}, neighbours at "
+        f"{len(baseline.uniform)} periods up to {longest}, neighbours at "
         f"most {100.0 * (FINE - 1.0):.0f} % or one control period apart"
     )
     if uniform is None:
         yield f"One period for all channels: none of {listed}, is equal."
     else:
-        faster = [one for one in baseline.uniform if one.periods < uniform.periods]
-        worse = sum(not one.equal for one in faster)
+        faster = [one for one in baseline.uniform if one.sender.periods < uniform.sender.periods]
+        worse = sum(not one.good for one in faster)
         yield (
             f"One period for all channels: {listed}, were all flown. Of the {len(faster)} faster "
             f"than the one in the table {worse} are not equal; nothing is known of periods "
@@ -75,10 +74,11 @@ def baseline_words(baseline: Baseline) -> Iterator[str]:
             f"{100.0 * (COARSE - 1.0):.0f} % apart; changing two channels at once may save more."
         )
     if (robust := baseline.robustness) is not None:
-        low = proportion(robust.triggered.kept, robust.drawn).low
+        kept, _ = robust.triggered
+        low = proportion(kept, robust.drawn).low
         yield (
             f"Kept: completed, no IAE above {robust.largest_ratio:g} times that of the triggered "
-            f"flight of the nominal aircraft. The triggered sender keeps {robust.triggered.kept} "
+            f"flight of the nominal aircraft. The triggered sender keeps {kept} "
             f"of {robust.drawn} uncertain aircraft (at 95 %: at least {percent(low)} of all)."
         )
         if (slowest := robust.slowest) is None:
@@ -91,7 +91,7 @@ def baseline_words(baseline: Baseline) -> Iterator[str]:
             )
 
 
-def _line(name: str, baseline: Baseline, one: Checked) -> tuple[str, ...]:
+def _line(name: str, baseline: Baseline, one: Verdict) -> tuple[str, ...]:
     return (
         name,
         str(one.transmissions),
@@ -100,14 +100,14 @@ def _line(name: str, baseline: Baseline, one: Checked) -> tuple[str, ...]:
     )
 
 
-def _ratio(one: Checked) -> str:
+def _ratio(one: Verdict) -> str:
     return "not completed" if one.worst is None else f"{one.worst:.3f}"
 
 
-def _sender(baseline: Baseline, one: Checked | Kept) -> str:
+def _sender(baseline: Baseline, one: Sender) -> str:
     """Format periods, and the parameters of a law that has others by the clock."""
     own = "".join(f", {name} {value:g}" for name, value in one.parameters.items())
-    return _ms(baseline, one.periods or ()) + own
+    return _ms(baseline, one.periods) + own
 
 
 def _ms(baseline: Baseline, periods: Sequence[int]) -> str:

@@ -14,8 +14,7 @@ from gcs.lab.campaigns.statistics import (
     mean_difference,
     median_difference,
 )
-from gcs.lab.reports.markdown import table
-from gcs.reports.formatting import interval, p_value
+from gcs.lab.reports.markdown import interval, p_value, render
 
 
 def comparisons(findings: Findings) -> str:
@@ -48,19 +47,13 @@ def comparisons(findings: Findings) -> str:
         ]
         for (variant, title, found), own in zip(figures, adjusted[len(success) :], strict=True)
     ]
-    against, tests = f"against `{first.variant}`", ["p", "p, adjusted"]
-    head = [against, "draws", "only it succeeds", "only the other", "only it, of these [95 %]"]
-    costs = [against, "figure", "draws", "worse", "better", "worse, of these [95 %]", *tests]
-    conditional = [against, "figure", "draws both survived", "mean difference [95 %]"]
-    return (
-        "The same draws, flown by both; no draw is left out. Success:\n\n"
-        + table([*head, *tests, "difference [95 %]"], of_success)
-        + "\nFigures, of which a failure is worse than any:\n\n"
-        + table(costs, of_figures)
-        + f"\n{_meaning(len(adjusted))}\n"
-        + "\n### Of the draws that both survived\n\n"
-        + table([*conditional, "difference of medians [95 %]"], _of_survivors(pairs))
-        + f"\n{_MEANING_OF_SURVIVORS}\n"
+    return render(
+        "comparisons",
+        against=f"against `{first.variant}`",
+        success=of_success,
+        figures=of_figures,
+        tests=len(adjusted),
+        survivors=list(_of_survivors(pairs)),
     )
 
 
@@ -74,26 +67,6 @@ def _of_success(found: SuccessComparison, adjusted: float) -> Sequence[object]:
         p_value(adjusted),
         interval(found.difference, "probability"),
     ]
-
-
-def _meaning(tests: int) -> str:
-    return (
-        "Tests are exact and of all draws in which the two differ: McNemar's test of success, the "
-        "sign test of figures, which asks how often one is worse, not by how much. The interval of "
-        "a share belongs to its test: it leaves 50 % out where p < 0.05, and only there. The "
-        "difference is that of the success probabilities; its interval covers at least as often "
-        "as it says, and may include 0 although p is small. p-values are two-sided, and adjusted "
-        f"by Holm's method over all {tests} tests of these two tables: if no two variants "
-        "differed, any adjusted one would be below 0.05 in at most 5 % of campaigns."
-    )
-
-
-_MEANING_OF_SURVIVORS = (
-    "How much larger the figure is where both have it, with bootstrap intervals; not tested. Draws "
-    "with a failure are missing, and they are the hardest ones: a difference may have another sign "
-    "than over all draws. Mean and median may differ in sign, too, as few large differences move "
-    "the mean and not the median."
-)
 
 
 def _of_survivors(pairs: list[tuple[Sample, Sample]]) -> Iterator[list[str]]:

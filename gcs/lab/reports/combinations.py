@@ -4,10 +4,17 @@ import csv
 import io
 from collections.abc import Iterable, Iterator, Sequence
 
-from gcs.lab.baselines.combinations import AIRCRAFT, Combination, message_bytes, on_the_front
-from gcs.lab.reports.markdown import table
-from gcs.reports.formatting import milliseconds, percent
-from gcs.results.quantities import IAE_UNITS, QUANTITIES
+from gcs.lab.baselines.combinations import (
+    AIRCRAFT,
+    Combination,
+    fault_files,
+    message_bytes,
+    on_the_front,
+)
+from gcs.lab.baselines.senders import Verdict
+from gcs.lab.reports.markdown import render
+from gcs.results.figures import UAV_FIGURES
+from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
 
 
 def mean_iae(one: Combination, uav_id: int, of: dict[str, float]) -> float | None:
@@ -40,32 +47,23 @@ def combinations_section(
         of: IAEs that the last column is relative to, by quantity.
         caption: Of the figure `figures/combinations.png`.
     """
-    parts = [
-        "## Every law with every trigger\n",
-        "Scenario 1, in process, under every law and every trigger that goes with it, each with "
-        "its default parameters and the thresholds of the scenario. The realistic aircraft has "
-        "servos of 20 ms and 400 °/s and a noisy gyro. Transmissions are those of single channels "
-        f"of UAV {uav_id}; messages and bytes are its actuator messages, of {message_bytes()} "
-        "bytes each (unsigned, without UDP and IP). Saved is against every channel in every "
-        "millisecond. The slowest equal sender sends every channel by the clock, under any of the "
-        "laws: of those with no IAE of any UAV more than 1 % above this flight's, the one with the "
-        "fewest transmissions (periods of 20 to 500 ms, 25 % apart). The mean is that of the "
-        "four IAEs, each by that of the paper's law and trigger on the ideal aircraft. Bold rows "
-        "are on the front: no other has both fewer transmissions and a smaller mean. `lost` is a "
-        "flight that ended early, or in which a UAV lost its attitude or heading.\n",
-    ]
+    tables = {}
     for aircraft in AIRCRAFT:
         own = [one for one in listed if one.aircraft == aircraft]
         front = front_of(own, uav_id, of)
-        survival = any(one.survival is not None for one in own)
-        header = ["law, trigger", "transmissions", "saved", "slowest equal sender"]
-        header += ["saved against it", "messages", "bytes"]
-        header += [*(f"IAE {q} [{IAE_UNITS[q]}]" for q in QUANTITIES), "mean"]
-        header += ["fault files lost"] if survival else []
+        head = ["law, trigger", "transmissions", "saved", "slowest equal sender"]
+        head += ["saved against it", "messages", "bytes"]
+        head += [*(f"IAE {q} [{IAE_UNITS[q]}]" for q in QUANTITIES), "mean"]
+        head += ["fault files lost"] * any(one.faults_lost is not None for one in own)
         rows = [list(_row(one, uav_id, of, bold=one in front)) for one in own]
-        parts += [f"### {aircraft.capitalize()} aircraft\n", table(header, rows)]
-    parts.append(f"![combinations](figures/combinations.png)\n\n*{caption}*\n")
-    return "\n".join(parts)
+        tables[aircraft] = {"head": head, "rows": rows}
+    return render(
+        "combinations",
+        uav_id=uav_id,
+        message_bytes=message_bytes(),
+        tables=tables,
+        caption=caption,
+    )
 
 
 def _row(one: Combination, uav_id: int, of: dict[str, float], *, bold: bool) -> Iterator[str]:
@@ -79,39 +77,43 @@ def _row(one: Combination, uav_id: int, of: dict[str, float], *, bold: bool) -> 
         if (equal := one.slowest_equal) is None:
             yield from ("none", "-")
         else:
-            yield f"{equal.law}, every {milliseconds(equal.period_s)}: {equal.transmissions}"
+            period = milliseconds(equal.sender.period_s)
+            yield f"{equal.sender.law}, every {period}: {equal.transmissions}"
             yield percent(1.0 - uav.events / equal.transmissions)
         yield from (str(uav.actuator_messages), str(uav.actuator_messages * message_bytes()))
         yield from (f"{uav.iae[quantity]:.2f}" for quantity in QUANTITIES)
         yield f"{mean:.3f}"
-    if one.survival is not None:
-        yield f"{len(one.survival.lost)} of {one.survival.flown}"
+    if one.faults_lost is not None:
+        yield f"{len(one.faults_lost)} of {len(fault_files())}"
 
 
 def combinations_csv(listed: Iterable[Combination]) -> str:
     """Return one line per combination and UAV, every figure that the section has."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    iae = [f"iae_{q}_{IAE_UNITS[q].replace(' ', '_')}" for q in QUANTITIES]
     head = ["aircraft", "law", "trigger", "uav", "completed", "attitude_lost", "heading_lost"]
-    head += ["transmissions", "saving", "messages", "bytes", *iae, "faults_flown", "faults_lost"]
+    head += ["transmissions", "bytes", *(figure.heading for figure in UAV_FIGURES)]
+    head += ["faults_flown", "faults_lost"]
     head += ["slowest_equal_law", "slowest_equal_period_s", "slowest_equal_transmissions"]
     writer.writerow(head)
     for one in listed:
         if one.summary is None:
             continue
-        survival, equal = one.survival, one.slowest_equal
+        lost, equal = one.faults_lost, one.slowest_equal
         for uav in one.summary.uavs:
             writer.writerow(
                 [
                     *(one.aircraft, one.law, one.trigger, uav.id, one.summary.completed),
                     *(uav.attitude_lost_at_s is not None, uav.heading_lost_at_s is not None),
-                    *(uav.events, uav.saving, uav.actuator_messages),
-                    uav.actuator_messages * message_bytes(),
-                    *(uav.iae[q] for q in QUANTITIES),
-                    survival.flown if survival else None,
-                    " ".join(survival.lost) if survival else None,
-                    *((equal.law, equal.period_s, equal.transmissions) if equal else [None] * 3),
+                    *(uav.events, uav.actuator_messages * message_bytes()),
+                    *(figure.of(uav) for figure in UAV_FIGURES),
+                    None if lost is None else len(fault_files()),
+                    None if lost is None else " ".join(lost),
+                    *(_cells(equal) if equal else [None] * 3),
                 ]
             )
     return text.getvalue()
+
+
+def _cells(equal: Verdict) -> tuple[str, float, int]:
+    return equal.sender.law, equal.sender.period_s, equal.transmissions

@@ -2,10 +2,12 @@
 
 import base64
 import html
+import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from gcs.lab.campaigns.statistics import Estimate
 from mavlink_defs.runtime.files import write_text
 from mavlink_defs.visible import visible_lines
 
@@ -43,6 +45,22 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     ]
     lines = [header, rule, *cells]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def render(template: str, **values: object) -> str:
+    """Return a report in Markdown, from a file in `templates`; each of its lines is a paragraph."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("gcs.lab.reports"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["plain"] = plain
+    environment.globals["table"] = table
+    return environment.get_template(f"{template}.md.j2").render(values)
 
 
 def bullets(sentences: Iterable[str]) -> str:
@@ -86,3 +104,28 @@ def html_of(markdown: str, folder: Path) -> str:
 def _embedded(path: Path) -> str:
     data = base64.b64encode(path.read_bytes()).decode()
     return f'src="data:image/png;base64,{data}"'
+
+
+def probability(value: float) -> str:
+    """Format a probability, as in "86.7 %"; a dash if it is unknown."""
+    return "-" if math.isnan(value) else f"{100.0 * value:.1f} %"
+
+
+def number(value: float) -> str:
+    """Format a figure with four digits; a dash if it is unknown or unbounded."""
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
+
+
+def p_value(value: float) -> str:
+    """Format a p-value."""
+    return "< 0.0001" if value < 1e-4 else f"{value:.4f}" if value < 0.1 else f"{value:.2f}"
+
+
+def interval(estimate: Estimate, of: str = "number") -> str:
+    """Format an estimate with its interval, of a figure or of a probability."""
+    show = probability if of == "probability" else number
+    if not math.isfinite(estimate.value):
+        return "-"
+    return f"{show(estimate.value)} [{show(estimate.low)}, {show(estimate.high)}]"

@@ -5,20 +5,17 @@ flown; the other tables leave them out.
 """
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from rich import box
 from rich.table import Table
 
-from gcs.errors import BadInput
+from gcs.lab.campaigns.points import FILE, Point, dimensions_of, position, uav_of
 from gcs.lab.reports.markdown import save_markdown
-from gcs.lab.sweeps.points import Point
-from gcs.reports.formatting import milliseconds, percent
-from gcs.results.quantities import IAE_UNITS, PAPER_ORDER, QUANTITIES
-from gcs.results.traffic import KINDS
-from gcs.scenario.model import Scenario
+from gcs.results.figures import UAV_FIGURES, shown_figure
+from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.runtime.files import naming
 from mavlink_defs.visible import visible
@@ -26,60 +23,11 @@ from mavlink_defs.visible import visible
 _TERMINAL_ROWS = 50
 
 
-def choose_uav(scenarios: Iterable[Scenario | None], wanted: int | None) -> int | None:
-    """Return the UAV that table.md and the plot show.
-
-    Args:
-        scenarios: Of the points of the grid; None of those that cannot be flown.
-        wanted: System id; None for the first UAV with a fault, or else the last UAV.
-
-    Returns:
-        Its system id; None if no point can be flown.
-
-    Raises:
-        BadInput: No point has the wanted UAV.
-    """
-    known = [scenario for scenario in scenarios if scenario is not None]
-    if not known:
-        return wanted
-    ids = sorted({uav.id for scenario in known for uav in scenario.uavs})
-    if wanted is None:
-        faulted = [fault.uav for scenario in known for fault in scenario.faults]
-        return faulted[0] if faulted else known[0].uavs[-1].id
-    if wanted not in ids:
-        raise BadInput(f"--uav is {wanted}, expected one of {', '.join(map(str, ids))}")
-    return wanted
-
-
-# tables
-
-_UAV_COLUMNS = {
-    "uav_saving": "saving",
-    **{f"iae_{name}_{IAE_UNITS[name].replace(' ', '_')}": f"iae_{name}" for name in QUANTITIES},
-    **{
-        name: name
-        for name in (
-            *(f"events_{channel}" for channel in PAPER_ORDER),
-            "min_interval_s",
-            "attitude_lost_at_s",
-            "heading_lost_at_s",
-            "control_failed_at_s",
-            "lowest_altitude_m",
-            "messages",
-            "neighbour_messages",
-            "neighbour_saving",
-            *(f"iae_sync_{quantity}" for quantity in QUANTITIES),
-            *(f"bytes_{kind}" for kind in KINDS),
-        )
-    },
-}
-"""Columns of table.csv, and those of the results that they are."""
-
-
 def write_csv(points: Sequence[Point], path: Path) -> None:
     """Write one row for each UAV of each point; one row for a point without a flight."""
     keys = list(points[0].values)
-    head = ["row", _FILE, *keys, "outcome", "reason", "duration_s", "saving", "uav", *_UAV_COLUMNS]
+    head = ["row", FILE, *keys, "outcome", "reason", "duration_s", "saving", "uav"]
+    head += ["uav_saving" if f.name == "saving" else f.heading for f in UAV_FIGURES]
     with naming(path), path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(head)
@@ -93,7 +41,7 @@ def write_csv(points: Sequence[Point], path: Path) -> None:
             start += [point.figures["duration_s"], point.figures["saving"]]
             for uav_id in ids:
                 uav = point.uav(uav_id)
-                rows.writerow([*start, uav_id, *(uav.get(name) for name in _UAV_COLUMNS.values())])
+                rows.writerow([*start, uav_id, *(uav.get(figure.name) for figure in UAV_FIGURES)])
 
 
 def write_markdown(points: Sequence[Point], uav_id: int | None, path: Path) -> None:
@@ -165,12 +113,8 @@ def _figures(point: Point, uav_id: int | None) -> list[str]:
     uav = uav_of(point, uav_id)
     if uav is None:
         return ["-"] * (3 + len(QUANTITIES))
-    return [
-        percent(uav["saving"]),
-        *(f"{uav[f'iae_{quantity}']:.2f}" for quantity in QUANTITIES),
-        str(uav["events"]),
-        milliseconds(uav["min_interval_s"]),
-    ]
+    names = ("saving", *(f"iae_{quantity}" for quantity in QUANTITIES), "events", "min_interval_s")
+    return [shown_figure(name, uav[name]) for name in names]
 
 
 def _has_formation_trigger(points: Sequence[Point]) -> bool:
@@ -184,7 +128,8 @@ def _neighbour_figures(point: Point, uav_id: int | None) -> list[str]:
     uav = uav_of(point, uav_id)
     if uav is None:
         return ["-", "-"]
-    return [str(uav["neighbour_messages"]), percent(uav["neighbour_saving"])]
+    names = ("neighbour_messages", "neighbour_saving")
+    return [shown_figure(name, uav[name]) for name in names]
 
 
 def _lost(point: Point, uav_id: int | None) -> tuple[str, str] | None:
@@ -204,28 +149,3 @@ def _lost(point: Point, uav_id: int | None) -> tuple[str, str] | None:
                 f"up to {left:.3g}° in the last second"
             )
     return None
-
-
-def uav_of(point: Point, uav_id: int | None) -> Mapping[str, Any] | None:
-    """Return a UAV's figures in a complete flight; None if the flight is not complete."""
-    if point.outcome != "completed" or uav_id not in point.uav_ids():
-        return None
-    return point.uav(uav_id)
-
-
-Dimension: TypeAlias = tuple[str, list[str]]
-"""A column of the tables and a dimension of the plot: its name, and labels of its values."""
-
-_FILE = "scenario"
-
-
-def dimensions_of(points: Sequence[Point]) -> list[Dimension]:
-    """Return the keys that were swept, and the files if there are several."""
-    names = [*points[0].values, _FILE]
-    axes = [(name, list(dict.fromkeys(position(p, name) for p in points))) for name in names]
-    return [axis for axis in axes if axis[0] != _FILE or len(axis[1]) > 1]
-
-
-def position(point: Point, name: str) -> str:
-    """Return the label of a point in a dimension."""
-    return point.file if name == _FILE else point.values.get(name, "")

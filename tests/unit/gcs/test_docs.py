@@ -21,8 +21,9 @@ from ftc_autopilot.guidance.targets import MAX_VISITS
 from gcs.cli import COMMANDS
 from gcs.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
 from gcs.fleet.in_process import fly_in_process
+from gcs.results.export import save_arrays_of
 from gcs.results.recording import Recording
-from gcs.results.run_folder import save_flight
+from gcs.results.run_folder import save_summary
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.constants import MAX_MISSION_ITEMS
@@ -131,7 +132,8 @@ def test_fault_capacity_is_documented() -> None:
 
 def test_every_result_is_documented(example: Scenario, flight: Recording, tmp_path: Path) -> None:
     report = summarise(flight, example)
-    save_flight(flight, report, tmp_path)
+    save_summary(report, tmp_path)
+    save_arrays_of(flight, tmp_path)
     summary = report.to_json()
     uav = summary["uavs"][0]
     keys = {*summary, *uav, *uav["channels"], *uav["channels"]["rudder"], *uav["iae"]}

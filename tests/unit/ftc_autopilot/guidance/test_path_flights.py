@@ -8,7 +8,8 @@ import pytest
 from scenario_edits import edit
 
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.figures import FlightSummary
+from gcs.results.summary import summarise
 from gcs.scenario.model import scenario_of, scenario_tree
 
 SCENARIO_1 = Path("scenarios/paper/scenario1.yaml")

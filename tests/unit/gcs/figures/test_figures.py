@@ -21,9 +21,9 @@ from gcs.figures.overview import draw_flight
 from gcs.figures.style import STYLES, decimated, draw_curve, frame, new_figure, save
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
-from gcs.results.events import events_of
 from gcs.results.preview import Preview
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
+from gcs.results.recording import events_of
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 

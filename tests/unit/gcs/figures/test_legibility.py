@@ -40,10 +40,9 @@ from gcs.lab.figures import sweep
 from gcs.lab.figures.campaign import distributions, importance, sobol_indices, two_factors
 from gcs.lab.figures.combinations import draw_combinations
 from gcs.lab.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
-from gcs.results.events import events_of
-from gcs.results.mission_path import leaders_of, paths_of
+from gcs.results.path_following import leaders_of, paths_of
 from gcs.results.preview import Preview
-from gcs.results.recording import Recording
+from gcs.results.recording import Recording, events_of
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 

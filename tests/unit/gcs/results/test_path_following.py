@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.path import path_record, point_at
 from gcs.results.path_following import SETTLING_S, PathErrors, PathFollowing
+from gcs.results.recording import Steps
 from gcs.results.separation import Separation
-from gcs.results.steps import Steps
 
 STEP_US, SPEED = 100_000, 40.0
 SETTLING = round(SETTLING_S * 1e6 / STEP_US)

@@ -4,6 +4,7 @@ import csv
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -14,19 +15,20 @@ from ftc_autopilot.control.triggers import MODES
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.baselines.combinations import (
     AIRCRAFT,
-    ClockSender,
     Combination,
     combinations,
     fault_files,
-    fly_all,
     fly_faults,
     message_bytes,
     on_the_front,
+    rivals,
+    with_slowest_equal,
 )
-from gcs.lab.baselines.rivals import Rival, rivals, with_slowest_equal
+from gcs.lab.baselines.senders import Sender
 from gcs.lab.reports.combinations import combinations_csv, combinations_section
+from gcs.results.figures import FlightSummary
 from gcs.results.quantities import QUANTITIES
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
 from mavlink_defs.fault_kinds import STUCK
 
@@ -116,19 +118,20 @@ def test_fault_files_that_lose_the_aircraft_are_counted(
         return rolled if all(stuck) else turned
 
     one = Combination("ideal", "pid", "joint", scenario1, with_iae(flown, 2.0))
-    survival = fly_faults(one, fly, pool).survival
-    assert survival is not None
-    assert survival.flown == len(fault_files()) == 27
-    assert "stuck_zero_aileron" in survival.lost
-    assert not {"loe_aileron", "bias_rudder", "thrust_loss"} & set(survival.lost)
-    line = section([replace(one, survival=survival)])[2]
-    assert line.endswith(f"| {len(survival.lost)} of 27 |")
+    hurt = fly_faults(one, partial(pool.map, fly))
+    lost = hurt.faults_lost
+    assert lost is not None
+    assert len(fault_files()) == 27
+    assert "stuck_zero_aileron" in lost
+    assert not {"loe_aileron", "bias_rudder", "thrust_loss"} & set(lost)
+    assert section([hurt])[2].endswith(f"| {len(lost)} of 27 |")
 
 
-def test_the_table_has_a_line_for_each_uav(scenario1: Scenario, pool: Executor) -> None:
+def test_the_table_has_a_line_for_each_uav(scenario1: Scenario) -> None:
     brief = Scenario.model_validate(scenario1.model_dump() | {"duration_s": 0.05, "faults": ()})
     listed = combinations(brief)[:2]
-    done = list(fly_all(listed, lambda s: summarise(fly_in_process(s), s), pool))
+    flights = (summarise(fly_in_process(one.scenario), one.scenario) for one in listed)
+    done = [replace(one, summary=flight) for one, flight in zip(listed, flights, strict=True)]
     rows = list(csv.DictReader(combinations_csv(done).splitlines()))
     assert [row["uav"] for row in rows] == ["1", "2", "3"] * 2
     for row in rows:
@@ -143,21 +146,26 @@ def test_a_message_is_as_long_as_on_the_wire() -> None:
 def test_every_law_is_a_rival_by_the_clock(scenario1: Scenario) -> None:
     found = rivals(combinations(scenario1))
     for aircraft in AIRCRAFT:
-        own = [one.sender for one in found if one.aircraft == aircraft]
+        own = [sender for flown, sender in found if flown == aircraft]
         assert {one.law for one in own} == set(LAWS)
         for law in LAWS:
             periods = [one.period_s for one in own if one.law == law]
             assert periods == sorted(periods)
             assert (periods[0], periods[-1]) == (0.02, 0.5)
-    for one in found:
-        assert one.scenario.controller.kind == one.sender.law
-        assert one.scenario.trigger.mode == "periodic"
+    assert all(sender.scenario.trigger.mode == "periodic" for _, sender in found)
 
 
 def test_the_slowest_equal_sender_is_as_good_and_sends_least(
     scenario1: Scenario, flown: FlightSummary
 ) -> None:
-    def rival(law: str, events: int, iae: float, aircraft: str = "ideal") -> Rival:
+    found = {sender.law: sender for _, sender in rivals(combinations(scenario1))}
+
+    def by_clock(law: str) -> Sender:
+        return replace(found[law], periods=(10,) * 4)
+
+    def rival(
+        law: str, events: int, iae: float, aircraft: str = "ideal"
+    ) -> tuple[str, Sender, FlightSummary]:
         summary = with_iae(flown, iae)
         uavs = [
             replace(
@@ -170,16 +178,17 @@ def test_the_slowest_equal_sender_is_as_good_and_sends_least(
             for uav in summary.uavs
         ]
         sent = replace(summary, uavs=tuple(uavs))
-        return Rival(aircraft, ClockSender(law, 0.01), scenario1, sent)
+        return aircraft, by_clock(law), sent
 
     one = Combination("ideal", "tube", "consequence", scenario1, with_iae(flown, 2.0))
     as_good = [rival("pid", 400, 2.015), rival("surviving", 800, 1.0)]
     worse = [rival("proposed", 40, 2.03), rival("pid", 80, 1.0, "realistic")]
     lost = rival("backstepping", 40, 1.0)
-    assert lost.summary is not None
-    lost = replace(lost, summary=replace(lost.summary, completed=False))
+    lost = (*lost[:2], replace(lost[2], completed=False))
     compared = with_slowest_equal(one, [*worse, *as_good, lost], 3)
-    assert compared.slowest_equal == ClockSender("pid", 0.01, 400)
+    assert compared.slowest_equal is not None
+    assert compared.slowest_equal.sender == by_clock("pid")
+    assert compared.slowest_equal.transmissions == 400
     assert "| pid, every 10 ms: 400 |" in section([compared])[2]
     alone = with_slowest_equal(one, [*worse, lost], 3)
     assert alone.slowest_equal is None
@@ -191,4 +200,5 @@ def test_a_sender_by_the_clock_is_its_own_equal(scenario1: Scenario, flown: Flig
     own = flown.uav(3)
     assert own is not None
     equal = with_slowest_equal(one, [], 3).slowest_equal
-    assert equal == ClockSender("pid", 0.001, own.events)
+    assert equal is not None
+    assert (equal.sender.period_s, equal.transmissions) == (0.001, own.events)

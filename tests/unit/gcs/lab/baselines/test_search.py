@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,13 +14,20 @@ from hypothesis import strategies as st
 from ftc_autopilot.control.laws.tube import Tube
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.baselines.aircraft import drawn_aircraft
-from gcs.lab.baselines.baseline import Baseline, find_baseline, find_robust
-from gcs.lab.baselines.search import COARSE, FINE, Search, worst_ratio
-from gcs.lab.baselines.senders import periodic_base, sender, some_periods, transmissions
+from gcs.lab.baselines.baseline import Baseline, Search, find_baseline, find_robust
+from gcs.lab.baselines.senders import (
+    COARSE,
+    FINE,
+    periodic_base,
+    senders,
+    some_periods,
+    transmissions,
+    worst_ratio,
+)
 from gcs.lab.campaigns.model import load_campaign
 from gcs.lab.reports.baseline import baseline_report
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.figures import FlightSummary
+from gcs.results.summary import summarise
 from gcs.scenario.bundled import find_scenario
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged
@@ -67,7 +75,7 @@ def made_up(base: Scenario, flown: FlightSummary, pool: Executor, area: Area) ->
     def fly(scenario: Scenario) -> FlightSummary:
         return with_iae(flown, area(periods_of(scenario), scenario))
 
-    return Search(base, with_iae(flown, 1.0), 1.01, fly, pool, lambda _: None)
+    return Search(base, with_iae(flown, 1.0), 1.01, partial(pool.map, fly), lambda: None)
 
 
 @given(longest=st.integers(1, 3000), ratio=st.floats(1.001, 3.0), shortest=st.integers(1, 50))
@@ -78,9 +86,10 @@ def test_neighbours_on_the_list_are_close(longest: int, ratio: float, shortest: 
 
 
 def test_transmissions_are_those_of_the_flight(base: Scenario) -> None:
-    slow = sender(base, (7, 11, 13, 1))
-    counts = summarise(fly_in_process(slow), slow).uavs
-    assert sum(uav.events for uav in counts) == transmissions(base, (7, 11, 13, 1))
+    (slow,) = senders(base, (7, 11, 13, 1))
+    counts = summarise(fly_in_process(slow.scenario), slow.scenario).uavs
+    assert sum(uav.events for uav in counts) == slow.transmissions
+    assert slow.transmissions == transmissions(base, (7, 11, 13, 1))
     of_one = {name: channel.events for name, channel in counts[0].channels.items()}
     assert of_one == {"aileron": 43, "elevator": 28, "rudder": 24, "throttle": 300}
 
@@ -92,8 +101,8 @@ def test_the_slowest_equal_sender_is_found_where_tracking_is_not_monotone(
     search = made_up(base, flown, pool, lambda p, _: 1.0 if p["rudder"] in good else 1.02)
     found = find_baseline(short, search, 40, each_channel=False)
     assert found.slowest_uniform is not None
-    assert found.slowest_uniform.periods == (17,) * 4
-    assert [one.periods[0] for one in found.uniform] == some_periods(40, FINE)
+    assert found.slowest_uniform.sender.periods == (17,) * 4
+    assert [one.sender.periods[0] for one in found.uniform] == some_periods(40, FINE)
     report = baseline_report(found)
     assert "| slowest equal: every 17 ms | 216 |" in report
     assert "Of the 16 faster than the one in the table 13 are not equal" in report
@@ -110,7 +119,7 @@ def test_each_channel_gets_the_longest_period_that_it_stands(
     search = made_up(base, flown, pool, area)
     own = find_baseline(short, search, 300, each_channel=True).per_channel
     assert own is not None
-    for name, n in zip(ACTUATORS, own.periods, strict=True):
+    for name, n in zip(ACTUATORS, own.sender.periods, strict=True):
         longer = next(m for m in some_periods(10**6, COARSE, n) if m > n)
         assert n <= limits[name] < longer
 
@@ -148,27 +157,31 @@ def test_the_slowest_sender_that_keeps_enough_aircraft(
     short: Scenario, base: Scenario, flown: FlightSummary, pool: Executor
 ) -> None:
     """Heavier aircraft stand shorter periods: with 20 of them 5 % is one."""
-    heaviest = sorted(
-        flights.uncertainty.mass for flights in _drawn(short, flown, draws=20)
-    )  # of a latin hypercube: one in each twentieth of [0.8, 1.2]
+    heaviest: list[float] = []  # of a latin hypercube: one in each twentieth of [0.8, 1.2]
 
     def area(periods: Mapping[str, int], scenario: Scenario) -> float:
         return 1.0 if periods["rudder"] * scenario.uncertainty.mass <= 12.0 else 9.0
 
     search = made_up(base, flown, pool, area)
     campaign = load_campaign(find_scenario(CAMPAIGN), draws=20)
-    aircraft = drawn_aircraft(campaign, Path("x"), 20, short, search.reference, 1.5, 0.95)
 
     def fly(scenario: Scenario) -> FlightSummary:
-        return with_iae(flown, 1.0) if scenario.trigger == short.trigger else search.fly(scenario)
+        if scenario.trigger != short.trigger:
+            return next(search.fly([scenario]))
+        heaviest.append(scenario.uncertainty.mass)
+        return with_iae(flown, 1.0)
 
-    found = find_robust(short, base, aircraft, 60, fly, pool, lambda _: None)
-    assert (found.triggered.kept, found.triggered.flown) == (20, 20)
+    searched = replace(search, fly=lambda scenarios: map(fly, scenarios))
+    found = find_robust(short, searched, campaign, Path("x"), 60, 1.5, 0.95)
+    heaviest.sort()
+    assert len(heaviest) == 20
+    assert found.triggered == (20, True)
+    assert found.to_json()["triggered"]["flown"] == 20
     longest = max(n for n in some_periods(60, COARSE) if n * heaviest[-2] <= 12.0)
     assert found.slowest is not None
-    assert found.slowest.periods == (longest,) * 4
+    assert found.slowest.sender.periods == (longest,) * 4
     assert found.slowest.kept == sum(longest * mass <= 12.0 for mass in heaviest)
-    assert all(one.flown < 20 or not one.enough for one in found.checked[:-1])
+    assert all(one.flown < 20 or not one.good for one in found.checked[:-1])
 
 
 def test_a_law_is_sent_by_the_clock_with_the_parameters_that_suit_the_clock(
@@ -186,15 +199,9 @@ def test_a_law_is_sent_by_the_clock_with_the_parameters_that_suit_the_clock(
 
     found = find_baseline(tube, made_up(base, flown, pool, area), 40, each_channel=False)
     assert found.slowest_uniform is not None
-    assert found.slowest_uniform.periods == (7,) * 4
-    assert found.slowest_uniform.parameters == {"tube_scale": 0.5}
+    assert found.slowest_uniform.sender.periods == (7,) * 4
+    assert found.slowest_uniform.sender.parameters == {"tube_scale": 0.5}
     assert "| slowest equal: every 7 ms, tube_scale 0.5 |" in baseline_report(found)
-
-
-def _drawn(short: Scenario, flown: FlightSummary, draws: int) -> list[Scenario]:
-    campaign = load_campaign(find_scenario(CAMPAIGN), draws=draws)
-    aircraft = drawn_aircraft(campaign, Path("x"), draws, short, flown, 1.5, 0.95)
-    return [aircraft.flights.scenario(row) for row in aircraft.rows]
 
 
 def test_the_sender_may_have_another_law(short: Scenario) -> None:

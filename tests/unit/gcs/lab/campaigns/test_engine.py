@@ -1,19 +1,19 @@
 """Flying rows on workers that live, die, and are told apart from the flights that kill them."""
 
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from campaign_flights import deadly, planned, rows_by_number
 
-from gcs.errors import BadInput
-from gcs.lab.campaigns.cluster import local_cluster, prepare
-from gcs.lab.campaigns.engine import KILLS, Flown, _Queue, fly, missing_rows
+from gcs.lab.campaigns.engine import KILLS, _Queue, fly, missing_rows
 from gcs.lab.campaigns.flights import Flights, fly_rows
 from gcs.lab.campaigns.folder import open_folder
-from gcs.lab.campaigns.plan import Plan, row_of, rows_of
-from gcs.lab.campaigns.run import run_campaign
+from gcs.lab.campaigns.plan import Plan, rows_of
 from gcs.lab.campaigns.store import read_results
+from gcs.lab.campaigns.workers import Flown, LocalWorkers
+from gcs.lab.run import run_campaign
 
 pytestmark = pytest.mark.slow
 
@@ -27,10 +27,9 @@ def plan(tmp_path: Path) -> Plan:
 
 def flown(plan: Plan, folder: Path, flights: Flights, workers: int = 2) -> None:
     missing = missing_rows(folder, plan.draws.num_rows)
-    with local_cluster(workers) as client:
-        prepare(client, plan.flights.scenario(row_of(plan.draws, 0)))
+    with contextlib.closing(LocalWorkers(workers, flights)) as processes:
         rows = rows_of(plan.draws.take(missing))
-        fly(client, flights, rows, len(missing), folder, lambda _: None)
+        fly(processes, flights, rows, len(missing), folder, lambda _: None)
 
 
 def test_workers_fly_what_one_process_flies(plan: Plan, tmp_path: Path) -> None:
@@ -54,15 +53,6 @@ def test_a_flight_that_kills_its_process_is_recorded_and_no_other(
     assert rows[3]["factor.uncertainty.mass"] is not None
     assert rows[3]["uav1.iae_airspeed"] is None
     assert "killed 3 times" in rows[3]["reason"]
-
-
-def test_a_worker_of_other_code_is_refused(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gcs.lab.campaigns.cluster.code_digest", lambda: "ours")
-    with local_cluster(1) as client, pytest.raises(BadInput) as caught:
-        prepare(client, plan.flights.scenario(row_of(plan.draws, 0)))
-    assert plan.mark.digest in str(caught.value)
-    assert "expected ftc-sitl" in str(caught.value)
-    assert "with digest ours" in str(caught.value)
 
 
 def test_a_campaign_from_python_is_whole(tmp_path: Path) -> None:

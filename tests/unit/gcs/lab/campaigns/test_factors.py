@@ -13,9 +13,9 @@ from gcs.lab.campaigns.draws import draw_table
 from gcs.lab.campaigns.factors import title_of, unit_of
 from gcs.lab.campaigns.findings import Findings, findings_of
 from gcs.lab.campaigns.importance import importances
-from gcs.lab.campaigns.report import write_report
 from gcs.lab.campaigns.samples import Sample, samples_of
 from gcs.lab.figures.campaign import two_factors
+from gcs.lab.reports.campaign import write_report
 from gcs.scenario.model import load_scenario
 
 DRAWS = 150

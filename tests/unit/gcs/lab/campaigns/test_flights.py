@@ -18,8 +18,9 @@ from gcs.lab.campaigns.keep import chosen_rows, keep_flights
 from gcs.lab.campaigns.model import Kept
 from gcs.lab.campaigns.plan import row_of, rows_of
 from gcs.lab.campaigns.store import OUTCOMES, append_results, read_results
+from gcs.results.figures import ControlFailure, FlightSummary
 from gcs.results.quantities import PAPER_ORDER
-from gcs.results.summary import ControlFailure, FlightSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.models import ConfigError
 

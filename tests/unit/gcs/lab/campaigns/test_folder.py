@@ -15,9 +15,9 @@ from gcs.lab.campaigns.flights import Flights
 from gcs.lab.campaigns.folder import open_folder
 from gcs.lab.campaigns.mark import Mark, mark_of, write_mark
 from gcs.lab.campaigns.plan import Plan
-from gcs.lab.campaigns.report import write_report
 from gcs.lab.campaigns.store import alone_in, append_results, read_draws, results_schema
 from gcs.lab.campaigns.until import stopping_condition, verdict_lines
+from gcs.lab.reports.campaign import write_report
 
 
 def planned(draws: int, **changes: Any) -> Plan:

@@ -12,9 +12,9 @@ from campaign_tables import UAVS, campaign, draws_table, results_table, write_ca
 from gcs.errors import BadInput
 from gcs.lab.campaigns.findings import Findings, findings_of
 from gcs.lab.campaigns.importance import Importance
-from gcs.lab.campaigns.report import write_report
 from gcs.lab.campaigns.until import is_decided, note_condition, stopping_condition
 from gcs.lab.figures.campaign import distributions, importance, sobol_indices, two_factors
+from gcs.lab.reports.campaign import write_report
 
 pytestmark = pytest.mark.slow
 

@@ -8,11 +8,11 @@ import pytest
 from gcs.errors import GcsError
 from gcs.lab.campaigns.flights import ended
 from gcs.lab.campaigns.folder import open_folder
+from gcs.lab.campaigns.grid import plan_grid
 from gcs.lab.campaigns.plan import rows_of
 from gcs.lab.campaigns.store import append_results
 from gcs.lab.commands.sweep import sweep
-from gcs.lab.sweeps.axes import parse_axes
-from gcs.lab.sweeps.grid import plan_grid
+from gcs.scenario.settings import parse_axes
 
 
 def test_a_flight_that_could_not_be_computed_is_told_at_the_end(

@@ -7,8 +7,8 @@ import pytest
 
 from gcs.lab.reports.paper import CONTROLLERS, MODES, Results, paper_report
 from gcs.lab.reports.published_values import FIG_9, TABLE_IV, TABLE_V
+from gcs.results.figures import ChannelSummary, FlightSummary, UavSummary
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
-from gcs.results.summary import ChannelSummary, FlightSummary, UavSummary
 
 
 def summary(

@@ -8,12 +8,13 @@ from sweeping import swept
 
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
+from gcs.lab.campaigns.grid import plan_grid
+from gcs.lab.campaigns.points import Point, choose_uav
 from gcs.lab.figures.sweep import draw_sweep
-from gcs.lab.reports.sweep import choose_uav, terminal_table, write_csv, write_markdown
-from gcs.lab.sweeps.axes import parse_axes
-from gcs.lab.sweeps.grid import plan_grid
-from gcs.lab.sweeps.points import Point
-from gcs.results.summary import FlightSummary, summarise
+from gcs.lab.reports.sweep import terminal_table, write_csv, write_markdown
+from gcs.results.figures import FlightSummary
+from gcs.results.summary import summarise
+from gcs.scenario.settings import parse_axes
 
 
 def test_the_uav_with_a_fault_is_shown_or_else_the_last(short: Path) -> None:

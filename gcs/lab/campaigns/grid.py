@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gcs.errors import BadInput
-from gcs.lab.campaigns.distributions import Choice, label
+from gcs.lab.campaigns.distributions import Choice
 from gcs.lab.campaigns.draws import draw_table
 from gcs.lab.campaigns.flights import Flights, Row, flights_of
 from gcs.lab.campaigns.mark import Mark
 from gcs.lab.campaigns.model import Campaign, Factor
 from gcs.lab.campaigns.plan import Plan, rows_of
 from gcs.lab.campaigns.store import results_schema
-from gcs.lab.sweeps.axes import Axis
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from gcs.scenario.settings import Axis, label
 from mavlink_defs.config.inherit import PlaceError, check_place, difference, with_values
 from mavlink_defs.config.models import ConfigError, Problem, ProblemKind
 

@@ -1,14 +1,15 @@
 """The points of a sweep with their flights, as its tables and its plot show them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
-from gcs.lab.campaigns.distributions import label
+from gcs.errors import BadInput
+from gcs.lab.campaigns.grid import Grid
 from gcs.lab.campaigns.store import read_results
-from gcs.lab.sweeps.grid import Grid
 from gcs.scenario.model import Scenario
+from gcs.scenario.settings import label
 
 _FLOWN = {"heading_lost": "completed", "attitude_lost": "completed", "model_left": "lost"}
 """Outcomes of the campaign that are others here: a table tells what its one UAV lost."""
@@ -75,3 +76,54 @@ def read_points(folder: Path, grid: Grid) -> list[Point]:
         )
     files = list(flights.trees)
     return sorted(points, key=lambda point: (files.index(point.file), point.row))
+
+
+def choose_uav(scenarios: Iterable[Scenario | None], wanted: int | None) -> int | None:
+    """Return the UAV that table.md and the plot show.
+
+    Args:
+        scenarios: Of the points of the grid; None of those that cannot be flown.
+        wanted: System id; None for the first UAV with a fault, or else the last UAV.
+
+    Returns:
+        Its system id; None if no point can be flown.
+
+    Raises:
+        BadInput: No point has the wanted UAV.
+    """
+    known = [scenario for scenario in scenarios if scenario is not None]
+    if not known:
+        return wanted
+    ids = sorted({uav.id for scenario in known for uav in scenario.uavs})
+    if wanted is None:
+        faulted = [fault.uav for scenario in known for fault in scenario.faults]
+        return faulted[0] if faulted else known[0].uavs[-1].id
+    if wanted not in ids:
+        raise BadInput(f"--uav is {wanted}, expected one of {', '.join(map(str, ids))}")
+    return wanted
+
+
+def uav_of(point: Point, uav_id: int | None) -> Mapping[str, Any] | None:
+    """Return a UAV's figures in a complete flight; None if the flight is not complete."""
+    if point.outcome != "completed" or uav_id not in point.uav_ids():
+        return None
+    return point.uav(uav_id)
+
+
+Dimension: TypeAlias = tuple[str, list[str]]
+"""A column of the tables and a dimension of the plot: its name, and labels of its values."""
+
+FILE = "scenario"
+"""The dimension of the files."""
+
+
+def dimensions_of(points: Sequence[Point]) -> list[Dimension]:
+    """Return the keys that were swept, and the files if there are several."""
+    names = [*points[0].values, FILE]
+    axes = [(name, list(dict.fromkeys(position(p, name) for p in points))) for name in names]
+    return [axis for axis in axes if axis[0] != FILE or len(axis[1]) > 1]
+
+
+def position(point: Point, name: str) -> str:
+    """Return the label of a point in a dimension."""
+    return point.file if name == FILE else point.values.get(name, "")

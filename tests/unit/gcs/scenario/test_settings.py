@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.errors import BadInput
-from gcs.lab.campaigns.distributions import cells, label
-from gcs.lab.sweeps.axes import Axis, parse_axes
+from gcs.scenario.settings import Axis, cells, label, parse_axes
 from mavlink_defs.config.models import repeated
 from mavlink_defs.config.written import WrittenDict, WrittenList
 

@@ -7,19 +7,15 @@ Worker processes import the program that starts them, so a script needs the usua
         table = read_results(Path("runs/mine")).to_pandas()
 """
 
-import contextlib
-import os
 from collections.abc import Callable
 from pathlib import Path
 
-from gcs.lab.campaigns.cluster import cluster_elsewhere, local_cluster, prepare
-from gcs.lab.campaigns.engine import Flown, fly, missing_rows
-from gcs.lab.campaigns.folder import open_folder
+from gcs.lab.campaigns.engine import fly_missing
 from gcs.lab.campaigns.keep import keep_flights
-from gcs.lab.campaigns.plan import Plan, rows_of
-from gcs.lab.campaigns.report import write_report
-from gcs.lab.campaigns.store import alone_in
-from gcs.lab.campaigns.until import is_decided, note_condition, stopping_condition
+from gcs.lab.campaigns.plan import Plan
+from gcs.lab.campaigns.until import begin_campaign
+from gcs.lab.campaigns.workers import Flown
+from gcs.lab.reports.campaign import write_report
 
 
 def run_campaign(
@@ -56,38 +52,3 @@ def run_campaign(
     for _ in keep_flights(folder, planned.flights):
         pass
     return write_report(folder)
-
-
-def begin_campaign(planned: Plan, folder: Path, until: str | None) -> Callable[[], bool]:
-    """Make or open the folder of a campaign; arguments and errors as of `run_campaign`.
-
-    Returns:
-        A function that tells from the stored flights whether the condition is decided.
-    """
-    campaign = planned.mark.campaign
-    condition = None if until is None else stopping_condition(until, campaign)
-    open_folder(folder, planned)
-    if condition is not None:
-        note_condition(folder, condition)
-    return lambda: condition is not None and is_decided(folder, campaign, condition)
-
-
-def fly_missing(
-    planned: Plan,
-    folder: Path,
-    scheduler: str | None,
-    jobs: int | None,
-    on_flown: Callable[[Flown], None],
-    enough: Callable[[], bool] = lambda: False,
-) -> None:
-    """Fly the rows that an open folder lacks; arguments and errors as of `run_campaign`."""
-    with alone_in(folder), contextlib.ExitStack() as stack:
-        missing = missing_rows(folder, planned.draws.num_rows)
-        if not len(missing):
-            return
-        workers = min(jobs or os.cpu_count() or 1, len(missing))
-        cluster = local_cluster(workers) if scheduler is None else cluster_elsewhere(scheduler)
-        client = stack.enter_context(cluster)
-        prepare(client, planned.example)
-        rows = rows_of(planned.draws.take(missing))
-        fly(client, planned.flights, rows, len(missing), folder, on_flown, enough)

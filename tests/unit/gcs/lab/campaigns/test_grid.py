@@ -9,11 +9,11 @@ from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.campaigns.again import check_same, scenario_of_row
 from gcs.lab.campaigns.folder import default_folder
+from gcs.lab.campaigns.grid import Grid, plan_grid
 from gcs.lab.campaigns.plan import row_of, rows_of
-from gcs.lab.sweeps.axes import Axis, parse_axes
-from gcs.lab.sweeps.grid import Grid, plan_grid
 from gcs.results.summary import summarise
 from gcs.scenario.model import load_scenario, scenario_of, scenario_tree
+from gcs.scenario.settings import Axis, parse_axes
 from mavlink_defs.config.inherit import with_values
 from mavlink_defs.config.models import ConfigError
 
