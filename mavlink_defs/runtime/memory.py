@@ -17,10 +17,11 @@ _tools = cast("Any", cgutils)  # without annotations
 def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """Return an array, or a tuple of such, that nobody owns."""
     if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value)
-        for pointer in ("meminfo", "parent"):
-            setattr(array, pointer, _tools.get_null_value(getattr(array, pointer).type))
-        return array._getvalue()
+        model = context.data_model_manager[kind]
+        for owner in ("meminfo", "parent"):
+            nobody = _tools.get_null_value(model.get(builder, value, owner).type)
+            value = model.set(builder, value, nobody, owner)
+        return value
     if isinstance(kind, types.BaseTuple):
         parts = zip(cast("Any", kind), _tools.unpack_tuple(builder, value), strict=True)
         return context.make_tuple(
