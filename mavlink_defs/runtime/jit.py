@@ -47,7 +47,7 @@ def _compiled(function: _F, forceinline: bool) -> _F:
     if vars(numba.config)["DISABLE_JIT"]:
         return function
     inner = _renamed(function, f"{function.__qualname__}.inner")
-    options = {
+    options: dict[str, Any] = {
         "error_model": "numpy",
         "nogil": True,
         "no_cfunc_wrapper": True,
@@ -68,7 +68,7 @@ def _compiled(function: _F, forceinline: bool) -> _F:
                 raise
             return entry(*arguments, **keywords)
 
-    options_inside = options | {"no_cpython_wrapper": True}
+    options_inside: Any = options | {"no_cpython_wrapper": True}
     overload(call, jit_options=options_inside, strict=False)(lambda *_, **__: inner)
     return cast(_F, call)
 
