@@ -53,7 +53,9 @@ clean:  ## remove the environment and everything generated
 
 $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
 	$(PYTHON) -c 'import sys; sys.exit("ftc-sitl needs Python 3.11 or newer, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
+	@echo "installing the packages of requirements.txt into .venv: $$(grep -c == requirements.txt) packages, a few minutes"
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable '.[lab]'
+	@$(BIN)/python -c 'from rich.console import Console; from gcs.commands.common import warm_up; from gcs.scenario.model import load_scenario; warm_up(load_scenario("paper/scenario1"), Console())'
 	touch $@

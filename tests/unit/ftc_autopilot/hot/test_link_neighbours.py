@@ -1,5 +1,6 @@
 """Neighbours' states on the formation link, over real loopback sockets."""
 
+import inspect
 import itertools
 import math
 
@@ -95,8 +96,7 @@ def test_a_state_in_the_socket_is_taken_even_if_the_process_is_late(
         rig.send_neighbour_state(step)
     seconds = itertools.count()
     monkeypatch.setattr(formation_link, "monotonic_s", lambda: next(seconds))
-    compiled = formation_link.collect_neighbour_states
-    collect = getattr(compiled, "py_func", compiled)
+    collect = inspect.unwrap(formation_link.collect_neighbour_states)
     collect(rig.formation.fileno(), rig.link.formation, rig.controllers, 2, True)
     assert rig.controllers.neighbour_states[0, 0]["step"] == 1
     assert rig.link.formation.misses[0] == 0
