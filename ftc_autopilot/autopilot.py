@@ -356,7 +356,7 @@ class Autopilot:
 
 
 def _send(sock: socket.socket, frame: bytes, address: tuple[str, int] | None = None) -> None:
-    """Send a frame if the link takes it now; the microservices make up for losses."""
+    """Send a frame if the link takes it now; the microservices repeat what is lost."""
     try:
         if address is None:
             sock.send(frame, socket.MSG_DONTWAIT)

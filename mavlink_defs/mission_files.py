@@ -52,7 +52,7 @@ def mission_item(
 
 
 def is_mission_file(path: Path) -> bool:
-    """Return whether a file's name is that of a mission file."""
+    """Return whether a file is a mission file, by its name."""
     return path.suffix.lower() in {".plan", ".waypoints"}
 
 
@@ -205,8 +205,8 @@ def _number_in(kind: Callable[[str], _Number], field: str, where: str) -> _Numbe
     try:
         return kind(field)
     except ValueError:
-        words = "whole number" if kind is int else "number"
-        raise _NotOneError(f"{where}: expected a {words}, got {shown(field)}") from None
+        noun = "whole number" if kind is int else "number"
+        raise _NotOneError(f"{where}: expected a {noun}, got {shown(field)}") from None
 
 
 def _whole(entry: dict[str, Any], key: str, where: str) -> int:

@@ -119,7 +119,7 @@ def _turn_into(pose: Pose, circle: Circle, radius: float) -> list[Leg] | None:
     side, r = math.copysign(1.0, radius), abs(radius)
     to_circle = bearing(pose, circle) - pose.course
     away = distance(pose, circle)
-    # from the centre of the turn to that of the circle, in the pose's axes: forward, inward
+    # from the centre of the turn to the circle's, in the pose's axes: forward, inward
     forward, inward = away * math.cos(to_circle), side * away * math.sin(to_circle) - r
     between = math.hypot(forward, inward)
     offset = side * circle.radius - r  # of the line from the line between the centres

@@ -61,7 +61,7 @@ def level_airspeed(aircraft: Aircraft, incidence_rad: float) -> float:
 
 
 def turn_radius(airspeed: float, limits: FlightLimits) -> float:
-    """Return the radius of a turn that may have any [m]: that of 20° of bank in still air."""
+    """Return the radius of a turn that may have any [m]: of 20° of bank in still air."""
     easy = airspeed**2 / (limits.gravity_m_s2 * math.tan(_PLANNED_BANK))
     return max(easy, tightest_turn(airspeed, limits))
 

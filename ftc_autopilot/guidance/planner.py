@@ -128,7 +128,7 @@ class Planner:
             start: Where it begins.
             centre: North and east [m]; None: the circle is beside the start.
             height: [m].
-            radius_m: Positive clockwise; 0: that of a turn [m].
+            radius_m: Positive clockwise; 0: as of a turn [m].
 
         Raises:
             ItemError: The circle is too small.

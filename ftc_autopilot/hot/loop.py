@@ -1,4 +1,4 @@
-"""The compiled loop of a process: it waits for the states of its autopilots and works on them.
+"""The compiled loop of a process: it waits for the states of its autopilots and handles them.
 
 Most processes have one autopilot. In lockstep a process may have several, which take turns without
 the scheduler.
@@ -26,7 +26,7 @@ from mavlink_defs.runtime.native import (
     waits,
 )
 
-_LOOK_S = 0.002
+_GCS_POLL_S = 0.002
 """Lockstep: time between two looks for a datagram of a ground station [s]."""
 
 LOOP_STATE = np.dtype(
@@ -75,13 +75,13 @@ def new_loops(loops: Sequence[Loop], fds: Sequence[tuple[int, int, int]]) -> Loo
 
 @compiled
 def run(loops: Loops) -> None:
-    """Work on states until an autopilot needs Python.
+    """Handle states until an autopilot needs Python.
 
     A datagram of a ground station is a reason, except in real time and before the plant was
     heard, where `until_s` is soon enough.
 
     Args:
-        loops: Those of the autopilots. `outcome` is written: NONE, SERVICE, TICK (also when the
+        loops: Of the autopilots. `outcome` is written: NONE, SERVICE, TICK (also when the
             record is full), OVER or RESTARTED; after the last, `reset_link` before the next call.
     """
     loops = borrowed(loops)
@@ -89,7 +89,7 @@ def run(loops: Loops) -> None:
     for i in range(len(state)):
         state[i]["outcome"] = Outcome.NONE
     now_s = monotonic_s()
-    look_s, spin_until_s = now_s + _LOOK_S, now_s + SPIN_S
+    poll_s, spin_until_s = now_s + _GCS_POLL_S, now_s + SPIN_S
     while True:
         spins, heard = False, False
         for i in range(len(state)):
@@ -103,9 +103,9 @@ def run(loops: Loops) -> None:
                     length, fds, loop.link, loop.controllers
                 )
         now_s = monotonic_s()
-        looks = now_s >= look_s
-        if looks:
-            look_s = now_s + _LOOK_S
+        polls = now_s >= poll_s
+        if polls:
+            poll_s = now_s + _GCS_POLL_S
         for i in range(len(state)):
             link = load_tuple(loops.table, i, loops.first).link
             lockstep = _is_lockstep(link)
@@ -114,7 +114,7 @@ def run(loops: Loops) -> None:
                 now_s >= state[i]["until_s"]
                 or link.state[0]["step"] >= state[i]["until_step"]
                 or 0 < len(link.record) == link.state[0]["recorded"]
-                or (looks and lockstep and waits(state[i]["gcs_fd"], link.simulator.received))
+                or (polls and lockstep and waits(state[i]["gcs_fd"], link.simulator.received))
             ):
                 state[i]["outcome"] = Outcome.TICK
         if _some_need_python(state):

@@ -1,6 +1,6 @@
 """What a vehicle flies along in space: its mission, the way home, a circle somewhere.
 
-A path is made anew whenever the vehicle is to go elsewhere, from where it is then. The members of a
+A new path is made whenever the vehicle is to go elsewhere, from where it is then. The members of a
 formation fly one path for their mission, the one from home.
 """
 
@@ -189,7 +189,7 @@ class FlightPath:
             item: Item to begin with.
             items: The mission; None: the one in force.
             home: Home; None: the present one.
-            airspeed: Up to the mission's first change of it [m/s]; None: that of cruise.
+            airspeed: Up to the mission's first change of it [m/s]; None: cruise.
         """
         home = home or self.home.at
         items = items or self.items

@@ -201,7 +201,7 @@ class Modes:
         """Take note of the item that a mission goes on with when it is flown again."""
         self._item = max(seq, 1)
 
-    # commands: params are those of the MAV_CMD
+    # commands: params are the MAV_CMD's
 
     def arm_or_disarm(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_COMPONENT_ARM_DISARM."""

@@ -98,7 +98,7 @@ class Tunable:
     def at(self, t: float) -> float:
         """Return the value at time t [s]."""
         cell = float(self.cells[np.argmax(self.times >= t), 0])
-        # 15 digits are those of the value that was put, without the rounding of the conversion
+        # 15 digits are the value's that was put, without the rounding of the conversion
         return cell if self.factor == 1.0 else float(f"{cell / self.factor:.15g}")
 
     def put(self, value: float) -> None:
@@ -111,8 +111,8 @@ class Tunable:
         low = (q.gt is None or value > q.gt) and (q.ge is None or value >= q.ge)
         high = (q.lt is None or value < q.lt) and (q.le is None or value <= q.le)
         if not (low and high):
-            wanted = q.range() if q.range()[0] in "<>" else f"in {q.range()}"
-            raise ParamValueError(f"is {value:g}, must be {wanted}")
+            expected = q.range() if q.range()[0] in "<>" else f"in {q.range()}"
+            raise ParamValueError(f"is {value:g}, must be {expected}")
         self.cells[:] = value * self.factor
 
 
@@ -172,7 +172,7 @@ def parameters_of(
 
 
 def law_tunables(law: type[LawParameters], records: np.ndarray) -> Iterator[Tunable]:
-    """Find the numbers of a law, those of its fallback first; records as `law.record`, (1,)."""
+    """Find the numbers of a law, its fallback's first; records as `law.record`, (1,)."""
     if law.FALLBACK is not None:
         yield from tunables(law, records["fallback"], base=LawParameters)
     yield from tunables(law, records, base=LawParameters)
@@ -202,7 +202,7 @@ def tunables(
     prefix: str = "",
     base: type[BaseModel] = BaseModel,
 ) -> Iterator[Tunable]:
-    """Find the numbers that a model has beyond those of a base class.
+    """Find the numbers that a model has beyond a base class.
 
     Args:
         model: The model.
@@ -282,11 +282,11 @@ def _axes(n: int) -> tuple[str, ...]:
 def _cut(name: str, axis: str = "") -> str:
     """Return a name that fits, with its axis; the longest word is shortened."""
     end = f"_{axis}" if axis else ""
-    words = name.split("_")
-    while len("_".join(words)) + len(end) > MAX_NAME:
-        longest = max(range(len(words)), key=lambda i: len(words[i]))
-        words[longest] = words[longest][:-1]
-    return "_".join(words) + end
+    parts = name.split("_")
+    while len("_".join(parts)) + len(end) > MAX_NAME:
+        longest = max(range(len(parts)), key=lambda i: len(parts[i]))
+        parts[longest] = parts[longest][:-1]
+    return "_".join(parts) + end
 
 
 def _distinct(found: Iterable[Tunable], taken: Iterable[str]) -> Iterator[Tunable]:

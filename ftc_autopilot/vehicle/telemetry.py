@@ -99,7 +99,7 @@ class Telemetry:
         chosen = [message_id for _, message_id in sorted(overdue)[:most]]
         for message_id in chosen:
             self._due_us[message_id] += self._intervals_us[message_id]
-            if self._due_us[message_id] <= clock_us:  # what was missed is not made up for
+            if self._due_us[message_id] <= clock_us:  # what was missed is left out
                 self._due_us[message_id] = clock_us + self._intervals_us[message_id]
         return [self._makers[message_id]() for message_id in chosen]
 

@@ -78,7 +78,7 @@ class Vehicle:
         Args:
             config: The configuration.
             hot: What the compiled loop knows.
-            controllers: Those of one UAV.
+            controllers: Of one UAV.
             unix_s: The date, Unix time [s]; 0 if it does not matter.
         """
         own = SystemId(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
@@ -126,7 +126,7 @@ class Vehicle:
     # messages in
 
     def receive(self, message: MAVLink_message, now: float, station: int = 0) -> None:
-        """Take in a message of a ground station; those of no concern are ignored.
+        """Take in a message of a ground station; one of no concern is ignored.
 
         Args:
             message: The message.

@@ -28,7 +28,7 @@ class Stage:
     Attributes:
         item: Number of the item.
         north_m: Where the path is nearest to it [m].
-        east_m: Likewise.
+        east_m: The same.
         height_m: Above the origin, there [m].
         airspeed_m_s: On the way [m/s].
         length_m: Of the way up to there [m].
@@ -53,7 +53,7 @@ class Itinerary:
     Attributes:
         stages: The ways to the items; what comes after a jump back is in `repeats`.
         length_m: Of the whole path up to where it repeats or has no end [m].
-        time_s: Likewise, in still air [s].
+        time_s: The same, in still air [s].
         repeats: Number of the item from which on all repeats for ever; None: it does not.
     """
 

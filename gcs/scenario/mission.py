@@ -43,7 +43,7 @@ class LoiterEntry(Model):
     east_m: float | None = quantity("m", default=None, doc="East of the centre.")
     height_m: float = quantity("m", doc="Height above home.")
     radius_m: float = quantity(
-        "m", default=0.0, doc="Radius, positive clockwise; 0: that of a turn of 20 deg of bank."
+        "m", default=0.0, doc="Radius, positive clockwise; 0: of a turn at 20 deg of bank."
     )
     turns: float | None = quantity("", gt=0.0, default=None, doc="Turns before it is left.")
     time_s: float | None = quantity("s", ge=0.0, default=None, doc="Time before it is left.")

@@ -1,6 +1,6 @@
 """Scenario files: one YAML tree that fully describes a flight.
 
-The sections are those of plant and autopilots; this module assembles them, checks them against
+The sections are the plant's and the autopilots'; this module assembles them, checks them against
 each other, and derives the configuration of each process. Times of the profile and of faults
 are simulated time, which starts together with the mission.
 """

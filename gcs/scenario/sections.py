@@ -45,7 +45,7 @@ class ScenarioUav(Model):
     name: Title = Field(min_length=1, description="Name that displays show.")
     initial: InitialState = Field(description="State at t = 0.")
     servos: Servos | None = Field(
-        default=None, description="Its servos, in place of those of the scenario."
+        default=None, description="Its servos, in place of the scenario's."
     )
 
 
@@ -99,7 +99,7 @@ class ScenarioFault(FaultSpec):
 
     @property
     def window(self) -> str:
-        """The time window in words."""
+        """The time window as a text."""
         end = "...)" if self.end_s is None else f"{self.end_s:g}]"
         return f"({self.start_s:g}, {end} s"
 

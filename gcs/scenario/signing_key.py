@@ -13,7 +13,7 @@ def signed(scenario: Scenario, path: str | None) -> Scenario:
     """Return the scenario with another key file; unchanged if `path` is None.
 
     Raises:
-        BadInput: The key file, or that of the scenario, cannot be used.
+        BadInput: The key file, or the scenario's, cannot be used.
     """
     if path is not None:
         scenario = scenario.signed(Path(path))

@@ -44,7 +44,7 @@ def is_same(a: Mission, b: Mission) -> bool:
 
 
 def item_text(item: MissionItem) -> str:
-    """Describe an item in a few words: "waypoint", "loiter 3 turns", "jump to 2, 5 times"."""
+    """Describe an item briefly: "waypoint", "loiter 3 turns", "jump to 2, 5 times"."""
     p1, p2, p3 = item.param1, item.param2, item.param3
     match item.command:
         case dialect.MAV_CMD_NAV_WAYPOINT:

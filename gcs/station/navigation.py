@@ -29,7 +29,7 @@ class Home:
     Attributes:
         origin: Its geographic coordinates.
         north_m: Its place.
-        east_m: Likewise.
+        east_m: The same.
     """
 
     origin: Origin

@@ -93,7 +93,7 @@ class MissionsPanel(Panel, Horizontal):
     """The map beside the mission of the selected vehicle.
 
     Attributes:
-        draft: The mission as edited; None: that of the vehicle is shown.
+        draft: The mission as edited; None: the vehicle's is shown.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -215,7 +215,7 @@ class MissionsPanel(Panel, Horizontal):
         state, at = self._state, self._at
         home = None if state is None else home_of(state)
         if state is None or home is None:
-            self.app.notify("the UAV has not told its home yet", severity="warning")
+            self.app.notify("the UAV has not reported its home yet", severity="warning")
             return
         if inserts:
             place = insertion_place(self.mission, at, home, state)

@@ -156,7 +156,7 @@ class MissionUploader(_MissionClient):
     """Uploads a mission to a vehicle; without items it clears the mission.
 
     The vehicle requests each item. While it does not answer, the last message is repeated: a
-    MISSION_COUNT begins anew, a last item makes the vehicle repeat its MISSION_ACK.
+    MISSION_COUNT begins the upload again, a last item makes the vehicle repeat its MISSION_ACK.
     """
 
     def __init__(

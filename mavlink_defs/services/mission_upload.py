@@ -27,7 +27,7 @@ class Upload:
     begun_s: float = 0.0  # when that came
     items: list[MissionItem] = field(default_factory=list)
     retries: int = 0  # repeated requests since the last item
-    ignored: int = 0  # those of them after which the client was heard, but no item came
+    ignored: int = 0  # after which the client was heard, but no item came
     heard_s: float = 0.0  # when the client was heard
     asked_s: float = 0.0  # when the awaited item was requested
     result: int | None = None

@@ -214,7 +214,7 @@ def _content(item: MissionItem) -> bytes:
     return np.array(numbers).tobytes()
 
 
-def second_life(bench: Bench, scenario: Scenario, folder: Path) -> Bench:
+def second_process(bench: Bench, scenario: Scenario, folder: Path) -> Bench:
     """Return the vehicle after the death of its process, with the next state of the plant."""
     second = Bench(scenario)
     kept = (np.zeros(1, VEHICLE), np.zeros(1, VEHICLE))
@@ -224,8 +224,8 @@ def second_life(bench: Bench, scenario: Scenario, folder: Path) -> Bench:
     for old, new in zip(before, after, strict=True):
         new.reshape(-1).view(np.uint8)[:] = old.reshape(-1).view(np.uint8)
     second.controllers.paths[...] = bench.controllers.paths
-    save_mission(folder / "kept", bench.vehicle.mission_checkpoint()[1])
-    second.vehicle.resume(kept[1][0], load_mission(folder / "kept"))
+    save_mission(folder / "mission", bench.vehicle.mission_checkpoint()[1])
+    second.vehicle.resume(kept[1][0], load_mission(folder / "mission"))
     for name in bench.hot.measured.dtype.names or ():
         second.hot.measured[name] = bench.hot.measured[name]
     second.now = bench.now

@@ -270,12 +270,12 @@ def _airspeed(
     speed *= max(1.0 - right * place.ahead.curvature, 0.2)
     north = speed * math.cos(place.ahead.course) - wind[0]
     east = speed * math.sin(place.ahead.course) - wind[1]
-    wanted = math.hypot(north, east)
-    wanted = min(max(wanted, limits["airspeed_min_m_s"]), limits["airspeed_max_m_s"])
+    desired = math.hypot(north, east)
+    desired = min(max(desired, limits["airspeed_min_m_s"]), limits["airspeed_max_m_s"])
     change = limits["acceleration_max_m_s2"] * now.dt
-    wanted = min(max(wanted, state["airspeed"] - change), state["airspeed"] + change)
-    state["airspeed"] = wanted
-    return float(wanted)
+    desired = min(max(desired, state["airspeed"] - change), state["airspeed"] + change)
+    state["airspeed"] = desired
+    return float(desired)
 
 
 @compiled
@@ -310,11 +310,11 @@ def _turn(
     if abs(approach) < _INTEGRATION_MAX and gain > 0.0 and coordination.right == 0.0:
         limit = _INTEGRAL_SHARE * speed / gain
         state["cross_track"] = min(max(state["cross_track"] + place.e * now.dt, -limit), limit)
-    wanted = place.ahead.course - min(max(approach, -_APPROACH_MAX), _APPROACH_MAX)
+    desired = place.ahead.course - min(max(approach, -_APPROACH_MAX), _APPROACH_MAX)
     speed_ahead = max(_ground_speed(place.ahead.course, V, wind), 1.0)
     curvature = place.ahead.curvature
     rate = speed_ahead * curvature / max(1.0 - coordination.slot[1] * curvature, 0.2)
-    rate += gains["course_1_s"] * wrap(wanted - state["course"])
+    rate += gains["course_1_s"] * wrap(desired - state["course"])
     fastest = g * math.tan(bank_max) / speed_ahead
     rate = min(max(rate, -fastest), fastest)
     state["course"] = wrap(state["course"] + now.dt * rate)
@@ -335,8 +335,8 @@ def _upwards(error: float, coordination: Coordination, gains: np.void, state: np
     Args:
         error: Height of the slot above the UAV [m].
         coordination: Slot and corrections.
-        gains: Those of the law.
-        state: That of the law.
+        gains: Of the law.
+        state: Of the law.
     """
     integral = gains["height_integral_1_s2"] * state["height"]
     return float(gains["height_1_s"] * error + integral + coordination.slot_rate[2])
@@ -372,12 +372,12 @@ def _climb(
     most = math.sin(limits["climb_max_rad"])
     high = min(max((thrust - D) / weight - accelerating, -most), most)
     low = max(min(-D / weight - accelerating, most), -most)
-    wanted = (sink + slope_ahead * place.s_dot) / V
-    if low < wanted < high and gain > 0.0 and coordination.up == 0.0:
+    desired = (sink + slope_ahead * place.s_dot) / V
+    if low < desired < high and gain > 0.0 and coordination.up == 0.0:
         limit = _INTEGRAL_SHARE * V / gain
         state["height"] = min(max(state["height"] + error * now.dt, -limit), limit)
     present = (sink + slope * place.s_dot) / V
-    return math.asin(min(max(wanted, low), high)), math.asin(min(max(present, low), high))
+    return math.asin(min(max(desired, low), high)), math.asin(min(max(present, low), high))
 
 
 @compiled

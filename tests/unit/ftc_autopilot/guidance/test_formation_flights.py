@@ -180,7 +180,7 @@ def test_who_has_lost_an_actuator_leaves_and_the_gap_is_closed() -> None:
     assert place[1, 2] > 40.0
 
 
-def test_a_formation_slows_down_for_who_is_hurt() -> None:
+def test_a_formation_slows_down_for_who_is_degraded() -> None:
     fault = {"uav": 3, "actuator": "aileron", "stuck_deg": 4.0, "start_s": 5.0}
     scenario, recording = flown(
         "missions/hexagon",

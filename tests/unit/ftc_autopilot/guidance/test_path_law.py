@@ -1,4 +1,4 @@
-"""The law of path following: its equations, and limits that hold whatever it is told."""
+"""The law of path following: its equations, and limits that hold whatever it is reported."""
 
 import math
 from typing import Any
@@ -60,12 +60,12 @@ class Flight:
     def update(
         self, now: Situation, coordination: Coordination | None = None
     ) -> tuple[float, float, float, float]:
-        told = coordination or no_coordination()
+        reported = coordination or no_coordination()
         self.s = guide(
             now,
             self.path,
             self.s,
-            told,
+            reported,
             self.nominal,
             self.parameters,
             self.state,

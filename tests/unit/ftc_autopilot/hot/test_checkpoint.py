@@ -21,7 +21,7 @@ from ftc_autopilot.hot.checkpoint import (
 RECORD = np.dtype([("step", "i8"), ("value", "f8", (3,)), ("flag", "u1")])
 
 
-class Life:
+class Process:
     """The records of one process, and its file."""
 
     def __init__(self, path: Path, configuration: str = "uav 1") -> None:
@@ -44,20 +44,20 @@ class Life:
 
 def test_it_begins_empty_and_comes_back(tmp_path: Path) -> None:
     path = tmp_path / "uav1.checkpoint"
-    life = Life(path)
-    assert not life.resumes
+    process = Process(path)
+    assert not process.resumes
     for step in range(1, 6):
-        life.save(step)
-        again = Life(path)
+        process.save(step)
+        again = Process(path)
         assert (again.resumes, again.step()) == (True, step)
     again.save(17)  # counts on, does not begin with a slot of its own
-    assert Life(path).step() == 17
+    assert Process(path).step() == 17
 
 
 def test_another_configuration_begins_empty(tmp_path: Path) -> None:
     path = tmp_path / "uav1.checkpoint"
-    Life(path).save(5)
-    other = Life(path, "uav 1 with another law")
+    Process(path).save(5)
+    other = Process(path, "uav 1 with another law")
     assert (other.resumes, other.step()) == (False, 0)
 
 
@@ -70,35 +70,35 @@ def test_a_torn_slot_is_never_taken_for_a_whole_one(
 ) -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "uav1.checkpoint"
-        life = Life(path)
+        process = Process(path)
         for step in range(1, steps + 1):
-            life.save(step)
-        newest = int(np.argmax(life.checkpoint.as_u64[:, 0]))
-        before = life.checkpoint.slots[newest].copy()
+            process.save(step)
+        newest = int(np.argmax(process.checkpoint.as_u64[:, 0]))
+        before = process.checkpoint.slots[newest].copy()
         for place, change in torn:
-            life.checkpoint.slots[newest, place % len(before)] ^= change
-        untouched = (before == life.checkpoint.slots[newest]).all()
-        again = Life(path)
+            process.checkpoint.slots[newest, place % len(before)] ^= change
+        untouched = (before == process.checkpoint.slots[newest]).all()
+        again = Process(path)
         assert again.step() == (steps if untouched else steps - 1)
         assert again.resumes == (again.step() > 0)
 
 
 def test_a_process_that_dies_while_it_writes_leaves_the_step_before(tmp_path: Path) -> None:
     path = tmp_path / "uav1.checkpoint"
-    life = Life(path)
-    life.save(1)
-    life.save(2)
-    older = int(np.argmin(life.checkpoint.as_u64[:, 0]))
-    half = life.checkpoint.slots.shape[1] // 2
-    life.checkpoint.slots[older, 16:half] = life.checkpoint.slots[
+    process = Process(path)
+    process.save(1)
+    process.save(2)
+    older = int(np.argmin(process.checkpoint.as_u64[:, 0]))
+    half = process.checkpoint.slots.shape[1] // 2
+    process.checkpoint.slots[older, 16:half] = process.checkpoint.slots[
         1 - older, 16:half
     ]  # of step 3, say
-    assert Life(path).step() == 2
-    life.checkpoint.as_u64[older, 0] = 3  # its count is written, its checksum is not
-    assert Life(path).step() == 2
+    assert Process(path).step() == 2
+    process.checkpoint.as_u64[older, 0] = 3  # its count is written, its checksum is not
+    assert Process(path).step() == 2
 
 
-def test_without_a_file_nothing_is_kept() -> None:
+def test_without_a_file_nothing_stays() -> None:
     save(no_checkpoint())
 
 
@@ -108,9 +108,9 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         map_array(path, np.dtype("f8"), 3)
 
 
-def test_a_full_disk_is_told_before_the_flight() -> None:
+def test_a_full_disk_is_reported_before_the_flight() -> None:
     """Space is taken at once, or the process would be killed by SIGBUS in flight."""
-    with pytest.raises(OSError, match="fleet") as told:
+    with pytest.raises(OSError, match="fleet") as reported:
         map_array(Path("/dev/shm/fleet"), np.dtype("u1"), 2**50)
     Path("/dev/shm/fleet").unlink()
-    assert told.value.errno is not None
+    assert reported.value.errno is not None

@@ -170,7 +170,7 @@ def with_events_in_every_step(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("delay", [0, 1, 7])
-def test_the_delay_is_that_of_the_acknowledgements(rig: Rig, delay: int) -> None:
+def test_the_delay_follows_from_the_acknowledgements(rig: Rig, delay: int) -> None:
     with_events_in_every_step(rig)
     for step in range(60):
         applied = step - 1 - delay

@@ -16,7 +16,7 @@ ACTUATORS, STEP_DONE = codec.MessageId.ACTUATORS, codec.MessageId.STEP_DONE
 
 
 def rig_with_file(scenario: Scenario, path: Path) -> Rig:
-    """A link that takes up what is in the file."""
+    """A link that restores what is in the file."""
     rig = Rig(scenario)
     link, controllers = rig.link, rig.controllers
     records = checkpoint_records(link, controllers, np.zeros(1, VEHICLE))
@@ -29,7 +29,7 @@ def rig_with_file(scenario: Scenario, path: Path) -> Rig:
 
 @pytest.fixture
 def first(scenario1: Scenario, tmp_path: Path) -> Iterator[Rig]:
-    rig = rig_with_file(scenario1, tmp_path / "kept")
+    rig = rig_with_file(scenario1, tmp_path / "checkpoint")
     yield rig
     rig.close()
 
@@ -43,7 +43,7 @@ def test_an_event_that_was_counted_but_not_sent_is_sent_after_the_restart(
     counted = first.controllers.states["events"].tolist()
     assert counted == [[1, 1, 1, 1]]
 
-    second = rig_with_file(scenario1, tmp_path / "kept")
+    second = rig_with_file(scenario1, tmp_path / "checkpoint")
     try:
         assert second.link.state["step"] == 0
         assert second.controllers.states["events"].tolist() == counted
@@ -59,10 +59,10 @@ def test_an_event_that_was_counted_but_not_sent_is_sent_after_the_restart(
 
 
 @pytest.mark.parametrize("triggered", [False, True])
-def test_after_a_restart_the_next_step_is_that_of_an_autopilot_that_lived(
+def test_after_a_restart_the_next_step_is_as_without_one(
     first: Rig, scenario1: Scenario, tmp_path: Path, triggered: bool
 ) -> None:
-    """Edges have their weights, and neighbours are told no more than the trigger asks."""
+    """Edges have their weights, and neighbours are sent no more than the trigger asks."""
     parameters = first.controllers.parameters[0]
     parameters["formation_triggered"] = triggered
     for name in parameters["formation_trigger"].dtype.names:
@@ -71,7 +71,7 @@ def test_after_a_restart_the_next_step_is_that_of_an_autopilot_that_lived(
         first.send_neighbour_state(step - 1 if step else 0, airspeed=41.0 + 0.01 * step)
         first.state(step)
     assert first.controllers.weights.any()
-    second = rig_with_file(scenario1, tmp_path / "kept")
+    second = rig_with_file(scenario1, tmp_path / "checkpoint")
     try:
         for rig in (first, second):
             rig.send_neighbour_state(19, airspeed=41.2)
@@ -88,7 +88,7 @@ def test_after_a_restart_the_next_step_is_that_of_an_autopilot_that_lived(
 def test_a_step_is_never_flown_twice(first: Rig, scenario1: Scenario, tmp_path: Path) -> None:
     for step in range(5):
         first.state(step)
-    second = rig_with_file(scenario1, tmp_path / "kept")
+    second = rig_with_file(scenario1, tmp_path / "checkpoint")
     try:
         second.state(4)  # sent again, since the answer was lost
         assert second.heard(second.plant) == [STEP_DONE]
@@ -125,13 +125,13 @@ def test_after_fifty_thousand_seconds_steps_and_times_are_exact(first: Rig) -> N
     assert LINK_STATE["step"].itemsize == 8
 
 
-def test_what_a_member_knows_of_its_formation_is_kept(
+def test_what_a_member_knows_of_its_formation_stays(
     first: Rig, scenario1: Scenario, tmp_path: Path
 ) -> None:
     state = first.controllers.formations[0]
     state["table"][1], state["commanded"], state["virtual"] = 27, (-60.0, 5.0, 10.0), 800.0
     first.state(0)
-    second = rig_with_file(scenario1, tmp_path / "kept")
+    second = rig_with_file(scenario1, tmp_path / "checkpoint")
     try:
         taken = second.controllers.formations[0]
         assert (taken["table"][1], taken["virtual"]) == (27, 800.0)

@@ -104,7 +104,7 @@ def test_the_end_is_not_passed_over(scenario1: Scenario) -> None:
 
 
 @given(st.integers(1, 400))
-def test_the_age_is_that_of_the_newest_state_that_the_plant_has_sent(
+def test_the_age_belongs_to_the_newest_state_that_the_plant_has_sent(
     scenario1: Scenario, sent: int
 ) -> None:
     """Whether the socket held all of them or only the first."""
@@ -146,24 +146,24 @@ def test_what_is_no_gap_has_no_age(scenario1: Scenario) -> None:
         assert oldest_steps(rig) == 0
 
 
-def test_an_episode_is_told_once_and_its_end(scenario1: Scenario) -> None:
+def test_an_episode_is_reported_once_and_its_end(scenario1: Scenario) -> None:
     with flying(scenario1) as rig:
-        told = OldStates(HotState(rig.link))
-        assert list(told.changes()) == []
+        reported = OldStates(HotState(rig.link))
+        assert list(reported.changes()) == []
         rig.state(LAST_BEFORE + round(OLD_STATE_S * 1000), REAL_TIME)
-        assert list(told.changes()) == []
+        assert list(reported.changes()) == []
         rig.state(317, REAL_TIME)
-        ((severity, text),) = told.changes()
+        ((severity, text),) = reported.changes()
         assert severity == dialect.MAV_SEVERITY_WARNING
         assert "0.212 s old" in text
         rig.state(900, REAL_TIME)
-        assert list(told.changes()) == []
+        assert list(reported.changes()) == []
         for step in range(901, 3000):
             rig.state(step, REAL_TIME)
-        ((severity, text),) = told.changes()
+        ((severity, text),) = reported.changes()
         assert severity == dialect.MAV_SEVERITY_NOTICE
         assert "0.583 s old" in text
-        assert list(told.changes()) == []
+        assert list(reported.changes()) == []
 
 
 # neighbours

@@ -127,7 +127,7 @@ def test_an_autopilot_tells_the_plant_when_it_is_silent(scenario1: Scenario) -> 
     formation = FormationLinks(trigger=FormationTrigger(longest_silence_s=0.01))
     links = scenario1.links.model_copy(update={"formation": formation})
     rig = Rig(scenario1.model_copy(update={"links": links}))
-    told = []
+    reported = []
     for step in range(40):
         rig.send_neighbour_state(step)
         rig.heard(rig.neighbour)
@@ -135,9 +135,9 @@ def test_an_autopilot_tells_the_plant_when_it_is_silent(scenario1: Scenario) -> 
         silent = bool(rig.link.simulator.step_done[0]["silent"])
         messages = rig.heard(rig.neighbour)
         assert len(messages) == (step == 0) + (not silent)  # one before the first step
-        told += [] if silent else [step]
+        reported += [] if silent else [step]
     rig.close()
-    assert told[0] == 1
-    assert np.diff(told).max() <= 10
-    assert len(told) < 20
-    assert rig.controllers.states[0]["neighbour_messages"] == len(told)
+    assert reported[0] == 1
+    assert np.diff(reported).max() <= 10
+    assert len(reported) < 20
+    assert rig.controllers.states[0]["neighbour_messages"] == len(reported)

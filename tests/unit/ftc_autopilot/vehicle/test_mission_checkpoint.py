@@ -36,7 +36,7 @@ def test_it_comes_back(
     home: Home,
     airspeed: float,
 ) -> None:
-    path = tmp_path_factory.mktemp("life") / "uav1.mission"
+    path = tmp_path_factory.mktemp("process") / "uav1.mission"
     items = tuple(
         mission_item(seq, command, (a, 0.0, 0.0, b), x, y, z)
         for seq, (command, a, b, x, y, z) in enumerate(rows)

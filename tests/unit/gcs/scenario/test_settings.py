@@ -41,12 +41,12 @@ def test_any_plain_values_come_back(values: list[Any]) -> None:
 
 @given(st.text())
 def test_any_text_is_an_axis_or_one_clear_message(text: str) -> None:
-    axes, words = [], ""
+    axes, text = [], ""
     try:
         axes = parse_axes([text])
     except BadInput as problem:
-        words = f"{problem} {problem.hint}"
-    assert bool(axes) != ("--set" in words and len(words.splitlines()) == 1)
+        text = f"{problem} {problem.hint}"
+    assert bool(axes) != ("--set" in text and len(text.splitlines()) == 1)
 
 
 @pytest.mark.parametrize(

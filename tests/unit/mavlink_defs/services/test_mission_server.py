@@ -85,7 +85,7 @@ class TestServerUpload:
 
     @pytest.mark.parametrize("items", [1, 2, 3])
     @pytest.mark.parametrize("sent", [0, 1, 2])
-    def test_count_again_begins_anew(self, items: int, sent: int) -> None:
+    def test_count_again_begins_again(self, items: int, sent: int) -> None:
         vehicle = Vehicle()
         vehicle.answers(count(3))
         for seq in range(sent):
