@@ -12,6 +12,7 @@ from typing import TypeAlias
 from mavlink_defs import dialect
 from mavlink_defs.config.problems import counted
 from mavlink_defs.float32 import decimal_of_float32
+from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, Segment, items_to_segments
 from mavlink_defs.services.mission import MissionItem
 
@@ -26,6 +27,7 @@ HAS_PLACE = {
 }
 """Commands of items that lead to a place."""
 
+_NO_YAW = (0.0, 0.0, 0.0, math.nan)
 _FLOATS = ("param1", "param2", "param3", "param4", "z")
 _WHOLES = ("frame", "command", "autocontinue", "x", "y")
 
@@ -74,12 +76,9 @@ def item_text(item: MissionItem) -> str:
 
 def waypoint(like: MissionItem, x: int, y: int, z: float) -> MissionItem:
     """Return a waypoint at a place [degE7, m], its altitude in the frame of another item."""
-    fields = (0.0, 0.0, 0.0, math.nan, x, y, z)
     relative = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
     frame = like.frame if like.command in HAS_PLACE else relative
-    return dialect.MAVLink_mission_item_int_message(
-        0, 0, 0, frame, dialect.MAV_CMD_NAV_WAYPOINT, 0, 1, *fields
-    )
+    return mission_item(0, dialect.MAV_CMD_NAV_WAYPOINT, _NO_YAW, x, y, z, frame)
 
 
 def inserted(mission: Mission, at: int, item: MissionItem) -> Mission:

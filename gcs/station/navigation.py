@@ -16,6 +16,7 @@ from ftc_autopilot.guidance.mission_places import RELATIVE_FRAMES
 from gcs.station.mission import HAS_PLACE
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
+from mavlink_defs.mission_files import mission_item
 from mavlink_defs.services.mission import MissionItem
 
 _DEG_E7 = 1e7
@@ -51,16 +52,10 @@ class Home:
     def item(self) -> MissionItem:
         """Return item 0 of a mission that begins here."""
         place = place_of(self.origin, 0.0, 0.0, 0.0)
-        return dialect.MAVLink_mission_item_int_message(
-            *(0, 0, 0),
-            dialect.MAV_FRAME_GLOBAL_INT,
-            dialect.MAV_CMD_NAV_WAYPOINT,
-            *(0, 1),
-            *(0.0, 0.0, 0.0, math.nan),
-            place.latitude,
-            place.longitude,
-            self.origin.altitude_m,
-        )
+        degrees = (place.latitude, place.longitude)
+        frame, altitude_m = dialect.MAV_FRAME_GLOBAL_INT, self.origin.altitude_m
+        no_yaw = (0.0, 0.0, 0.0, math.nan)
+        return mission_item(0, dialect.MAV_CMD_NAV_WAYPOINT, no_yaw, *degrees, altitude_m, frame)
 
     def height_of(self, item: MissionItem) -> float:
         """Return the height of an item above home [m]."""
