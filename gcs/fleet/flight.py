@@ -59,7 +59,7 @@ async def fly_over_udp(
             an error.
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
-        restart: Start autopilots that fail again; they take up what they kept.
+        restart: Start autopilots that fail again; they resume from their checkpoint.
         autopilot_processes: As of `FleetProcesses`.
         crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
 

@@ -149,7 +149,7 @@ class FleetProcesses:
             endless: Ignore the scenario's duration, wait for autopilots that have fallen silent,
                 and fly on if a file of the run folder cannot be written.
             record: Record what a `Collector` takes away.
-            restart: Start autopilots that fail again; they take up what they kept.
+            restart: Start autopilots that fail again; they resume from their checkpoint.
             autopilot_processes: How many processes the autopilots share, only in lockstep and
                 without `restart`; None: each has its own.
             crashes: Steps after which autopilots die, by UAV, one for each life: for tests.

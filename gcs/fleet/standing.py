@@ -43,7 +43,7 @@ async def keep_up(
         hub: Address to which any number of ground stations can connect.
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         start: Start the mission and arm, too.
-        restart: Start autopilots that fail again; they take up what they kept.
+        restart: Start autopilots that fail again; they resume from their checkpoint.
         record: Keep a log and a light recording.
         autopilot_processes: As of `FleetProcesses`.
         on_ready: Called when the fleet is up.

@@ -7,8 +7,7 @@ from typing import TypeAlias
 from pydantic import Field
 
 from gcs.errors import BadInput
-from gcs.lab.campaigns.conditions import Condition, parse_condition, parsed
-from gcs.lab.campaigns.outcomes import EVENTS, happened
+from gcs.lab.campaigns.conditions import EVENTS, Condition, happened, parse_condition, parsed
 from gcs.lab.campaigns.samples import Sample, higher_is_better, same_draws
 from gcs.lab.campaigns.statistics import (
     Estimate,
