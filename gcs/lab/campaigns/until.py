@@ -9,10 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gcs.errors import BadInput
-from gcs.lab.campaigns.conditions import Condition, parse_condition
+from gcs.lab.campaigns.conditions import Condition, counted, parse_condition
 from gcs.lab.campaigns.folder import open_folder
 from gcs.lab.campaigns.model import Campaign
-from gcs.lab.campaigns.outcomes import in_words
 from gcs.lab.campaigns.plan import Plan
 from gcs.lab.campaigns.samples import samples_of
 from gcs.lab.campaigns.stopping import Verdict, judge, leading
@@ -111,7 +110,7 @@ def verdict_lines(folder: Path, condition: Condition) -> list[str]:
         BadInput: The results cannot be read.
     """
     return [
-        f"{condition}: {found.decided} for {name}, {in_words(condition.event)} in {found.count} "
+        f"{condition}: {found.decided} for {name}, {counted(condition.event)} in {found.count} "
         f"of its first {found.flights} draws"
         for name, found in verdicts(folder, condition).items()
     ]

@@ -99,8 +99,8 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
         saving, *iae = _figures(point, uav_id)[:-2]
         done = point.outcome == "completed"
         style = "red" if not done or _lost(point, uav_id) else None
-        told = _neighbour_figures(point, uav_id)[:1] if triggered else []
-        table.add_row(*where, saving if done else point.outcome, *iae, *told, style=style)
+        messages = _neighbour_figures(point, uav_id)[:1] if triggered else []
+        table.add_row(*where, saving if done else point.outcome, *iae, *messages, style=style)
     return table
 
 

@@ -9,7 +9,7 @@ from theory_flights import DT, SCENARIOS, scenario_with
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.laws.proposed import Proposed
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.theory import check_theory, theory_words
+from gcs.lab.theory import check_theory, theory_sentences
 from gcs.lab.theory.equality import ROUNDING
 from gcs.lab.theory.ground_truth import Known, known_quantities, solve
 from gcs.lab.theory.judgement import Verdict
@@ -186,7 +186,7 @@ def test_a_departed_flight_leaves_the_hypotheses(fault: str) -> None:
     else:
         assert hypotheses.at_stop > 1000
         assert hypotheses.beyond_bound > 1000
-    words = "\n".join(theory_words(theory))
+    words = "\n".join(theory_sentences(theory))
     assert "UAV 3 left the hypotheses of (69)" in words
     assert "not contradicted" not in words
 
