@@ -1,6 +1,7 @@
 """Folders show the layers: imports go one way."""
 
 import ast
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -67,6 +68,7 @@ def modules(package: str) -> Iterator[tuple[str, Path]]:
         yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path
 
 
+@functools.cache
 def imports(source: str) -> set[str]:
     """Dotted names that a source imports; of ``from a import b``, both a and a.b."""
     names = set()

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_GCS, OTHER_VEHICLE, VEHICLE, over_the_wire, sent_by
 from mission_bench import (
@@ -334,7 +334,6 @@ def test_validation_is_by_profile_error_only() -> None:
         server.receive(over_the_wire(item(0), GCS), 0.0)
 
 
-@settings(deadline=None)
 @given(
     moves=st.lists(st.sampled_from([0, 1]), max_size=60),
     sizes=st.tuples(st.integers(1, 4), st.integers(1, 4)),
