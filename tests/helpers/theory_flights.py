@@ -50,6 +50,7 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
         (in_process, "controller_step"),
         (in_process, "tell_neighbours"),
         (in_process, "_deliver"),
+        (in_process, "hear"),
         (stepping, "_step"),
         (stepping, "_control"),
         (stepping, "control_step"),
