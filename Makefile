@@ -34,8 +34,8 @@ explore: $(READY)  ## the property tests with new examples, 25 times as many; SE
 	$(BIN)/pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile=explore \
 	  --hypothesis-seed=$(SEED) tests/unit
 
-mutants: $(READY)  ## MODULE=ftc_autopilot/control/speed.py: changes to it, as committed, that no test notices
-	scripts/find-mutants $(MODULE)
+mutants: $(READY)  ## changes to MODULE=ftc_autopilot/control/speed.py that no test of TESTS=... notices
+	scripts/find-mutants $(MODULE) $(TESTS)
 
 docs: $(READY)  ## the documentation as a site in site/; every warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
