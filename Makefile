@@ -3,8 +3,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))  # whole flights wait more than they compute
-PYTEST := $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+# two for each processor: whole flights wait more than they compute
+WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 
 .PHONY: fly check test coverage explore mutants docs bench fuzz soak lock clean
 
@@ -15,7 +15,7 @@ check: lint  ## for the daily loop: format, lint, types and the quick tests
 	$(BIN)/pytest -q -n auto --dist worksteal -m "not slow" tests/unit tests/test_architecture.py
 
 test: lint  ## everything that must pass: format, lint, types, all tests
-	$(PYTEST) tests
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder tests
 
 .PHONY: lint
 lint: $(READY)
