@@ -99,7 +99,9 @@ def test_a_process_that_dies_while_it_writes_leaves_the_step_before(tmp_path: Pa
 
 
 def test_without_a_file_nothing_is_kept() -> None:
-    save(no_checkpoint())
+    nothing = no_checkpoint()
+    save(nothing)
+    assert nothing.written[0] == 0
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:

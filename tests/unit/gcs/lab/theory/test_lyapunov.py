@@ -122,10 +122,10 @@ def test_mass_and_coefficients_make_the_uncertainty(rough: tuple[Recording, Scen
     a = scenario.aircraft
     V2, thrust = truth.signals["V"] ** 2, recording.applied[:, 2, THROTTLE]
     drag = 0.5 * a.air_density_kg_m3 * V2 * a.wing_area_m2 * a.coefficients.cD0
-    # along the velocity, where lift and side force do not act; u = V nearly
+    # along the velocity, where lift and side force do not act; of 6 m/s², 0.11 differ by u < V
     along = (recording.states[:, 2, 3:6] * truth.delta_v).sum(axis=1) / truth.signals["V"]
     expected = (thrust - 0.9 * drag) / (1.1 * a.mass_kg) - (thrust - drag) / a.mass_kg
-    np.testing.assert_allclose(along, expected, atol=0.3)
+    np.testing.assert_allclose(along, expected, atol=0.15)
     assert np.abs(expected).max() > 1.0
 
 
