@@ -13,8 +13,8 @@ import numpy as np
 from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.common.schedule import scheduled
-from ftc_autopilot.config import Controller, FormationTrigger
-from ftc_autopilot.control.laws import KINDS, LAWS, evaluate
+from ftc_autopilot.control.config import FormationTrigger
+from ftc_autopilot.control.laws import KINDS, LAWS, Controller, evaluate
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.step import (

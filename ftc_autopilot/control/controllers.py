@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple, get_type_hints
 
 import numpy as np
 
-from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.control.config import ControllerConfig
 from ftc_autopilot.control.controller import (
     CONTROLLER,
     PARAMETERS,
@@ -79,7 +79,7 @@ _LASTING = {"aircraft", "parameters", "profiles", "paths", "layouts"}
 """What a reset leaves alone."""
 
 
-def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
+def new_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
     """Return the controllers of the given UAVs before the first step: no profile, not active."""
     n = len(configs)
     degree = max((len(config.neighbours) for config in configs), default=0)

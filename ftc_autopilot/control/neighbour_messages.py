@@ -95,7 +95,7 @@ def is_message_due(
         last: The one sent last.
         extrapolated: What the neighbours make of that at the present step, of `extrapolate`.
         dt: Control period [s].
-        trigger: Record made of `ftc_autopilot.config.FormationTrigger`.
+        trigger: Record made of `ftc_autopilot.control.config.FormationTrigger`.
     """
     age = np.int64(own["step"]) - np.int64(last["step"])
     if age <= 0:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.config import Neighbour
+from ftc_autopilot.control.config import Neighbour
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.stepping import hear
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_COMP_ID_AUTOPILOT1

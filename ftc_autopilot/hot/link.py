@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.config import Neighbour
+from ftc_autopilot.control.config import Neighbour
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.stepping import (

@@ -10,20 +10,41 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.geography import Origin, Place, place_of
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, Source, begin_path
 from ftc_autopilot.guidance.limits import tightest_turn
 from ftc_autopilot.guidance.mission_path import Start
-from ftc_autopilot.guidance.mission_places import Home
+from ftc_autopilot.guidance.mission_places import Home, home_item
 from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, locate, point_at
 from ftc_autopilot.guidance.planner import Planner, start_of
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.vehicle.home import VehicleHome
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
 _SAME_RADIUS = 1.0 + 1e-6
 """Share by which a turn may be too tight, by rounding."""
+
+
+class VehicleHome:
+    """The home in force; at first the origin.
+
+    Attributes:
+        at: Home, relative to the origin.
+    """
+
+    def __init__(self, origin: Origin) -> None:
+        self._origin = origin
+        self.at = Home()
+
+    @property
+    def place(self) -> Place:
+        """Home in the units of MAVLink; its height is that above the origin."""
+        return place_of(self._origin, self.at.north_m, self.at.east_m, -self.at.height_m)
+
+    def item(self) -> MissionItem:
+        """Return item 0 of every mission."""
+        return home_item(self._origin, self.at)
 
 
 class Way(NamedTuple):

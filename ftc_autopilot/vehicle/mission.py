@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 
 from ftc_autopilot.guidance.mission_items import is_path
-from ftc_autopilot.vehicle.home import VehicleHome
+from ftc_autopilot.vehicle.flight_path import VehicleHome
 from ftc_autopilot.vehicle.message import message
 from ftc_autopilot.vehicle.modes import Modes, Say
 from mavlink_defs import dialect

@@ -14,7 +14,7 @@ from ftc_autopilot.common.geography import Origin, Place, place_of
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
-from ftc_autopilot.vehicle.home import VehicleHome
+from ftc_autopilot.vehicle.flight_path import VehicleHome
 from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.constants import THROTTLE

@@ -19,10 +19,9 @@ from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
-from ftc_autopilot.vehicle.flight_path import FlightPath
+from ftc_autopilot.vehicle.flight_path import FlightPath, VehicleHome
 from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.guided import Guided
-from ftc_autopilot.vehicle.home import VehicleHome
 from ftc_autopilot.vehicle.mission import Mission
 from ftc_autopilot.vehicle.mission_checkpoint import MissionCheckpoint
 from ftc_autopilot.vehicle.modes import Modes

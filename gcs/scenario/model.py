@@ -10,21 +10,16 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from ftc_autopilot.config import (
-    AutopilotConfig,
-    Controller,
-    Formation,
-    Guidance,
-    Identity,
-    Neighbour,
-    Origin,
-    Trigger,
-    law_problems,
-    trigger_problems,
-)
+from ftc_autopilot.common.geography import Origin
+from ftc_autopilot.config import AutopilotConfig, Identity
 from ftc_autopilot.control.communication_graph import formation_problems
+from ftc_autopilot.control.config import Neighbour, law_problems, trigger_problems
+from ftc_autopilot.control.laws import Controller
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.triggers import Trigger
 from ftc_autopilot.control.triggers.static import PerChannel
+from ftc_autopilot.guidance.formation import Formation
+from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.reach import most_links, reach_problems

@@ -9,7 +9,8 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, FormationTrigger, TelemetryClockKind
+from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, TelemetryClockKind
+from ftc_autopilot.control.config import FormationTrigger
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import (
     AtMost,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.config import FormationTrigger
+from ftc_autopilot.control.config import FormationTrigger
 from ftc_autopilot.control.controller import SIGNALS, parameter_record
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.neighbour_messages import (

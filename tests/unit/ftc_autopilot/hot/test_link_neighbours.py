@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from link_bench import NEIGHBOUR, TIMEOUT_STEPS, Rig
 
-from ftc_autopilot.config import FormationTrigger
+from ftc_autopilot.control.config import FormationTrigger
 from ftc_autopilot.hot import formation_link
 from ftc_autopilot.hot.link import FORMATION
 from gcs.scenario.model import Scenario
