@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from gcs.figures.flown import PlottedFlight, fault_windows
-from mavlink_defs.runtime.files import naming
+from mavlink_defs.config.output_files import naming
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

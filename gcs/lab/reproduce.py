@@ -33,7 +33,7 @@ from gcs.results.recorder import FlightRecorder
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs.runtime.files import naming, write_text
+from mavlink_defs.config.output_files import naming, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from gcs.errors import BadInput
 from gcs.results.figures import FlightSummary
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file
-from mavlink_defs.runtime.files import write_text
 
 
 def make_run_folder(chosen: Path | None, scenario_name: str) -> Path:

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from gcs.errors import BadInput
 from gcs.lab.campaigns.mark import MARK, mark_of
 from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, Figure
-from mavlink_defs.runtime.files import naming
+from mavlink_defs.config.output_files import naming
 
 if TYPE_CHECKING:
     import pyarrow as pa

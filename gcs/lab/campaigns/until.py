@@ -16,8 +16,8 @@ from gcs.lab.campaigns.plan import Plan
 from gcs.lab.campaigns.samples import samples_of
 from gcs.lab.campaigns.stopping import Verdict, judge, leading
 from gcs.lab.campaigns.store import read_results
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file
-from mavlink_defs.runtime.files import write_text
 
 _FILE = "until.json"
 

@@ -135,7 +135,7 @@ def baseline(
     from gcs.results.run_folder import make_run_folder
     from gcs.scenario.bundled import find_scenario
     from gcs.scenario.settings import values_of
-    from mavlink_defs.runtime.files import write_text
+    from mavlink_defs.config.output_files import write_text
 
     console = console_of(quiet=quiet)
     triggered = changed_scenario(scenario, additions, settings)

@@ -17,7 +17,7 @@ from gcs.lab.reports.markdown import save_markdown
 from gcs.results.figures import UAV_FIGURES, shown_figure
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.terminal import numbers, table_of, words
-from mavlink_defs.runtime.files import naming
+from mavlink_defs.config.output_files import naming
 from mavlink_defs.visible import visible
 
 _TERMINAL_ROWS = 50

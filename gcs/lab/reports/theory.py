@@ -11,7 +11,7 @@ from gcs.lab.theory.judgement import Judgement
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
 
 _WATCHED = 3
 _ERRORS = {
