@@ -38,6 +38,7 @@ explore: $(READY)  ## the property tests with new examples, 25 times as many; SE
 	  --hypothesis-seed=$(SEED) tests/unit
 
 mutants: $(READY)  ## changes to MODULE=ftc_autopilot/control/speed.py that no test of TESTS=... notices
+	$(BIN)/pip install --quiet --disable-pip-version-check "cosmic-ray>=8.7"
 	scripts/find-mutants $(MODULE) $(TESTS)
 
 docs: $(READY)  ## the documentation as a site in site/; every warning is an error
