@@ -2,8 +2,13 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
+# keep bytecode even if the shell forbids it: commands start in half the time, and tests start hundreds
+export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fly check test explore docs bench fuzz soak lock clean
+# two for each processor: whole flights wait more than they compute
+WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
+
+.PHONY: fly check test coverage explore mutants docs bench fuzz soak lock clean
 
 fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
 	$(BIN)/gcs fly scenarios/paper/scenario1.yaml
@@ -11,9 +16,8 @@ fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
 check: lint  ## for the daily loop: format, lint, types and the quick tests
 	$(BIN)/pytest -q -n auto --dist worksteal -m "not slow" tests/unit tests/test_architecture.py
 
-test: lint  ## everything that must pass: format, lint, types, all tests; coverage by the unit tests
-	$(BIN)/pytest -n auto --dist worksteal --cov --cov-report=term tests/unit tests/test_architecture.py
-	$(BIN)/pytest -n auto --dist worksteal tests/sitl
+test: lint  ## everything that must pass: format, lint, types, all tests
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder tests
 
 .PHONY: lint
 lint: $(READY)
@@ -25,10 +29,17 @@ lint: $(READY)
 ifeq ($(origin SEED), undefined)
 SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
-explore: $(READY)  ## the property tests with new examples, ten times as many; SEED=... repeats a run
+coverage: $(READY)  ## lines and branches that the unit tests reach, and whether these are enough
+	$(BIN)/pytest -n auto --dist worksteal --cov --cov-report=term tests/unit tests/test_architecture.py
+
+explore: $(READY)  ## the property tests with new examples, 25 times as many; SEED=... repeats a run
 	@echo "make explore SEED=$(SEED) repeats this; failures are kept in .hypothesis/, tried first"
 	$(BIN)/pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile=explore \
 	  --hypothesis-seed=$(SEED) tests/unit
+
+mutants: $(READY)  ## changes to MODULE=ftc_autopilot/control/speed.py that no test of TESTS=... notices
+	$(BIN)/pip install --quiet --disable-pip-version-check "cosmic-ray>=8.7"
+	scripts/find-mutants $(MODULE) $(TESTS)
 
 docs: $(READY)  ## the documentation as a site in site/; every warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict

@@ -84,10 +84,10 @@ def main() -> None:
     total_s = time.perf_counter() - begin
     one = flown(FEWER, workers=1)
     two = flown(FEWER, workers=2)
-    print(f"{FLIGHTS} flights of scenario 1, two workers: {total_s:.1f} s (wanted <= 150)")
-    print(f"  of which the workers do not fly: {100 * (1 - both.busy):.1f} % (wanted < 5)")
+    print(f"{FLIGHTS} flights of scenario 1, two workers: {total_s:.1f} s (target <= 150)")
+    print(f"  of which the workers do not fly: {100 * (1 - both.busy):.1f} % (target < 5)")
     print(f"pace of one worker {one.pace:.2f}, of two {two.pace:.2f} flights/s")
-    print(f"  efficiency: {100 * two.pace / 2 / one.pace:.0f} % (wanted >= 90)")
+    print(f"  efficiency: {100 * two.pace / 2 / one.pace:.0f} % (target >= 90)")
     for watch in (one, two):
         print(
             f"  {watch.workers} of them: {1e3 * watch.flight_cpu_s:.0f} ms of processor time per "

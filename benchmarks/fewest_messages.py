@@ -30,9 +30,9 @@ from gcs.fleet.in_process import fly_in_process
 from gcs.lab.reports.published_values import TABLE_IV
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, in_degrees
 from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS, THROTTLE
 from mavlink_defs.faults import fault_from_params
-from mavlink_defs.runtime.files import write_text
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state

@@ -7,7 +7,7 @@ import numpy as np
 
 from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.control.step import Step
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration
 from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, sub, vec3
@@ -22,7 +22,7 @@ class AttitudeLaw(NamedTuple):
     zeta_omega: Vec3  # [rad/s²]
 
 
-@compiled
+@inlined
 def virtual_control(now: Step, K1: Vec3) -> Vec3:
     """Return the virtual control ω_d, eq. (57) [rad/s]; K1 by its diagonal."""
     lam, e_prime = now.errors.lambda_omega, now.errors.e_prime
@@ -33,7 +33,7 @@ def virtual_control(now: Step, K1: Vec3) -> Vec3:
     return scale(1.0 / lam, mul(R2(now.motion.phi), rates))
 
 
-@compiled
+@inlined
 def filtered_derivative(now: Step, omega_d: Vec3, tau_s: float, filtered: np.ndarray) -> Vec3:
     """Return the derivative of ω_d behind its filter of (57) [rad/s²], and advance the filter.
 
@@ -52,7 +52,7 @@ def filtered_derivative(now: Step, omega_d: Vec3, tau_s: float, filtered: np.nda
     return slope
 
 
-@compiled
+@inlined
 def zeta(
     now: Step,
     e_omega: Vec3,
@@ -82,7 +82,7 @@ def zeta(
     return sub(total, omega_d_dot)
 
 
-@compiled
+@inlined
 def attitude_law(
     now: Step,
     e_omega: Vec3,

@@ -32,7 +32,7 @@ from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_record
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import Vec3
 
@@ -233,7 +233,7 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
     return mask
 
 
-@compiled
+@inlined
 def _step(inputs: Inputs, parameters: ParametersRecord, state: ControllerRecord) -> Step:
     """Return the step as the law sees it."""
     t, dt, motion, command, neighbours, weights = inputs
@@ -265,7 +265,7 @@ def _step(inputs: Inputs, parameters: ParametersRecord, state: ControllerRecord)
     )
 
 
-@compiled
+@inlined
 def _record_signals(signals: SignalsRecord, now: Step, command: Command, mask: int) -> None:
     """Write what a step computed; a law's inner quantities are written by the law."""
     motion, reference, errors = now.motion, now.reference, now.errors

@@ -5,7 +5,7 @@ import numpy as np
 from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import ACTUATORS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aerodynamics import control_effectiveness
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.config import Aircraft
@@ -51,14 +51,14 @@ def surfaces_for(moment: Vec3, C: Mat3) -> Vec3:
     )
 
 
-@compiled
+@inlined
 def acceleration_without_thrust(motion: Motion, aircraft: AircraftRecord) -> float:
     """Return what V̇ would be without thrust: vᵀ(R1ᵀg + F0/m)/V [m/s²]."""
     specific = add(motion.gravity, scale(1.0 / aircraft["m"], motion.air.F))
     return dot(motion.v, specific) / motion.V
 
 
-@compiled
+@inlined
 def thrust_for(V_dot: float, motion: Motion, aircraft: AircraftRecord) -> float:
     """Return the thrust [N] that makes a derivative of the airspeed [m/s²]."""
     by_thrust = V_dot - acceleration_without_thrust(motion, aircraft)
@@ -66,7 +66,7 @@ def thrust_for(V_dot: float, motion: Motion, aircraft: AircraftRecord) -> float:
     return thrust
 
 
-@compiled
+@inlined
 def speed_terms(now: Step, aircraft: AircraftRecord) -> tuple[float, float, float]:
     """Return r_v [m/s²], V̇ without thrust [m/s²] and ζ_v [1/kg] of (33)."""
     motion, errors = now.motion, now.errors
@@ -76,7 +76,7 @@ def speed_terms(now: Step, aircraft: AircraftRecord) -> tuple[float, float, floa
     return r_v, known, motion.v[0] * lam / (aircraft["m"] * motion.V)
 
 
-@compiled
+@inlined
 def thrust_for_speed(now: Step, aircraft: AircraftRecord, c_v: float) -> float:
     """Return the thrust [N] that makes the speed error (31) decay at c_v [1/s]."""
     r_v, known, zeta_v = speed_terms(now, aircraft)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ftc_autopilot.control.inversion import speed_terms
 from ftc_autopilot.control.step import Step
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import dot
 
@@ -25,7 +25,7 @@ class SpeedLaw(NamedTuple):
     B_v: float
 
 
-@compiled
+@inlined
 def speed_law(
     now: Step, basis: float, aircraft: AircraftRecord, gains: np.void, estimates: np.void
 ) -> SpeedLaw:

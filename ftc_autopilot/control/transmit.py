@@ -14,7 +14,7 @@ from ftc_autopilot.control.step import Command, ControllerRecord, ParametersReco
 from ftc_autopilot.control.triggers import decide
 from ftc_autopilot.control.triggers.base import Candidates
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
@@ -43,7 +43,7 @@ def _saturated(commanded: float, lowest: float, highest: float, held: float) -> 
     return clamp(commanded, lowest, highest) if math.isfinite(commanded) else held
 
 
-@compiled
+@inlined
 def transmit(
     command: Command,
     now: Step,

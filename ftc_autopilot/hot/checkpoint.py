@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs.runtime.files import naming
+from mavlink_defs.config.output_files import naming
 from mavlink_defs.runtime.jit import compiled
 
 VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ftc_autopilot.guidance.mission_places import Home
+from mavlink_defs.config.output_files import complete_file
 from mavlink_defs.dialect import MAVLink_mission_item_int_message
-from mavlink_defs.runtime.files import complete_file
 from mavlink_defs.services.mission import MissionItem
 
 _HEAD = struct.Struct("<4d")  # home: north, east, height [m]; airspeed [m/s]

@@ -23,7 +23,7 @@ from gcs.station.param_file import (
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import print_json, print_line
 from mavlink_defs import dialect
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.services.param import Param
 
 if TYPE_CHECKING:

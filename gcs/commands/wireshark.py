@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 from gcs.errors import BadInput
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.mavgen import generate
-from mavlink_defs.runtime.files import write_text
 
 _PORTS = f"{GCS_PORT},{PLANT_PORT},{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}"
 """The defaults of a scenario's links."""

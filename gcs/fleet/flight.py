@@ -23,9 +23,9 @@ from gcs.station.client import Client
 from gcs.station.telemetry import REQUESTED_S
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogWriter
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, UdpAddress
-from mavlink_defs.runtime.files import write_text
 
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.05

@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 from gcs.errors import BadInput
 from gcs.figures.flown import PlottedFlight
 from gcs.figures.style import save
+from gcs.figures.tracking import fig6, fig10, fig11
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.baselines.combinations import combinations, fly_faults, rivals, with_slowest_equal
 from gcs.lab.baselines.senders import Fly
 from gcs.lab.figures.combinations import draw_combinations
-from gcs.lab.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
+from gcs.lab.figures.events import fig7, fig8, fig9
+from gcs.lab.figures.trajectories import fig5
 from gcs.lab.reports.combinations import combinations_csv, combinations_section
 from gcs.lab.reports.markdown import html_of, save_markdown
 from gcs.lab.reports.paper import CONTROLLERS, MODES, Results, paper_report
@@ -31,7 +33,7 @@ from gcs.results.recorder import FlightRecorder
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs.runtime.files import naming, write_text
+from mavlink_defs.config.output_files import naming, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,8 +10,8 @@ Worker processes import the program that starts them, so a script needs the usua
 from collections.abc import Callable
 from pathlib import Path
 
+from gcs.lab.campaigns.again import keep_flights
 from gcs.lab.campaigns.engine import fly_missing
-from gcs.lab.campaigns.keep import keep_flights
 from gcs.lab.campaigns.plan import Plan
 from gcs.lab.campaigns.until import begin_campaign
 from gcs.lab.campaigns.workers import Flown

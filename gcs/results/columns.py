@@ -98,4 +98,4 @@ _LIGHT_SIGNALS = {"V", "command", "reference", "error", "held", "path_position",
 LIGHT = tuple(
     column for column in COLUMNS if column.array != "signals" or column.field in _LIGHT_SIGNALS
 )
-"""What a light recording has: the motion, the wind, and what is wanted, commanded and applied."""
+"""What a light recording has: the motion, the wind, commands, references and what was applied."""

@@ -23,7 +23,7 @@ _TRIGGERED_SHARE = 0.25
 """Share of the control periods in which a channel sends, if not by the clock; few come near."""
 _FIGURES = 3_000_000  # they are drawn of a flight that is thinned out
 _OF_UAV = 50_000  # configuration, log, its share of summary.json and figures
-_KEPT_OF_UAV = 200_000  # what a restarted autopilot takes up, its record apart
+_CHECKPOINT_OF_UAV = 200_000  # what a restarted autopilot restores, its record apart
 _FRAME = 8 + 12 + 13  # around a payload in a tlog: time stamp, header and checksum, signature
 
 
@@ -49,7 +49,7 @@ def folder_bytes(
         size += pieces * n * (SIGNALS.itemsize + _PLANT_ROW)
         size += round(scenario.duration_s * n * _telemetry_bytes_s())
     if restart:
-        size += n * (RECORD_ROWS * SIGNALS.itemsize + _KEPT_OF_UAV)
+        size += n * (RECORD_ROWS * SIGNALS.itemsize + _CHECKPOINT_OF_UAV)
     return size
 
 

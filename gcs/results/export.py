@@ -21,8 +21,8 @@ from gcs.results.choices import Format
 from gcs.results.columns import COLUMNS
 from gcs.results.recording import Recording, event_table
 from gcs.results.store import EVENTS, TRAJECTORY, batches
+from mavlink_defs.config.output_files import complete_file, naming, save_arrays
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.runtime.files import complete_file, naming, save_arrays
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -64,7 +64,7 @@ def streams_of(
 
 
 class FlightRecorder:
-    """Takes the steps of a flight, and keeps what is wanted of them.
+    """Takes the steps of a flight, and stores what `--record` asks for.
 
     Attributes:
         preview: The flight, thinned out for a figure.

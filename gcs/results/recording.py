@@ -171,16 +171,16 @@ class Recording:
         airspeed = np.sqrt(u * u + v * v + w * w)
         return np.concatenate([airspeed[..., None], self.states[..., 6:9]], axis=-1)
 
-    def error(self, wanted: Literal["command", "reference"]) -> np.ndarray:
-        """Return true response minus wanted one, roll and yaw wrapped [m/s, rad], (steps, n, 4).
+    def error(self, against: Literal["command", "reference"]) -> np.ndarray:
+        """Return true response minus what it tracks, angles wrapped [m/s, rad], (steps, n, 4).
 
         Over missing steps the last command or reference recorded holds; before an autopilot's
         first step, that of its first step. NaN while disarmed.
 
         Args:
-            wanted: The unfiltered commands, or the filtered reference.
+            against: The unfiltered commands, or the filtered reference.
         """
-        error: np.ndarray = self.response - self._held_over(self.signals[wanted])
+        error: np.ndarray = self.response - self._held_over(self.signals[against])
         wrap_all(error[..., 1])
         wrap_all(error[..., 3])
         return error

@@ -9,15 +9,15 @@ from pathlib import Path
 
 from gcs.errors import BadInput
 from gcs.results.figures import FlightSummary
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file
-from mavlink_defs.runtime.files import write_text
 
 
-def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
+def make_run_folder(chosen: Path | None, scenario_name: str) -> Path:
     """Make the run folder.
 
     Args:
-        wanted: The folder; None for a new one below `runs`.
+        chosen: The folder; None for a new one below `runs`.
         scenario_name: Part of the name of a new folder.
 
     Raises:
@@ -25,7 +25,7 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
     """
     now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     name = re.sub(r"[^\w.-]+", "-", scenario_name)
-    folder = wanted or Path("runs") / f"{name}-{now}"
+    folder = chosen or Path("runs") / f"{name}-{now}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         occupied = any(folder.iterdir())

@@ -15,9 +15,9 @@ from gcs.errors import BadInput
 from gcs.results.columns import COLUMNS, Column
 from gcs.results.recording import Ending, Events, Recording, Steps
 from gcs.results.run_folder import read_summary
+from mavlink_defs.config.output_files import naming
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.runtime.files import naming
 
 if TYPE_CHECKING:
     import pyarrow as pa

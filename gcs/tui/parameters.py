@@ -27,7 +27,7 @@ from gcs.tui.guard import CachedStatic, on
 from gcs.tui.requests import Choice, Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.config.models import ConfigError, counted
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.services.param import Param
 
 _COLUMNS = (

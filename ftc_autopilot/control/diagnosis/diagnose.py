@@ -10,7 +10,7 @@ from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.diagnosis.regression import long_estimate
 from ftc_autopilot.control.step import SignalsRecord, Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
@@ -23,7 +23,7 @@ _EFFECTIVENESS_S = 0.2
 _TRANSIENT_S = 0.25  # after a decision about one surface, in which nothing is learnt of the others
 
 
-@compiled
+@inlined
 def diagnose(
     now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 from ftc_autopilot.control.inversion import surfaces_for, thrust_for
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import add, clamp, cross, mat3, mul, scale, sub, vec3
 
@@ -34,7 +34,7 @@ def servo_step(position: float, command: float, lag_s: float, limit: float, dt: 
     return position + clamp(change, -limit * dt, limit * dt)
 
 
-@compiled
+@inlined
 def measure(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -> None:
     """Advance the filters; write `position`, `commanded` and `measured` of every actuator.
 

@@ -1,15 +1,23 @@
-"""Conditions on a probability, as users write them: "p(attitude_lost) < 0.05 at 95 %"."""
+"""Events that may happen in a flight, and conditions on their probability.
+
+Users write conditions as in "p(attitude_lost) < 0.05 at 95 %".
+"""
 
 import re
 from typing import Literal, TypeVar
 
+import numpy as np
 from pydantic import ValidationError
 
 from gcs.errors import BadInput
-from gcs.lab.campaigns.outcomes import EVENTS
+from gcs.lab.campaigns.store import OUTCOMES
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
+
+EVENTS = ("success", "failure", *OUTCOMES[1 : OUTCOMES.index("failed")])
+"""Events with a probability: flown to the end with attitude and heading kept; anything else; or
+an outcome as bad as this or worse, because a worse one hides it."""
 
 M = TypeVar("M", bound=Model)
 
@@ -77,3 +85,28 @@ def _number(text: str) -> float | str:
         return float(text)
     except ValueError:
         return text
+
+
+def severity(outcome: np.ndarray) -> np.ndarray:
+    """Return the place of each outcome in `OUTCOMES`, 0 the best, shape (flights,).
+
+    Raises:
+        ValueError: An outcome is unknown.
+    """
+    names, where = np.unique(outcome, return_inverse=True)
+    if unknown := set(names) - set(OUTCOMES):
+        raise ValueError(f"no outcome of a flight: {', '.join(sorted(unknown))}")
+    return np.array([OUTCOMES.index(name) for name in names], dtype=int)[where]
+
+
+def counted(event: str) -> str:
+    """Return what one of `EVENTS` counts: "success", "attitude_lost or worse"."""
+    return event if event in {"success", "failure"} else f"{event} or worse"
+
+
+def happened(event: str, outcome: np.ndarray) -> np.ndarray:
+    """Return in which flights one of `EVENTS` happened, bool, shape (flights,)."""
+    place = severity(outcome)
+    if event == "success":
+        return np.asarray(place == 0)
+    return np.asarray(place >= (1 if event == "failure" else OUTCOMES.index(event)))

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from gcs.lab.campaigns.conditions import severity
 from gcs.lab.campaigns.draws import dimensions
 from gcs.lab.campaigns.factors import title_of, unit_of
 from gcs.lab.campaigns.importance import Importance, SobolIndex, importances, sobol_indices
 from gcs.lab.campaigns.mark import Mark, mark_of
-from gcs.lab.campaigns.outcomes import severity
 from gcs.lab.campaigns.samples import Sample, read_samples
 from gcs.lab.campaigns.stopping import leading
 from gcs.lab.campaigns.store import planned_rows

@@ -7,8 +7,14 @@ from typing import TypeAlias
 from pydantic import Field
 
 from gcs.errors import BadInput
-from gcs.lab.campaigns.conditions import Condition, parse_condition, parsed
-from gcs.lab.campaigns.outcomes import EVENTS, happened, in_words
+from gcs.lab.campaigns.conditions import (
+    EVENTS,
+    Condition,
+    counted,
+    happened,
+    parse_condition,
+    parsed,
+)
 from gcs.lab.campaigns.samples import Sample, higher_is_better, same_draws
 from gcs.lab.campaigns.statistics import (
     Estimate,
@@ -149,7 +155,7 @@ def _absolute(rule: Condition, new: Sample) -> Check:
         new.variant,
         str(rule),
         shown,
-        f"{in_words(rule.event)} in {count} of {flights} flights; p is {limit} at "
+        f"{counted(rule.event)} in {count} of {flights} flights; p is {limit} at "
         f"{rule.confidence_percent:g} % (Clopper and Pearson)",
     )
 
@@ -196,7 +202,7 @@ def _event(rule: Worse, old: Sample, new: Sample, paired: bool, level: float) ->
     compare = compare_paired_successes if paired else compare_successes
     found = compare(*good, "worse", level)
     counts = (
-        f"{in_words(event)} in {after.sum()} of {len(after)} flights, "
+        f"{counted(event)} in {after.sum()} of {len(after)} flights, "
         f"was {before.sum()} of {len(before)}"
     )
     if found.only_old is not None and found.only_new is not None:

@@ -12,9 +12,9 @@ from typing import Any
 from gcs.errors import BadInput
 from gcs.lab.campaigns.model import Campaign
 from mavlink_defs.config.files import parse, read
+from mavlink_defs.config.output_files import naming, write_text
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.config.yaml_text import yaml_of
-from mavlink_defs.runtime.files import naming, write_text
 
 SCHEMA = 2
 """Number of this layout; it changes when a reader of the old one would go wrong."""

@@ -78,29 +78,29 @@ def read_points(folder: Path, grid: Grid) -> list[Point]:
     return sorted(points, key=lambda point: (files.index(point.file), point.row))
 
 
-def choose_uav(scenarios: Iterable[Scenario | None], wanted: int | None) -> int | None:
+def choose_uav(scenarios: Iterable[Scenario | None], chosen: int | None) -> int | None:
     """Return the UAV that table.md and the plot show.
 
     Args:
         scenarios: Of the points of the grid; None of those that cannot be flown.
-        wanted: System id; None for the first UAV with a fault, or else the last UAV.
+        chosen: System id; None for the first UAV with a fault, or else the last UAV.
 
     Returns:
         Its system id; None if no point can be flown.
 
     Raises:
-        BadInput: No point has the wanted UAV.
+        BadInput: No point has this UAV.
     """
     known = [scenario for scenario in scenarios if scenario is not None]
     if not known:
-        return wanted
+        return chosen
     ids = sorted({uav.id for scenario in known for uav in scenario.uavs})
-    if wanted is None:
+    if chosen is None:
         faulted = [fault.uav for scenario in known for fault in scenario.faults]
         return faulted[0] if faulted else known[0].uavs[-1].id
-    if wanted not in ids:
-        raise BadInput(f"--uav is {wanted}, expected one of {', '.join(map(str, ids))}")
-    return wanted
+    if chosen not in ids:
+        raise BadInput(f"--uav is {chosen}, expected one of {', '.join(map(str, ids))}")
+    return chosen
 
 
 def uav_of(point: Point, uav_id: int | None) -> Mapping[str, Any] | None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.errors import BadInput
+from gcs.lab.campaigns.conditions import happened
 from gcs.lab.campaigns.factors import SEVERITY, Factor, drawn_columns, fault_of
 from gcs.lab.campaigns.model import LOSS
-from gcs.lab.campaigns.outcomes import happened
 from gcs.lab.campaigns.store import Results
 from gcs.results.figures import better_of
 
@@ -28,7 +28,7 @@ class Sample:
 
     Attributes:
         variant: Its name.
-        source: Results, from which columns are taken when they are wanted.
+        source: Results, from which columns are taken when they are needed.
         where: Places of the flights in these columns, shape (flights,).
     """
 
@@ -189,7 +189,7 @@ def figures_of(schema: "pa.Schema") -> list[str]:
 def read_samples(folder: Path) -> dict[str, Sample]:
     """Return the flights of a campaign that ended so far, by variant.
 
-    Columns are read when they are wanted, so that a million flights fit into memory.
+    Columns are read when they are needed, so that a million flights fit into memory.
 
     Raises:
         BadInput: It is no campaign, its results cannot be read, or they hold a flight twice.

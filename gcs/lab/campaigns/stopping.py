@@ -15,8 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import betainc, betaincc, betaln
 
-from gcs.lab.campaigns.conditions import Condition
-from gcs.lab.campaigns.outcomes import happened
+from gcs.lab.campaigns.conditions import Condition, happened
 from gcs.lab.campaigns.statistics import Estimate
 
 _PRIOR = 0.5  # both parameters of Jeffreys' beta distribution

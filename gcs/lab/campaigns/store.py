@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from gcs.errors import BadInput
 from gcs.lab.campaigns.mark import MARK, mark_of
 from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, Figure
-from mavlink_defs.runtime.files import naming
+from mavlink_defs.config.output_files import naming
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -163,7 +163,7 @@ def read_results(folder: Path, columns: Sequence[str] | None = None) -> "pa.Tabl
 
     Args:
         folder: Folder of a campaign.
-        columns: Those wanted; None for all.
+        columns: Their names; None for all.
 
     Raises:
         BadInput: It is no campaign, a column does not exist, or a file cannot be read.
@@ -178,10 +178,10 @@ def read_results(folder: Path, columns: Sequence[str] | None = None) -> "pa.Tabl
             f"they have {', '.join(schema.names)}",
         )
     known = list(schema.names if columns is None else columns)
-    wanted = [*known, *({"row"} - set(known))]
-    tables = [pa.schema([schema.field(name) for name in wanted]).empty_table()]
+    needed = [*known, *({"row"} - set(known))]
+    tables = [pa.schema([schema.field(name) for name in needed]).empty_table()]
     with _reading(folder):
-        tables += (pq.read_table(path, columns=wanted) for path in _parts(folder))
+        tables += (pq.read_table(path, columns=needed) for path in _parts(folder))
     return pa.concat_tables(tables).sort_by("row").select(known)
 
 

@@ -9,16 +9,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gcs.errors import BadInput
-from gcs.lab.campaigns.conditions import Condition, parse_condition
+from gcs.lab.campaigns.conditions import Condition, counted, parse_condition
 from gcs.lab.campaigns.folder import open_folder
 from gcs.lab.campaigns.model import Campaign
-from gcs.lab.campaigns.outcomes import in_words
 from gcs.lab.campaigns.plan import Plan
 from gcs.lab.campaigns.samples import samples_of
 from gcs.lab.campaigns.stopping import Verdict, judge, leading
 from gcs.lab.campaigns.store import read_results
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file
-from mavlink_defs.runtime.files import write_text
 
 _FILE = "until.json"
 
@@ -111,7 +110,7 @@ def verdict_lines(folder: Path, condition: Condition) -> list[str]:
         BadInput: The results cannot be read.
     """
     return [
-        f"{condition}: {found.decided} for {name}, {in_words(condition.event)} in {found.count} "
+        f"{condition}: {found.decided} for {name}, {counted(condition.event)} in {found.count} "
         f"of its first {found.flights} draws"
         for name, found in verdicts(folder, condition).items()
     ]

@@ -130,12 +130,12 @@ def baseline(
     from gcs.lab.baselines.baseline import Search, find_baseline, find_robust
     from gcs.lab.baselines.senders import periodic_base, worst_ratio
     from gcs.lab.campaigns.model import load_campaign
-    from gcs.lab.reports.baseline import COLUMNS, baseline_report, baseline_rows, baseline_words
+    from gcs.lab.reports.baseline import COLUMNS, baseline_report, baseline_rows, baseline_sentences
     from gcs.lab.reports.markdown import save_markdown
     from gcs.results.run_folder import make_run_folder
     from gcs.scenario.bundled import find_scenario
     from gcs.scenario.settings import values_of
-    from mavlink_defs.runtime.files import write_text
+    from mavlink_defs.config.output_files import write_text
 
     console = console_of(quiet=quiet)
     triggered = changed_scenario(scenario, additions, settings)
@@ -180,7 +180,7 @@ def baseline(
         shown.add_row(*row)
     output = console_of(stderr=False, quiet=quiet)
     output.print(shown)
-    for sentence in baseline_words(found):
+    for sentence in baseline_sentences(found):
         output.print(sentence)
     output.print(f"results in {folder}", soft_wrap=True)
 

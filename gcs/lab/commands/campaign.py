@@ -103,7 +103,7 @@ def campaign(
 
 
 def _keep(planned: "Plan", folder: Path, console: Terminal) -> None:
-    from gcs.lab.campaigns.keep import keep_flights
+    from gcs.lab.campaigns.again import keep_flights
 
     with working(console) as work:
         task = work.add("flying chosen flights again, for their trajectories", unit="flights")

@@ -53,7 +53,7 @@ def compare(
     from gcs.lab.campaigns.gate import DEFAULT, gate, parse_rules
     from gcs.lab.reports import gate as reports
     from gcs.lab.reports.markdown import save_markdown
-    from mavlink_defs.runtime.files import write_text
+    from mavlink_defs.config.output_files import write_text
 
     both = findings_of(old), findings_of(new)
     notes = _checked(*both)

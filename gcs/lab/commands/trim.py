@@ -91,10 +91,10 @@ def trim(
     aircraft = true_aircraft(loaded.aircraft, loaded.uncertainty)
     airspeeds = sorted({*(airspeed or _airspeeds(loaded))})
     low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
-    for wanted in airspeeds:
-        if not low <= wanted <= high:
+    for speed in airspeeds:
+        if not low <= speed <= high:
             text = (
-                f"--airspeed is {wanted:g}, expected [{low:g}, {high:g}] m/s, the aircraft's limits"
+                f"--airspeed is {speed:g}, expected [{low:g}, {high:g}] m/s, the aircraft's limits"
             )
             raise BadInput(text)
     console = console_of(quiet=quiet)

@@ -18,7 +18,7 @@ def baseline_report(baseline: Baseline) -> str:
         f"# Baselines of {baseline.scenario}\n\n"
         f"Law `{baseline.law}` with trigger `{baseline.trigger}`; periodic senders fly the law "
         f"`{baseline.periodic_law}`. Transmissions of single channels, all UAVs.\n\n"
-        f"{table(COLUMNS, baseline_rows(baseline))}\n{bullets(baseline_words(baseline))}"
+        f"{table(COLUMNS, baseline_rows(baseline))}\n{bullets(baseline_sentences(baseline))}"
     )
 
 
@@ -44,7 +44,7 @@ def baseline_rows(baseline: Baseline) -> Iterator[tuple[str, ...]]:
         )
 
 
-def baseline_words(baseline: Baseline) -> Iterator[str]:
+def baseline_sentences(baseline: Baseline) -> Iterator[str]:
     """Yield what was searched, and what the table does not say."""
     longest = _ms(baseline, baseline.uniform[-1].sender.periods)
     limit = f"{100.0 * (baseline.largest_ratio - 1.0):g} %"

@@ -26,7 +26,7 @@ from gcs.lab.reports.markdown import (
     render,
     save_markdown,
 )
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
 
 _CAPTIONS = {
     "distributions": "Share of all flights at or below a value. Failures lie beyond every value: "

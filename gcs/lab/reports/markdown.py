@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from gcs.lab.campaigns.statistics import Estimate
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.visible import visible_lines
 
 _STYLE = """

@@ -17,7 +17,7 @@ from gcs.lab.reports.markdown import save_markdown
 from gcs.results.figures import UAV_FIGURES, shown_figure
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.terminal import numbers, table_of, words
-from mavlink_defs.runtime.files import naming
+from mavlink_defs.config.output_files import naming
 from mavlink_defs.visible import visible
 
 _TERMINAL_ROWS = 50
@@ -99,8 +99,8 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
         saving, *iae = _figures(point, uav_id)[:-2]
         done = point.outcome == "completed"
         style = "red" if not done or _lost(point, uav_id) else None
-        told = _neighbour_figures(point, uav_id)[:1] if triggered else []
-        table.add_row(*where, saving if done else point.outcome, *iae, *told, style=style)
+        messages = _neighbour_figures(point, uav_id)[:1] if triggered else []
+        table.add_row(*where, saving if done else point.outcome, *iae, *messages, style=style)
     return table
 
 

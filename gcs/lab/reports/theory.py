@@ -6,12 +6,12 @@ from dataclasses import asdict
 from pathlib import Path
 
 from gcs.lab.reports.markdown import bullets, table
-from gcs.lab.theory import UavTheory, check_theory, theory_words
+from gcs.lab.theory import UavTheory, check_theory, theory_sentences
 from gcs.lab.theory.judgement import Judgement
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
 
 _WATCHED = 3
 _ERRORS = {
@@ -63,7 +63,7 @@ def theory_section(
         "### Equalities of the laws and of the proofs, scenario 1\n",
         _equalities(watched["scenario1"]),
         "### What was checked in scenario 1, and what was not\n",
-        bullets(theory_words(found["scenario1"])),
+        bullets(theory_sentences(found["scenario1"])),
     ]
     return "\n".join(parts)
 

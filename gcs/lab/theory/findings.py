@@ -43,7 +43,7 @@ NOT_CHECKED = (
 _NAMES = {"speed": ("(53)", "|Ṽ'|"), "attitude": ("(69)", "‖e'‖")}
 
 
-def theory_words(theory: Theory) -> list[str]:
+def theory_sentences(theory: Theory) -> list[str]:
     """Return sentences on what `check_theory` found, assumed and did not check."""
     words = [*_missing(theory), *_dwell(theory), *_residual(theory)]
     if not theory.uavs:

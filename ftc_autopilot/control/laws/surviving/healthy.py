@@ -6,7 +6,7 @@ import numpy as np
 
 from ftc_autopilot.control.attitude import filtered_derivative
 from ftc_autopilot.control.step import Step
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import inlined
 from sitl_plant.rigid_body import R2
 from sitl_plant.vec3 import Vec3, clamp, mul, scale, sub
 
@@ -16,7 +16,7 @@ _NEAR = math.radians(3.0)  # of the limit of the angle of attack
 _PITCH_RATE_GAIN = 3.0  # below the limit of the angle of attack [1/s]
 
 
-@compiled
+@inlined
 def commanded_rates(now: Step, gains: np.void, state: np.void) -> Vec3:
     """Return the Euler angle rates that errors and reference ask for [rad/s].
 
@@ -47,7 +47,7 @@ def commanded_rates(now: Step, gains: np.void, state: np.void) -> Vec3:
     )
 
 
-@compiled
+@inlined
 def commanded_acceleration(now: Step, rates: Vec3, gains: np.void, state: np.void) -> Vec3:
     """Return the commanded angular acceleration ω̇_d - K2 (ω - ω_d), body axes [rad/s²].
 

@@ -16,7 +16,7 @@ from ftc_autopilot.control.laws.surviving.lateral import (
 from ftc_autopilot.control.laws.surviving.longitudinal import pitch_trim, thrust_for_pitch
 from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import mat3, mul, sub
@@ -42,7 +42,7 @@ def surviving_law(
     )
 
 
-@compiled
+@inlined
 def reconfigured(
     now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> Command:

@@ -98,8 +98,10 @@ def test_a_process_that_dies_while_it_writes_leaves_the_step_before(tmp_path: Pa
     assert Process(path).step() == 2
 
 
-def test_without_a_file_nothing_stays() -> None:
-    save(no_checkpoint())
+def test_without_a_file_nothing_is_saved() -> None:
+    nothing = no_checkpoint()
+    save(nothing)
+    assert nothing.written[0] == 0
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ def formation() -> Scenario:
     return load_scenario("scenarios/missions/hexagon.yaml")
 
 
-@settings(max_examples=100, phases=(Phase.explicit, Phase.generate))  # shrinking takes minutes
+@settings(phases=(Phase.explicit, Phase.generate))  # shrinking takes minutes
 @given(st.lists(requests(), min_size=4, max_size=12), st.booleans())
 def test_what_is_not_accepted_changes_nothing(
     scenario1: Scenario, formation: Scenario, asked: list[Request], in_formation: bool

@@ -30,7 +30,6 @@ def flown(bench: Bench) -> dict[str, Any]:
 
 
 @settings(
-    max_examples=100,
     phases=(Phase.explicit, Phase.generate),  # shrinking takes minutes
     suppress_health_check=[HealthCheck.function_scoped_fixture],  # the file is written again
 )

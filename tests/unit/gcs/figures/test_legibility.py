@@ -33,13 +33,15 @@ from gcs.figures.style import (
     style,
     usual_range,
 )
+from gcs.figures.tracking import fig6, fig10, fig11
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.baselines.combinations import AIRCRAFT, Combination
 from gcs.lab.campaigns.findings import Findings, findings_of
 from gcs.lab.figures import sweep
 from gcs.lab.figures.campaign import distributions, importance, sobol_indices, two_factors
 from gcs.lab.figures.combinations import draw_combinations
-from gcs.lab.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
+from gcs.lab.figures.events import fig7, fig8, fig9
+from gcs.lab.figures.trajectories import fig5
 from gcs.results.path_following import leaders_of, paths_of
 from gcs.results.preview import Preview
 from gcs.results.recording import Recording, events_of

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.fleet.in_process import fly_in_process, fly_in_steps
+from gcs.lab.campaigns.conditions import happened
 from gcs.lab.campaigns.flights import figures_of, outcome_of
-from gcs.lab.campaigns.outcomes import happened
 from gcs.reports.flight import flight_tables
 from gcs.results.figures import FlightSummary
 from gcs.results.summary import summarise, summary_of

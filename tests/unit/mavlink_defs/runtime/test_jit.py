@@ -1,6 +1,7 @@
 """The cache of compiled code."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -177,3 +178,14 @@ def test_compiled_code_has_linear_algebra(tmp_path: Path) -> None:
     done = subprocess.run(command, check=False, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout == "[7.0, 12.0, 18.0, 31.0] 0.5\n"
+
+
+def test_numba_is_used_by_its_public_names() -> None:
+    """So that a new version of numba is no reason for a new version of this."""
+    sources = [path for path in (ROOT / "mavlink_defs").rglob("*.py") if path.name != "dialect.py"]
+    users = [path for path in sources if re.search(r"\b(numba|llvmlite)\b", path.read_text())]
+    private = re.compile(r"\b(?!self\b|cls\b)\w+\._[a-z]\w*|sys\.modules")
+    assert {path.name for path in users} >= {"jit.py", "code_cache.py", "memory.py", "native.py"}
+    assert {path.name: private.findall(path.read_text()) for path in users} == {
+        path.name: [] for path in users
+    }

@@ -10,11 +10,10 @@ from campaign_flights import planned
 
 from gcs.errors import BadInput, GcsError
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.campaigns.again import check_same, scenario_of_row
+from gcs.lab.campaigns.again import check_same, chosen_rows, keep_flights, scenario_of_row
 from gcs.lab.campaigns.engine import missing_rows
 from gcs.lab.campaigns.flights import Flights, Row, figures_of, fly_rows, outcome_of
 from gcs.lab.campaigns.folder import default_folder, open_folder
-from gcs.lab.campaigns.keep import chosen_rows, keep_flights
 from gcs.lab.campaigns.model import Kept
 from gcs.lab.campaigns.plan import row_of, rows_of
 from gcs.lab.campaigns.store import OUTCOMES, append_results, read_results

@@ -11,8 +11,7 @@ from scipy.special import betainc
 from scipy.stats import beta
 
 from gcs.errors import BadInput
-from gcs.lab.campaigns.conditions import Condition, parse_condition
-from gcs.lab.campaigns.outcomes import EVENTS, happened
+from gcs.lab.campaigns.conditions import EVENTS, Condition, happened, parse_condition
 from gcs.lab.campaigns.statistics import proportion
 from gcs.lab.campaigns.stopping import anytime_proportion, evidence, judge, leading
 from gcs.lab.campaigns.store import OUTCOMES

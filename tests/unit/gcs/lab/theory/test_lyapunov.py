@@ -9,7 +9,7 @@ from theory_flights import DT, SCENARIOS, scenario_with
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.laws.proposed import Proposed
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.theory import check_theory, theory_words
+from gcs.lab.theory import check_theory, theory_sentences
 from gcs.lab.theory.equality import ROUNDING
 from gcs.lab.theory.ground_truth import Known, known_quantities, solve
 from gcs.lab.theory.judgement import Verdict
@@ -122,10 +122,10 @@ def test_mass_and_coefficients_make_the_uncertainty(rough: tuple[Recording, Scen
     a = scenario.aircraft
     V2, thrust = truth.signals["V"] ** 2, recording.applied[:, 2, THROTTLE]
     drag = 0.5 * a.air_density_kg_m3 * V2 * a.wing_area_m2 * a.coefficients.cD0
-    # along the velocity, where lift and side force do not act; u = V nearly
+    # along the velocity, where lift and side force do not act; of 6 m/s², 0.11 differ by u < V
     along = (recording.states[:, 2, 3:6] * truth.delta_v).sum(axis=1) / truth.signals["V"]
     expected = (thrust - 0.9 * drag) / (1.1 * a.mass_kg) - (thrust - drag) / a.mass_kg
-    np.testing.assert_allclose(along, expected, atol=0.3)
+    np.testing.assert_allclose(along, expected, atol=0.15)
     assert np.abs(expected).max() > 1.0
 
 
@@ -186,7 +186,7 @@ def test_a_departed_flight_leaves_the_hypotheses(fault: str) -> None:
     else:
         assert hypotheses.at_stop > 1000
         assert hypotheses.beyond_bound > 1000
-    words = "\n".join(theory_words(theory))
+    words = "\n".join(theory_sentences(theory))
     assert "UAV 3 left the hypotheses of (69)" in words
     assert "not contradicted" not in words
 

@@ -8,7 +8,7 @@ from theory_flights import SHORT, python_loop, scenario_with
 
 from ftc_autopilot.control.laws import proposed
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.theory import check_theory, theory_words
+from gcs.lab.theory import check_theory, theory_sentences
 from gcs.lab.theory.judgement import Verdict
 from gcs.results.recording import Recording
 
@@ -162,7 +162,7 @@ def test_a_wrong_law_is_caught_by_its_equation(name: str, monkeypatch: pytest.Mo
                 assert expected <= caught
             else:
                 assert caught == set()
-    assert any("VIOLATED. UAV 1" in words for words in theory_words(theory))
+    assert any("VIOLATED. UAV 1" in words for words in theory_sentences(theory))
 
 
 def test_the_laws_as_they_are_pass_the_same_flight(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
 
 
 def test_what_does_not_fit_leaves_the_file_before_it(tmp_path: Path) -> None:
