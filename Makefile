@@ -2,8 +2,13 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
+# keep bytecode even if the shell forbids it: commands start in half the time, and tests start hundreds
+export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fly check test explore docs bench fuzz soak lock clean
+# two for each processor: whole flights wait more than they compute
+WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
+
+.PHONY: fly check test coverage explore mutants docs bench fuzz soak lock clean
 
 fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
 	$(BIN)/gcs fly scenarios/paper/scenario1.yaml
@@ -11,28 +16,35 @@ fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
 check: lint  ## for the daily loop: format, lint, types and the quick tests
 	$(BIN)/pytest -q -n auto --dist worksteal -m "not slow" tests/unit tests/test_architecture.py
 
-test: lint  ## everything that must pass: format, lint, types, all tests; coverage by the unit tests
-	$(BIN)/pytest -n auto --dist worksteal --cov --cov-report=term tests/unit tests/test_architecture.py
-	$(BIN)/pytest -n auto --dist worksteal tests/sitl
+test: lint  ## everything that must pass: format, lint, types, all tests
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder tests
 
 .PHONY: lint
 lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 ifeq ($(origin SEED), undefined)
 SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
-explore: $(READY)  ## the property tests with new examples, ten times as many; SEED=... repeats a run
+coverage: $(READY)  ## lines and branches that the unit tests reach, and whether these are enough
+	$(BIN)/pytest -n auto --dist worksteal --cov --cov-report=term tests/unit tests/test_architecture.py
+
+explore: $(READY)  ## the property tests with new examples, 25 times as many; SEED=... repeats a run
 	@echo "make explore SEED=$(SEED) repeats this; failures are kept in .hypothesis/, tried first"
 	$(BIN)/pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile=explore \
 	  --hypothesis-seed=$(SEED) tests/unit
 
+mutants: $(READY)  ## changes to MODULE=ftc_autopilot/control/speed.py that no test of TESTS=... notices
+	$(BIN)/pip install --quiet --disable-pip-version-check "cosmic-ray>=8.7"
+	scripts/find-mutants $(MODULE) $(TESTS)
+
 docs: $(READY)  ## the documentation as a site in site/; every warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
-bench: $(READY)  ## the speed figures of the README
+bench: $(READY)  ## the speed figures of docs/explanation/performance.md
 	$(BIN)/python -m benchmarks
 
 fuzz: $(READY)  ## over a million datagrams through every parser and handler; memory must stay
@@ -42,7 +54,7 @@ soak: $(READY)  ## an hour of ten UAVs with random faults, restarts, bad links; 
 	$(BIN)/python -m soak --seed $(SEED)
 
 lock:  ## choose new dependency versions (wants uv on the PATH)
-	uv pip compile pyproject.toml --group build --group docs --group test --universal --python-version 3.11 \
+	uv pip compile pyproject.toml --extra lab --group build --group docs --group test --universal --python-version 3.11 \
 	  --generate-hashes --no-emit-index-url --no-annotate --custom-compile-command "make lock" \
 	  --upgrade --quiet --output-file requirements.txt
 
@@ -52,7 +64,9 @@ clean:  ## remove the environment and everything generated
 
 $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
 	$(PYTHON) -c 'import sys; sys.exit("ftc-sitl needs Python 3.11 or newer, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
+	@echo "installing the packages of requirements.txt into .venv: $$(grep -c == requirements.txt) packages, a few minutes"
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.txt
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable '.[lab]'
+	@$(BIN)/python -c 'from rich.console import Console; from gcs.commands.common import warm_up; from gcs.scenario.model import load_scenario; warm_up(load_scenario("paper/scenario1"), Console())'
 	touch $@

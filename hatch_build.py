@@ -30,7 +30,7 @@ def generate(package: Path) -> None:
     """
     text = runpy.run_path(str(package / "mavgen.py"))["generate"]("Python3")
     (package / "dialect.py").write_text(text, encoding="utf-8")
-    # the module is large: every process of a fleet would parse it anew if none may write bytecode
+    # the module is large: every process of a fleet would parse it again if none may write bytecode
     py_compile.compile(str(package / "dialect.py"), doraise=True)
 
 

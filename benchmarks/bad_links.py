@@ -14,24 +14,29 @@ from pathlib import Path
 
 import numpy as np
 
-from ftc_autopilot.acknowledgement import note_delay, note_events
 from ftc_autopilot.control.controller import no_signals
 from ftc_autopilot.control.controllers import Source, new_controllers
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.control.stepping import announce, controller_step, hear, tell_neighbours
-from ftc_autopilot.link import new_link
+from ftc_autopilot.control.stepping import (
+    broadcast_if_triggered,
+    controller_step,
+    hear,
+    publish_own_state,
+)
+from ftc_autopilot.hot.acknowledgement import note_delay, note_events
+from ftc_autopilot.hot.link import new_link
+from gcs.results.figures import UavSummary
 from gcs.results.quantities import QUANTITIES
 from gcs.results.recording import Recording
-from gcs.results.summary import UavSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
-from mavlink_defs.capture.impairment import Bursts, Impairer, Impairment
-from mavlink_defs.faults import fault_from_params, fault_to_params
+from mavlink_defs.capture.impairing import Impairer
+from mavlink_defs.capture.impairment import Bursts, Impairment
+from mavlink_defs.faults import fault_from_params
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
-
-__all__ = ["LINKS", "fly_over", "scenario_with"]
 
 LINKS = {
     "loss 5 %": Impairment(loss=0.05),
@@ -85,9 +90,9 @@ class _Autopilot:
         if compensated:
             controllers.delays[0]["periods"] = periods
         else:
-            controllers.delays[0]["begun"] = 0  # no state counts as lost
+            controllers.delays[0]["started"] = 0  # no state counts as lost
         mask = controller_step(controllers, 0, measured, step_us)
-        tell_neighbours(controllers, 0, step, step_us)
+        broadcast_if_triggered(controllers, 0, step, step_us)
         self.link["step"] = step
         if note_events(self.link, measured, controllers, mask, False):
             self.commands.send(controllers.actuators[0], at_s)
@@ -109,7 +114,7 @@ def fly_over(scenario: Scenario, impairment: Impairment, compensated: bool = Tru
     applied, signals = np.zeros((*shape, 4)), no_signals(scenario.steps * len(ids)).reshape(shape)
     for i, autopilot in enumerate(autopilots.values()):
         observe(fleet, i, 0, scenario.step_us)
-        announce(autopilot.controllers, 0, fleet.messages[i])
+        publish_own_state(autopilot.controllers, 0, fleet.messages[i])
     _exchange(autopilots)
     for step in range(scenario.steps):
         states[step], wind[step] = fleet.states, fleet.air[:, :3]
@@ -144,7 +149,7 @@ def fly_over(scenario: Scenario, impairment: Impairment, compensated: bool = Tru
 def _fleet_of(scenario: Scenario) -> PlantState:
     fleet, ids = new_plant_state(scenario.plant_config(speed=None)), [u.id for u in scenario.uavs]
     for uav, fault in scenario.fault_commands():
-        received = fault_from_params(fault_to_params(fault), scenario.aircraft.fault_limits)
+        received = fault_from_params(fault, scenario.aircraft.fault_limits)
         add_fault(fleet.faults[ids.index(uav)], received, now_s=0.0)
     return fleet
 
@@ -153,7 +158,7 @@ def _exchange(autopilots: dict[int, _Autopilot]) -> None:
     """Deliver what every autopilot has told its neighbours."""
     for autopilot in autopilots.values():
         for d, uav in enumerate(autopilot.neighbours):
-            hear(autopilot.controllers, 0, d, autopilots[uav].controllers.told[0])
+            hear(autopilot.controllers, 0, d, autopilots[uav].controllers.last_broadcast[0])
 
 
 def scenario_with(law: str, duration_s: float) -> Scenario:

@@ -39,8 +39,6 @@ from mavlink_defs.runtime.native import (
 )
 from mavlink_defs.runtime.sockaddr import sockaddr
 
-__all__ = ["bare_us_per_step"]
-
 _AROUND = HEADER_SIZE + CRC_SIZE
 _STATE = codec.SIM_STATE_SIZE - codec.SIM_STATE["wind"].itemsize + _AROUND  # in calm air
 _ACTUATORS = codec.ACTUATORS_SIZE + _AROUND

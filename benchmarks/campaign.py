@@ -6,7 +6,7 @@ the pace of one and of two workers, and the share of the time that they do not f
 first batch to the last. On a machine that does other work, too, the pace says little. What a second
 worker costs then shows in the processor time of a flight, in the share of the time that workers
 fly, and in the product of the ratios of both, the efficiency that an idle machine would have.
-Memory is the resident set of this process, client and scheduler, after a tenth and after all of
+Memory is the resident set of this process after a tenth and after all of
 20 000 flights of 10 ms.
 """
 
@@ -17,12 +17,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gcs.campaigns.engine import Flown
-from gcs.campaigns.model import Campaign
-from gcs.campaigns.plan import plan
-from gcs.campaigns.run import run_campaign
-
-__all__ = ["main"]
+from gcs.lab.campaigns.model import Campaign
+from gcs.lab.campaigns.plan import plan
+from gcs.lab.campaigns.workers import Flown
+from gcs.lab.run import run_campaign
 
 FLIGHTS, FEWER, SHORT = 1000, 200, 20_000
 
@@ -46,6 +44,7 @@ class Watch:
     memory: list[float] = field(default_factory=list)
 
     def __call__(self, batch: Flown) -> None:
+        """Count a batch of flights."""
         self.flown_s += batch.wall_s
         self.cpu_s += batch.cpu_s
         self.ends.append((time.perf_counter(), batch.rows.num_rows, batch.wall_s))
@@ -85,10 +84,10 @@ def main() -> None:
     total_s = time.perf_counter() - begin
     one = flown(FEWER, workers=1)
     two = flown(FEWER, workers=2)
-    print(f"{FLIGHTS} flights of scenario 1, two workers: {total_s:.1f} s (wanted <= 150)")
-    print(f"  of which the workers do not fly: {100 * (1 - both.busy):.1f} % (wanted < 5)")
+    print(f"{FLIGHTS} flights of scenario 1, two workers: {total_s:.1f} s (target <= 150)")
+    print(f"  of which the workers do not fly: {100 * (1 - both.busy):.1f} % (target < 5)")
     print(f"pace of one worker {one.pace:.2f}, of two {two.pace:.2f} flights/s")
-    print(f"  efficiency: {100 * two.pace / 2 / one.pace:.0f} % (wanted >= 90)")
+    print(f"  efficiency: {100 * two.pace / 2 / one.pace:.0f} % (target >= 90)")
     for watch in (one, two):
         print(
             f"  {watch.workers} of them: {1e3 * watch.flight_cpu_s:.0f} ms of processor time per "
@@ -98,7 +97,7 @@ def main() -> None:
     print(f"  efficiency by these on an idle machine: {100 * idle:.0f} %")
     short = flown(SHORT, workers=2, duration_s=0.01).memory
     early = short[len(short) // 10]
-    print(f"memory of client and scheduler, {SHORT} flights of 10 ms:")
+    print(f"memory, {SHORT} flights of 10 ms:")
     print(f"  {early:.0f} MB after a tenth, {short[-1]:.0f} MB at the end")
 
 

@@ -15,8 +15,6 @@ from mavlink_defs import dialect
 from mavlink_defs.framing import codec
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["CodecRow", "codec_table", "main"]
-
 ROUNDS = 9
 OUR_REPEATS = 100_000
 THEIR_REPEATS = 2_000

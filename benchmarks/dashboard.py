@@ -31,8 +31,6 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import free_ports
 from mavlink_defs.framing.frames import FramePacker, parse
 
-__all__ = ["Load", "measure"]
-
 VEHICLES = 30
 KEYS = 60
 COLUMNS, LINES = 200, 50
@@ -71,6 +69,7 @@ class Vehicles:
         self._random = Random(1)
 
     def close(self) -> None:
+        """Close the socket."""
         self._socket.close()
 
     def work(self) -> float:
@@ -168,14 +167,17 @@ class Terminal:
                 self.line = int(line)
 
     def press(self, key: bytes) -> None:
+        """Type a key."""
         os.write(self.master, key)
 
     def cpu_s(self) -> float:
+        """Processor time of the dashboard so far [s]."""
         with open(f"/proc/{self.pid}/stat") as stat:
             fields = stat.read().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def close(self) -> None:
+        """End the dashboard."""
         os.kill(self.pid, signal.SIGKILL)
         os.waitpid(self.pid, 0)
         os.close(self.master)

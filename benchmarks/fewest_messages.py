@@ -27,17 +27,15 @@ import numpy as np
 from ftc_autopilot.control.reference import profile_record, profile_value
 from gcs.figures.style import SMALL, draw_curve, new_figure, save, style, tidy
 from gcs.fleet.in_process import fly_in_process
-from gcs.reports.published_values import TABLE_IV
+from gcs.lab.reports.published_values import TABLE_IV
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, in_degrees
 from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS, THROTTLE
-from mavlink_defs.faults import fault_from_params, fault_to_params
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.faults import fault_from_params
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state
-
-__all__ = ["BUDGET", "Schedule", "Sky", "improve", "search"]
 
 _FOLLOWER_2 = 3
 _COARSE_US = 10_000
@@ -121,7 +119,7 @@ class Sky:
         self._start = new_plant_state(self.scenario.plant_config())
         for _, fault in self.scenario.fault_commands():
             limits = self.scenario.aircraft.fault_limits
-            received = fault_from_params(fault_to_params(fault), limits)
+            received = fault_from_params(fault, limits)
             add_fault(self._start.faults[0], received, now_s=0.0)
         self.wanted = np.zeros((self.steps, 4))
         profile = profile_record(self.scenario.segments())

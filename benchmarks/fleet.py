@@ -22,8 +22,6 @@ import yaml
 from benchmarks.bare_loop import bare_us_per_step
 from gcs.scenario.model import scenario_tree
 
-__all__ = ["Fleet", "gcs", "main", "measure", "star"]
-
 STEPS = {1: 24_000, 3: 24_000, 10: 6_000, 30: 2_000, 100: 500}
 """Steps of a flight, by the number of UAVs; a step is 1 ms."""
 ROUNDS = 3

@@ -14,8 +14,6 @@ import yaml
 
 from benchmarks.fleet import gcs, star
 
-__all__ = ["share_of_a_core"]
-
 _SETTLING_S, _MEASURED_S = 1.5, 8.0
 _LONG_S = 600.0  # simulated; what is measured must be in flight, which is ended then
 

@@ -17,16 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.campaigns.draws import draw_table
-from gcs.campaigns.flights import fly_rows
-from gcs.campaigns.mark import write_mark
-from gcs.campaigns.model import load_campaign
-from gcs.campaigns.plan import plan, rows_of
-from gcs.campaigns.report import write_report
-from gcs.campaigns.store import append_results, read_results, write_draws
+from gcs.lab.campaigns.draws import draw_table
+from gcs.lab.campaigns.flights import fly_rows
+from gcs.lab.campaigns.mark import write_mark
+from gcs.lab.campaigns.model import load_campaign
+from gcs.lab.campaigns.plan import plan, rows_of
+from gcs.lab.campaigns.store import append_results, read_results, write_draws
+from gcs.lab.reports.campaign import write_report
 from gcs.scenario.bundled import SCENARIOS
-
-__all__ = ["main"]
 
 _ROWS, _FILE_ROWS, _FLOWN = 1_000_000, 10_000, 16
 

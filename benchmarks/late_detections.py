@@ -13,13 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.campaigns.again import scenario_of_row
-from gcs.campaigns.store import read_results
 from gcs.fleet.in_process import fly_in_process
+from gcs.lab.campaigns.again import scenario_of_row
+from gcs.lab.campaigns.store import read_results
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS
-
-__all__ = ["main", "what_there_was"]
 
 
 def what_there_was(scenario: Scenario) -> tuple[float, float | None]:
@@ -36,7 +34,7 @@ def what_there_was(scenario: Scenario) -> tuple[float, float | None]:
     held_deg = np.rad2deg(flight.signals["held"][begin - 1, i, channel])
     sent = np.flatnonzero(flight.signals["events"][begin:, i] >> channel & 1)
     next_s = float(sent[0]) * scenario.step_us / 1e6 if len(sent) else None
-    return abs(held_deg - (fault.stuck_deg or 0.0)), next_s
+    return abs(held_deg - fault.command().value), next_s
 
 
 def main(arguments: list[str] | None = None) -> None:

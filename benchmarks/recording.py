@@ -10,9 +10,9 @@ import time
 from pathlib import Path
 
 from gcs.fleet.in_process import fly_in_process, fly_in_steps
-from gcs.results.record import Record
+from gcs.results.choices import Record
 from gcs.results.recorder import FlightRecorder
-from gcs.results.steps import Steps
+from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario, load_scenario
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"

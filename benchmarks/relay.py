@@ -19,8 +19,6 @@ from mavlink_defs.capture.relay import Relay, Route
 from mavlink_defs.endpoint import UdpAddress, parse_address
 from mavlink_defs.framing.frames import FramePacker
 
-__all__ = ["LINKS", "microseconds"]
-
 LINKS = {
     "counted": None,
     "loss 0 %, delay 0 ms": Impairment(),

@@ -13,14 +13,14 @@ import numpy as np
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.guidance.path import PATH
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.kept_mission import read_kept_mission, write_kept_mission
-from ftc_autopilot.kept_state import VEHICLE, keep, map_array, open_kept_state, take_up
-from ftc_autopilot.link import GCS, PLANT, RECORD, SIMULATOR, new_link, records_to_keep
-from ftc_autopilot.loop import Loop
-from ftc_autopilot.recorder import RECORD_ROWS, Recorder
-from ftc_autopilot.state_age import forget_age
+from ftc_autopilot.hot.checkpoint import VEHICLE, map_array, open_checkpoint, restore, save
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import GCS, PLANT, RECORD, SIMULATOR, checkpoint_records, new_link
+from ftc_autopilot.hot.loop import Loop
+from ftc_autopilot.hot.recorder import RECORD_ROWS, Recorder
+from ftc_autopilot.hot.state_age import forget_age
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
+from ftc_autopilot.vehicle.mission_checkpoint import load_mission, save_mission
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
@@ -33,16 +33,12 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.header import MAX_FRAME_SIZE
 from mavlink_defs.framing.hot_link import Outcome
-from mavlink_defs.framing.hot_signing import sign_bytes
+from mavlink_defs.framing.hot_signing import load_link_signer, refresh, sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.visible import log_line
 
-__all__ = ["Autopilot", "log"]
-
 _NEVER = 2**62
-_MISSION_SUFFIX = ".mission"
 _TICK_S = 0.02
 _LOCKSTEP_TURN_US = 100_000
 """Lockstep: telemetry is made at multiples of this time of its clock, or of a shorter one [µs]."""
@@ -77,9 +73,9 @@ class Autopilot:
         gcs: socket.socket,
         record: Path | None,
         key_file: KeyFile | None,
-        keep_in: Path | None = None,
+        checkpoint: Path | None = None,
     ) -> None:
-        """Boot, and take up the flight of a life before, if its file is there.
+        """Boot, restoring the checkpoint of a previous process if there is one.
 
         Args:
             config: The configuration.
@@ -87,9 +83,9 @@ class Autopilot:
             formation: Bound to the own formation port.
             gcs: Sends to the ground stations.
             record: Folder for the recorded signals; None: nothing is recorded.
-            key_file: That of `config.signing_key`, made before the sockets were bound; None
+            key_file: The file `config.signing_key`, opened before the sockets were bound; None
                 without one.
-            keep_in: File for what a restart takes up; None: nothing is kept.
+            checkpoint: File from which a restart resumes; None: nothing is saved.
 
         Raises:
             OSError: A file cannot be made; it is named.
@@ -112,16 +108,15 @@ class Autopilot:
             load_link_signer(self._key_file, PLANT_LINK),
             load_link_signer(self._key_file, FORMATION_LINK),
         )
-        self._kept = np.zeros(1, VEHICLE)
-        resumes = keep_in is not None and self._keep_in(keep_in)
+        self._saved = np.zeros(1, VEHICLE)
+        resumes = checkpoint is not None and self._open_checkpoint(checkpoint)
         self._recorder = None if record is None else Recorder(self._link, record, resumes)
         self._hot = HotState(self._link)
         self._vehicle = Vehicle(config, self._hot, self._controllers, time.time())
-        if resumes and keep_in is not None:
-            mission = read_kept_mission(keep_in.with_suffix(_MISSION_SUFFIX))
-            self._vehicle.resume(self._kept[0], mission)
-        self._keep_mission_in = keep_in and keep_in.with_suffix(_MISSION_SUFFIX)
-        self._kept_mission: int | None = None
+        self._mission_file = checkpoint and checkpoint.with_suffix(".mission")
+        if resumes and self._mission_file:
+            self._vehicle.resume(self._saved[0], load_mission(self._mission_file))
+        self._saved_mission: int | None = None
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
         self._to_gcs = [FramePacker(config.id, component) for _ in config.gcs]
@@ -135,38 +130,38 @@ class Autopilot:
         self.crash_at = _NEVER
         self.record_optional = False
 
-    def _keep_in(self, path: Path) -> bool:
-        """Keep the state in a file, path and signals beside it; return whether one was there.
+    def _open_checkpoint(self, path: Path) -> bool:
+        """Restore the state from a file, path and signals beside it; return whether one was there.
 
         In lockstep, control begins again when a fixed simulated time has passed, so that the flight
         is the same however long the restart took; in real time, with the next state.
         """
         link = self._link
-        records = records_to_keep(link, self._controllers, self._kept)
-        kept = open_kept_state(path, records, self._config.model_dump_json())
-        resumes = take_up(kept)
+        records = checkpoint_records(link, self._controllers, self._saved)
+        checkpoint = open_checkpoint(path, records, self._config.model_dump_json())
+        resumes = restore(checkpoint)
         paths = map_array(path.with_suffix(".path"), PATH, 1)  # large, and seldom changed
         if not resumes:
             paths[:] = np.zeros((), PATH)
         self._controllers = self._controllers._replace(paths=paths)
         record = map_array(path.with_suffix(".record"), RECORD, len(link.record))
-        self._link = link._replace(kept=kept, record=record)
+        self._link = link._replace(checkpoint=checkpoint, record=record)
         if resumes:
             state = link.state[0]
             state["heard_s"] = 0.0
             state["due"] = 0
-            forget_age(state)  # told with the restart
+            forget_age(state)  # reported with the restart
             state["away"] = round(_AWAY_S * 1e6 / self._config.step_us)
         return resumes
 
     @property
     def loop(self) -> Loop:
-        """What the compiled loop needs of this autopilot, which keeps it alive."""
+        """What the compiled loop needs of this autopilot, which owns its memory."""
         return Loop(self._link, self._controllers)
 
     @property
     def sockets(self) -> tuple[int, int, int]:
-        """File descriptors of the sockets, as of `ftc_autopilot.loop.new_loops`."""
+        """File descriptors of the sockets, as of `ftc_autopilot.hot.loop.new_loops`."""
         return self._plant.fileno(), self._formation.fileno(), self._gcs.fileno()
 
     def serve(self, outcome: Outcome) -> None:
@@ -177,9 +172,9 @@ class Autopilot:
         """
         if self._hot.step >= self.crash_at:
             os.kill(os.getpid(), signal.SIGKILL)
-        self.loss = self._keep_record(outcome == Outcome.RESTARTED)
+        self.loss = self._write_record(outcome == Outcome.RESTARTED)
         if self.loss is None and outcome == Outcome.OVER:
-            self._tell_end()
+            self._report_end()
             self.stop()
             return
         if outcome == Outcome.SERVICE:
@@ -193,8 +188,8 @@ class Autopilot:
             self._vehicle.farewell(self.loss)
             self.stop()
 
-    def _tell_end(self) -> None:
-        """Tell ground stations how the simulation ended, as far as this aircraft knows."""
+    def _report_end(self) -> None:
+        """Report to ground stations how the simulation ended, as far as this aircraft knows."""
         time_s, severity = self._vehicle.time_s, dialect.MAV_SEVERITY_NOTICE
         lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
         text = f"simulation {'lost' if lost else 'over'} at {time_s:.3f} s"
@@ -208,7 +203,7 @@ class Autopilot:
         self._send_messages()
 
     def finish_record(self) -> None:
-        """Write the end of the record; `loss` tells if it cannot be written."""
+        """Write the end of the record; `loss` says if it cannot be written."""
         heard_end = bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED)
         try:
             if self._recorder is not None:
@@ -217,13 +212,13 @@ class Autopilot:
             if not self.record_optional:
                 self.loss = f"cannot write {problem.filename}: {problem.strerror}"
 
-    def _keep_record(self, restarted: bool) -> str | None:
+    def _write_record(self, restarted: bool) -> str | None:
         """Write the record if it is full; return why it cannot be written."""
         try:
             if self._recorder is not None and restarted:
                 self._recorder.restart()
             elif self._recorder is not None:
-                self._recorder.keep()
+                self._recorder.write()
         except OSError as problem:
             text = f"cannot write {problem.filename}: {problem.strerror}"
             if self._recorder is None or not self.record_optional:
@@ -253,24 +248,24 @@ class Autopilot:
         if not self._vehicle.has_gcs_messages:  # answer earlier requests first
             more = self._receive_from_ground_stations(most or _MAX_GCS_DATAGRAMS)
         self._vehicle.handle_timer(time.monotonic(), most)
-        self._keep_mission()
-        self._vehicle.note(self._kept[0])
-        keep(self._link.kept)
+        self._save_mission()
+        self._vehicle.save(self._saved[0])
+        save(self._link.checkpoint)
         self._send_messages(most)
         self._more_to_do = more or self._vehicle.has_gcs_messages
 
-    def _keep_mission(self) -> None:
+    def _save_mission(self) -> None:
         """Write the mission if it has changed; the flight goes on if it cannot be written."""
-        if self._keep_mission_in is None:
+        if self._mission_file is None:
             return
-        number, mission = self._vehicle.mission_to_keep()
-        if number == self._kept_mission:
+        number, mission = self._vehicle.mission_checkpoint()
+        if number == self._saved_mission:
             return
-        self._kept_mission = number
+        self._saved_mission = number
         try:
-            write_kept_mission(self._keep_mission_in, mission)
+            save_mission(self._mission_file, mission)
         except OSError as problem:
-            text = f"cannot keep the mission for a restart: {problem.strerror}"
+            text = f"cannot save the mission for a restart: {problem.strerror}"
             self._vehicle.say(dialect.MAV_SEVERITY_WARNING, text)
 
     def until_s(self) -> float:
@@ -341,9 +336,9 @@ class Autopilot:
             if isinstance(message, DropReason):
                 self._hot.drops[GCS, -message] += 1
             elif isinstance(message, dialect.MAVLink_setup_signing_message):
-                words = self._gcs_signing.set_key(message, sender[0], self._vehicle.modes.armed)
-                if words is not None:
-                    self._vehicle.say(dialect.MAV_SEVERITY_WARNING, words)
+                text = self._gcs_signing.set_key(message, sender[0], self._vehicle.modes.armed)
+                if text is not None:
+                    self._vehicle.say(dialect.MAV_SEVERITY_WARNING, text)
             else:
                 station = self._ground_stations.index(sender)
                 self._vehicle.receive(message, time.monotonic(), station)
@@ -361,7 +356,7 @@ class Autopilot:
 
 
 def _send(sock: socket.socket, frame: bytes, address: tuple[str, int] | None = None) -> None:
-    """Send a frame if the link takes it now; the microservices make up for losses."""
+    """Send a frame if the link takes it now; the microservices repeat what is lost."""
     try:
         if address is None:
             sock.send(frame, socket.MSG_DONTWAIT)

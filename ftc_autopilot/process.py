@@ -6,13 +6,14 @@ a signal stopped it, 1 the plant fell silent, 2 bad input.
 """
 
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.autopilot import Autopilot, log
-from ftc_autopilot.autopilots import Autopilots
 from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.hot.loop import new_loops, run
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import (
@@ -25,13 +26,45 @@ from mavlink_defs.endpoint import (
     open_udp,
     parse_address,
 )
+from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import SigningError, words_of
 from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import log_line
 
-__all__ = ["main"]
+
+class Autopilots:
+    """One autopilot, or in lockstep several."""
+
+    def __init__(self, autopilots: Sequence[Autopilot]) -> None:
+        """Take autopilots that have booted; at least one."""
+        self._autopilots = autopilots
+        self.stopping = False
+
+    def fly(self) -> None:
+        """Serve all links until the simulation is over, or `stopping` is set."""
+        flying = list(self._autopilots)
+        while flying and not self.stopping:
+            self._fly_until_one_ends(flying)
+            flying = [autopilot for autopilot in flying if not autopilot.is_over]
+        for autopilot in flying:
+            autopilot.stop()
+
+    def _fly_until_one_ends(self, flying: Sequence[Autopilot]) -> None:
+        loops = new_loops([one.loop for one in flying], [one.sockets for one in flying])
+        until_s, until_step = loops.state["until_s"], loops.state["until_step"]
+        asking = list(enumerate(flying))
+        while not self.stopping:
+            for i, autopilot in asking:
+                until_s[i], until_step[i] = autopilot.until_s(), autopilot.until_step()
+            run(loops)
+            outcomes = loops.state["outcome"].tolist()
+            asking = [(i, flying[i]) for i, outcome in enumerate(outcomes) if outcome]
+            for i, autopilot in asking:
+                autopilot.serve(Outcome(outcomes[i]))
+            if any(autopilot.is_over for _, autopilot in asking):
+                return
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -59,25 +92,25 @@ def main(arguments: list[str] | None = None) -> None:
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent process is gone"
     )
     parser.add_argument(
-        "--keep",
+        "--checkpoint",
         type=Path,
         metavar="FILE",
-        help="keep the state in FILE, and resume from it if it is there; with one CONFIG only",
+        help="save the state in FILE, and resume from it if it is there; with one CONFIG only",
     )
     parser.add_argument(
         "--crash-at", type=int, metavar="STEP", help="for tests: die after this step, as by SIGKILL"
     )
     options = parser.parse_args(arguments)
     configs: list[Path] = options.configs
-    if len(configs) > 1 and options.keep is not None:
-        parser.error("--keep takes up the flight of one UAV: start a process for each CONFIG")
+    if len(configs) > 1 and options.checkpoint is not None:
+        parser.error("--checkpoint is of one UAV: start a process for each CONFIG")
     records: list[Path | None] = options.record or [None] * len(configs)
     if len(records) != len(configs):
         parser.error(f"{len(records)} --record for {len(configs)} CONFIGs: give one for each")
     with ExitStack() as sockets:
         try:
             autopilots = [
-                _boot(config, record, options.keep, sockets)
+                _boot(config, record, options.checkpoint, sockets)
                 for config, record in zip(configs, records, strict=True)
             ]
         except (ConfigError, EndpointError, SigningError) as problem:
@@ -106,7 +139,9 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(0 if all(autopilot.loss is None for autopilot in autopilots) else 1)
 
 
-def _boot(file: Path, record: Path | None, keep: Path | None, sockets: ExitStack) -> Autopilot:
+def _boot(
+    file: Path, record: Path | None, checkpoint: Path | None, sockets: ExitStack
+) -> Autopilot:
     """Return an autopilot by its configuration file; its sockets are closed with `sockets`.
 
     Raises:
@@ -126,4 +161,4 @@ def _boot(file: Path, record: Path | None, keep: Path | None, sockets: ExitStack
     for at in (address, UdpAddress(*gcs.getsockname())):
         if not is_loopback(at):
             log(config.id, exposed(at, bool(config.signing_key)))
-    return Autopilot(config, plant, formation, gcs, record, key_file, keep)
+    return Autopilot(config, plant, formation, gcs, record, key_file, checkpoint)

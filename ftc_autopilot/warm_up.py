@@ -9,17 +9,16 @@ import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
-from ftc_autopilot.guidance.path import Leg, locate, path_record, point_at
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.kept_state import keep
-from ftc_autopilot.link import new_link
-from ftc_autopilot.loop import Loop, new_loops, run
+from ftc_autopilot.guidance.path import locate, path_record, point_at
+from ftc_autopilot.hot.checkpoint import save
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import new_link
+from ftc_autopilot.hot.loop import Loop, new_loops, run
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
-
-__all__ = ["call_everything", "endless_path", "warm_up_with"]
 
 
 def warm_up_with(config_file: Path) -> None:
@@ -29,13 +28,13 @@ def warm_up_with(config_file: Path) -> None:
 
 
 def call_everything(config: AutopilotConfig) -> None:
-    """Make every message, and let the compiled loop look for a state that does not come."""
+    """Make every message, and let the compiled loop poll for a state that does not come."""
     controllers = new_controllers([config])
     link = new_link(config.id, config.neighbours, config.step_us, 1.0, 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         fd = sock.fileno()
         run(new_loops([Loop(link, controllers)], [(fd, fd, fd)]))
-    keep(link.kept)
+    save(link.checkpoint)
     path = endless_path()
     locate(path, 0.0, 0.0, 0.0)
     point_at(path, 0.0)
@@ -48,4 +47,4 @@ def call_everything(config: AutopilotConfig) -> None:
 
 def endless_path() -> np.void:
     """Return a straight and level path to the north, record of dtype `PATH`."""
-    return path_record([Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)], path_id=1)
+    return path_record([Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)])

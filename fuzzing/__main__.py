@@ -17,8 +17,6 @@ from fuzzing.frames import MESSAGES, damaged, message_frame, noise
 from fuzzing.targets import AutopilotTarget, PlantTarget, StationTarget, Target, parse_all_ways
 from gcs.scenario.model import Scenario, load_scenario
 
-__all__ = ["main"]
-
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
 _BATCH = 1000  # frames between two ticks
 _WARM_UP = 20_000  # frames until caches and bounded logs are full

@@ -8,8 +8,6 @@ from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
 
-__all__ = ["MESSAGES", "damaged", "frame_of", "message_frame", "noise"]
-
 MESSAGES: dict[int, Any] = dialect.mavlink_map
 """Every message class of the dialect, by id."""
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from ftc_autopilot.autopilot import Autopilot
 from ftc_autopilot.control.stepping import controller_step
-from ftc_autopilot.formation_link import receive_neighbour_states
-from ftc_autopilot.loop import new_loops, run
+from ftc_autopilot.hot.formation_link import receive_neighbour_states
+from ftc_autopilot.hot.loop import new_loops, run
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, vehicle_status
@@ -32,15 +32,6 @@ from mavlink_defs.runtime.sockaddr import sockaddr
 from sitl_plant import link as plant_link
 from sitl_plant.fleet import fly
 from sitl_plant.process import Plant
-
-__all__ = [
-    "AutopilotTarget",
-    "PlantTarget",
-    "StationTarget",
-    "Target",
-    "parse_all_ways",
-    "records_of_tlog",
-]
 
 UAV = 2
 """The autopilot's system id: it has one neighbour, `NEIGHBOUR`."""
@@ -273,7 +264,7 @@ class StationTarget:
         fleet_table(states, now)
         drop_lines(self.client.drops, states)
         for state in states:
-            vehicle_status(state, now).to_json()
+            vehicle_status(state, now)
             state.counts.rates()
 
     def state(self) -> bytes:

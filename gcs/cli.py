@@ -14,11 +14,10 @@ from typer.core import TyperCommand, TyperGroup
 
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.errors import BadInput, GcsError, Interrupted
+from gcs.extras import load_lab
 from gcs.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
-
-__all__ = ["COMMANDS", "app", "main", "whole_command"]
 
 _EXIT_CTRL_C = 130  # of typer
 _EXIT_DEFECT = 70
@@ -31,7 +30,7 @@ _NOT_WRITABLE = {
     errno.EPERM,
     errno.EIO,
 }
-_SPACE = "free some space, or choose a writable folder; files written so far are kept"
+_SPACE = "free some space, or choose a writable folder; files written so far stay"
 
 COMMANDS = {
     "fly": ("fly", "Fly a scenario to its end and record it."),
@@ -99,10 +98,13 @@ COMMANDS = {
     "mission": ("mission", "Show, upload, download and fly missions."),
     "param": ("param", "List, read, set, save, load and compare parameters."),
 }
-"""Module below `gcs.commands` and one line of help of each command, in the order of the help.
+"""Module and one line of help of each command, in the order of the help.
 
-The line is that of the command's own help, which is not imported for the help of `gcs`.
+It is the first line of the command's own help, which is not imported for the help of `gcs`.
 """
+
+_LAB = {"baseline", "campaign", "compare", "reproduce", "sweep", "trim"}
+"""Commands of `gcs.lab`, which needs more packages than operators do."""
 
 _EPILOG = """
 Examples:
@@ -132,8 +134,12 @@ class _Commands(TyperGroup):
         """Import a command."""
         module, _ = COMMANDS[name]
         with ending_at_once():
-            home: Any = import_module(f"gcs.commands.{module}")
-        gc.freeze()  # what is imported stays: to look for garbage there takes a tenth of a second
+            home: Any = (
+                load_lab(f"commands.{module}")
+                if name in _LAB
+                else import_module(f"gcs.commands.{module}")
+            )
+        gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
         holder = typer.Typer(rich_markup_mode="markdown")
         if hasattr(home, name):
             epilog = getattr(home, f"{name.upper()}_EPILOG", None) or home.EPILOG
@@ -152,8 +158,8 @@ app = typer.Typer(
 )
 
 
-def _show_versions(wanted: bool) -> None:
-    if wanted:
+def _show_versions(asked: bool) -> None:
+    if asked:
         import platform
         from importlib.metadata import version
 

@@ -12,17 +12,6 @@ GcsError            1  something could not be done
 from mavlink_defs.endpoint import EndpointError, PortTaken
 from mavlink_defs.visible import visible_lines
 
-__all__ = [
-    "BadInput",
-    "CommandRefused",
-    "FlightLost",
-    "GcsError",
-    "Interrupted",
-    "NoAnswer",
-    "PortInUse",
-    "bad_endpoint",
-]
-
 
 class GcsError(Exception):
     """Something could not be done; `hint` says what the user can do."""

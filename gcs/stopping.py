@@ -10,8 +10,6 @@ from types import FrameType
 
 from gcs.errors import Interrupted
 
-__all__ = ["ending_at_once", "stop_as_ctrl_c", "stop_signals"]
-
 
 def stop_signals() -> list[signal.Signals]:
     """Return the signals that end a command; without SIGHUP if it is ignored, as by ``nohup``."""

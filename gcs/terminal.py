@@ -18,16 +18,6 @@ from rich.text import Text
 
 from mavlink_defs.visible import visible_lines
 
-__all__ = [
-    "Terminal",
-    "console_of",
-    "numbers",
-    "print_json",
-    "print_line",
-    "table_of",
-    "words",
-]
-
 _PIPE_WIDTH = 10_000
 _NARROWEST_TEXT = 12
 """Width down to which a column of texts is folded."""

@@ -10,33 +10,6 @@ from mavlink_defs.dialect import (
     MAV_COMP_ID_USER1,
 )
 
-__all__ = [
-    "ACTUATORS",
-    "AILERON",
-    "AUTO",
-    "ELEVATOR",
-    "FORCE_DISARM",
-    "FORMATION_BASE_PORT",
-    "GCS_PORT",
-    "GUIDED",
-    "HUB_PORT",
-    "INT32_MAX",
-    "LAST_SYSTEM",
-    "LOITER",
-    "MAX_DATAGRAM",
-    "MAX_MISSION_ITEMS",
-    "MODE_NAMES",
-    "N_CHANNELS",
-    "OLD_STATE_S",
-    "PLANT_PORT",
-    "RTL",
-    "RUDDER",
-    "SIMULATOR_COMPONENT",
-    "STATUSTEXT_SIZE",
-    "THROTTLE",
-    "Actuator",
-]
-
 N_CHANNELS = 4
 """Actuator channels, in the order of FTC_ACTUATOR: aileron, elevator, rudder, throttle."""
 

@@ -16,26 +16,6 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-__all__ = [
-    "BSD_LIKE",
-    "Connection",
-    "EndpointError",
-    "PortTaken",
-    "UdpAddress",
-    "bind_udp",
-    "connect_udp",
-    "connected_twin",
-    "exposed",
-    "free_ports",
-    "is_loopback",
-    "open_udp",
-    "parse_address",
-    "parse_connection",
-    "resolve",
-    "set_receive_timeout",
-    "someone_listens",
-]
-
 Direction: TypeAlias = Literal["in", "out"]
 
 _EVERY_INTERFACE, _LOOPBACK = "0.0.0.0", "127.0.0.1"

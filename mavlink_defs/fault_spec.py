@@ -1,34 +1,50 @@
 """An actuator fault with the keys of a scenario's `faults`."""
 
+import itertools
 import math
 from collections.abc import Iterator
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from mavlink_defs.config.models import Model, Problem, Problems
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import ACTUATORS, Actuator
-from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault
+from mavlink_defs.fault_kinds import BIAS, FAULT_KINDS, MAX_FREQUENCY_HZ, STUCK, FaultKind
+from mavlink_defs.faults import Fault
 
-__all__ = ["FaultSpec"]
+
+class _WithoutValue(Model):
+    actuator: Actuator = Field(description="The actuator that fails.")
+    effectiveness: float | None = quantity(
+        "", ge=0.0, le=1.0, default=None, doc="Share of the command that remains; 1 unless stuck."
+    )
 
 
-class FaultSpec(Model):
+if TYPE_CHECKING:
+    _WithValue = _WithoutValue
+else:
+    _WithValue = create_model(
+        "_WithValue",
+        __base__=_WithoutValue,
+        **{
+            kind.key(actuator): (
+                float | None,
+                quantity(kind.unit(actuator), default=None, doc=doc),
+            )
+            for kind in FAULT_KINDS.values()
+            for actuator, doc in (("rudder", kind.of_surface), ("throttle", kind.of_throttle))
+        },
+    )
+
+
+class FaultSpec(_WithValue):
     """An actuator fault (13), (19): applied = effectiveness * commanded + value.
 
     The value is a bias on the remaining command, or the position of a stuck actuator. The UAV is
     not part of it, and its window may be left open.
     """
 
-    actuator: Actuator = Field(description="The actuator that fails.")
-    effectiveness: float | None = quantity(
-        "", ge=0.0, le=1.0, default=None, doc="Share of the command that remains; 1 unless stuck."
-    )
-    bias_deg: float | None = quantity("deg", default=None, doc="Bias of a surface.")
-    bias_n: float | None = quantity("N", default=None, doc="Bias of the throttle.")
-    stuck_deg: float | None = quantity("deg", default=None, doc="Angle of a stuck surface.")
-    stuck_n: float | None = quantity("N", default=None, doc="Thrust of a stuck throttle.")
     frequency_hz: float = quantity(
         "Hz",
         ge=0.0,
@@ -36,8 +52,12 @@ class FaultSpec(Model):
         default=0.0,
         doc="Frequency of the bias or stuck value; 0: constant.",
     )
-    start_s: float | None = quantity("s", ge=0.0, default=None, doc="Start, exclusive; none: now.")
-    end_s: float | None = quantity("s", gt=0.0, default=None, doc="End, inclusive; none: never.")
+    start_s: float | None = quantity(
+        "s", ge=0.0, default=None, doc="Start in simulated time, exclusive; none: now."
+    )
+    end_s: float | None = quantity(
+        "s", gt=0.0, default=None, doc="End in simulated time, inclusive; none: never."
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -45,47 +65,53 @@ class FaultSpec(Model):
         return self
 
     def _problems(self) -> Iterator[Problem]:
-        fits, other = ("n", "deg") if self.actuator == "throttle" else ("deg", "n")
-        for kind in ("bias", "stuck"):
-            if getattr(self, f"{kind}_{other}") is not None:
-                text = f"does not fit the {self.actuator}; did you mean '{{0}}'?"
-                yield Problem((f"{kind}_{other}",), text, keys=(f"{kind}_{fits}",))
-        bias_key, stuck_key = f"bias_{fits}", f"stuck_{fits}"
-        bias, stuck = self._values(fits)
-        if stuck is not None:
-            if bias is not None:
-                yield Problem((bias_key,), "cannot stand together with '{0}'", keys=(stuck_key,))
+        keys = {kind.name: kind.key(self.actuator) for kind in FAULT_KINDS.values()}
+        unfit = dict(self._values(ACTUATORS[0] if self.actuator == "throttle" else "throttle"))
+        for kind, key in unfit.items():
+            text = f"does not fit the {self.actuator}; did you mean '{{0}}'?"
+            yield Problem((key,), text, keys=(keys[kind.name],))
+        kinds = list(dict(self._values(self.actuator)))
+        for kind, other in itertools.pairwise(kinds):
+            other_key = (keys[other.name],)
+            yield Problem((keys[kind.name],), "cannot stand together with '{0}'", keys=other_key)
+        stuck = (keys[STUCK.name],)
+        if any(kind.replaces for kind in kinds):
             if self.effectiveness:
                 text = f"expected 0 or none with '{{0}}', got {self.effectiveness!r}"
-                yield Problem(("effectiveness",), text, keys=(stuck_key,))
-        elif bias is not None and self.effectiveness == 0.0:
+                yield Problem(("effectiveness",), text, keys=stuck)
+        elif BIAS in kinds and self.effectiveness == 0.0:
             text = "nothing is left to be biased; did you mean '{0}'?"
-            yield Problem((bias_key,), text, keys=(stuck_key,))
-        elif bias is None and self.effectiveness is None and not any(self._values(other)):
-            text = "expected '{0}', '{1}' or '{2}', got none of them"
-            yield Problem((), text, keys=("effectiveness", bias_key, stuck_key))
+            yield Problem((keys[BIAS.name],), text, keys=stuck)
+        elif not kinds and not unfit and self.effectiveness is None:
+            *others, last = (f"'{{{i}}}'" for i in range(1 + len(keys)))
+            text = f"expected {', '.join(others)} or {last}, got none of them"
+            yield Problem((), text, keys=("effectiveness", *keys.values()))
         if self.end_s is not None and self.start_s is not None and self.end_s <= self.start_s:
             text = f"expected > {{0}} = {self.start_s!r} s, got {self.end_s!r}"
             yield Problem(("end_s",), text, keys=("start_s",))
 
-    def _values(self, unit: str) -> tuple[float | None, float | None]:
-        return getattr(self, f"bias_{unit}"), getattr(self, f"stuck_{unit}")
+    def _values(self, actuator: Actuator) -> Iterator[tuple[FaultKind, str]]:
+        """Yield the kinds whose value is given in the unit of an actuator, and their keys."""
+        for kind in FAULT_KINDS.values():
+            if getattr(self, key := kind.key(actuator)) is not None:
+                yield kind, key
 
     @property
-    def value_key(self) -> str | None:
-        """Key that holds the fault's value; None if it has none."""
-        keys = ("bias_deg", "bias_n", "stuck_deg", "stuck_n")
-        return next((key for key in keys if getattr(self, key) is not None), None)
+    def value(self) -> tuple[FaultKind, float] | None:
+        """Its kind and its value; None of a loss of effectiveness alone."""
+        found = next(self._values(self.actuator), None)
+        return found and (found[0], getattr(self, found[1]))
 
     def command(self) -> Fault:
         """Return the fault as MAV_CMD_FTC_SET_FAULT carries it."""
-        key = self.value_key
-        healthy = 0.0 if key is not None and key.startswith("stuck") else 1.0
+        kind, value = self.value or (BIAS, 0.0)
+        healthy = 0.0 if kind.replaces else 1.0
         return Fault(
             actuator=ACTUATORS.index(self.actuator),
             effectiveness=healthy if self.effectiveness is None else self.effectiveness,
-            value=0.0 if key is None else getattr(self, key),
+            value=value,
             frequency_hz=self.frequency_hz,
             start_s=math.nan if self.start_s is None else self.start_s,
             end_s=math.nan if self.end_s is None else self.end_s,
+            code=kind.code,
         )

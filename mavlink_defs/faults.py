@@ -1,48 +1,31 @@
-"""Actuator faults as MAV_CMD_FTC_SET_FAULT carries them.
-
-While a fault is active the aircraft applies
-``effectiveness * commanded + value * cos(2 pi frequency (t - start))``. Units are those of
-the command: deg for a surface, N for the throttle, s of simulation time.
-"""
+"""Actuator faults as MAV_CMD_FTC_SET_FAULT carries them."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, NamedTuple, Self
 
-from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.dialect import MAVLink_ftc_fault_message
+from mavlink_defs.fault_kinds import CODES, MAX_FREQUENCY_HZ, FaultKind, FaultLimits, kind_of
 from mavlink_defs.float32 import decimal_of_float32
-
-__all__ = [
-    "MAX_FAULTS",
-    "MAX_FREQUENCY_HZ",
-    "Fault",
-    "FaultLimits",
-    "InvalidParam",
-    "fault_from_params",
-    "fault_to_params",
-]
-
-MAX_FREQUENCY_HZ = 500.0
 
 MAX_FAULTS = 16
 """Faults that one aircraft can hold at a time."""
 
-_TOLERANCE = 1.0 + 1e-9  # a limit kept in radians may come back as 24.999999999999996 deg
+_TOLERANCE = 1.0 + 1e-9  # a limit stored in radians may come back as 24.999999999999996 deg
 
 
-@dataclass(frozen=True)
-class Fault:
-    """One fault of one actuator.
+class Fault(NamedTuple):
+    """One fault of one actuator: the seven parameters of the command, in their order.
 
     Attributes:
         actuator: Index into `ACTUATORS`.
         effectiveness: Remaining effectiveness, 1 healthy to 0 stuck [-].
-        value: Bias, or the stuck value when `effectiveness` is 0 [deg, or N for the throttle].
+        value: What the kind makes of it [deg, or N for the throttle].
         frequency_hz: Frequency of the value; 0 for a constant one [Hz].
         start_s: Start in simulation time, exclusive; NaN for now [s].
         end_s: End in simulation time, inclusive; NaN for until cleared [s].
+        code: FTC_FAULT_KIND.
     """
 
     actuator: int
@@ -51,6 +34,7 @@ class Fault:
     frequency_hz: float
     start_s: float
     end_s: float
+    code: int = 0
 
     @classmethod
     def from_message(cls, message: MAVLink_ftc_fault_message) -> Self:
@@ -62,39 +46,60 @@ class Fault:
             frequency_hz=decimal_of_float32(message.frequency),
             start_s=decimal_of_float32(message.start),
             end_s=decimal_of_float32(message.end),
+            code=message.kind,
         )
 
-    @classmethod
-    def from_si(
-        cls,
-        actuator: int,
-        effectiveness: float,
-        value: float,
-        frequency_hz: float,
-        start_s: float,
-        end_s: float,
-    ) -> Self:
-        """Return the fault whose `value` is given in rad, or N for the throttle."""
-        value = value if actuator == THROTTLE else math.degrees(value)
-        return cls(actuator, effectiveness, value, frequency_hz, start_s, end_s)
+    @property
+    def actuator_name(self) -> Actuator:
+        """Name of the actuator."""
+        return ACTUATORS[self.actuator]
 
-    def to_si(self) -> tuple[int, float, float, float, float, float]:
-        """Return the arguments of `from_si`, value [rad, or N for the throttle]."""
-        throttle = self.actuator == THROTTLE
-        value = self.value if throttle else math.radians(self.value)
-        return (
-            self.actuator,
-            self.effectiveness,
-            value,
-            self.frequency_hz,
-            self.start_s,
-            self.end_s,
-        )
+    @property
+    def kind(self) -> FaultKind:
+        """Its kind."""
+        return kind_of(self.code, self.effectiveness)
+
+    def describe(self) -> str:
+        """Return the fault as a text: "rudder at 50 % + 1 deg in (19, 22] s"."""
+        kind, wave = self.kind, f" · cos 2π {self.frequency_hz:g} Hz" if self.frequency_hz else ""
+        parts: list[str] = [self.actuator_name]
+        if not kind.replaces:
+            parts.append(f"at {100.0 * self.effectiveness:g} %")
+        if kind.replaces or self.value:
+            parts.append(kind.describe(self.value, f" {kind.unit(self.actuator_name)}", wave))
+        return " ".join((*parts, self._window()))
+
+    def _window(self) -> str:
+        ends = f"{self.end_s:g}] s" if math.isfinite(self.end_s) else "until cleared"
+        if math.isnan(self.start_s):
+            return f"from now, {ends}"
+        if math.isfinite(self.end_s):
+            return f"in ({self.start_s:g}, {ends}"
+        return f"after {self.start_s:g} s, {ends}"
+
+    def as_dict(self, time_s: float | None) -> dict[str, Any]:
+        """Return the fault as plain data; its end is None if it lasts until cleared.
+
+        Args:
+            time_s: Simulation time [s]; None if unknown.
+        """
+        return {
+            "actuator": self.actuator_name,
+            "effectiveness": self.effectiveness,
+            self.kind.key(self.actuator_name): self.value,
+            "frequency_hz": self.frequency_hz,
+            "start_s": self.start_s,
+            "end_s": self.end_s if math.isfinite(self.end_s) else None,
+            "active": time_s is not None and self.is_active(time_s),
+        }
+
+    def is_active(self, time_s: float) -> bool:
+        """Return whether its window contains a simulation time [s]."""
+        return self.start_s < time_s <= self.end_s
 
     def resolved(self, now_s: float) -> Self:
         """Return the fault as set at `now_s` [s]: NaN becomes now or, for the end, infinity."""
-        return replace(
-            self,
+        return self._replace(
             start_s=now_s if math.isnan(self.start_s) else self.start_s,
             end_s=math.inf if math.isnan(self.end_s) else self.end_s,
         )
@@ -114,14 +119,6 @@ class Fault:
         return end_s > now_s and not (actuator == self.actuator and overlaps)
 
 
-@dataclass(frozen=True)
-class FaultLimits:
-    """Largest magnitudes that the actuators of an aircraft can take."""
-
-    surface_deg: float
-    thrust_n: float
-
-
 class InvalidParam(ValueError):  # noqa: N818 - it says what is wrong, as an answer does
     """A parameter of a command is out of range.
 
@@ -139,19 +136,6 @@ class InvalidParam(ValueError):  # noqa: N818 - it says what is wrong, as an ans
         return self.text
 
 
-def fault_to_params(fault: Fault) -> tuple[float, ...]:
-    """Return the seven parameters of the command that sets `fault`."""
-    return (
-        float(fault.actuator),
-        fault.effectiveness,
-        fault.value,
-        fault.frequency_hz,
-        fault.start_s,
-        fault.end_s,
-        0.0,
-    )
-
-
 def fault_from_params(params: Sequence[float], limits: FaultLimits) -> Fault:
     """Decode and check the seven parameters of MAV_CMD_FTC_SET_FAULT.
 
@@ -162,27 +146,24 @@ def fault_from_params(params: Sequence[float], limits: FaultLimits) -> Fault:
     Raises:
         InvalidParam: A parameter is not finite or out of range; the first one is named.
     """
-    actuator, effectiveness, value, frequency, start, end = map(decimal_of_float32, params[:6])
+    actuator, effectiveness, value, frequency, start, end, code = map(decimal_of_float32, params)
     if actuator not in range(len(ACTUATORS)):
         raise _invalid(1, "Actuator", actuator, "0, 1, 2 or 3")
+    if math.isnan(code):  # not given
+        code = 0.0
+    elif code not in CODES:
+        raise _invalid(7, "Kind", code, " or ".join(map(str, sorted(CODES))))
+    fault = Fault(int(actuator), effectiveness, value, frequency, start, end, int(code))
     _check(2, "Effectiveness", effectiveness, (0.0, 1.0))
-    _check_value(int(actuator), effectiveness, value, limits)
+    name, kind = fault.actuator_name, fault.kind
+    _check(3, "Value", value, kind.bounds(name, limits), kind.unit(name))
     _check(4, "Frequency", frequency, (0.0, MAX_FREQUENCY_HZ), "Hz")
     if not math.isnan(start) and not 0.0 <= start < math.inf:
         raise _invalid(5, "Start", start, "NaN or at least 0 s", "s")
     earliest = 0.0 if math.isnan(start) else start
     if not math.isnan(end) and not end > earliest:
         raise _invalid(6, "End", end, f"NaN or more than {earliest:g} s", "s")
-    return Fault(int(actuator), effectiveness, value, frequency, start, end)
-
-
-def _check_value(actuator: int, effectiveness: float, value: float, limits: FaultLimits) -> None:
-    if actuator != THROTTLE:
-        _check(3, "Value", value, (-limits.surface_deg, limits.surface_deg), "deg")
-    elif effectiveness == 0.0:  # stuck: the value is the thrust itself
-        _check(3, "Value", value, (0.0, limits.thrust_n), "N")
-    else:
-        _check(3, "Value", value, (-limits.thrust_n, limits.thrust_n), "N")
+    return fault
 
 
 def _check(

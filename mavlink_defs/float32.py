@@ -10,8 +10,6 @@ import math
 from array import array
 from collections.abc import Iterable
 
-__all__ = ["decimal_of_float32", "float32s", "whole_within"]
-
 
 def decimal_of_float32(x: float) -> float:
     """Return the shortest decimal that rounds to the same float32 as `x`, as a double.

@@ -9,8 +9,6 @@ import shutil
 import tempfile
 from pathlib import Path
 
-__all__ = ["generate"]
-
 _INCLUDED = ("common.xml", "standard.xml", "minimal.xml")
 _DEFINITION = Path(__file__).parent / "ftc.xml"
 

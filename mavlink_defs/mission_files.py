@@ -18,14 +18,6 @@ from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = [
-    "is_mission_file",
-    "mission_item",
-    "plan_text",
-    "read_mission_file",
-    "waypoints_text",
-]
-
 _WAYPOINTS_HEAD = "QGC WPL 110"
 _COLUMNS = 12
 _LARGEST = 1e38  # a float32 field holds a little more
@@ -60,7 +52,7 @@ def mission_item(
 
 
 def is_mission_file(path: Path) -> bool:
-    """Return whether a file's name is that of a mission file."""
+    """Return whether a file is a mission file, by its name."""
     return path.suffix.lower() in {".plan", ".waypoints"}
 
 
@@ -213,8 +205,8 @@ def _number_in(kind: Callable[[str], _Number], field: str, where: str) -> _Numbe
     try:
         return kind(field)
     except ValueError:
-        words = "whole number" if kind is int else "number"
-        raise _NotOneError(f"{where}: expected a {words}, got {shown(field)}") from None
+        noun = "whole number" if kind is int else "number"
+        raise _NotOneError(f"{where}: expected a {noun}, got {shown(field)}") from None
 
 
 def _whole(entry: dict[str, Any], key: str, where: str) -> int:

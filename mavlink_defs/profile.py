@@ -6,24 +6,12 @@ segments are items 1 to N. Roll and pitch travel in the integer fields x and y, 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_mission_item_int_message
 from mavlink_defs.float32 import decimal_of_float32
-
-__all__ = [
-    "ANY_AIRSPEED",
-    "MAX_ITEMS",
-    "MAX_SEGMENTS",
-    "AirspeedLimits",
-    "ItemError",
-    "ProfileError",
-    "Segment",
-    "check_mission",
-    "items_to_segments",
-    "segments_to_items",
-]
 
 MAX_SEGMENTS = 50
 MAX_ITEMS = MAX_SEGMENTS + 1  # and home
@@ -62,6 +50,12 @@ class Segment:
     pitch_deg: float
     yaw_deg: float
     ramp: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the segment with the keys of a scenario file."""
+        values = asdict(self)
+        values["shape"] = "ramp" if values.pop("ramp") else "step"
+        return values
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable
 
-__all__ = ["bits_of", "systems_of"]
-
 _BYTES = 32
 
 

@@ -7,8 +7,6 @@ around. Whoever shows or stores text that is not the project's own passes it thr
 import sys
 import unicodedata
 
-__all__ = ["log_line", "visible", "visible_lines"]
-
 _UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Unicode categories: controls (C0, DEL, C1), formats, lone surrogates, separators of lines and
 paragraphs."""

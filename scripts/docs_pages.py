@@ -18,20 +18,20 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from typer.cli import get_docs_for_click
 
+from ftc_autopilot.common.schedule import Schedule
 from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import Formation, FormationParameters, Slot
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
-from ftc_autopilot.vehicle.param_table import trigger_tunables, tunables
-from gcs.campaigns import distributions
-from gcs.campaigns.model import Campaign, DrawnFault, Factor, Kept
+from ftc_autopilot.vehicle.param_table import law_tunables, trigger_tunables, tunables
 from gcs.cli import whole_command
+from gcs.lab.campaigns import distributions
+from gcs.lab.campaigns.model import Campaign, DrawnFault, Factor, Kept
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault, ScenarioUav
@@ -99,10 +99,12 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 def keys(section: str) -> str:
     """Return the table of the keys of one section of a scenario or a campaign."""
     model = SECTIONS[section]
-    extends = section in LAWS or section in TRIGGERS  # the keys of the class before it
-    parents = (base for base in model.__bases__ if issubclass(base, BaseModel))
-    common = next(parents).model_fields if extends else {}
-    rows = ((f"`{key}`", *rest) for key, *rest in key_rows(model) if key not in common)
+    before: type[BaseModel] = BaseModel  # whose keys another table has
+    if section in LAWS:
+        before = LAWS[section].FALLBACK or LawParameters
+    elif section in TRIGGERS:
+        before = TriggerParameters
+    rows = ((f"`{key}`", *rest) for key, *rest in key_rows(model) if key not in before.model_fields)
     head = ("key", "expected", "default", "meaning")
     return f'<a id="keys-{section}"></a>\n\n' + table(head, rows)
 
@@ -235,7 +237,7 @@ def parameters() -> str:
         groups[f"Trigger `{mode}`"] = trigger_tunables(records, mode)
     groups["Every law"] = tunables(LawParameters, records["common"])
     for kind, law in LAWS.items():
-        groups[f"`{kind}`"] = tunables(law, records[kind], base=LawParameters)
+        groups[f"`{kind}`"] = law_tunables(law, records[kind])
     for kind, guidance in GUIDANCE_LAWS.items():
         gains = records["guidance"][kind]
         groups[f"Guidance `{kind}`"] = tunables(guidance, gains, "GUID_", GuidanceParameters)

@@ -2,7 +2,7 @@
 
 Channels stand in the order of FTC_ACTUATOR: aileron, elevator, rudder [rad], throttle [N].
 A fault acts between the command that was received and the physics; the deflection or thrust
-that results is held to the actuator's physical stops.
+that results stays within the actuator's physical stops.
 """
 
 import math
@@ -10,10 +10,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from mavlink_defs.constants import THROTTLE
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["FAULT", "Controls", "add_fault", "apply_faults", "clear_faults", "no_faults"]
 
 _EMPTY = -1
 
@@ -21,12 +20,14 @@ FAULT = np.dtype(
     [
         ("actuator", "i8"),  # FTC_ACTUATOR, -1: slot empty (and every one behind it)
         ("rho", "f8"),  # remaining effectiveness
-        ("value", "f8"),  # bias or stuck value [rad or N]
+        ("value", "f8"),  # what the kind makes of it [rad or N]
         ("frequency", "f8"),  # of the value [Hz]
         ("start", "f8"),  # exclusive, simulation time [s]
         ("end", "f8"),  # inclusive, simulation time [s]
+        ("code", "i8"),  # FTC_FAULT_KIND
     ]
 )
+"""A fault in SI units, its fields in the order of `Fault`."""
 
 Controls: TypeAlias = tuple[float, float, float, float]
 """Aileron, elevator, rudder [rad], thrust [N]."""
@@ -44,7 +45,7 @@ def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
 
     Args:
         row: One aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
-        fault: As the wire carries it: surface values in deg, NaN start now, NaN end open.
+        fault: As the wire carries it: NaN start now, NaN end open.
         now_s: Simulation time [s].
 
     Raises:
@@ -61,7 +62,14 @@ def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
     row["actuator"] = _EMPTY
     for i, old in enumerate(kept):
         row[i] = old
-    row[len(kept)] = fault.to_si()
+    value = fault.value if fault.actuator == THROTTLE else math.radians(fault.value)
+    row[len(kept)] = fault._replace(value=value)
+
+
+def in_wire_units(fault: Fault) -> Fault:
+    """Return a fault whose value is in SI units, as that of `FAULT`, as the wire carries it."""
+    value = fault.value if fault.actuator == THROTTLE else math.degrees(fault.value)
+    return fault._replace(value=value)
 
 
 def clear_faults(row: np.ndarray, actuator: int) -> None:
@@ -70,6 +78,19 @@ def clear_faults(row: np.ndarray, actuator: int) -> None:
     kept = row[keep].copy()
     row["actuator"] = _EMPTY
     row[: len(kept)] = kept
+
+
+@compiled
+def offset(fault: np.void, t: float) -> float:
+    """Return what the value of a fault adds, f(t) of (13), (19) [rad or N].
+
+    Args:
+        fault: An entry of dtype `FAULT`.
+        t: Time [s].
+    """
+    since = t - fault["start"]
+    wave: float = fault["value"] * math.cos(2.0 * math.pi * fault["frequency"] * since)
+    return wave
 
 
 @compiled
@@ -98,7 +119,7 @@ def apply_faults(
         if not fault["start"] <= interval_start < fault["end"]:
             continue
         rho = fault["rho"]
-        f = fault["value"] * math.cos(2.0 * math.pi * fault["frequency"] * (t - fault["start"]))
+        f = offset(fault, t)
         if actuator == 0:
             da = rho * da + f
         elif actuator == 1:

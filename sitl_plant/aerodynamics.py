@@ -1,4 +1,8 @@
-"""Aerodynamic force, moment and control matrix, eqs. (7) to (10) of the paper.
+"""Aerodynamics: force, moment and control matrix, eqs. (7) to (10) of the paper, and what follows.
+
+No other module reads a coefficient: another aerodynamic model is another file like this one.
+Linearised, it is `lateral` and `longitudinal`; level flight and balance have functions of their
+own. The control matrix is the moment's derivative by the deflections, here exact.
 
 Valid for attached flow: coefficients are linear in the angle of attack and in the angle of
 sideslip. Airspeed must be positive.
@@ -10,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Mat3, Vec3, mul_t, norm, scale
-
-__all__ = ["R3", "Aerodynamics", "aerodynamics"]
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import Mat3, Vec3, add, mul, mul_t, norm, scale
 
 
 class Aerodynamics(NamedTuple):
@@ -32,13 +35,13 @@ def R3(alpha: float, beta: float) -> Mat3:
 
 
 @compiled
-def aerodynamics(v: Vec3, omega: Vec3, aircraft: np.void) -> Aerodynamics:
+def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics:
     """Evaluate eqs. (7) to (10).
 
     Args:
         v: Velocity through the air, body axes [m/s].
         omega: Angular velocity, body axes [rad/s].
-        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: The aircraft.
     """
     V = norm(v)
     alpha = math.atan2(v[2], v[0])
@@ -69,3 +72,137 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: np.void) -> Aerodynamics:
         (qSb * aircraft["cn_da"], 0.0, qSb * aircraft["cn_dr"]),
     )
     return Aerodynamics(V, F, N, C)
+
+
+@compiled
+def moment(air: Aerodynamics, delta: Vec3) -> Vec3:
+    """Return the moment [N m], body axes, under deflections [rad] of aileron, elevator, rudder."""
+    return add(air.N, mul(air.C, delta))
+
+
+def control_effectiveness(aircraft: AircraftRecord) -> np.ndarray:
+    """Return J⁻¹C at V = 1 m/s, angular acceleration per deflection, shape (3, 3).
+
+    C of (10) grows with the square of the airspeed, and depends on neither α nor β.
+    """
+    C = aerodynamics((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), aircraft).C
+    effectiveness: np.ndarray = aircraft["J_inv"] @ np.array(C)
+    return effectiveness
+
+
+class Moment(NamedTuple):
+    """Coefficient of a rolling or yawing moment: without any motion, and its derivatives."""
+
+    bias: float
+    beta: float  # by sideslip [1/rad]
+    p: float  # by roll rate [s/rad]
+    r: float  # by yaw rate [s/rad]
+    aileron: float  # 1/rad
+    rudder: float  # 1/rad
+
+
+class Lateral(NamedTuple):
+    """Lateral force and moments, linear in sideslip, rates and surfaces."""
+
+    side: float  # side force by sideslip, with the drag that a sideslip turns sideways [N/rad]
+    scale: float  # q S b: moments by their coefficients [N m]
+    rolling: Moment
+    yawing: Moment
+
+
+@compiled
+def lateral(V: float, aircraft: AircraftRecord) -> Lateral:
+    """Linearise lateral force and moments at an airspeed V [m/s]."""
+    a = aircraft
+    qS = 0.5 * a["rho"] * V * V * a["S"]
+    k = 1.0 if a["per_rad_s"] != 0 else a["b"] / (2.0 * V)
+    return Lateral(
+        qS * (a["cY_beta"] - a["cD0"]),
+        qS * a["b"],
+        Moment(a["cl0"], a["cl_beta"], a["cl_p"] * k, a["cl_r"] * k, a["cl_da"], a["cl_dr"]),
+        Moment(a["cn0"], a["cn_beta"], a["cn_p"] * k, a["cn_r"] * k, a["cn_da"], a["cn_dr"]),
+    )
+
+
+class Longitudinal(NamedTuple):
+    """Lift, drag and pitching moment, linear in angle of attack and pitch rate."""
+
+    drag: float  # N
+    lift_by_alpha: float  # N/rad
+    moment_by_alpha: float  # N m/rad
+    moment_by_q: float  # N m s/rad
+
+
+@compiled
+def longitudinal(V: float, aircraft: AircraftRecord) -> Longitudinal:
+    """Linearise lift, drag and pitching moment at an airspeed V [m/s]."""
+    a = aircraft
+    qS = 0.5 * a["rho"] * V * V * a["S"]
+    k = 1.0 if a["per_rad_s"] != 0 else a["c_bar"] / (2.0 * V)
+    qSc = qS * a["c_bar"]
+    return Longitudinal(drag(qS, a), qS * a["cL_alpha"], qSc * a["cm_alpha"], qSc * a["cm_q"] * k)
+
+
+@compiled
+def rate_damping(V: float, aircraft: AircraftRecord) -> tuple[float, float]:
+    """Return rolling moment by roll rate and pitching moment by pitch rate [N m s/rad]."""
+    qS = 0.5 * aircraft["rho"] * V * V * aircraft["S"]
+    b, c_bar = aircraft["b"], aircraft["c_bar"]
+    per_rad_s = aircraft["per_rad_s"] != 0
+    return (
+        qS * b * aircraft["cl_p"] * (1.0 if per_rad_s else b / (2.0 * V)),
+        qS * c_bar * aircraft["cm_q"] * (1.0 if per_rad_s else c_bar / (2.0 * V)),
+    )
+
+
+@compiled
+def drag(qS: float, aircraft: AircraftRecord) -> float:
+    """Return the drag [N] at a dynamic pressure by the reference area q S [N]."""
+    force: float = qS * aircraft["cD0"]
+    return force
+
+
+@compiled
+def carried(alpha: float, aircraft: AircraftRecord) -> float:
+    """Return the force across the flight path by q S, at α [rad], of lift and of thrust.
+
+    The thrust, along the body, balances the drag, and has a part across: C_L + C_D tan α.
+    """
+    lift: float = aircraft["cL0"] + aircraft["cL_alpha"] * alpha + aircraft["cD0"] * math.tan(alpha)
+    return lift
+
+
+@compiled
+def carried_linearly(aircraft: AircraftRecord) -> tuple[float, float]:
+    """Return `carried` at α = 0, and its slope there [1/rad]."""
+    return aircraft["cL0"], aircraft["cL_alpha"] + aircraft["cD0"]
+
+
+@compiled
+def balanced_alpha(elevator: float, aircraft: AircraftRecord) -> float:
+    """Return α [rad] at which an elevator deflection [rad] leaves no pitching moment."""
+    a = aircraft
+    alpha: float = -(a["cm0"] + a["cm_de"] * elevator) / a["cm_alpha"]
+    return alpha
+
+
+@compiled
+def correct_derivatives(
+    aircraft: AircraftRecord,
+    aileron: float,
+    pitch_damping: float,
+    elevator: float,
+    model: AircraftRecord,
+) -> None:
+    """Write derivatives with relative errors to a model of the same aircraft.
+
+    Args:
+        aircraft: The aircraft.
+        aileron: Error of the rolling moment by aileron.
+        pitch_damping: Error of the pitching moment by pitch rate.
+        elevator: Error of the pitching moment by elevator.
+        model: Record of the same dtype, written.
+    """
+    model["cl_da"] = aircraft["cl_da"] * (1.0 + aileron)
+    model["cm_q"] = aircraft["cm_q"] * (1.0 + pitch_damping)
+    model["cm_de"] = aircraft["cm_de"] * (1.0 + elevator)

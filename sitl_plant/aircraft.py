@@ -1,33 +1,12 @@
 """The aircraft as the compiled code sees it: Table I of the paper as one flat record."""
 
+from typing import TypeAlias
+
 import numpy as np
 
-from sitl_plant.config import Aircraft
+from sitl_plant.config import Aircraft, Coefficients
 
-__all__ = ["AIRCRAFT", "COEFFICIENTS", "aircraft_record"]
-
-COEFFICIENTS = (
-    "cL0",
-    "cL_alpha",
-    "cD0",
-    "cY_beta",
-    "cl0",
-    "cl_beta",
-    "cl_p",
-    "cl_r",
-    "cl_da",
-    "cl_dr",
-    "cm0",
-    "cm_alpha",
-    "cm_q",
-    "cm_de",
-    "cn0",
-    "cn_beta",
-    "cn_p",
-    "cn_r",
-    "cn_da",
-    "cn_dr",
-)
+COEFFICIENTS = tuple(Coefficients.model_fields)
 """Aerodynamic coefficients and derivatives, per rad."""
 
 AIRCRAFT = np.dtype(
@@ -47,8 +26,11 @@ AIRCRAFT = np.dtype(
     ]
 )
 
+AircraftRecord: TypeAlias = np.void
+"""Record of dtype `AIRCRAFT`: the true aircraft of a plant, the nominal one of a controller."""
 
-def aircraft_record(aircraft: Aircraft) -> np.void:
+
+def aircraft_record(aircraft: Aircraft) -> AircraftRecord:
     """Turn an aircraft's configuration into the record that the equations read.
 
     Args:
@@ -59,7 +41,7 @@ def aircraft_record(aircraft: Aircraft) -> np.void:
     """
     record = np.zeros(1, AIRCRAFT)
     inertia = aircraft.inertia_kg_m2
-    J = np.array(  # noqa: N806 - eq. (5)
+    J = np.array(
         [
             [inertia.Jxx, 0.0, -inertia.Jxz],
             [0.0, inertia.Jyy, 0.0],

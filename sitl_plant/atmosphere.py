@@ -7,8 +7,6 @@ from pydantic import Discriminator, Field, Tag
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 
-__all__ = ["Dryden", "Gust", "Shear", "SteadyWind", "Wind"]
-
 
 class SteadyWind(Model):
     """Wind that does not change, as the velocity of the air: a wind from the west blows east."""

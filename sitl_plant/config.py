@@ -1,6 +1,6 @@
 """Configuration of the plant: the true aircraft, their initial states, disturbances, the link.
 
-Symbols are those of the paper's section II-A and Table I; every bound is declared here, once.
+Symbols are the paper's of section II-A and Table I; every bound is declared here, once.
 """
 
 from typing import Annotated, Literal
@@ -18,24 +18,10 @@ from mavlink_defs.config.models import (
     unknown_key,
 )
 from mavlink_defs.config.quantity import quantity, whole
-from mavlink_defs.faults import FaultLimits
+from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.atmosphere import Wind
 from sitl_plant.hardware import ActuatorServos, Sensors, sensor_problems, servo_problems
-
-__all__ = [
-    "Aircraft",
-    "Coefficients",
-    "Disturbance",
-    "Inertia",
-    "InitialState",
-    "PlantConfig",
-    "PlantUav",
-    "Seed",
-    "Sinusoid",
-    "Uncertainty",
-    "true_aircraft",
-]
 
 
 class Inertia(Model):
@@ -219,7 +205,9 @@ class InitialState(Model):
 
     north_m: float = quantity("m", doc="North.")
     east_m: float = quantity("m", doc="East.")
-    altitude_m: float = quantity("m", ge=0.0, doc="Height above the ground, that of the origin.")
+    altitude_m: float = quantity(
+        "m", ge=0.0, doc="Height above the ground, a plane through the origin."
+    )
     airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed V.")
     roll_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Roll angle.")
     pitch_deg: float = quantity("deg", gt=-89.0, lt=89.0, default=0.0, doc="Pitch angle.")

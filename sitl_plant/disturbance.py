@@ -9,8 +9,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.config import Disturbance
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["Disturbances", "disturbance_table", "disturbances", "disturbances_over"]
-
 Disturbances: TypeAlias = tuple[Vec3, Vec3]
 """d_v [m/s²] and d_ω [rad/s²] at one time, body axes."""
 

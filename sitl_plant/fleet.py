@@ -21,7 +21,7 @@ from sitl_plant.plant import (
     Environment,
     is_below_ground,
     is_lost,
-    specific_force,
+    specific_force_at,
     step_aircraft,
     time_s,
 )
@@ -30,8 +30,6 @@ from sitl_plant.servo import begin_period, new_servos, sent_commands
 from sitl_plant.turbulence import advance_turbulence, start_turbulence
 from sitl_plant.vec3 import norm, sub, vec3
 from sitl_plant.wind import air_around, new_wind
-
-__all__ = ["PlantState", "fly", "new_plant_state", "observe", "receive_controls"]
 
 
 class PlantState(NamedTuple):
@@ -104,7 +102,7 @@ def _initial_state(initial: InitialState) -> np.ndarray:
 def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
     """Put an HIL_ACTUATOR_CONTROLS payload in force if it is newer than the last one.
 
-    One from the future is refused: its time is that of a state sent, and it would hold off all
+    One from the future is refused: its time is the time of a state sent, and it would hold off all
     later ones.
 
     Args:
@@ -152,7 +150,7 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     )
     d_v, _ = _disturbances_at(fleet, step, step_us)
     air = vec3(fleet.air[i, :3]), vec3(fleet.air[i, 3:])
-    force = specific_force(x, step, step_us, d_v, air, around)
+    force = specific_force_at(x, step, step_us, d_v, air, around)
     for k in range(3):
         message["position"][k] = x[k]
         message["velocity"][k] = x[3 + k]

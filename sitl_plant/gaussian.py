@@ -12,8 +12,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["normal", "philox"]
-
 _LOW = np.uint64(0xFFFFFFFF)
 _SHIFT = np.uint64(32)
 _FACTOR_0, _FACTOR_1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)

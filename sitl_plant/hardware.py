@@ -12,18 +12,6 @@ from pydantic import Field
 from mavlink_defs.config.models import Loc, Model
 from mavlink_defs.config.quantity import quantity
 
-__all__ = [
-    "ActuatorServos",
-    "EngineServo",
-    "Sensor",
-    "Sensors",
-    "Servos",
-    "SurfaceServo",
-    "period_problems",
-    "sensor_problems",
-    "servo_problems",
-]
-
 _Found: TypeAlias = Iterator[tuple[Loc, str]]
 
 

@@ -4,8 +4,6 @@ import math
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["lagged"]
-
 
 @compiled
 def lagged(start: float, target: float, lag: float, limit: float, elapsed: float) -> float:

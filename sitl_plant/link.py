@@ -16,33 +16,14 @@ import numpy as np
 from mavlink_defs.constants import N_CHANNELS, SIMULATOR_COMPONENT
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing import codec
-from mavlink_defs.framing.codec import (
-    ACTUATORS_SIZE,
-    STEP_DONE_SIZE,
-    MessageId,
-    expand,
-    pack,
-    system_of,
-)
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import PLANT_LINK
+from mavlink_defs.runtime import native
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_values
-from mavlink_defs.runtime.native import (
-    ADDRESS_SIZE,
-    monotonic_s,
-    receive_from,
-    receive_from_now,
-    receive_from_soon,
-    same_address,
-    send_to,
-    sleep_until,
-)
 from sitl_plant.fleet import PlantState, fly, observe, receive_controls
-
-__all__ = ["PlantLink", "Record", "new_link", "run", "send_states"]
 
 _RESEND_S = 0.05
 _MAX_LAG_S = 0.1
@@ -80,7 +61,7 @@ class PlantLink(NamedTuple):
     state: np.ndarray  # (1,), dtype LINK_STATE
     systems: np.ndarray  # (n,), system id of each aircraft
     known: np.ndarray  # (n,), 1: an autopilot is registered
-    addresses: np.ndarray  # (n, ADDRESS_SIZE), sockaddr of the autopilot
+    addresses: np.ndarray  # (n, native.ADDRESS_SIZE), sockaddr of the autopilot
     heard_s: np.ndarray  # (n,), wall-clock time of its last datagram [s]
     done: np.ndarray  # (n,), last step that it has finished
     silent: np.ndarray  # (32,), FTC_SIM_STATE.silent of the next step
@@ -88,7 +69,7 @@ class PlantLink(NamedTuple):
     drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
-    sender: np.ndarray  # (ADDRESS_SIZE,), where it came from
+    sender: np.ndarray  # (native.ADDRESS_SIZE,), where it came from
     step_done: np.ndarray  # views of `received`
     actuators: np.ndarray
     record: Record
@@ -125,7 +106,7 @@ def new_link(
         state=state,
         systems=np.array(systems),
         known=np.zeros(n, np.int64),
-        addresses=np.zeros((n, ADDRESS_SIZE), np.uint8),
+        addresses=np.zeros((n, native.ADDRESS_SIZE), np.uint8),
         heard_s=np.zeros(n),
         done=np.full(n, -1),
         silent=np.zeros(codec.SIM_STATE["silent"].shape, np.uint8),
@@ -133,7 +114,7 @@ def new_link(
         drops=np.zeros(codec.DROPS_SIZE, np.int64),
         sent=codec.new_buffer(),
         received=received,
-        sender=np.zeros(ADDRESS_SIZE, np.uint8),
+        sender=np.zeros(native.ADDRESS_SIZE, np.uint8),
         step_done=codec.payload_view(received, codec.STEP_DONE),
         actuators=codec.payload_view(received, codec.ACTUATORS),
         record=Record(
@@ -165,20 +146,20 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
             continue
         fleet.messages[i]["flags"] = state["flags"]
         payload = fleet.messages[i : i + 1]
-        length = pack(
+        length = codec.pack(
             link.sent,
             payload,
-            MessageId.SIM_STATE,
+            codec.MessageId.SIM_STATE,
             link.systems[i],
             SIMULATOR_COMPONENT,
             link.sequences[i],
         )
         link.sequences[i] += 1
         length = sign_frame(link.signer, link.sent, length)
-        send_to(fd, link.sent, length, link.addresses[i])
+        native.send_to(fd, link.sent, length, link.addresses[i])
     if not unfinished_only:
         link.silent[:] = 0
-    state["sent_s"] = monotonic_s()
+    state["sent_s"] = native.monotonic_s()
 
 
 @compiled
@@ -235,21 +216,21 @@ def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcom
     while True:
         if real_time:
             due_s = due_time_s(link)
-            sleep_until(min(due_s, until_s))
-            length = receive_from_now(fd, link.received, link.sender)
-            if length < 0 and monotonic_s() >= due_s:
+            native.sleep_until(min(due_s, until_s))
+            length = native.receive_from_now(fd, link.received, link.sender)
+            if length < 0 and native.monotonic_s() >= due_s:
                 return Outcome.NONE
         else:
             if running and _all_done(link):
                 return Outcome.NONE
             if running:
-                length = receive_from_soon(fd, link.received, link.sender)
+                length = native.receive_from_soon(fd, link.received, link.sender)
             else:
-                length = receive_from(fd, link.received, link.sender)
+                length = native.receive_from(fd, link.received, link.sender)
         if length >= 0 and _receive(link, fleet, length) == NOT_HOT:
             state["received"] = length
             return Outcome.SERVICE
-        now_s = monotonic_s()
+        now_s = native.monotonic_s()
         if running and not real_time and now_s - state["sent_s"] > _RESEND_S:
             send_states(fd, link, fleet, True)
         if now_s >= until_s:
@@ -264,7 +245,7 @@ def due_time_s(link: PlantLink) -> float:
     state = link.state[0]
     periods = state["step"] + 1 - state["origin_step"]
     due_s = state["origin_s"] + periods * state["step_us"] / 1e6 / state["speed"]
-    late_s = monotonic_s() - due_s
+    late_s = native.monotonic_s() - due_s
     if late_s > _MAX_LAG_S:
         state["origin_s"] += late_s
         state["lag_s"] += late_s
@@ -283,7 +264,7 @@ def _all_done(link: PlantLink) -> bool:
 
 @inlined
 def _receive(link: PlantLink, fleet: PlantState, length: int) -> int:
-    """Work on a received datagram if it is hot; return the result of `take`."""
+    """Handle a received datagram if it is hot; return the result of `take`."""
     message_id = take(link.signer, link.received, length, link.drops)
     if message_id not in (NOT_HOT, DROPPED):
         problem = _follow(link, fleet, message_id)
@@ -298,9 +279,9 @@ def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
     i = _index_of_sender(link)
     if i < 0:
         return DropReason.STRANGER
-    link.heard_s[i] = monotonic_s()
-    if message_id == MessageId.STEP_DONE:
-        expand(link.received, STEP_DONE_SIZE)
+    link.heard_s[i] = native.monotonic_s()
+    if message_id == codec.MessageId.STEP_DONE:
+        codec.expand(link.received, codec.STEP_DONE_SIZE)
         step = link.step_done[0]["step"]
         if step > link.state[0]["step"]:
             return DropReason.OUT_OF_RANGE
@@ -308,8 +289,8 @@ def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
             link.silent[link.systems[i] >> 3] |= 1 << (link.systems[i] & 7)
         link.done[i] = max(link.done[i], step)
         return 0
-    if message_id == MessageId.ACTUATORS:
-        expand(link.received, ACTUATORS_SIZE)
+    if message_id == codec.MessageId.ACTUATORS:
+        codec.expand(link.received, codec.ACTUATORS_SIZE)
         return receive_controls(fleet, i, link.actuators[0])
     return DropReason.UNEXPECTED
 
@@ -317,8 +298,8 @@ def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
 @inlined
 def _index_of_sender(link: PlantLink) -> int:
     """Return the index of the aircraft whose registered autopilot sent the datagram, or -1."""
-    system = system_of(link.received)
+    system = codec.system_of(link.received)
     for i in range(len(link.systems)):
         if link.systems[i] == system and link.known[i] == 1:
-            return i if same_address(link.addresses[i], link.sender) else -1
+            return i if native.same_address(link.addresses[i], link.sender) else -1
     return -1

@@ -14,6 +14,7 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import apply_faults
 from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.disturbance import Disturbances
 from sitl_plant.rigid_body import (
     R1,
@@ -21,26 +22,13 @@ from sitl_plant.rigid_body import (
     State,
     advance,
     load_state,
+    specific_force,
     state_derivative,
     store_state,
 )
 from sitl_plant.servo import end_period, positions
-from sitl_plant.vec3 import Vec3, add, mul, norm, scale, sub, vec3
+from sitl_plant.vec3 import Vec3, add, mul, norm, sub, vec3
 from sitl_plant.wind import air_around
-
-__all__ = [
-    "AIRSPEED_MAX_M_S",
-    "AIRSPEED_MIN_M_S",
-    "PITCH_MAX_RAD",
-    "Environment",
-    "describe_loss",
-    "is_below_ground",
-    "is_lost",
-    "rk4_step",
-    "specific_force",
-    "step_aircraft",
-    "time_s",
-]
 
 PITCH_MAX_RAD = math.radians(89.0)
 AIRSPEED_MIN_M_S = 3.0
@@ -54,7 +42,7 @@ class Environment(NamedTuple):
     faults: np.ndarray  # (MAX_FAULTS,), dtype FAULT
     wind: np.void  # dtype WIND
     turbulence: np.void  # dtype TURBULENCE
-    aircraft: np.void  # dtype AIRCRAFT
+    aircraft: AircraftRecord  # dtype AIRCRAFT
 
 
 @compiled
@@ -135,7 +123,7 @@ def step_aircraft(
 
 
 @compiled
-def specific_force(
+def specific_force_at(
     x: np.ndarray,
     step: int,
     step_us: int,
@@ -145,8 +133,7 @@ def specific_force(
 ) -> Vec3:
     """Return the specific force at a step [m/s²], body axes.
 
-    It is that of the actuators as they stand at this instant: at the end of the period that ends
-    here.
+    The actuators count as they stand at this instant: at the end of the period that ends here.
 
     Args:
         x: State, shape (12,).
@@ -162,7 +149,7 @@ def specific_force(
     moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
     real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
-    return add(scale(1.0 / aircraft["m"], (air.F[0] + real[THROTTLE], air.F[1], air.F[2])), d_v)
+    return add(specific_force(air, real[THROTTLE], aircraft), d_v)
 
 
 @compiled

@@ -16,32 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
+from mavlink_defs import dialect, endpoint
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError, Problem
 from mavlink_defs.constants import SIMULATOR_COMPONENT
-from mavlink_defs.dialect import (
-    FTC_SIM_FLAGS_ENDED,
-    FTC_SIM_FLAGS_LOST,
-    FTC_SIM_FLAGS_RUNNING,
-    MAV_COMP_ID_AUTOPILOT1,
-    MAVLink_ftc_drops_message,
-    MAVLink_message,
-)
-from mavlink_defs.endpoint import (
-    EndpointError,
-    bind_udp,
-    exposed,
-    is_loopback,
-    parse_address,
-    set_receive_timeout,
-)
 from mavlink_defs.framing.codec import drop_counts
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_link import Outcome
-from mavlink_defs.framing.hot_signing import sign_bytes
+from mavlink_defs.framing.hot_signing import load_link_signer, refresh, sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
 from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop
@@ -54,8 +38,6 @@ from sitl_plant.plant import describe_loss, time_s
 from sitl_plant.recorder import RECORD_ROWS, Recorder
 from sitl_plant.registration import Claim, Registration
 from sitl_plant.service import AircraftService
-
-__all__ = ["main"]
 
 _TICK_S = 0.02
 _END_TIMEOUT_S = 1.0
@@ -80,7 +62,7 @@ class Plant:
         self._record_optional = record_optional
         self._sock = sock
         self._fd = sock.fileno()
-        set_receive_timeout(sock, _TICK_S)
+        endpoint.set_receive_timeout(sock, _TICK_S)
         last_step = _STEPS_MAX
         if config.duration_s is not None:
             last_step = round(config.duration_s * 1e6 / config.step_us)
@@ -173,7 +155,7 @@ class Plant:
 
     @property
     def _running(self) -> bool:
-        return bool(self._state["flags"] & FTC_SIM_FLAGS_RUNNING)
+        return bool(self._state["flags"] & dialect.FTC_SIM_FLAGS_RUNNING)
 
     def _counter(self, i: int) -> Callable[[], int]:
         def next_sequence() -> int:
@@ -190,7 +172,7 @@ class Plant:
             self._link.drops[-drop_reason(datagram)] += 1
             return
         if (
-            message.get_srcComponent() != MAV_COMP_ID_AUTOPILOT1
+            message.get_srcComponent() != dialect.MAV_COMP_ID_AUTOPILOT1
             or message.get_srcSystem() not in systems
         ):
             self._link.drops[-DropReason.STRANGER] += 1
@@ -210,7 +192,7 @@ class Plant:
         if not self._running and self._link.known.all() and all(s.armed for s in self._services):
             self._start()
 
-    def _send(self, i: int, message: MAVLink_message) -> None:
+    def _send(self, i: int, message: dialect.MAVLink_message) -> None:
         host = address_of(self._link.addresses[i])
         frame = sign_bytes(self._link.signer, self._packers[i].pack(message))
         with contextlib.suppress(OSError):  # the microservices make up for losses
@@ -224,12 +206,12 @@ class Plant:
         self._drops_due_s = now + _DROPS_PERIOD_S
         counts, none = drop_counts(self._link.drops), [0] * len(DropReason)
         time_ms = round(self.time_s * 1e3) & 0xFFFFFFFF
-        message = MAVLink_ftc_drops_message(time_ms, none, none, none, counts)
+        message = dialect.MAVLink_ftc_drops_message(time_ms, none, none, none, counts)
         for i in np.flatnonzero(self._link.known):
             self._send(int(i), message)
 
     def _start(self) -> None:
-        self._state["flags"] |= FTC_SIM_FLAGS_RUNNING
+        self._state["flags"] |= dialect.FTC_SIM_FLAGS_RUNNING
         self._begin_s = self._state["origin_s"] = time.monotonic()
         self._state["origin_step"] = self._state["step"]
         _log(f"all armed, simulated time starts at Unix time {time.time():.3f}")
@@ -255,8 +237,10 @@ class Plant:
 
     def _end_simulation(self, lost: bool) -> None:
         """Send every autopilot the end of the simulation until each has acknowledged it."""
-        self._state["flags"] |= FTC_SIM_FLAGS_ENDED | (FTC_SIM_FLAGS_LOST if lost else 0)
-        self._state["flags"] &= ~FTC_SIM_FLAGS_RUNNING
+        self._state["flags"] |= dialect.FTC_SIM_FLAGS_ENDED | (
+            dialect.FTC_SIM_FLAGS_LOST if lost else 0
+        )
+        self._state["flags"] &= ~dialect.FTC_SIM_FLAGS_RUNNING
         end = time.monotonic() + _END_TIMEOUT_S
         send_states(self._fd, self._link, self._fleet, False)
         while time.monotonic() < end and self._unfinished():
@@ -293,13 +277,13 @@ def main(arguments: list[str] | None = None) -> None:
                 options.config, [Problem(("duration_s",), "missing; --record needs an end")]
             )
         key_file = KeyFile(config.signing_key, _log) if config.signing_key else None
-        address = parse_address(config.bind)
-        sock = bind_udp(address, "plant", "change `bind`")
-    except (ConfigError, EndpointError, SigningError) as problem:
+        address = endpoint.parse_address(config.bind)
+        sock = endpoint.bind_udp(address, "plant", "change `bind`")
+    except (ConfigError, endpoint.EndpointError, SigningError) as problem:
         log_line(problem)
         sys.exit(2)
-    if not is_loopback(address):
-        _log(exposed(address, config.signing_key is not None))
+    if not endpoint.is_loopback(address):
+        _log(endpoint.exposed(address, config.signing_key is not None))
     try:
         plant = Plant(
             config, sock, options.record, key_file, record_optional=options.record_optional

@@ -7,8 +7,6 @@ import numpy as np
 from mavlink_defs.runtime.spool import Spool
 from sitl_plant.link import PlantLink
 
-__all__ = ["RECORD_ROWS", "Recorder"]
-
 RECORD_ROWS = 1000
 """Steps written at a time."""
 

@@ -13,8 +13,6 @@ from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
 from sitl_plant.link import PlantLink
 from sitl_plant.plant import time_s
 
-__all__ = ["FROZEN_TAKEOVER_S", "TAKEOVER_S", "Claim", "Registration"]
-
 TAKEOVER_S = 1.0
 """Silence of an autopilot after which another one may replace it in flight [s]."""
 FROZEN_TAKEOVER_S = 2.5
@@ -32,7 +30,7 @@ class Claim(Enum):
 
 
 class Registration:
-    """The registered autopilots of a plant; they are kept in the arrays of its link."""
+    """The registered autopilots of a plant; they are in the arrays of its link."""
 
     def __init__(
         self,

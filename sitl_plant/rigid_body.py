@@ -9,23 +9,9 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.aerodynamics import Aerodynamics, aerodynamics, moment
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, scale, sub, vec3
-
-__all__ = [
-    "R1",
-    "R2",
-    "STILL_AIR",
-    "Air",
-    "R2_inv",
-    "State",
-    "advance",
-    "angular_acceleration",
-    "gravity_body",
-    "load_state",
-    "state_derivative",
-    "store_state",
-]
 
 State: TypeAlias = tuple[Vec3, Vec3, Vec3, Vec3]
 """Position NED [m], velocity body [m/s], roll-pitch-yaw [rad], angular velocity body [rad/s];
@@ -103,6 +89,12 @@ def angular_acceleration(omega: Vec3, moment: Vec3, J: Mat3, J_inv: Mat3) -> Vec
     return mul(J_inv, sub(moment, cross(omega, mul(J, omega))))
 
 
+@compiled
+def specific_force(air: Aerodynamics, thrust: float, aircraft: AircraftRecord) -> Vec3:
+    """Return the specific force of the air and a thrust [N], body axes [m/s²]."""
+    return scale(1.0 / aircraft["m"], (air.F[0] + thrust, air.F[1], air.F[2]))
+
+
 @inlined
 def state_derivative(
     state: State,
@@ -111,7 +103,7 @@ def state_derivative(
     d_v: Vec3,
     d_omega: Vec3,
     surrounding: Air,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
 ) -> State:
     """Return the right-hand side of eqs. (1) to (4).
 
@@ -121,21 +113,20 @@ def state_derivative(
         delta: Applied aileron, elevator, rudder deflections [rad].
         d_v: Disturbance of the acceleration, body axes [m/s²].
         d_omega: Disturbance of the angular acceleration, body axes [rad/s²].
-        surrounding: Motion of the air: forces and moments are those of the motion through it.
-        aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.
+        surrounding: Motion of the air: forces and moments follow from the motion through it.
+        aircraft: The aircraft.
     """
     _, v, phi, omega = state
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
-    m = aircraft["m"]
-    force = scale(1.0 / m, (air.F[0] + thrust, air.F[1], air.F[2]))
+    force = specific_force(air, thrust, aircraft)
     gravity = gravity_body(phi, aircraft["g"])
-    moment = add(air.N, mul(air.C, delta))
+    turning = moment(air, delta)
 
     p_dot = mul(R1(phi), v)  # (1)
     v_dot = add(add(sub(force, cross(omega, v)), gravity), d_v)  # (2)
     phi_dot = mul(R2_inv(phi), omega)  # (3)
     omega_dot = add(
-        angular_acceleration(omega, moment, mat3(aircraft["J"]), mat3(aircraft["J_inv"])), d_omega
+        angular_acceleration(omega, turning, mat3(aircraft["J"]), mat3(aircraft["J_inv"])), d_omega
     )  # (4)
     return p_dot, v_dot, phi_dot, omega_dot
 

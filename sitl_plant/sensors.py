@@ -14,21 +14,19 @@ from sitl_plant.gaussian import normal
 from sitl_plant.hardware import Sensor, Sensors
 from sitl_plant.vec3 import norm, scale, sub, vec3
 
-__all__ = ["AXES", "SENSORS", "measure", "new_sensors", "true_motions"]
-
 AXES = 10
 """Measured quantities: gyro x, y, z, accelerometer x, y, z, roll, pitch, yaw, airspeed."""
 
 _AIRSPEED = 9
 
-_DRIFT_CHANNEL = 100  # of the random numbers; those of the noise are the axes' own
+_DRIFT_CHANNEL = 100  # of the random numbers; the noise has the axes' own
 
 _EACH = (AXES,)
 
 SENSORS = np.dtype(
     [
         ("ideal", "i8"),  # 1: they tell the truth
-        ("exact_airspeed", "i8"),  # 1: that of the airspeed does
+        ("exact_airspeed", "i8"),  # 1: the sensor of the airspeed does
         ("seed", "i8"),
         ("system", "i8"),  # the aircraft's id
         ("noise", "f8", _EACH),  # errors in SI units and rad
@@ -70,7 +68,7 @@ def true_motions(sensors: np.ndarray) -> np.ndarray:
 
 
 def _fill(record: np.void, k: int, sensor: Sensor, unit: float, step_us: int) -> None:
-    """Write a sensor to a record; `unit` is that of the configuration in SI units."""
+    """Write a sensor to a record; `unit` is the unit of the configuration in SI units."""
     every = 1 if sensor.rate_hz is None else round(1e6 / (sensor.rate_hz * step_us))
     record["noise"][k] = sensor.noise_rms * unit
     record["bias"][k] = sensor.bias * unit

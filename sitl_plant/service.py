@@ -11,14 +11,13 @@ import numpy as np
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import Fault, FaultLimits, InvalidParam, fault_from_params
+from mavlink_defs.fault_kinds import STUCK, FaultLimits
+from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.command import CommandMessage, command_params
 from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.machine import SystemId
-from sitl_plant.actuators import add_fault, clear_faults
-
-__all__ = ["AircraftService"]
+from sitl_plant.actuators import add_fault, clear_faults, in_wire_units
 
 _Instances: TypeAlias = dict[int, tuple[int, ...]]
 _SURFACES: _Instances = {
@@ -28,7 +27,6 @@ _SURFACES: _Instances = {
     3: (2,),
 }  # MAV_CMD_INJECT_FAILURE servo instance
 _MOTORS: _Instances = {0: (3,), 1: (3,)}
-_OPEN = math.nan
 
 
 class AircraftService:
@@ -138,7 +136,7 @@ class AircraftService:
         if len(rows) == 0:
             self._outbox.append(dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0))
         for i, row in enumerate(rows):
-            fault = Fault.from_si(*row.item())
+            fault = in_wire_units(Fault(*row.item()))
             self._outbox.append(
                 dialect.MAVLink_ftc_fault_message(
                     effectiveness=fault.effectiveness,
@@ -149,7 +147,8 @@ class AircraftService:
                     index=i,
                     count=len(rows),
                     actuator=fault.actuator,
-                    active=int(fault.start_s < time_s <= fault.end_s),
+                    active=int(fault.is_active(time_s)),
+                    kind=fault.code,
                 )
             )
 
@@ -159,4 +158,5 @@ class AircraftService:
 
 
 def _stick(faults: np.ndarray, actuator: int, value: float, time_s: float) -> None:
-    add_fault(faults, Fault.from_si(actuator, 0.0, value, 0.0, _OPEN, _OPEN), time_s)
+    fault = Fault(actuator, 0.0, value, 0.0, math.nan, math.nan, STUCK.code)
+    add_fault(faults, in_wire_units(fault), time_s)

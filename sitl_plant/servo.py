@@ -19,8 +19,7 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import Controls
 from sitl_plant.hardware import ActuatorServos, EngineServo, SurfaceServo
 from sitl_plant.lag import lagged
-
-__all__ = ["SERVOS", "begin_period", "end_period", "new_servos", "positions", "sent_commands"]
+from sitl_plant.vec3 import clamp
 
 _EACH = (N_CHANNELS,)
 
@@ -150,7 +149,7 @@ def _position(servos: np.void, c: int, elapsed: float) -> float:
     output: float = servos["output"][c]
     if half == 0.0:
         return shaft
-    return min(max(output, shaft - half), shaft + half)
+    return clamp(output, shaft - half, shaft + half)
 
 
 @compiled

@@ -3,7 +3,7 @@
 With λ = V/L, the filters that shape white noise are
 
     u: σ_u sqrt(2 L_u/πV) / (1 + s/λ_u)
-    v: σ_v sqrt(L_v/πV) (1 + √3 s/λ_v) / (1 + s/λ_v)², and w likewise
+    v: σ_v sqrt(L_v/πV) (1 + √3 s/λ_v) / (1 + s/λ_v)², and w in the same way
     p: σ_w sqrt(0.8/V) (π/4b)^(1/6) / (L_w^(1/3) (1 + 4b s/πV))
     q: -s/V / (1 + 4b s/πV) of w,    r: s/V / (1 + 3b s/πV) of v
 
@@ -20,8 +20,6 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.atmosphere import Dryden
 from sitl_plant.gaussian import normal
-
-__all__ = ["TURBULENCE", "advance_turbulence", "dryden", "new_turbulence", "start_turbulence"]
 
 _CHANNEL = 200  # of the random numbers: this one and the next five
 _ROOT_3 = math.sqrt(3.0)

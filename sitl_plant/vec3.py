@@ -1,4 +1,4 @@
-"""Vectors of three and 3×3 matrices as tuples.
+"""Numbers within limits, vectors of three and 3×3 matrices as tuples.
 
 Compiled code keeps tuples in registers, where small numpy arrays would be allocated one by
 one; the compiled step spends no time in the allocator. Matrices are tuples of rows.
@@ -11,23 +11,20 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "Mat3",
-    "Vec3",
-    "add",
-    "cross",
-    "dot",
-    "mat3",
-    "mul",
-    "mul_t",
-    "norm",
-    "scale",
-    "sub",
-    "vec3",
-]
-
 Vec3: TypeAlias = tuple[float, float, float]
 Mat3: TypeAlias = tuple[Vec3, Vec3, Vec3]
+
+
+@compiled
+def clamp(x: float, low: float, high: float) -> float:
+    """Return x within low and high."""
+    return min(max(x, low), high)
+
+
+@compiled
+def clamp_each(a: Vec3, limit: float) -> Vec3:
+    """Return a with each element within ±limit."""
+    return clamp(a[0], -limit, limit), clamp(a[1], -limit, limit), clamp(a[2], -limit, limit)
 
 
 @compiled

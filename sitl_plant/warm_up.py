@@ -8,8 +8,6 @@ from sitl_plant.fleet import new_plant_state
 from sitl_plant.link import new_link, run, send_states
 from sitl_plant.plant import time_s
 
-__all__ = ["call_everything"]
-
 
 def call_everything(config: PlantConfig) -> None:
     """Send states to nobody, and let the compiled loop wait for answers that do not come."""

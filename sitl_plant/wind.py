@@ -11,9 +11,6 @@ from sitl_plant.rigid_body import R1, STILL_AIR, Air
 from sitl_plant.turbulence import dryden, new_turbulence
 from sitl_plant.vec3 import Vec3, add, mul_t, vec3
 
-__all__ = ["WIND", "air_around", "new_wind", "wind_at"]
-
-
 WIND = np.dtype(
     [
         ("still", "i8"),  # 1: there is no wind of any kind

@@ -24,16 +24,15 @@ from gcs.errors import GcsError
 from gcs.fleet.flight import fly_and_record
 from gcs.fleet.precompile import compile_everything
 from gcs.fleet.processes import on_free_ports
+from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.summary import summarise
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.capture.tlog import read_tlog
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.runtime.code_cache import cache_is_cold
 from soak.chapters import Chapter, chapter
-
-__all__ = ["differences", "main"]
 
 
 def main(arguments: list[str] | None = None) -> None:

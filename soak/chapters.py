@@ -7,8 +7,6 @@ from typing import Any
 
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 
-__all__ = ["Chapter", "chapter"]
-
 _STEPS_PER_S = 1000
 _LAWS = ("proposed", "surviving", "tube", "backstepping", "pid")
 _SURFACES = ("aileron", "elevator", "rudder")

@@ -14,8 +14,8 @@ from sitl_plant.aircraft import aircraft_record
 
 pytest_plugins = ["leftovers", "needs", "pytester"]
 
-# the first call of a function compiles it; the same examples in every run, but by `make explore`
-settings.register_profile("ftc-sitl", deadline=None, derandomize=True)
+# the first call of a function compiles it; few examples and always the same, but by `make explore`
+settings.register_profile("ftc-sitl", deadline=None, derandomize=True, max_examples=40)
 settings.register_profile("explore", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("ftc-sitl")
 

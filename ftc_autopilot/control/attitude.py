@@ -5,14 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.control.formation import FormationErrors
-from ftc_autopilot.control.motion import Motion
-from ftc_autopilot.control.reference import Reference
-from mavlink_defs.runtime.jit import compiled
+from ftc_autopilot.common.schedule import scheduled
+from ftc_autopilot.control.step import Step
+from mavlink_defs.runtime.jit import inlined
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration
-from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, sub
-
-__all__ = ["AttitudeLaw", "attitude_law", "limited", "virtual_control"]
+from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, sub, vec3
 
 
 class AttitudeLaw(NamedTuple):
@@ -24,86 +22,105 @@ class AttitudeLaw(NamedTuple):
     zeta_omega: Vec3  # [rad/s²]
 
 
-@compiled
-def virtual_control(
-    errors: FormationErrors, motion: Motion, reference: Reference, K1: Vec3
-) -> Vec3:
-    """Return the virtual control ω_d, eq. (57) [rad/s].
-
-    Args:
-        errors: Formation errors.
-        motion: Own motion.
-        reference: Filtered reference.
-        K1: Diagonal of K1.
-    """
-    lam = errors.lambda_omega
-    e_prime = errors.e_prime
+@inlined
+def virtual_control(now: Step, K1: Vec3) -> Vec3:
+    """Return the virtual control ω_d, eq. (57) [rad/s]; K1 by its diagonal."""
+    lam, e_prime = now.errors.lambda_omega, now.errors.e_prime
     rates = add(
         (-K1[0] * e_prime[0], -K1[1] * e_prime[1], -K1[2] * e_prime[2]),
-        add(scale(lam, reference.phi_dot), errors.e_dot_sum),
+        add(scale(lam, now.reference.phi_dot), now.errors.e_dot_sum),
     )
-    return scale(1.0 / lam, mul(R2(motion.phi), rates))
+    return scale(1.0 / lam, mul(R2(now.motion.phi), rates))
 
 
-@compiled
-def limited(rates: Vec3, limit: float) -> Vec3:
-    """Return rates with each component limited to ±limit [rad/s]; a limit of 0 is none."""
-    if limit == 0.0:
-        return rates
-    p, q, r = rates
-    return (
-        min(max(p, -limit), limit),
-        min(max(q, -limit), limit),
-        min(max(r, -limit), limit),
-    )
+@inlined
+def filtered_derivative(now: Step, omega_d: Vec3, tau_s: float, filtered: np.ndarray) -> Vec3:
+    """Return the derivative of ω_d behind its filter of (57) [rad/s²], and advance the filter.
+
+    Args:
+        now: The present step; in the first one the filter starts at ω_d.
+        omega_d: Virtual control [rad/s].
+        tau_s: Time constant of the filter [s].
+        filtered: ω_d behind the filter [rad/s], shape (3,), updated in place.
+    """
+    if now.first:
+        for i in range(3):
+            filtered[i] = omega_d[i]
+    slope = scale(1.0 / tau_s, sub(omega_d, vec3(filtered)))
+    for i in range(3):
+        filtered[i] += now.dt * slope[i]
+    return slope
 
 
-@compiled
+@inlined
+def zeta(
+    now: Step,
+    e_omega: Vec3,
+    omega_d_dot: Vec3,
+    K2: Vec3,
+    network: Vec3,
+    robust: Vec3,
+    aircraft: AircraftRecord,
+) -> Vec3:
+    """Return ζ_ω of (37) [rad/s²]: minus the angular acceleration that the surfaces must make.
+
+    Args:
+        now: The present step.
+        e_omega: ω - ω_d [rad/s].
+        omega_d_dot: Filtered derivative of ω_d [rad/s²].
+        K2: Diagonal of K2.
+        network: Term of the network; 0 without one.
+        robust: Robust term; 0 without one.
+        aircraft: Nominal aircraft.
+    """
+    motion, errors = now.motion, now.errors
+    J, J_inv = mat3(aircraft["J"]), mat3(aircraft["J_inv"])
+    total = (K2[0] * e_omega[0], K2[1] * e_omega[1], K2[2] * e_omega[2])
+    total = add(total, angular_acceleration(motion.omega, motion.air.N, J, J_inv))
+    total = add(add(total, network), robust)
+    total = add(total, scale(errors.lambda_omega, mul_t(R2_inv(motion.phi), errors.e_prime)))
+    return sub(total, omega_d_dot)
+
+
+@inlined
 def attitude_law(
-    errors: FormationErrors,
-    motion: Motion,
+    now: Step,
     e_omega: Vec3,
     omega_d_dot: Vec3,
     basis: float,
-    Phi_omega: float,
-    beta_omega: float,
-    K2: Vec3,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
     gains: np.void,
+    estimates: np.void,
 ) -> AttitudeLaw:
     """Evaluate eqs. (37), (38) and (39).
 
     Args:
-        errors: Formation errors.
-        motion: Own motion, with the nominal moment N0 and control matrix C0.
+        now: The present step, with the nominal moment N0 and control matrix C0.
         e_omega: ω - ω_d [rad/s].
         omega_d_dot: Filtered derivative of ω_d [rad/s²].
         basis: ςᵀς.
-        Phi_omega: Estimate Φ̂_ω.
-        beta_omega: Estimate β̂_ω.
-        K2: Diagonal of K2.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         gains: Parameters, record made of `ftc_autopilot.control.laws.proposed.Proposed`.
+        estimates: Φ̂_ω, β̂_ω, record of dtype `Proposed.STATE`; read only.
     """
-    J_inv = mat3(aircraft["J_inv"])
+    Phi_omega, beta_omega = estimates["Phi_omega"], estimates["beta_omega"]
     h1_sq = gains["h_omega1"] ** 2
     h2_sq = gains["h_omega2"] ** 2
 
     Xi = scale(basis, e_omega)
-    zeta = (K2[0] * e_omega[0], K2[1] * e_omega[1], K2[2] * e_omega[2])
-    zeta = add(zeta, angular_acceleration(motion.omega, motion.air.N, mat3(aircraft["J"]), J_inv))
-    zeta = add(zeta, scale(Phi_omega / (2.0 * h1_sq), Xi))
-    zeta = add(zeta, scale(1.0 / (2.0 * h2_sq), e_omega))
-    zeta = add(zeta, scale(errors.lambda_omega, mul_t(R2_inv(motion.phi), errors.e_prime)))
-    zeta = sub(zeta, omega_d_dot)
+    network = scale(Phi_omega / (2.0 * h1_sq), Xi)
+    robust = scale(1.0 / (2.0 * h2_sq), e_omega)
+    K2 = scheduled(gains["K2"], now.t)
+    zeta_omega = zeta(now, e_omega, omega_d_dot, K2, network, robust, aircraft)
 
-    b2_z2 = beta_omega * beta_omega * dot(zeta, zeta)
+    b2_z2 = beta_omega * beta_omega * dot(zeta_omega, zeta_omega)
     gain = -b2_z2 / math.sqrt(b2_z2 * dot(e_omega, e_omega) + gains["eps_omega"])
-    Gt_e = mul_t(motion.air.C, mul_t(J_inv, e_omega))  # Gᵀ e_ω with G = J0⁻¹ C0
+    Gt_e = mul_t(now.motion.air.C, mul_t(mat3(aircraft["J_inv"]), e_omega))  # Gᵀe_ω, G = J0⁻¹C0
     return AttitudeLaw(
         scale(gain, Gt_e),  # (37)
         gains["gamma_omega1"] * dot(e_omega, Xi) / (2.0 * h1_sq)
         - gains["sigma_omega1"] * Phi_omega,  # (38)
-        gains["gamma_omega2"] * dot(e_omega, zeta) - gains["sigma_omega2"] * beta_omega,  # (39)
-        zeta,
+        gains["gamma_omega2"] * dot(e_omega, zeta_omega)
+        - gains["sigma_omega2"] * beta_omega,  # (39)
+        zeta_omega,
     )

@@ -10,8 +10,6 @@ import numpy as np
 
 from mavlink_defs.config.models import Loc
 
-__all__ = ["adjacency", "check_lemma1", "formation_problems", "laplacian"]
-
 Edge = tuple[int, int, float]
 """Two UAV ids and the weight a_ij = a_ji."""
 

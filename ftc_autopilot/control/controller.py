@@ -6,47 +6,38 @@ reference filter.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.config import Controller, FormationTrigger
-from ftc_autopilot.control.formation import formation_errors
-from ftc_autopilot.control.laws import KINDS, LAWS, evaluate
-from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
-from ftc_autopilot.control.motion import Motion
-from ftc_autopilot.control.records import fill, record_dtype
+from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.common.schedule import scheduled
+from ftc_autopilot.control.config import FormationTrigger
+from ftc_autopilot.control.laws import KINDS, LAWS, Controller, evaluate
+from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
-from ftc_autopilot.control.schedule import scheduled
-from ftc_autopilot.control.trigger import not_finite, trigger
+from ftc_autopilot.control.step import (
+    Command,
+    ControllerRecord,
+    ParametersRecord,
+    SignalsRecord,
+    Step,
+    Thresholds,
+)
+from ftc_autopilot.control.synchronisation_errors import formation_errors
+from ftc_autopilot.control.transmit import not_finite, transmit
 from ftc_autopilot.control.triggers import MODES, TRIGGERS, clock_of
-from ftc_autopilot.control.triggers.base import ALL, TriggerParameters
+from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_record
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import Vec3
-
-__all__ = [
-    "CONTROLLER",
-    "NO_INTERVAL",
-    "PARAMETERS",
-    "SIGNALS",
-    "control_step",
-    "count_events",
-    "new_controller",
-    "no_signals",
-    "parameter_record",
-    "restart_law",
-]
 
 NO_INTERVAL = 2**32 - 1
 """Smallest interval of a channel with fewer than two events."""
-
-
-def _record_of(law: type[LawParameters]) -> np.dtype:
-    """Return the record of a law's own parameters and of what it derives from the aircraft."""
-    own = record_dtype(law, LawParameters)
-    return np.dtype([*((name, own[name]) for name in own.names or ()), *law.DERIVED])
 
 
 def _record_of_triggers() -> np.dtype:
@@ -71,7 +62,7 @@ PARAMETERS = np.dtype(
         ("formation_trigger", record_dtype(FormationTrigger)),
         ("guidance", GUIDANCE_PARAMETERS),
         ("formation", record_dtype(FormationParameters)),
-        *((kind, _record_of(law)) for kind, law in LAWS.items()),
+        *((kind, law.record()) for kind, law in LAWS.items()),
     ]
 )
 
@@ -81,7 +72,6 @@ CONTROLLER = np.dtype(
         ("trigger", [(mode, one.STATE) for mode, one in TRIGGERS.items() if one.STATE.names]),
         ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
         ("held", "f8", (N_CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
-        ("chosen", "i8"),  # mask of the channels that the law chose to send; all unless it chooses
         ("started", "i8"),  # 0: the next step is the law's first one since the UAV was armed
         ("steps", "i8"),  # control steps made
         ("messages", "i8"),  # steps in which at least one channel had an event
@@ -92,6 +82,8 @@ CONTROLLER = np.dtype(
         ("neighbour_messages", "i8"),  # steps after the first with a message to the neighbours
     ]
 )
+
+_ESTIMATES = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
 
 SIGNALS = np.dtype(
     [
@@ -107,29 +99,15 @@ SIGNALS = np.dtype(
         ("held", "f8", (N_CHANNELS,)),  # δ_0 and T_x0
         ("path_position", "f8"),  # path parameter [m], NaN unless a path is flown
         ("report_size", "u1"),  # bytes of FTC_NEIGHBOUR from report on, less zeros at the end
-        ("slot", "f8", (3,)),  # in force: ahead, to the right, up [m], NaN likewise
+        ("slot", "f8", (3,)),  # in force: ahead, to the right, up [m], NaN in the same way
         ("events", "u1"),  # bit per channel
         ("not_finite", "u1"),  # bit per channel: its demand was not finite, and not sent
         ("neighbour_message", "u1"),  # 1: sent in this step, which is not the first
-        ("Phi_v", "f8"),
-        ("g_v", "f8"),
-        ("beta_v", "f8"),
-        ("Phi_omega", "f8"),
-        ("beta_omega", "f8"),
-        ("Phi_v_dot", "f8"),
-        ("g_v_dot", "f8"),
-        ("beta_v_dot", "f8"),
-        ("Phi_omega_dot", "f8"),
-        ("beta_omega_dot", "f8"),
+        *((name, "f8") for name in _ESTIMATES),
+        *((f"{name}_dot", "f8") for name in _ESTIMATES),
         ("basis", "f8"),  # ςᵀς
-        ("alpha_v", "f8"),
-        ("r_v", "f8"),
-        ("zeta_v", "f8"),
-        ("B_v", "f8"),
-        ("omega_d", "f8", (3,)),
-        ("omega_d_dot", "f8", (3,)),
-        ("e_omega", "f8", (3,)),
-        ("zeta_omega", "f8", (3,)),
+        *((name, "f8") for name in ("alpha_v", "r_v", "zeta_v", "B_v")),
+        *((name, "f8", (3,)) for name in ("omega_d", "omega_d_dot", "e_omega", "zeta_omega")),
         ("effectiveness", "f8", (N_CHANNELS,)),  # diagnosis: in use
         ("offset", "f8", (N_CHANNELS,)),  # of an actuator in service; where a lost one stands
         ("confidence", "f8", (N_CHANNELS,)),  # 1 - standard error of the effectiveness
@@ -168,19 +146,19 @@ def parameter_record(
         record["guidance"] = guidance_record(guidance)
     if in_space is not None:
         fill(record["formation"], in_space)
-    fill(record[controller.kind], controller)
+    controller.write_to(record[controller.kind])
     return record
 
 
 def new_controller() -> np.void:
     """Return a controller before its first step, dtype `CONTROLLER`."""
-    state: np.void = np.zeros(1, CONTROLLER)[0]
+    state: ControllerRecord = np.zeros(1, CONTROLLER)[0]
     state["min_interval"] = NO_INTERVAL
     return state
 
 
-def restart_law(state: np.void) -> None:
-    """Let the law start anew with the next step; held commands and counters stay.
+def restart_law(state: ControllerRecord) -> None:
+    """Let the law start again with the next step; held commands and counters stay.
 
     Args:
         state: Record of dtype `CONTROLLER`, updated in place.
@@ -200,38 +178,37 @@ def no_signals(steps: int) -> np.ndarray:
     return signals
 
 
+class Inputs(NamedTuple):
+    """What a control step of one UAV is made from."""
+
+    t: float  # time that the parameters' schedules run on [s]
+    dt: float  # control period [s]
+    motion: Motion  # own motion
+    command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad], shape (4,)
+    neighbours: np.ndarray  # last FTC_NEIGHBOUR payload of each neighbour, shape (degree,)
+    weights: np.ndarray  # a_ij of each neighbour, 0 while it is silent, shape (degree,)
+
+
+class Records(NamedTuple):
+    """The records of one UAV's controller."""
+
+    aircraft: AircraftRecord  # nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`
+    parameters: ParametersRecord  # dtype `PARAMETERS`
+    state: ControllerRecord  # dtype `CONTROLLER`, updated in place
+    controls: np.ndarray  # HIL_ACTUATOR_CONTROLS.controls, updated in place
+    signals: SignalsRecord  # dtype `SIGNALS`, written
+
+
 @compiled
-def control_step(
-    t: float,
-    dt: float,
-    motion: Motion,
-    command: np.ndarray,
-    neighbours: np.ndarray,
-    weights: np.ndarray,
-    aircraft: np.void,
-    parameters: np.void,
-    state: np.void,
-    controls: np.ndarray,
-    signals: np.void,
-    may_send: bool = True,
-) -> int:
+def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int:
     """Make one control step.
 
     The reference starts at the command in the very first step, and at the present motion when
-    the law starts anew in flight.
+    the law starts again in flight.
 
     Args:
-        t: Time that the parameters' schedules run on [s].
-        dt: Control period [s].
-        motion: Own motion.
-        command: Unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad], shape (4,).
-        neighbours: Last FTC_NEIGHBOUR payload of each neighbour, shape (degree,).
-        weights: a_ij of each neighbour, 0 while it is silent, shape (degree,).
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
-        parameters: Record of dtype `PARAMETERS`.
-        state: Record of dtype `CONTROLLER`, updated in place.
-        controls: HIL_ACTUATOR_CONTROLS.controls, updated in place.
-        signals: Record of dtype `SIGNALS`, written.
+        inputs: What it is made from.
+        records: Its records.
         may_send: Whether the trigger is asked. A step whose state was lost is made without: it is
             not counted and has no events.
 
@@ -239,63 +216,76 @@ def control_step(
         Bit mask of the channels that had an event, bit numbers as FTC_ACTUATOR; an actuator
         message is due unless it is 0.
     """
+    aircraft, parameters, state = records.aircraft, records.parameters, records.state
+    controls, signals = records.controls, records.signals
+    now = _step(inputs, parameters, state)
+    for i in range(N_CHANNELS):
+        signals["predicted_exit"][i] = math.nan
+    command = evaluate(now, aircraft, parameters, state, signals)
+    mask = 0
+    if may_send:
+        mask = transmit(command, now, aircraft, parameters, state, controls)
+        state["started"] = 1
+        state["steps"] += 1
+
+    _record_signals(signals, now, command, mask)
+    filter_reference(now.command, state["reference"], now.bandwidth, now.dt)
+    return mask
+
+
+@inlined
+def _step(inputs: Inputs, parameters: ParametersRecord, state: ControllerRecord) -> Step:
+    """Return the step as the law sees it."""
+    t, dt, motion, command, neighbours, weights = inputs
     first = state["started"] == 0
     if state["steps"] == 0:
         start_filter(command, state["reference"])
     elif first:
         roll, pitch, yaw = motion.phi
         start_filter(np.array([motion.V, roll, pitch, yaw]), state["reference"])
-    reference = read_reference(state["reference"])
-    errors = formation_errors(motion, reference, neighbours, weights, parameters["common"])
-    thresholds = parameters["trigger"]
-    a = scheduled(thresholds["a1"], t)[0], scheduled(thresholds["a2_n"], t)[0]
-    b = scheduled(thresholds["b1"], t)[0], scheduled(thresholds["b2_rad"], t)[0]
-    due, clock_s = clock_of(parameters["mode"], dt, thresholds, state["trigger"])
-    now = Instant(
-        t, dt, first, motion, command, reference, errors, state["held"], a, b, due, clock_s
+    reference, common = read_reference(state["reference"]), parameters["common"]
+    trigger = parameters["trigger"]
+    a = scheduled(trigger["a1"], t)[0], scheduled(trigger["a2_n"], t)[0]
+    b = scheduled(trigger["b1"], t)[0], scheduled(trigger["b2_rad"], t)[0]
+    due, clock_s = clock_of(parameters["mode"], dt, trigger, state["trigger"])
+    return Step(
+        t,
+        dt,
+        first,
+        motion,
+        command,
+        reference,
+        state["reference"],
+        common["reference_bandwidth_rad_s"],
+        formation_errors(motion, reference, neighbours, weights, common),
+        state["held"],
+        Thresholds(a, b),
+        due,
+        clock_s,
     )
-    state["chosen"] = ALL
-    for i in range(N_CHANNELS):
-        signals["predicted_exit"][i] = math.nan
-    demand = evaluate(now, aircraft, parameters, state, signals)
-    mask = 0
-    if may_send:
-        mask = trigger(
-            demand, dt, first, state["chosen"], a, b, aircraft, parameters, state, controls
-        )
-        state["started"] = 1
-        state["steps"] += 1
-
-    _record_signals(signals, now, command, demand, mask)
-    filter_reference(
-        command, state["reference"], parameters["common"]["reference_bandwidth_rad_s"], dt
-    )
-    return mask
 
 
-@compiled
-def _record_signals(
-    signals: np.void, now: Instant, command: np.ndarray, demand: Demand, mask: int
-) -> None:
+@inlined
+def _record_signals(signals: SignalsRecord, now: Step, command: Command, mask: int) -> None:
     """Write what a step computed; a law's inner quantities are written by the law."""
     motion, reference, errors = now.motion, now.reference, now.errors
     signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
-    signals["not_finite"] = not_finite(demand)
+    signals["not_finite"] = not_finite(command)
     _write(signals["reference"], reference.V, reference.phi)
     _write(signals["reference_dot"], reference.V_dot, reference.phi_dot)
     _write(signals["error"], errors.V_tilde, errors.e)
     _write(signals["sync_error"], errors.V_tilde_prime, errors.e_prime)
     for i in range(3):
         signals["attitude"][i] = motion.phi[i]
-        signals["demand"][i] = demand.delta_hat[i]
-    signals["demand"][THROTTLE] = demand.T_hat
+        signals["demand"][i] = command.delta[i]
+    signals["demand"][THROTTLE] = command.thrust
     for i in range(N_CHANNELS):
-        signals["command"][i] = command[i]
+        signals["command"][i] = now.command[i]
         signals["held"][i] = now.held[i]
 
 
 @compiled
-def count_events(mask: int, step: int, state: np.void) -> None:
+def count_events(mask: int, step: int, state: ControllerRecord) -> None:
     """Count the events of one step.
 
     Args:

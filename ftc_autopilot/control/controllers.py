@@ -1,15 +1,15 @@
 """Controllers of one or more UAVs: their records, before and between flights.
 
-The autopilot process holds the controller of one UAV, the flight in one process those of all.
+An autopilot process holds the controller of one UAV, a flight in one process those of all of them.
 """
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, get_type_hints
 
 import numpy as np
 
-from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.control.config import ControllerConfig
 from ftc_autopilot.control.controller import (
     CONTROLLER,
     PARAMETERS,
@@ -17,26 +17,14 @@ from ftc_autopilot.control.controller import (
     new_controller,
     parameter_record,
 )
-from ftc_autopilot.control.delay import (
-    DELAY,
-)
 from ftc_autopilot.control.reference import PROFILE
+from ftc_autopilot.control.state_predictor import DELAY
 from ftc_autopilot.guidance.coordination import FORMATION, new_formation
 from ftc_autopilot.guidance.formation import LAYOUT, layout_record
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE
 from ftc_autopilot.guidance.path import PATH
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
-
-__all__ = [
-    "GUIDANCE",
-    "NOT_STARTED",
-    "Controllers",
-    "Source",
-    "begin_path",
-    "new_controllers",
-    "reset_controllers",
-]
 
 NOT_STARTED = -(2**62)
 
@@ -67,48 +55,39 @@ GUIDANCE = np.dtype(
 
 
 class Controllers(NamedTuple):
-    """Arrays over n UAVs."""
+    """Arrays over n UAVs, each with its dtype, and how many more columns than neighbours it has."""
 
-    aircraft: np.ndarray  # (n,), dtype AIRCRAFT, nominal
-    parameters: np.ndarray  # (n,), dtype PARAMETERS
-    states: np.ndarray  # (n,), dtype CONTROLLER
-    guidance: np.ndarray  # (n,), dtype GUIDANCE
-    profiles: np.ndarray  # (n,), dtype PROFILE
-    paths: np.ndarray  # (n,), dtype PATH
-    layouts: np.ndarray  # (n,), dtype LAYOUT: the formation, as each of its members sees it
-    formations: np.ndarray  # (n,), dtype FORMATION
-    neighbour_states: np.ndarray  # (n, degree), dtype NEIGHBOUR: last messages, by neighbour
-    extrapolated: np.ndarray  # (n, degree + 1), the same now; last, what neighbours make of `told`
-    weights: np.ndarray  # (n, degree), a_ij; 0 while a neighbour is silent
-    actuators: np.ndarray  # (n,), dtype ACTUATORS: the actuator message in force
-    own_states: np.ndarray  # (n,), dtype NEIGHBOUR: what a message to the neighbours would say
-    told: np.ndarray  # (n,), dtype NEIGHBOUR: the last message to the neighbours
-    signals: np.ndarray  # (n,), dtype SIGNALS
-    delays: np.ndarray  # (n,), dtype DELAY
+    aircraft: Annotated[np.ndarray, AIRCRAFT]  # nominal
+    parameters: Annotated[np.ndarray, PARAMETERS]
+    states: Annotated[np.ndarray, CONTROLLER]
+    guidance: Annotated[np.ndarray, GUIDANCE]
+    profiles: Annotated[np.ndarray, PROFILE]
+    paths: Annotated[np.ndarray, PATH]
+    layouts: Annotated[np.ndarray, LAYOUT]  # the formation, as each of its members sees it
+    formations: Annotated[np.ndarray, FORMATION]
+    neighbour_states: Annotated[np.ndarray, NEIGHBOUR, 0]  # last messages, by neighbour
+    extrapolated: Annotated[np.ndarray, NEIGHBOUR, 1]  # the same now; last, of the own broadcast
+    weights: Annotated[np.ndarray, np.float64, 0]  # a_ij; 0 while a neighbour is silent
+    actuators: Annotated[np.ndarray, ACTUATORS]  # the actuator message in force
+    own_states: Annotated[np.ndarray, NEIGHBOUR]  # what a message to the neighbours would say
+    last_broadcast: Annotated[np.ndarray, NEIGHBOUR]  # the last message to the neighbours
+    signals: Annotated[np.ndarray, SIGNALS]
+    delays: Annotated[np.ndarray, DELAY]
 
 
-def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
+_LASTING = {"aircraft", "parameters", "profiles", "paths", "layouts"}
+"""What a reset leaves alone."""
+
+
+def new_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
     """Return the controllers of the given UAVs before the first step: no profile, not active."""
     n = len(configs)
     degree = max((len(config.neighbours) for config in configs), default=0)
-    controllers = Controllers(
-        np.zeros(n, AIRCRAFT),
-        np.zeros(n, PARAMETERS),
-        np.zeros(n, CONTROLLER),
-        np.zeros(n, GUIDANCE),
-        np.zeros(n, PROFILE),
-        np.zeros(n, PATH),
-        np.zeros(n, LAYOUT),
-        np.zeros(n, FORMATION),
-        np.zeros((n, degree), NEIGHBOUR),
-        np.zeros((n, degree + 1), NEIGHBOUR),
-        np.zeros((n, degree)),
-        np.zeros(n, ACTUATORS),
-        np.zeros(n, NEIGHBOUR),
-        np.zeros(n, NEIGHBOUR),
-        np.zeros(n, SIGNALS),
-        np.zeros(n, DELAY),
-    )
+    arrays = []
+    for hint in get_type_hints(Controllers, include_extras=True).values():
+        dtype, *more = hint.__metadata__
+        arrays.append(np.zeros((n, *(degree + columns for columns in more)), dtype))
+    controllers = Controllers(*arrays)
     for i, config in enumerate(configs):
         controllers.aircraft[i] = aircraft_record(config.aircraft)
         controllers.parameters[i] = parameter_record(
@@ -131,18 +110,9 @@ def new_controllers(configs: Sequence[AutopilotConfig]) -> Controllers:
 
 def reset_controllers(controllers: Controllers) -> None:
     """Return to before the first step, not active; parameters, profiles and paths stay."""
-    for array in (
-        controllers.guidance,
-        controllers.neighbour_states,
-        controllers.extrapolated,
-        controllers.actuators,
-        controllers.own_states,
-        controllers.told,
-        controllers.signals,
-        controllers.delays,
-    ):
-        array[:] = np.zeros((), array.dtype)
-    controllers.weights[:] = 0.0
+    for name, array in controllers._asdict().items():
+        if name not in _LASTING:
+            array[:] = np.zeros((), array.dtype)
     controllers.states[:] = new_controller()
     controllers.formations[:] = new_formation()
     controllers.guidance["start_step"] = controllers.guidance["guided_step"] = NOT_STARTED

@@ -1,18 +1,18 @@
-"""Inversion of the nominal model: deflections for a moment, thrust from an acceleration."""
+"""Inversion of the nominal model: deflections for a moment, thrust for an acceleration."""
 
 import numpy as np
 
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import ACTUATORS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aircraft import aircraft_record
+from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aerodynamics import control_effectiveness
+from sitl_plant.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.config import Aircraft
 from sitl_plant.vec3 import Mat3, Vec3, add, dot, scale
 
-__all__ = ["acceleration_without_thrust", "inversion_problem", "surfaces_for"]
-
 _LEAST_EFFECT = 1e-3
-"""Least effect of the weakest combination of the surfaces, by that of the strongest one.
+"""Least effect of the weakest combination of the surfaces, by the effect of the strongest one.
 
 Below it, what a degree of the one does takes more than 1000° of the other.
 """
@@ -22,20 +22,10 @@ _CONCERNED = 0.3  # share of a surface in that combination from which on it is n
 def inversion_problem(aircraft: Aircraft) -> str | None:
     """Return why deflections for a moment cannot be computed for an aircraft; None if they can.
 
-    The matrix J⁻¹C0 of the angular accelerations per deflection is judged by its singular values.
-    Its shape is the same in the whole flight envelope: (10) has no angle of attack or sideslip, and
-    airspeed and air density scale it as a whole.
+    The control effectiveness is judged by its singular values, since the airspeed only scales it.
     """
-    a = aircraft_record(aircraft)
-    b, c = a["b"], a["c_bar"]
     with np.errstate(all="ignore"):
-        effect = a["J_inv"] @ np.array(
-            [
-                [b * a["cl_da"], 0.0, b * a["cl_dr"]],
-                [0.0, c * a["cm_de"], 0.0],
-                [b * a["cn_da"], 0.0, b * a["cn_dr"]],
-            ]
-        )
+        effect = control_effectiveness(aircraft_record(aircraft))
     if not np.isfinite(effect).all():
         return "the effect of its surfaces is too large for a float"
     _, sizes, combinations = np.linalg.svd(effect)
@@ -61,8 +51,34 @@ def surfaces_for(moment: Vec3, C: Mat3) -> Vec3:
     )
 
 
-@compiled
-def acceleration_without_thrust(motion: Motion, aircraft: np.void) -> float:
+@inlined
+def acceleration_without_thrust(motion: Motion, aircraft: AircraftRecord) -> float:
     """Return what V̇ would be without thrust: vᵀ(R1ᵀg + F0/m)/V [m/s²]."""
     specific = add(motion.gravity, scale(1.0 / aircraft["m"], motion.air.F))
     return dot(motion.v, specific) / motion.V
+
+
+@inlined
+def thrust_for(V_dot: float, motion: Motion, aircraft: AircraftRecord) -> float:
+    """Return the thrust [N] that makes a derivative of the airspeed [m/s²]."""
+    by_thrust = V_dot - acceleration_without_thrust(motion, aircraft)
+    thrust: float = aircraft["m"] * by_thrust * motion.V / motion.v[0]
+    return thrust
+
+
+@inlined
+def speed_terms(now: Step, aircraft: AircraftRecord) -> tuple[float, float, float]:
+    """Return r_v [m/s²], V̇ without thrust [m/s²] and ζ_v [1/kg] of (33)."""
+    motion, errors = now.motion, now.errors
+    lam = errors.lambda_v
+    r_v = lam * now.reference.V_dot + errors.V_tilde_dot_sum
+    known = acceleration_without_thrust(motion, aircraft)
+    return r_v, known, motion.v[0] * lam / (aircraft["m"] * motion.V)
+
+
+@inlined
+def thrust_for_speed(now: Step, aircraft: AircraftRecord, c_v: float) -> float:
+    """Return the thrust [N] that makes the speed error (31) decay at c_v [1/s]."""
+    r_v, known, zeta_v = speed_terms(now, aircraft)
+    errors = now.errors
+    return (r_v - errors.lambda_v * known - c_v * errors.V_tilde_prime) / zeta_v

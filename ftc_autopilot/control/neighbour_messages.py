@@ -10,7 +10,7 @@ value. The next message is sent when one of the sender's errors differs from it 
 relative · |error| + absolute, or after the longest silence; so without losses that is a bound of
 what the receivers are wrong by. A lost message is made up for by the next one, which is complete.
 
-On a path, it also holds the sender's place on it and in space, which go on with the rates told,
+On a path, it also holds the sender's place on it and in space, which go on with their rates,
 and a report on all members of the formation. A message is then also due when a place differs by
 more than its threshold, or the report by anything.
 """
@@ -19,23 +19,22 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.common.angles import wrap
+from ftc_autopilot.control.step import SignalsRecord
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["extrapolate", "is_message_due", "refer_to_reference"]
-
 _TAU_S = 0.1
-"""Time constant with which rates decay, about that of the attitude loop [s]."""
+"""Time constant with which rates decay, about the one of the attitude loop [s]."""
 
 
 @compiled
-def refer_to_reference(message: np.void, signals: np.void) -> None:
+def refer_to_reference(message: np.void, signals: SignalsRecord) -> None:
     """Turn the own motion in an FTC_NEIGHBOUR payload into tracking errors.
 
     Args:
         message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`, updated in place.
-        signals: Of the same step, dtype `ftc_autopilot.control.controller.SIGNALS`.
+        signals: Of the same step.
     """
     error, reference_dot = signals["error"], signals["reference_dot"]
     message["airspeed"] = error[0]
@@ -52,7 +51,7 @@ def extrapolate(message: np.void, step: int, dt: float, result: np.void) -> None
 
     Args:
         message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`.
-        step: Step, not before that of the message; at its own step the result is the message.
+        step: Step, not before the step of the message; at its own step the result is the message.
         dt: Control period [s].
         result: Payload of the same dtype, written.
     """
@@ -74,7 +73,7 @@ def extrapolate(message: np.void, step: int, dt: float, result: np.void) -> None
 
 @compiled
 def _move_on(message: np.void, time: float, result: np.void) -> None:
-    """Write what a message says of places a time later [s]; the report is that of the message."""
+    """Write what a message says of places a time later [s]; the report stays."""
     result["path_rate"] = message["path_rate"]
     result["path_position"] = message["path_position"] + time * message["path_rate"]
     for k in range(3):
@@ -96,7 +95,7 @@ def is_message_due(
         last: The one sent last.
         extrapolated: What the neighbours make of that at the present step, of `extrapolate`.
         dt: Control period [s].
-        trigger: Record made of `ftc_autopilot.config.FormationTrigger`.
+        trigger: Record made of `ftc_autopilot.control.config.FormationTrigger`.
     """
     age = np.int64(own["step"]) - np.int64(last["step"])
     if age <= 0:

@@ -13,8 +13,6 @@ from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["Rbf", "basis_norm"]
-
 
 class Rbf(Model):
     """Radial basis functions (23), (24): centres on a diagonal, one width for all."""

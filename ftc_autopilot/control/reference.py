@@ -8,22 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from mavlink_defs.profile import MAX_SEGMENTS, Segment
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3
-
-__all__ = [
-    "PROFILE",
-    "Reference",
-    "filter_reference",
-    "profile_record",
-    "profile_segments",
-    "profile_value",
-    "read_reference",
-    "start_filter",
-    "wrap",
-]
-
 
 _CHANNELS, _YAW = 4, 3
 
@@ -75,14 +63,6 @@ def profile_segments(record: np.void) -> tuple[Segment, ...]:
 
 def _degrees(angle: float) -> float:
     return float(f"{math.degrees(angle):.14g}")
-
-
-@compiled
-def wrap(angle: float) -> float:
-    """Return the angle in (-π, π] that is congruent to `angle` [rad]; exact if in range."""
-    if -math.pi < angle <= math.pi:
-        return angle
-    return -((math.pi - angle) % (2.0 * math.pi) - math.pi)
 
 
 @compiled

@@ -5,13 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.control.formation import FormationErrors
-from ftc_autopilot.control.motion import Motion
-from ftc_autopilot.control.reference import Reference
-from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import add, dot, scale
-
-__all__ = ["SpeedLaw", "speed_law"]
+from ftc_autopilot.control.inversion import speed_terms
+from ftc_autopilot.control.step import Step
+from mavlink_defs.runtime.jit import inlined
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import dot
 
 
 class SpeedLaw(NamedTuple):
@@ -27,42 +25,26 @@ class SpeedLaw(NamedTuple):
     B_v: float
 
 
-@compiled
+@inlined
 def speed_law(
-    errors: FormationErrors,
-    motion: Motion,
-    reference: Reference,
-    basis: float,
-    Phi_v: float,
-    g_v: float,
-    beta_v: float,
-    a1: float,
-    m: float,
-    gains: np.void,
+    now: Step, basis: float, aircraft: AircraftRecord, gains: np.void, estimates: np.void
 ) -> SpeedLaw:
     """Evaluate eqs. (33) to (36).
 
     Args:
-        errors: Formation errors.
-        motion: Own motion, with the nominal aerodynamic force F0.
-        reference: Filtered reference.
+        now: The present step, with the relative threshold a1 of the thrust trigger (25).
         basis: ςᵀς.
-        Phi_v: Estimate Φ̂_v.
-        g_v: Estimate ĝ_v.
-        beta_v: Estimate β̂_v.
-        a1: Relative threshold of the thrust trigger (25).
-        m: Nominal mass [kg].
+        aircraft: Nominal aircraft.
         gains: Parameters, record made of `ftc_autopilot.control.laws.proposed.Proposed`.
+        estimates: Φ̂_v, ĝ_v, β̂_v, record of dtype `Proposed.STATE`; read only.
     """
-    v, V = motion.v, motion.V
-    lam = errors.lambda_v
-    V_tp = errors.V_tilde_prime
+    v, V = now.motion.v, now.motion.V
+    lam, V_tp = now.errors.lambda_v, now.errors.V_tilde_prime
+    Phi_v, g_v, beta_v = estimates["Phi_v"], estimates["g_v"], estimates["beta_v"]
     h1_sq = gains["h_v1"] ** 2
     eps = gains["eps_v"]
 
-    known = dot(v, add(motion.gravity, scale(1.0 / m, motion.air.F))) / V
-    zeta_v = v[0] * lam / (m * V)
-    r_v = lam * reference.V_dot + errors.V_tilde_dot_sum
+    r_v, known, zeta_v = speed_terms(now, aircraft)
     vXi = V_tp * basis * dot(v, v) / V  # vᵀΞ_v
     approximation = vXi / (2.0 * h1_sq * V)
     alpha_v = gains["c_v"] * V_tp + lam * (
@@ -73,7 +55,7 @@ def speed_law(
         V_tp * g_v * zeta_v / eps
     )
     return SpeedLaw(
-        -(1.0 + a1) * B_v / zeta_v,  # (33)
+        -(1.0 + now.thresholds.a[0]) * B_v / zeta_v,  # (33)
         lam * gains["gamma_v1"] * V_tp * approximation - gains["sigma_v1"] * Phi_v,  # (34)
         gains["gamma_v2"] * abs(V_tp) * zeta_v - gains["sigma_v2"] * g_v,  # (35)
         gains["gamma_v3"] * V_tp * (alpha_v - r_v) - gains["sigma_v3"] * beta_v,  # (36)

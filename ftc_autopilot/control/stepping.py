@@ -7,16 +7,16 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.controller import control_step, count_events, no_signals
-from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
-from ftc_autopilot.control.delay import (
-    interpolate,
-    lost_states,
-    note_commands,
-    note_state,
-    predicted,
+from ftc_autopilot.common.motion import Motion, fill_neighbour_state, motion_of
+from ftc_autopilot.control import state_predictor
+from ftc_autopilot.control.controller import (
+    Inputs,
+    Records,
+    control_step,
+    count_events,
+    no_signals,
 )
-from ftc_autopilot.control.motion import Motion, fill_neighbour_state, motion_of
+from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
     is_message_due,
@@ -35,15 +35,13 @@ from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
 
-__all__ = ["announce", "controller_step", "hear", "tell_neighbours"]
-
 _NO_SIGNALS = no_signals(1)
 _LONGEST_UPDATE_S = 0.1
 """Longest time that counts as passed between two updates of guidance [s]."""
 
 
 @compiled
-def announce(controllers: Controllers, i: int, measured: np.void) -> None:
+def publish_own_state(controllers: Controllers, i: int, measured: np.void) -> None:
     """Set the message that UAV i sends to its neighbours before the first step.
 
     Args:
@@ -54,7 +52,7 @@ def announce(controllers: Controllers, i: int, measured: np.void) -> None:
     fill_neighbour_state(
         motion_of(measured, controllers.aircraft[i]), measured["step"], controllers.own_states[i]
     )
-    copy_record(controllers.told[i], controllers.own_states[i])
+    copy_record(controllers.last_broadcast[i], controllers.own_states[i])
 
 
 @inlined
@@ -75,10 +73,10 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
     """
     delay = controllers.delays[i]
     if controllers.states[i]["started"] != 0:
-        for _ in range(lost_states(delay, measured, step_us)):
-            _step(controllers, i, interpolate(delay, measured), step_us, False)
+        for _ in range(state_predictor.lost_states(delay, measured, step_us)):
+            _step(controllers, i, state_predictor.interpolate(delay, measured), step_us, False)
     mask = _step(controllers, i, measured, step_us, True)
-    note_state(delay, measured)
+    state_predictor.note_state(delay, measured)
     if mask != 0:
         count_events(mask, int(measured["step"]), controllers.states[i])
         controllers.actuators[i]["time_usec"] = measured["time_usec"]
@@ -90,38 +88,43 @@ def _step(controllers: Controllers, i: int, measured: np.void, step_us: int, may
     """Make one step of UAV i; return the mask of events, which are made only if it may send."""
     known_s = controllers.parameters[i]["common"]["delay_s"]
     delay, aircraft = controllers.delays[i], controllers.aircraft[i]
-    motion = motion_of(predicted(delay, measured, known_s, step_us, aircraft), aircraft)
+    motion = motion_of(
+        state_predictor.predicted(delay, measured, known_s, step_us, aircraft), aircraft
+    )
     fill_neighbour_state(motion, measured["step"], controllers.own_states[i])
     mask = 0
     if controllers.guidance[i]["active"] != 0:
         mask = _control(controllers, i, measured, motion, step_us, may_send)
     elif may_send:
         mask = _cut_thrust(controllers, i, motion)
-    note_commands(delay, int(np.int64(measured["step"])), controllers.states[i]["held"])
+    state_predictor.note_commands(
+        delay, int(np.int64(measured["step"])), controllers.states[i]["held"]
+    )
     return mask
 
 
 @inlined
-def tell_neighbours(controllers: Controllers, i: int, step: int, step_us: int) -> bool:
+def broadcast_if_triggered(controllers: Controllers, i: int, step: int, step_us: int) -> bool:
     """Return whether UAV i sends `own_states` to its neighbours after a step; it is noted then.
 
     Args:
-        controllers: Arrays over UAVs; message told, counter and signals of UAV i are updated.
+        controllers: Arrays over UAVs; last broadcast, counter and signals of UAV i are updated.
         i: Index of the UAV.
         step: The step, which `controller_step` has made.
         step_us: Control period [µs].
     """
-    parameters, own, told = controllers.parameters[i], controllers.own_states[i], controllers.told
+    parameters, own = controllers.parameters[i], controllers.own_states[i]
+    last = controllers.last_broadcast[i]
     formation = controllers.formations[i]
     if parameters["formation_triggered"] != 0:
         dt, extrapolated = step_us / 1e6, controllers.extrapolated[i, -1]
-        extrapolate(told[i], step, dt, extrapolated)
+        extrapolate(last, step, dt, extrapolated)
         trigger = parameters["formation_trigger"]
         relays = own["relayed"][0] != 0 and formation["relay_error"] > trigger["position_m"]
-        if not relays and not is_message_due(own, told[i], extrapolated, dt, trigger):
+        if not relays and not is_message_due(own, last, extrapolated, dt, trigger):
             controllers.signals[i]["neighbour_message"] = 0
             return False
-    copy_record(told[i], own)
+    copy_record(last, own)
     if own["relayed"][0] != 0:
         note_relayed(own, controllers.layouts[i], formation)
     counted = 1 if step > 0 else 0  # the first message is known before the start
@@ -154,8 +157,8 @@ def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> n
     if controllers.parameters[i]["formation_triggered"] != 0:
         messages, known = known, controllers.extrapolated[i, : len(known)]
         for d in range(len(messages)):  # a step uses neighbour states of the step before
-            told = int(np.int64(messages[d]["step"]))
-            extrapolate(messages[d], max(step - 1, told), dt, known[d])
+            sent = int(np.int64(messages[d]["step"]))
+            extrapolate(messages[d], max(step - 1, sent), dt, known[d])
     return known
 
 
@@ -180,20 +183,16 @@ def _control(
         profile_value(controllers.profiles[i], clock, guidance["command"])
     elif on_path:
         _guide(controllers, i, measured, motion, neighbours, clock, dt)
-    mask = control_step(
-        clock,
-        dt,
-        motion,
-        guidance["command"],
-        neighbours,
-        controllers.weights[i],
+    weights = controllers.weights[i]
+    inputs = Inputs(clock, dt, motion, guidance["command"], neighbours, weights)
+    records = Records(
         controllers.aircraft[i],
         controllers.parameters[i],
         controllers.states[i],
         controllers.actuators[i]["controls"],
         controllers.signals[i],
-        may_send,
     )
+    mask = control_step(inputs, records, may_send)
     if on_path and controllers.layouts[i]["count"] > 0:
         own, path, layout = controllers.own_states[i], controllers.paths[i], controllers.layouts[i]
         tell_place(own, path["id"], measured, motion, dt, layout, controllers.formations[i])

@@ -21,15 +21,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis import LOST as LOST_ACTUATOR
+from ftc_autopilot.common.phases import LOST as LOST_ACTUATOR
 from ftc_autopilot.guidance.formation import LEADER_FOLLOWER, MAX_MEMBERS
 from ftc_autopilot.guidance.members import (
     DEGRADED,
     LEAVE,
     LOST,
+    NOMINAL,
     SILENT,
     SLOW,
-    WELL,
     cause_of,
     enter,
     merge,
@@ -40,15 +40,6 @@ from ftc_autopilot.guidance.places import MAX_RELAYED, NO_PLACE, PLACE
 from ftc_autopilot.guidance.slots import SLOT_MOTION, move, place_of_slot
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, vec3
-
-__all__ = [
-    "FORMATION",
-    "Coordination",
-    "Progress",
-    "coordinate",
-    "new_formation",
-    "no_coordination",
-]
 
 _DEGRADED_S = 1.0
 """Time for which an actuator must be degraded to count as such [s]."""
@@ -78,7 +69,7 @@ FORMATION = np.dtype(
             (3,),
         ),  # ahead of the neighbours; right of the slot, above it; NaN: unknown [m]
         ("places", PLACE, (MAX_MEMBERS,)),  # of the other members, as heard from anyone
-        ("told", PLACE, (MAX_MEMBERS,)),  # the same as last relayed
+        ("last_relayed", PLACE, (MAX_MEMBERS,)),  # the same as relayed last
         ("relayed", "i8", (MAX_RELAYED,)),  # members that the next message relays, -1: none
         ("relay_error", "f8"),  # what the neighbours are wrong by of the others' places [m]
         ("nearest", "i8"),  # system id of the nearest member, 0: none is known
@@ -125,7 +116,7 @@ def new_formation() -> np.void:
     state["plan"] = -1
     state["commanded"] = math.nan
     state["distance"] = math.nan
-    state["places"]["step"] = state["told"]["step"] = NO_PLACE
+    state["places"]["step"] = state["last_relayed"]["step"] = NO_PLACE
     state["relayed"] = -1
     return state
 
@@ -246,7 +237,7 @@ def _note_members(
             continue
         hears = weights[d] > 0.0
         # who hears nobody is cut off itself, and says nothing of the others
-        if not hears and state["heard"][d] != 0 and heard > 0 and cause_of(table[m]) == WELL:
+        if not hears and state["heard"][d] != 0 and heard > 0 and cause_of(table[m]) == NOMINAL:
             changed |= enter(table, m, 4 * SILENT + gains["on_silent"])
         state["heard"][d] = 1 if hears else 0
         if hears and np.int64(known[d]["path_id"]) != 0:
@@ -267,7 +258,7 @@ def _note_members(
 @compiled
 def _cause(since: float, cut_off: bool, signals: np.void, gains: np.void, state: np.void) -> int:
     """Return why this UAV is in trouble; a change must last for a time before it counts."""
-    cause = SILENT if cut_off else WELL
+    cause = SILENT if cut_off else NOMINAL
     for c in range(len(signals["phase"])):
         if signals["phase"][c] == LOST_ACTUATOR:
             cause = LOST
@@ -279,7 +270,7 @@ def _cause(since: float, cut_off: bool, signals: np.void, gains: np.void, state:
     else:
         state["other_s"] += since
     needed = 0.0
-    if cause == WELL:
+    if cause == NOMINAL:
         needed = gains["recovered_s"]
     elif cause == DEGRADED:
         needed = _DEGRADED_S

@@ -1,7 +1,7 @@
 """A formation in space: slots relative to a path, how they are held, and what changes them.
 
 All members fly the same path, each with its own offset, its slot. Slots, and what becomes of them
-when a member is hurt, are known to every member, so that all derive the same formation from the
+when a member is degraded, are known to every member, so that all derive the same formation from the
 same facts; see `ftc_autopilot.guidance.members`.
 """
 
@@ -16,19 +16,6 @@ from pydantic import Field, model_validator
 from mavlink_defs.config.models import AtMost, Loc, Model, Problems, SystemId
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.vec3 import Vec3
-
-__all__ = [
-    "LAYOUT",
-    "LEADER_FOLLOWER",
-    "MAX_CHANGES",
-    "MAX_MEMBERS",
-    "Formation",
-    "FormationChange",
-    "FormationParameters",
-    "Policy",
-    "Slot",
-    "layout_record",
-]
 
 MAX_MEMBERS = 64
 """Most UAVs that a formation can have: FTC_NEIGHBOUR reports on so many."""
@@ -100,7 +87,7 @@ class FormationParameters(Model):
     )
     on_lost: Policy = Field(default="stay", description="When an actuator of a member is lost.")
     on_degraded: Policy = Field(
-        default="stay", description="When one does less than `degraded_below` of what it is told."
+        default="stay", description="When one does less than `degraded_below` of what is commanded."
     )
     on_silent: Policy = Field(default="stay", description="When a neighbour falls silent.")
     degraded_below: float = quantity(
@@ -123,7 +110,7 @@ class FormationParameters(Model):
 
 
 class Formation(FormationParameters):
-    """Slots of all members on the path, how they are held, and what becomes of the hurt."""
+    """Slots of all members on the path, how they are held, and what becomes of degraded members."""
 
     slots: Annotated[dict[SystemId, Slot], AtMost(MAX_MEMBERS)] = Field(
         min_length=1, description="Slot of each member, by UAV."

@@ -4,17 +4,15 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.guidance.coordination import Coordination, Progress, coordinate
 from ftc_autopilot.guidance.laws import intention_of, pace_of
 from ftc_autopilot.guidance.laws.base import Intention, Situation
 from ftc_autopilot.guidance.places import choose_relayed, relay
-from ftc_autopilot.guidance.separation import kept_apart, nearest
+from ftc_autopilot.guidance.separation import keep_apart, nearest
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul, sub, vec3
-
-__all__ = ["fly_in_formation", "tell_place"]
 
 _EVADING_M_S = 0.5
 """Change of the velocity asked for that counts as evading [m/s]."""
@@ -57,7 +55,7 @@ def fly_in_formation(
         state: Record of dtype `ftc_autopilot.guidance.coordination.FORMATION`, updated in place.
     """
     gains = parameters["formation"]
-    pace = pace_of(now, path, near, state["slot"]["place"][0], law)
+    pace = pace_of(now, path, near, state["slot"]["place"][0], parameters["guidance"], law)
     progress = Progress(
         step, dt, now.dt, clock, in_slot, path["id"], pace.s, pace.s_dot, pace.speed
     )
@@ -66,7 +64,7 @@ def fly_in_formation(
     state["error"][1], state["error"][2] = intention.off_right, intention.off_up
     asked = _in_ned(intention)
     least, rate = gains["separation_m"], gains["separation_rate"]
-    apart = kept_apart(
+    apart = keep_apart(
         asked,
         now.position,
         now.velocity,
@@ -84,7 +82,7 @@ def fly_in_formation(
     m, state["distance"] = nearest(now.position, state["places"], layout, step, dt)
     state["nearest"] = layout["ids"][m] if m >= 0 else 0
     state["relay_error"] = choose_relayed(
-        step, dt, layout, state["places"], state["told"], state["relayed"]
+        step, dt, layout, state["places"], state["last_relayed"], state["relayed"]
     )
     state["evading"] = (
         1 if math.hypot(math.hypot(change[0], change[1]), change[2]) > _EVADING_M_S else 0

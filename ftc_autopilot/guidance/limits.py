@@ -3,9 +3,9 @@
 import math
 from typing import NamedTuple
 
+from sitl_plant.aerodynamics import carried_linearly
+from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
-
-__all__ = ["FlightLimits", "airspeeds_for", "level_airspeed", "tightest_turn", "turn_radius"]
 
 _PLANNED_BANK = math.radians(20.0)
 """Bank of a turn whose radius is free [rad]."""
@@ -54,14 +54,14 @@ def level_airspeed(aircraft: Aircraft, incidence_rad: float) -> float:
 
     The thrust, which equals the drag, carries its part of the weight.
     """
-    slope = aircraft.coefficients.cL_alpha + aircraft.coefficients.cD0
-    lift = max(aircraft.coefficients.cL0 + slope * incidence_rad, 1e-6)
+    at_zero, slope = carried_linearly(aircraft_record(aircraft))
+    lift = max(at_zero + slope * incidence_rad, 1e-6)
     area = 0.5 * aircraft.air_density_kg_m3 * aircraft.wing_area_m2
     return math.sqrt(aircraft.mass_kg * aircraft.gravity_m_s2 / (area * lift))
 
 
 def turn_radius(airspeed: float, limits: FlightLimits) -> float:
-    """Return the radius of a turn that may have any [m]: that of 20° of bank in still air."""
+    """Return the radius of a turn that may have any [m]: of 20° of bank in still air."""
     easy = airspeed**2 / (limits.gravity_m_s2 * math.tan(_PLANNED_BANK))
     return max(easy, tightest_turn(airspeed, limits))
 

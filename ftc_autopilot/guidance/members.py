@@ -17,24 +17,7 @@ import numpy as np
 from ftc_autopilot.guidance.formation import MAX_MEMBERS
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "DEGRADED",
-    "LEAVE",
-    "LOST",
-    "SILENT",
-    "SLOW",
-    "STAY",
-    "WELL",
-    "WIDEN",
-    "cause_of",
-    "enter",
-    "merge",
-    "occupants",
-    "policy_of",
-    "state_of",
-]
-
-WELL, DEGRADED, LOST, SILENT = range(4)
+NOMINAL, DEGRADED, LOST, SILENT = range(4)
 """Causes, as FTC_CAUSE numbers them."""
 STAY, SLOW, WIDEN, LEAVE = range(4)
 """Policies, as FTC_POLICY numbers them."""
@@ -52,7 +35,7 @@ def state_of(entry: int) -> int:
 
 @compiled
 def cause_of(entry: int) -> int:
-    """Return why a member is in trouble: `WELL`, `DEGRADED`, `LOST` or `SILENT`."""
+    """Return why a member is in trouble: `NOMINAL`, `DEGRADED`, `LOST` or `SILENT`."""
     return (int(np.int64(entry)) & 15) >> 2
 
 

@@ -1,4 +1,4 @@
-"""The path of a mission: lines, turns and circles from the tasks of its items.
+"""The path of a mission: lines, turns and circles from its items.
 
 Between two waypoints the path is straight. A turn from one line to the next passes inside the
 corner with a radius of 20° of bank, or a smaller one, down to the least that can be flown, if the
@@ -11,28 +11,17 @@ item until it is left. Heights change evenly on the way from one item to the nex
 """
 
 import math
-import zlib
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ftc_autopilot.guidance.jumps import order_of
+from ftc_autopilot.guidance.legs import Circle, Leg, Pose, approach, distance, tangent_course
 from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn, turn_radius
-from ftc_autopilot.guidance.mission_items import Task
+from ftc_autopilot.guidance.mission_items import Target
 from ftc_autopilot.guidance.mission_places import Home
-from ftc_autopilot.guidance.path import MAX_LEGS, NO_LOOP, Leg
-from ftc_autopilot.guidance.pieces import (
-    Circle,
-    Piece,
-    Pose,
-    approach,
-    distance,
-    tangent_course,
-)
-from ftc_autopilot.guidance.targets import Target, Targets
+from ftc_autopilot.guidance.path import MAX_LEGS, NO_LOOP
+from ftc_autopilot.guidance.targets import Targets, order_of
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
-
-__all__ = ["MissionPath", "Start", "mission_path", "path_id_of"]
 
 _LARGEST_TURN = math.radians(150.0)
 """Largest turn inside a corner; at a sharper one the path goes over the waypoint [rad]."""
@@ -59,13 +48,8 @@ class MissionPath(NamedTuple):
     loop: int = NO_LOOP
 
 
-def path_id_of(path: MissionPath) -> int:
-    """Return a number, not 0, that tells a path from others."""
-    return zlib.crc32(repr(path).encode()) or 1
-
-
 def mission_path(
-    tasks: Sequence[Task],
+    mission: Sequence[Target],
     limits: FlightLimits,
     home: Home,
     start: Start | None = None,
@@ -74,7 +58,7 @@ def mission_path(
     """Return the path of a mission.
 
     Args:
-        tasks: Of the mission's items.
+        mission: Its items, decoded.
         limits: What the aircraft can fly.
         home: Where it returns to.
         start: Where the path begins, and from where the first place is approached by an arc and a
@@ -84,7 +68,7 @@ def mission_path(
     Raises:
         ItemError: An item cannot be flown, or there is no place to fly to.
     """
-    order = order_of(tasks, first)
+    order = order_of(mission, first)
     if not order.visits:
         text = "no waypoint or circle follows"
         raise ItemError(first, dialect.MAV_MISSION_INVALID, text)
@@ -142,7 +126,7 @@ class _Builder:
         """
         self._target, self._limits = targets, limits
         self._pose, self._height, self._levels = start.pose, start.height, levels
-        self._begun: list[Piece] = []  # what follows a corner's middle
+        self._begun: list[Leg] = []  # what follows a corner's middle
         self._circle: Target | None = None  # what is left
         self._legs: list[Leg] = []
 
@@ -163,13 +147,13 @@ class _Builder:
         return MissionPath(tuple(self._legs))
 
     def _too_long(self, target: Target, k: int) -> ItemError:
-        item = target.item
+        item = target.item.seq
         text = f"the path has more than {MAX_LEGS} legs up to here; shorten the mission"
         if self._target.index_of_same(k) is not None:
             radius = tightest_turn(target.fastest, self._limits)
             text = f"waypoints are too near to go around: turns have a radius >= {radius:.0f} m"
-        elif target.jump is not None:
-            item = target.jump
+        elif (jump := self._target.jump_to(k)) is not None:
+            item = jump
             text = f"with this jump the path has more than {MAX_LEGS} legs; jump less often"
         return ItemError(item, dialect.MAV_MISSION_NO_SPACE, text)
 
@@ -204,16 +188,16 @@ class _Builder:
         corner = None
         if target.radius == 0.0 and following is not None and pieces:
             corner = _corner(target, pieces[-1].end.course, following)
-        if corner is not None and abs(corner.turn) > _NO_TURN and pieces[-1].curvature == 0.0:
-            radius = self._corner_radius(k, target, corner, pieces[-1].length)
+        if corner is not None and abs(corner.turn) > _NO_TURN and pieces[-1].curvature_1_m == 0.0:
+            radius = self._corner_radius(k, target, corner, pieces[-1].length_m)
             if radius is not None:
                 pieces[-1], arc = _rounded(pieces[-1], corner, radius)
-                first, second = arc.cut(0.5 * arc.length)
+                first, second = arc.cut(0.5 * arc.length_m)
                 pieces.append(first)
                 self._begun, self._pose = [second], second.end
         self._add_climb(target, pieces)
 
-    def _way(self, target: Target) -> list[Piece]:
+    def _way(self, target: Target) -> list[Leg]:
         """Return arc and line to a target from where the path is."""
         assert target.place is not None
         circle = Circle(*target.place, target.radius)
@@ -233,7 +217,7 @@ class _Builder:
         # the first one, unless it flies a loop that a tighter turn saves
         return min(
             (way for way in ways if way is not None),
-            key=lambda way: sum(piece.length for piece in way) // (math.pi * wide),
+            key=lambda way: sum(leg.length_m for leg in way) // (math.pi * wide),
         )
 
     def _corner_radius(
@@ -249,25 +233,22 @@ class _Builder:
         """
         following = self._target(k + 1)
         assert following is not None
-        wanted = self._wanted_radius(target, corner, following)
-        if wanted is None:
+        wide = self._wide_radius(target, corner, following)
+        if wide is None:
             return None
-        ends, out = wanted * corner.tangent, corner.out
+        ends, out = wide * corner.tangent, corner.out
         after = self._target(k + 2)
         next_corner = after and _corner(following, corner.course, after)
-        if next_corner and (radius := self._wanted_radius(following, next_corner, after)):
+        if after and next_corner and (radius := self._wide_radius(following, next_corner, after)):
             others = radius * next_corner.tangent
             out *= 1.0 if out >= ends + others else ends / (ends + others)
             out -= others if corner.out >= ends + others else 0.0
-        radius = min(wanted, length / corner.tangent, out / corner.tangent)
+        radius = min(wide, length / corner.tangent, out / corner.tangent)
         least = tightest_turn(max(target.fastest, following.fastest), self._limits)
         return radius if radius >= least else None
 
-    def _wanted_radius(
-        self, target: Target, corner: _Corner, following: Target | None
-    ) -> float | None:
+    def _wide_radius(self, target: Target, corner: _Corner, following: Target) -> float | None:
         """Return the radius of a turn if lines are long; None if it must go over the waypoint."""
-        assert following is not None
         if abs(corner.turn) > _LARGEST_TURN:
             return None
         airspeed = max(target.fastest, following.fastest)
@@ -276,9 +257,9 @@ class _Builder:
             radius = min(radius, target.within / max(corner.miss, 1e-12))
         return radius if radius >= tightest_turn(airspeed, self._limits) else None
 
-    def _add_climb(self, target: Target, pieces: list[Piece]) -> None:
+    def _add_climb(self, target: Target, pieces: list[Leg]) -> None:
         """Add the way to a target, so that its height is reached there."""
-        length = sum(piece.length for piece in pieces)
+        length = sum(piece.length_m for piece in pieces)
         rise, steepest = target.height - self._height, self._limits.climb
         if abs(rise) > steepest * length + _SHORTEST_M:
             needed = abs(rise) / steepest
@@ -293,7 +274,7 @@ class _Builder:
                     f"height changes by {rise:+.4g} m on a way of {length:.4g} m, which must be "
                     f">= {math.ceil(needed)} m; a circle on the way would do"
                 )
-                raise ItemError(target.item, dialect.MAV_MISSION_INVALID_PARAM7, text)
+                raise ItemError(target.item.seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
         climb = rise / length if length > 0.0 else 0.0
         self._add(target, pieces, climb)
         self._height = target.height
@@ -307,11 +288,11 @@ class _Builder:
         if not math.isinf(target.length):
             self._pose = piece.end
 
-    def _into_circle(self, target: Target, length: float) -> Piece:
-        return Piece(self._pose, 1.0 / target.radius, length)
+    def _into_circle(self, target: Target, length: float) -> Leg:
+        return Leg(*self._pose, 1.0 / target.radius, length)
 
     def _add(
-        self, target: Target, pieces: Sequence[Piece], climb: float, *, there: bool = False
+        self, target: Target, pieces: Sequence[Leg], climb: float, *, there: bool = False
     ) -> None:
         """Add legs, cut where the airspeed changes; `there`: after the way to the target."""
         changes = [] if there else list(target.changes)
@@ -319,20 +300,19 @@ class _Builder:
         height, flown = self._height, 0.0
         for piece in pieces:
             rest = piece
-            while rest.length > _SHORTEST_M:
+            while rest.length_m > _SHORTEST_M:
                 while changes and changes[0][0] <= flown + _SHORTEST_M:
                     airspeed = changes.pop(0)[1]
                 part = rest
-                if changes and changes[0][0] < flown + rest.length - _SHORTEST_M:
+                if changes and changes[0][0] < flown + rest.length_m - _SHORTEST_M:
                     part, rest = rest.cut(changes[0][0] - flown)
                 else:
-                    rest = rest._replace(length=0.0)
-                north, east, course = part.start
-                course = math.remainder(course, 2.0 * math.pi)
-                way = (north, east, course, part.curvature, part.length, height, climb)
-                self._legs.append(Leg(*way, airspeed, target.item))
-                flown += part.length
-                height += climb * part.length if climb else 0.0
+                    rest = rest._replace(length_m=0.0)
+                course = math.remainder(part.course_rad, 2.0 * math.pi)
+                leg = Leg(*part[:2], course, *part[3:5], height, climb, airspeed, target.item.seq)
+                self._legs.append(leg)
+                flown += leg.length_m
+                height += climb * leg.length_m if climb else 0.0
 
 
 def _corner(target: Target, course: float, following: Target) -> _Corner | None:
@@ -347,8 +327,8 @@ def _corner(target: Target, course: float, following: Target) -> _Corner | None:
     return _Corner(math.remainder(out - course, 2.0 * math.pi), length, out)
 
 
-def _rounded(line: Piece, corner: _Corner, radius: float) -> tuple[Piece, Piece]:
+def _rounded(line: Leg, corner: _Corner, radius: float) -> tuple[Leg, Leg]:
     """Return a line without its end, and the turn that begins there."""
-    line = line._replace(length=max(line.length - radius * corner.tangent, 0.0))
+    line = line._replace(length_m=max(line.length_m - radius * corner.tangent, 0.0))
     curvature = math.copysign(1.0 / radius, corner.turn)
-    return line, Piece(line.end, curvature, radius * abs(corner.turn))
+    return line, Leg(*line.end, curvature, radius * abs(corner.turn))

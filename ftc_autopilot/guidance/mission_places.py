@@ -3,20 +3,13 @@
 import math
 from dataclasses import dataclass
 
-from ftc_autopilot.geography import Origin, position_of
+from ftc_autopilot.common.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.limits import FlightLimits
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
+from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import ItemError
-
-__all__ = [
-    "ANYWHERE_M",
-    "RELATIVE_FRAMES",
-    "Home",
-    "check_height",
-    "height_of",
-    "north_east_of",
-]
+from mavlink_defs.services.mission import MissionItem
 
 ANYWHERE_M = 100_000.0
 """Farthest place from the origin; the simulation's world is flat [m]."""
@@ -115,3 +108,17 @@ def check_height(height: float, home: Home, limits: FlightLimits, item: int = 0)
     if not low - _ROUNDING_M <= above <= high + _ROUNDING_M:
         text = f"altitude is {above:.7g} m above home, must be {low:g} to {high:g} m"
         raise ItemError(item, dialect.MAV_MISSION_INVALID_PARAM7, text)
+
+
+def home_item(origin: Origin, home: Home = Home()) -> MissionItem:
+    """Return item 0 of every mission, the home position."""
+    place = place_of(origin, home.north_m, home.east_m, -home.height_m)
+    return mission_item(
+        0,
+        dialect.MAV_CMD_NAV_WAYPOINT,
+        (),
+        place.latitude,
+        place.longitude,
+        place.altitude / 1e3,
+        dialect.MAV_FRAME_GLOBAL,
+    )

@@ -6,25 +6,14 @@ east [rad], and a positive curvature turns right [1/m].
 """
 
 import math
+import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.guidance.legs import Leg
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = [
-    "MAX_LEGS",
-    "NO_LOOP",
-    "PATH",
-    "Leg",
-    "PathPoint",
-    "height_at",
-    "locate",
-    "path_record",
-    "point_at",
-]
 
 MAX_LEGS = 256
 """Most legs that a path can have."""
@@ -32,33 +21,6 @@ NO_LOOP = -1
 """`loop` of a path that does not return to an earlier leg."""
 _LEGS_PER_CALL = 8
 """Most legs that `locate` passes in one call; an aircraft passes one in many calls."""
-
-
-@dataclass(frozen=True)
-class Leg:
-    """A straight line or an arc.
-
-    Attributes:
-        north_m: Start, north of the origin [m].
-        east_m: Start, east of the origin [m].
-        course_rad: Course at the start [rad].
-        curvature_1_m: 0 for a line; positive turns right [1/m].
-        length_m: Length along the ground, infinite for the last leg of a path [m].
-        height_m: Height above the origin at the start [m].
-        climb: Height gained per metre of length.
-        airspeed_m_s: Commanded airspeed [m/s].
-        item: Number of the mission item that the leg leads to.
-    """
-
-    north_m: float
-    east_m: float
-    course_rad: float
-    curvature_1_m: float
-    length_m: float
-    height_m: float
-    climb: float
-    airspeed_m_s: float
-    item: int
 
 
 PATH = np.dtype(
@@ -92,22 +54,22 @@ class PathPoint(NamedTuple):
     leg: int
 
 
-def path_record(legs: Sequence[Leg], path_id: int, loop: int = NO_LOOP) -> np.void:
-    """Return a path as a record of dtype `PATH`.
+def path_record(legs: Sequence[Leg], loop: int = NO_LOOP) -> np.void:
+    """Return a path as a record of dtype `PATH`; its id is a hash of the rest, not 0.
 
     Args:
         legs: At most `MAX_LEGS`; only the last one may be infinite, and then nothing follows it.
-        path_id: Number that tells this path from others.
         loop: Leg that follows the last one, or `NO_LOOP`.
     """
     record: np.void = np.zeros(1, PATH)[0]
-    record["count"], record["id"], record["loop"] = len(legs), path_id, loop
+    record["count"], record["loop"] = len(legs), loop
     for k, leg in enumerate(legs):
         record["north"][k], record["east"][k] = leg.north_m, leg.east_m
         record["course"][k], record["curvature"][k] = leg.course_rad, leg.curvature_1_m
         record["height"][k], record["climb"][k] = leg.height_m, leg.climb
         record["airspeed"][k], record["item"][k] = leg.airspeed_m_s, leg.item
         record["start"][k + 1] = record["start"][k] + leg.length_m
+    record["id"] = zlib.crc32(record.tobytes()) or 1
     return record
 
 

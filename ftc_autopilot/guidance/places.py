@@ -1,7 +1,7 @@
 """Where all members of a formation are, and how word of it spreads.
 
 A member hears its neighbours in the communication graph only. So each FTC_NEIGHBOUR also relays
-where up to two other members are, as far as its sender has heard of them: those of whom the
+where up to two other members are, as far as its sender has heard of them: the ones of whom the
 receivers know the least. A place keeps the step of the state that it was derived from, and only a
 newer one replaces it. So word of a place goes along every chain of links, never in circles, and
 whoever receives it predicts the member from then on by its velocity, however many links lie
@@ -15,20 +15,6 @@ import numpy as np
 from mavlink_defs.dialect import MAVLink_ftc_neighbour_message
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, add, norm, scale, sub, vec3
-
-__all__ = [
-    "FORGOTTEN_S",
-    "MAX_RELAYED",
-    "NO_PLACE",
-    "PLACE",
-    "REPEAT_S",
-    "choose_relayed",
-    "is_known",
-    "note_relayed",
-    "place_now",
-    "relay",
-    "take_in",
-]
 
 MAX_RELAYED = MAVLink_ftc_neighbour_message.array_lengths[-1]
 """Members that one message relays."""
@@ -59,7 +45,7 @@ def is_known(place: np.void, step: int, dt: float) -> bool:
 
 @compiled
 def place_now(place: np.void, now_s: float, dt: float) -> Vec3:
-    """Return where a member is now, if it has gone on as it told, NED [m]."""
+    """Return where a member is now, if it has gone on as it reported, NED [m]."""
     age = now_s - place["step"] * dt
     return add(vec3(place["position"]), scale(age, vec3(place["velocity"])))
 
@@ -75,7 +61,7 @@ def take_in(message: np.void, sender: int, layout: np.void, places: np.ndarray) 
         places: By member, dtype `PLACE`, shape (MAX_MEMBERS,), updated in place.
     """
     step = np.int64(message["step"])
-    if np.int64(message["path_id"]) == 0 or step == 0:  # over UDP, those of step 0 may cross it
+    if np.int64(message["path_id"]) == 0 or step == 0:  # over UDP, one of step 0 may cross it
         return
     if step > places[sender]["step"]:
         places[sender]["step"] = step
@@ -87,7 +73,7 @@ def take_in(message: np.void, sender: int, layout: np.void, places: np.ndarray) 
 
 @compiled
 def _take_in_relayed(message: np.void, layout: np.void, places: np.ndarray) -> None:
-    """Note whom a message relays; arguments as those of `take_in`."""
+    """Note whom a message relays; arguments as of `take_in`."""
     for r in range(MAX_RELAYED):
         m = _member(int(np.int64(message["relayed"][r])), layout)
         step = np.int64(message["relayed_step"][r])
@@ -103,9 +89,14 @@ def _take_in_relayed(message: np.void, layout: np.void, places: np.ndarray) -> N
 
 @compiled
 def choose_relayed(
-    step: int, dt: float, layout: np.void, places: np.ndarray, told: np.ndarray, chosen: np.ndarray
+    step: int,
+    dt: float,
+    layout: np.void,
+    places: np.ndarray,
+    last_relayed: np.ndarray,
+    chosen: np.ndarray,
 ) -> float:
-    """Choose whom to relay next: those of whom the neighbours know the least.
+    """Choose whom to relay next: the ones of whom the neighbours know the least.
 
     Who has one neighbour only has heard everything from it, and relays nothing.
 
@@ -114,7 +105,7 @@ def choose_relayed(
         dt: Control period [s].
         layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
         places: By member, dtype `PLACE`, shape (MAX_MEMBERS,).
-        told: The same as last relayed.
+        last_relayed: The same as relayed last.
         chosen: Members to relay, -1: none, shape (MAX_RELAYED,), written.
 
     Returns:
@@ -128,7 +119,7 @@ def choose_relayed(
     for r in range(MAX_RELAYED):
         chosen[r] = -1
     for m in range(layout["count"] if links > 1 else 0):
-        place, last = places[m], told[m]
+        place, last = places[m], last_relayed[m]
         if m == layout["own"] or not is_known(place, step, dt) or place["step"] <= last["step"]:
             continue
         error, wait = math.inf, (place["step"] - last["step"]) * dt
@@ -168,7 +159,7 @@ def note_relayed(message: np.void, layout: np.void, state: np.void) -> None:
         layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
         state: Record of dtype `ftc_autopilot.guidance.coordination.FORMATION`, updated in place.
     """
-    _take_in_relayed(message, layout, state["told"])
+    _take_in_relayed(message, layout, state["last_relayed"])
     state["relay_error"] = 0.0
     for r in range(MAX_RELAYED):
         state["relayed"][r] = -1

@@ -5,22 +5,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ftc_autopilot.geography import Origin
+from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
+from ftc_autopilot.guidance.legs import Pose
 from ftc_autopilot.guidance.limits import FlightLimits, level_airspeed
-from ftc_autopilot.guidance.mission_items import Loiter, Return, Task, decode_items
-from ftc_autopilot.guidance.mission_path import MissionPath, Start, mission_path, path_id_of
+from ftc_autopilot.guidance.mission_items import LOITER, RETURN, Target, decode_items
+from ftc_autopilot.guidance.mission_path import Start, mission_path
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import path_record
-from ftc_autopilot.guidance.pieces import Pose
+from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import AirspeedLimits
 from mavlink_defs.services.mission import MissionItem
 from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
-
-__all__ = ["Planner", "start_of"]
 
 _CLIMB_RESERVE_DEG = 5.0
 """Climb that is kept for corrections [deg]."""
@@ -71,82 +70,77 @@ class Planner:
             highest_m=guidance.max_altitude_m,
         )
 
-    def tasks(
+    def check(
         self,
         items: Sequence[MissionItem],
         home: Home = Home(),  # noqa: B008 - frozen
-    ) -> tuple[Task, ...]:
-        """Decode and check a mission, home included; its item 0 is not read.
+    ) -> None:
+        """Check a mission, home included; its item 0 is not read.
 
         Raises:
             ItemError: It cannot be flown.
         """
-        tasks = self.decode(items, home)
-        mission_path(tasks, self.limits, home)
-        return tasks
+        self.path(items, home=home)
 
-    def decode(self, items: Sequence[MissionItem], home: Home) -> tuple[Task, ...]:
-        """Decode a mission, home included; its items are checked one by one only.
-
-        Raises:
-            ItemError: An item cannot be flown.
-        """
-        return decode_items(items, self._origin, home, self.limits)
-
-    def first_path(self, tasks: Sequence[Task], measured: np.void, first: int = 1) -> np.void:
+    def first_path(self, items: Sequence[MissionItem], measured: np.void) -> np.void:
         """Return the path of a mission that begins with simulated time.
 
         The members of a formation fly the same one, from home; who flies alone begins where it is.
 
         Args:
-            tasks: Of the mission.
+            items: The mission, home included.
             measured: The state before the first step, dtype
                 `mavlink_defs.framing.codec.SIM_STATE`.
-            first: Item to begin with.
 
         Raises:
             ItemError: It cannot be flown.
         """
         start = None if self._in_formation else start_of(measured, self.limits.cruise_m_s)
-        return self.path(tasks, start, first=first)
+        return self.path(items, start)
 
     def path(
         self,
-        tasks: Sequence[Task],
+        items: Sequence[MissionItem],
         start: Start | None = None,
         home: Home = Home(),  # noqa: B008 - frozen
         first: int = 1,
     ) -> np.void:
-        """Return the path of tasks, a record of dtype `ftc_autopilot.guidance.path.PATH`.
+        """Return the path of a mission, a record of dtype `ftc_autopilot.guidance.path.PATH`.
 
         Args:
-            tasks: Of a mission.
+            items: The mission, home included; its item 0 is not read.
             start: Where it begins; None: at home, the same for all aircraft.
-            home: Where RETURN_TO_LAUNCH leads.
+            home: Where RETURN_TO_LAUNCH leads, and what relative altitudes count from.
             first: Item to begin with.
 
         Raises:
             ItemError: It cannot be flown.
         """
-        return _record(mission_path(tasks, self.limits, home, start, first))
+        mission = decode_items(items, self._origin, home, self.limits)
+        return path_record(*mission_path(mission, self.limits, home, start, first))
 
-    def circle(self, start: Start, radius_m: float = 0.0) -> np.void:
-        """Return the path that circles beside a start; radius as of `Loiter`."""
-        return self.path((Loiter(0, None, start.height, radius_m),), start, first=1)
-
-    def circle_around(
-        self, start: Start, centre: tuple[float, float], height: float, radius_m: float = 0.0
+    def circle(
+        self, start: Start, centre: tuple[float, float] | None, height: float, radius_m: float = 0.0
     ) -> np.void:
-        """Return the path from a start into a circle around a place, north and east [m].
+        """Return the path from a start into a circle.
+
+        Args:
+            start: Where it begins.
+            centre: North and east [m]; None: the circle is beside the start.
+            height: [m].
+            radius_m: Positive clockwise; 0: as of a turn [m].
 
         Raises:
             ItemError: The circle is too small.
         """
-        return self.path((Loiter(0, centre, height, radius_m),), start)
+        circle = Target(mission_item(0, LOITER), centre, height, radius=radius_m)
+        return path_record(*mission_path((circle,), self.limits, Home(), start))
 
     def way_home(self, start: Start, home: Home) -> np.void:
         """Return the path from a start into the circle around home."""
-        return self.path((Return(0),), start, home)
+        return path_record(
+            *mission_path((Target(mission_item(0, RETURN)),), self.limits, home, start)
+        )
 
 
 def start_of(measured: np.void, airspeed: float) -> Start:
@@ -168,7 +162,3 @@ def _farthest_right(formation: Formation) -> float:
     leaves = abs(formation.leave_right_m) if "leave" in policies else 0.0
     slots = (slot for plan in formation.plans() for slot in plan.values())
     return max(abs(slot.right_m) for slot in slots) + max(wider, leaves)
-
-
-def _record(path: MissionPath) -> np.void:
-    return path_record(path.legs, path_id_of(path), path.loop)

@@ -13,10 +13,8 @@ from ftc_autopilot.guidance.formation import Formation, Slot
 from ftc_autopilot.guidance.places import FORGOTTEN_S, MAX_RELAYED, REPEAT_S
 from mavlink_defs.config.models import Loc
 
-__all__ = ["most_links", "reach_problems"]
-
 _MARGIN_M = 15.0
-"""What a hurt member may drift off its slot across the path before it counts as gone [m]."""
+"""What a degraded member may drift off its slot across the path before it counts as gone [m]."""
 
 
 def most_links(members: int, update_s: float, silence_s: float | None) -> int:

@@ -16,12 +16,12 @@ changes it vertically, by as much at first, less the more of d_min they differ i
 most 3 m/s: who is higher evades upwards, or the one with the lower system id if they are equally
 high.
 
-Who is hurt may not be able to evade. So the others take its share, too, and reckon with the
+Who is degraded may not be able to evade. So the others take its share, too, and reckon with the
 distance that is left in the time T with which they follow::
 
     v := v + max(0, (v_j - v)·r/d - γ (d + T min(d', 0) - d_min)) r/d
 
-Who is hurt and slower than an aircraft may fly cannot be followed, only passed: above it, as it
+Who is degraded and slower than an aircraft may fly cannot be followed, only passed: above it, as it
 sinks, by a change of height that may be faster.
 
 It is the present velocities that count, as aircraft follow late and neighbours do not tell what
@@ -33,30 +33,28 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.guidance.members import WELL, cause_of
+from ftc_autopilot.guidance.members import NOMINAL, cause_of
 from ftc_autopilot.guidance.places import is_known, place_now
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, add, dot, norm, scale, sub, vec3
-
-__all__ = ["kept_apart", "nearest"]
 
 _SWEEPS = 3
 """Rounds over the members, so that evading one does not approach another."""
 _ONE_PLACE_M = 1e-6
 """Distance below which there is no way out [m]."""
 _AHEAD_S = 1.2
-"""Time ahead for which a distance to a hurt member counts: aircraft follow so late [s]."""
+"""Time ahead for which a distance to a degraded member counts: aircraft follow so late [s]."""
 _LEVEL_M = 2.0
 """Difference in height below which two UAVs are equally high [m]."""
 _VERTICAL_MAX_M_S = 3.0
 """Fastest evasion up or down [m/s]."""
 _PASSING_MAX_M_S = 8.0
-"""The same where a hurt member is passed [m/s]."""
+"""The same where a degraded member is passed [m/s]."""
 
 
 @compiled
-def kept_apart(
-    wanted: Vec3,
+def keep_apart(
+    desired: Vec3,
     position: Vec3,
     velocity: Vec3,
     wind: Vec3,
@@ -69,10 +67,10 @@ def kept_apart(
     least: float,
     rate: float,
 ) -> Vec3:
-    """Return the velocity to ask for instead of `wanted` so that members keep their distance.
+    """Return the velocity to ask for instead of `desired` so that members keep their distance.
 
     Args:
-        wanted: Velocity over ground that guidance asks for, NED [m/s].
+        desired: Velocity over ground that guidance asks for, NED [m/s].
         position: The own one, NED [m].
         velocity: The present one over ground, NED [m/s].
         wind: At the own aircraft, NED [m/s].
@@ -87,7 +85,7 @@ def kept_apart(
     """
     climb, passing, count = 0.0, 0.0, layout["count"]
     if least <= 0.0:
-        return wanted
+        return desired
     first, _ = nearest(position, places, layout, step, dt)
     for k in range(_SWEEPS * count + 1):
         m = k % count if k < _SWEEPS * count else first
@@ -100,15 +98,15 @@ def kept_apart(
         height = -away[2]
         away = scale(1.0 / distance, away)
         theirs, room = vec3(places[m]["velocity"]), distance - least
-        if cause_of(table[m]) == WELL:
+        if cause_of(table[m]) == NOMINAL:
             theirs = scale(0.5, add(velocity, theirs))
             room *= 0.5
         else:
             room += _AHEAD_S * min(dot(sub(velocity, theirs), away), 0.0)
-        short = dot(sub(theirs, wanted), away) - rate * room
+        short = dot(sub(theirs, desired), away) - rate * room
         if short > 0.0:
-            wanted = add(wanted, scale(short, away))
-            passed = cause_of(table[m]) != WELL and _airspeed(places[m], wind) < slowest
+            desired = add(desired, scale(short, away))
+            passed = cause_of(table[m]) != NOMINAL and _airspeed(places[m], wind) < slowest
             side = 1.0 if passed or layout["own"] < m else -1.0
             if abs(height) > _LEVEL_M:
                 side = math.copysign(1.0, height)
@@ -119,7 +117,7 @@ def kept_apart(
                 climb += side * level * short
     climb = min(max(climb, -_VERTICAL_MAX_M_S), _VERTICAL_MAX_M_S)
     climb += min(max(passing, -_PASSING_MAX_M_S), _PASSING_MAX_M_S)
-    return add(wanted, (0.0, 0.0, -climb))
+    return add(desired, (0.0, 0.0, -climb))
 
 
 @compiled
@@ -133,7 +131,7 @@ def nearest(
 ) -> tuple[int, float]:
     """Return the nearest member and its distance [m]; -1 and NaN if no place is known.
 
-    Arguments are those of `kept_apart`.
+    Arguments as of `keep_apart`.
     """
     found, least = -1, math.nan
     for m in range(layout["count"]):

@@ -12,8 +12,6 @@ from ftc_autopilot.guidance.members import LEAVE, WIDEN, policy_of
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, add, norm, scale, sub, vec3
 
-__all__ = ["SLOT_MOTION", "move", "place_of_slot"]
-
 _POLE_1_S = 1.0
 _CENTRAL_M = 1.0
 """Distance from the middle of the formation below which a slot has no way outwards [m]."""

@@ -1,62 +1,90 @@
-"""The places of a mission one after the other, each with all that the ones before it decide."""
+"""The places of a mission in the order of flight, each with all that the ones before it decide."""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
 
-from ftc_autopilot.guidance.jumps import Order, Visit
 from ftc_autopilot.guidance.limits import FlightLimits, airspeeds_for, tightest_turn, turn_radius
-from ftc_autopilot.guidance.mission_items import Delay, Loiter, SetHome, SetSpeed, Waypoint
+from ftc_autopilot.guidance.mission_items import (
+    JUMP,
+    LOITER,
+    LOITER_TIME,
+    LOITER_TURNS,
+    PLACES,
+    RETURN,
+    WAYPOINT,
+    Target,
+    param,
+)
 from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
+from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import ItemError
 
-__all__ = ["Target", "Targets"]
+MAX_VISITS = 1000
+
+Visit: TypeAlias = tuple[Target, ...]
+"""What is done on the way to a place, jumps included, and the place."""
 
 
-@dataclass(frozen=True)
-class Target:
-    """A waypoint or a circle, and the way to it.
+class Order(NamedTuple):
+    """The places in the order of flight, and which visit follows the last one, if there is no end.
 
-    Attributes:
-        item: Number of the mission item.
-        place: North and east of the waypoint or the centre [m]; None: a circle through the place
-            before.
-        height: [m].
-        within: Greatest distance at which a waypoint is passed; 0: any [m].
-        radius: Of the circle, positive clockwise; 0 for a waypoint [m].
-        length: Of the circle; it may be infinite [m].
-        airspeed: Where the way to it begins [m/s].
-        changes: Distance [m] from there and airspeed [m/s] of each change on the way; those beyond
-            its end take effect at the end.
-        home: Home when it is reached.
-        jump: As of `Visit`.
+    Raises:
+        ItemError: Jumps lead around without a place, or make too many of them.
     """
 
-    item: int
-    place: tuple[float, float] | None
-    height: float
-    within: float
-    radius: float
-    length: float
-    airspeed: float
-    changes: tuple[tuple[float, float], ...]
-    home: Home
-    jump: int | None = None
+    visits: tuple[Visit, ...]
+    again: int | None = None
 
-    @property
-    def airspeed_there(self) -> float:
-        """Airspeed at the end of the way to it [m/s]."""
-        return self.changes[-1][1] if self.changes else self.airspeed
 
-    @property
-    def fastest(self) -> float:
-        """Greatest airspeed on the way to it [m/s]."""
-        return max(self.airspeed, *(speed for _, speed in self.changes), 0.0)
+def order_of(mission: Sequence[Target], first: int = 1) -> Order:
+    """Carry out the jumps of a mission.
 
-    @property
-    def is_endless(self) -> bool:
-        """Whether nothing follows."""
-        return math.isinf(self.length)
+    A jump counts by itself, and is not set back by another one, as in ArduPilot. What stands before
+    the last place has its effect; what stands after it has none.
+
+    Args:
+        mission: Target k is item k + 1.
+        first: Item to begin with.
+
+    Raises:
+        ItemError: Jumps lead around without a place, or make too many of them.
+    """
+    visits: list[Visit] = []
+    visit: list[Target] = []
+    left = {t.item.seq: int(param(t.item, 2)) for t in mission if t.item.command == JUMP}
+    begun: dict[tuple[int, ...], int] = {}  # visits made when an endless jump was taken before
+    at, jump = first, None
+    while at <= len(mission):
+        target = mission[at - 1]
+        seq, command = target.item.seq, target.item.command
+        at += 1
+        if command == JUMP:
+            if left[seq] == 0:
+                continue
+            to = int(param(target.item, 1))
+            if left[seq] > 0:
+                left[seq] -= 1
+            else:
+                state = (seq, *left.values())
+                if begun.get(state, len(visits)) < len(visits):
+                    return Order(tuple(visits), begun[state])
+                if state in begun:
+                    text = f"jump to item {to} leads around without a waypoint"
+                    raise ItemError(seq, dialect.MAV_MISSION_INVALID_PARAM1, text)
+                begun[state] = len(visits)
+            at, jump = to, seq
+        visit.append(target)
+        if command in PLACES:
+            visits.append(tuple(visit))
+            visit.clear()
+            if command in {LOITER, RETURN}:
+                break
+            if jump is not None and len(visits) > MAX_VISITS:
+                text = f"jumps make more than {MAX_VISITS} places of the mission"
+                raise ItemError(jump, dialect.MAV_MISSION_NO_SPACE, f"{text}; jump less often")
+    return Order(tuple(visits))
 
 
 class Targets:
@@ -84,15 +112,14 @@ class Targets:
             airspeed: Airspeed there [m/s].
         """
         self._order, self._limits = order, limits
-        place, height = begin[:2], begin[2]
-        nowhere = Target(0, place, height, 0.0, 0.0, 0.0, airspeed, (), home)
-        self._found = [nowhere]
+        start = Target(mission_item(0, WAYPOINT), begin[:2], begin[2])
+        self._found = [start._replace(airspeed=airspeed, home=home)]
 
     def __call__(self, k: int) -> Target | None:
         """Return target k; None after the one without end."""
         while len(self._found) <= k + 1:
             before = self._found[-1]
-            if before.is_endless:
+            if math.isinf(before.length):
                 return None
             self._found.append(self._next(before))
         return self._found[k + 1]
@@ -105,6 +132,14 @@ class Targets:
         earlier = k - (len(self._order.visits) - again)
         return earlier if earlier >= again else None
 
+    def jump_to(self, k: int) -> int | None:
+        """Return the number of the jump that led to target k; None if it is the first visit."""
+        flown = [target.item for visit in self._order.visits[: k + 1] for target in visit]
+        place = next(item for item in reversed(flown) if item.command in PLACES)
+        if sum(item is place for item in flown) == 1:
+            return None
+        return next(item.seq for item in reversed(flown) if item.command == JUMP)
+
     def _next(self, before: Target) -> Target:
         visits, again = self._order.visits, self._order.again
         n = len(self._found) - 1
@@ -113,49 +148,48 @@ class Targets:
         if again is not None:
             return self._resolve(visits[again + (n - again) % (len(visits) - again)], before)
         airspeed = before.airspeed_there
-        return replace(
-            before,
-            place=None,
-            radius=before.radius or turn_radius(airspeed, self._limits),
-            length=math.inf,
-            airspeed=airspeed,
-            changes=(),
-        )
+        radius = before.radius or turn_radius(airspeed, self._limits)
+        circle = before._replace(place=None, radius=radius, length=math.inf)
+        return circle._replace(airspeed=airspeed, changes=())
 
     def _resolve(self, visit: Visit, before: Target) -> Target:
-        airspeed, home = before.airspeed_there, before.home
+        """Return the place of a visit with all that the way to it and the visits before decide."""
+        *on_the_way, to = visit
+        home, airspeed = before.home, before.airspeed_there
         changes: list[tuple[float, float]] = []
-        now, distance = airspeed, 0.0
-        for task in visit.on_the_way:
-            match task:
-                case SetSpeed(_, now):
-                    changes.append((distance, now))
-                case Delay(_, seconds):
-                    distance += seconds * now
-                case SetHome(_, new):
+        distance = 0.0
+        for item, place, height, *_ in on_the_way:
+            match item.command:
+                case dialect.MAV_CMD_DO_CHANGE_SPEED:
+                    airspeed = param(item, 2)
+                    changes.append((distance, airspeed))
+                case dialect.MAV_CMD_CONDITION_DELAY:
+                    distance += param(item, 1) * airspeed
+                case dialect.MAV_CMD_DO_SET_HOME if place is not None:
+                    home = Home(*place, height)
+                case dialect.MAV_CMD_DO_SET_HOME:
                     north, east = before.place or (home.north_m, home.east_m)
-                    home = new or Home(north, east, before.height)
-        to, radius, length, within = visit.place, 0.0, 0.0, 0.0
-        place: tuple[float, float] | None
-        if isinstance(to, Waypoint):
-            place, height, within = (to.north_m, to.east_m), to.height_m, to.within_m
-        elif isinstance(to, Loiter):
-            radius = self._radius(to.item, to.radius_m, now)
-            place, height = to.centre, to.height_m
-            length = 2.0 * math.pi * abs(radius) * to.turns + now * to.seconds
-        else:
-            radius, length = self._radius(to.item, 0.0, now), math.inf
+                    home = Home(north, east, before.height)
+        to = to._replace(airspeed=before.airspeed_there, changes=tuple(changes), home=home)
+        command = to.item.command
+        if command == WAYPOINT and to.radius == 0.0:
+            return to
+        radius = self._radius(to, airspeed)
+        if command == RETURN:
             place, height = (home.north_m, home.east_m), before.height
-        way = (within, radius, length, airspeed, tuple(changes), home, visit.jump)
-        return Target(to.item, place, height, *way)
+            return to._replace(place=place, height=height, radius=radius, length=math.inf)
+        turns = {LOITER: math.inf, LOITER_TURNS: param(to.item, 1)}.get(command, 0.0)
+        seconds = param(to.item, 1) if command == LOITER_TIME else 0.0
+        length = 2.0 * math.pi * abs(radius) * turns + airspeed * seconds
+        return to._replace(radius=radius, length=length)
 
-    def _radius(self, item: int, radius: float, airspeed: float) -> float:
-        """Return the radius of a circle, or that of a turn if it is 0."""
-        least = tightest_turn(airspeed, self._limits)
+    def _radius(self, target: Target, airspeed: float) -> float:
+        """Return the radius of a circle; of a turn if it is 0."""
+        radius, least = target.radius, tightest_turn(airspeed, self._limits)
         if radius != 0.0 and abs(radius) < least:
             airspeeds = airspeeds_for(abs(radius), self._limits)
             text = f"radius {abs(radius):g} m, must be >= {math.ceil(least)} m at {airspeed:g} m/s"
             if airspeeds is not None:
                 text += " (or the airspeed {} to {} m/s)".format(*airspeeds)
-            raise ItemError(item, dialect.MAV_MISSION_INVALID_PARAM3, text)
+            raise ItemError(target.item.seq, dialect.MAV_MISSION_INVALID_PARAM3, text)
         return radius or turn_radius(airspeed, self._limits)

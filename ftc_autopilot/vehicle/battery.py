@@ -1,13 +1,11 @@
-"""The battery that a vehicle reports: that of the avionics of a small aircraft.
+"""The battery that a vehicle reports, as the avionics of a small aircraft have it.
 
 It is there for ground stations, which take an aircraft without one for a defect, and has no
 influence on the flight: a constant current drains it, and it never falls below a fifth, so that
-an endless simulation is never told to land.
+an endless simulation is never ordered to land.
 """
 
 from typing import NamedTuple
-
-__all__ = ["CELLS", "CURRENT_CA", "Battery", "battery_at"]
 
 CELLS = 3
 CURRENT_CA = 180

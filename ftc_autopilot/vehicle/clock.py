@@ -2,10 +2,8 @@
 
 A ground station sees a vehicle that is alive from its start. So the clock runs by the wall clock
 while simulated time stands still, and by simulated time while that runs: intervals in a log are
-those of the flight, however fast it is flown.
+the flight's, however fast it is flown.
 """
-
-__all__ = ["VehicleClock"]
 
 
 class VehicleClock:
@@ -35,7 +33,7 @@ class VehicleClock:
 
     @property
     def boot_ms(self) -> int:
-        """Time since boot as most messages have it [ms]; begins anew after 49 days."""
+        """Time since boot as most messages have it [ms]; wraps after 49 days."""
         return self.boot_us // 1000 % 2**32
 
     def advance(self, now_us: int, simulated_us: int, running: bool) -> None:

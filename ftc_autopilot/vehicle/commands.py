@@ -21,8 +21,6 @@ from mavlink_defs.services.command import (
 from mavlink_defs.services.command_server import CommandReceived, CommandServer
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["Commands", "Handler", "PlaceHandler"]
-
 Handler: TypeAlias = Callable[[tuple[float, ...]], int]
 """Executes a command at once: its seven parameters in, MAV_RESULT out."""
 
@@ -68,18 +66,18 @@ class Commands:
         self._server.receive(message, now)
         for command in self._server.events():
             self._execute(command, now, station)
-        self._work(now)
+        self._pass_on(now)
 
     def receive_from_simulator(self, message: MAVLink_message, now: float) -> None:
         """Take in a message of the own aircraft's simulator component."""
         self._simulator.receive(message, now)
-        self._work(now)
+        self._pass_on(now)
 
     def handle_timer(self, now: float) -> None:
         """Do what is due."""
         self._server.handle_timer(now)
         self._simulator.handle_timer(now)
-        self._work(now)
+        self._pass_on(now)
 
     def deadline(self) -> float | None:
         """Return when `handle_timer` is to be called [s]; None if no timer runs."""
@@ -94,7 +92,7 @@ class Commands:
         """Hand over what is to be sent to the simulator component."""
         return self._simulator.messages_to_send()
 
-    def _work(self, now: float) -> None:
+    def _pass_on(self, now: float) -> None:
         for done in self._simulator.events():
             if isinstance(done, CommandFinished):
                 command, _ = self._waiting.popleft()

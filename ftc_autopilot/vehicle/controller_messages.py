@@ -5,17 +5,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.controller import NO_INTERVAL
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.control.reference import wrap
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.control.laws import KINDS
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
 from mavlink_defs.framing.codec import drop_counts
-
-__all__ = ["ControllerMessages"]
 
 
 class ControllerMessages:
@@ -41,6 +41,7 @@ class ControllerMessages:
             text = f"law failed {at}: no finite command of {' and '.join(new)}, last one held"
             yield dialect.MAV_SEVERITY_CRITICAL, text
 
+    @message(dialect.MAVLink_ftc_tracking_message)
     def tracking(self) -> MAVLink_message:
         """Return FTC_TRACKING."""
         signals = self._controllers.signals[0]
@@ -51,6 +52,7 @@ class ControllerMessages:
             _degrees(signals["sync_error"]),
         )
 
+    @message(dialect.MAVLink_ftc_events_message)
     def events(self) -> MAVLink_message:
         """Return FTC_EVENTS."""
         controller = self._controllers.states[0]
@@ -70,14 +72,17 @@ class ControllerMessages:
             oldest_state_us=min(self._hot.oldest_state_us, NO_INTERVAL),
         )
 
+    @message(dialect.MAVLink_ftc_adaptation_message)
     def adaptation(self) -> MAVLink_message:
-        """Return FTC_ADAPTATION."""
-        c = self._controllers.states[0]["proposed"]
+        """Return FTC_ADAPTATION; NaN under a law without these estimates."""
+        kind = KINDS[int(self._controllers.parameters[0]["law"])]
+        state = self._controllers.states[0][kind]
+        known = state.dtype.names or ()
         names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
-        return dialect.MAVLink_ftc_adaptation_message(
-            self._time_ms, *float32s(c[name] for name in names)
-        )
+        estimates = (state[name] if name in known else math.nan for name in names)
+        return dialect.MAVLink_ftc_adaptation_message(self._time_ms, *float32s(estimates))
 
+    @message(dialect.MAVLink_ftc_drops_message)
     def drops(self) -> MAVLink_message:
         """Return FTC_DROPS."""
         links = map(drop_counts, self._hot.drops)  # in the order of the fields

@@ -1,4 +1,4 @@
-"""What the diagnosis of the own actuators tells ground stations: a message, texts, health."""
+"""What the diagnosis of the own actuators reports to ground stations: a message, texts, health."""
 
 import math
 from collections.abc import Iterator
@@ -6,13 +6,12 @@ from collections.abc import Iterator
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.laws import KINDS, LAWS
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
-
-__all__ = ["DiagnosisMessages"]
 
 _TAKEN_OVER = {
     "aileron": "roll by rudder, heading given up",
@@ -28,12 +27,13 @@ class DiagnosisMessages:
     def __init__(self, hot: HotState, controllers: Controllers) -> None:
         self._hot, self._controllers = hot, controllers
         kind = KINDS[int(controllers.parameters[0]["law"])]
-        fields = LAWS[kind].STATE.names or ()
-        self._diagnosis = (
-            controllers.states[0][kind]["diagnosis"] if "diagnosis" in fields else None
-        )
+        state = controllers.states[0][kind]
+        if LAWS[kind].FALLBACK is not None:
+            state = state["fallback"]
+        self._diagnosis = state["diagnosis"] if "diagnosis" in (state.dtype.names or ()) else None
         self._lost = [False] * len(ACTUATORS)
 
+    @message(dialect.MAVLink_ftc_diagnosis_message)
     def diagnosis(self) -> MAVLink_message:
         """Return FTC_DIAGNOSIS; without a diagnosis, everything is unknown."""
         n = len(ACTUATORS)
@@ -65,9 +65,9 @@ class DiagnosisMessages:
             if lost == before[c]:
                 continue
             actuator = self._diagnosis["actuators"][c]
-            if actuator["since"] >= self._diagnosis["age"]:  # no decision: the law started anew
+            if actuator["decided_s"] >= self._diagnosis["age"]:  # no decision: the law restarted
                 continue
-            at = f"at {self._hot.time_us * 1e-6 - float(actuator['since']):.2f} s"
+            at = f"at {self._hot.time_us * 1e-6 - float(actuator['decided_s']):.2f} s"
             if lost:
                 stuck = self._amount(c, float(actuator["stuck"]))
                 where = f"{stuck:.0f} N" if c == THROTTLE else f"{stuck:.1f} deg"

@@ -1,6 +1,6 @@
 """What a vehicle flies along in space: its mission, the way home, a circle somewhere.
 
-A path is made anew whenever the vehicle is to go elsewhere, from where it is then. The members of a
+A new path is made whenever the vehicle is to go elsewhere, from where it is then. The members of a
 formation fly one path for their mission, the one from home.
 """
 
@@ -10,22 +10,41 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.geography import Origin, Place, place_of
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, Source, begin_path
 from ftc_autopilot.guidance.limits import tightest_turn
 from ftc_autopilot.guidance.mission_path import Start
-from ftc_autopilot.guidance.mission_places import Home
+from ftc_autopilot.guidance.mission_places import Home, home_item
 from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, locate, point_at
 from ftc_autopilot.guidance.planner import Planner, start_of
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.vehicle.home import VehicleHome
+from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["FlightPath", "Way"]
-
 _SAME_RADIUS = 1.0 + 1e-6
 """Share by which a turn may be too tight, by rounding."""
+
+
+class VehicleHome:
+    """The home in force; at first the origin.
+
+    Attributes:
+        at: Home, relative to the origin.
+    """
+
+    def __init__(self, origin: Origin) -> None:
+        self._origin = origin
+        self.at = Home()
+
+    @property
+    def place(self) -> Place:
+        """Home in the units of MAVLink; its height is that above the origin."""
+        return place_of(self._origin, self.at.north_m, self.at.east_m, -self.at.height_m)
+
+    def item(self) -> MissionItem:
+        """Return item 0 of every mission."""
+        return home_item(self._origin, self.at)
 
 
 class Way(NamedTuple):
@@ -155,7 +174,7 @@ class FlightPath:
 
     def check(self, items: Sequence[MissionItem], home: Home | None = None) -> None:
         """Check a mission, with another home than the present one if that is given."""
-        self.planner.tasks(items, home or self.home.at)
+        self.planner.check(items, home or self.home.at)
 
     def mission(
         self,
@@ -170,21 +189,22 @@ class FlightPath:
             item: Item to begin with.
             items: The mission; None: the one in force.
             home: Home; None: the present one.
-            airspeed: Up to the mission's first change of it [m/s]; None: that of cruise.
+            airspeed: Up to the mission's first change of it [m/s]; None: cruise.
         """
         home = home or self.home.at
-        tasks = self.planner.decode(items or self.items, home)
+        items = items or self.items
         if not self._in_formation:
             start = start_of(self._hot.measured, airspeed or self.planner.limits.cruise_m_s)
-            return Way(self.planner.path(tasks, start, home, item))
-        path = self.planner.path(tasks, home=home)
+            return Way(self.planner.path(items, start, home, item))
+        path = self.planner.path(items, home=home)
         legs = np.flatnonzero(path["item"][: path["count"]] >= item)
         leg = int(legs[0]) if len(legs) else 0
         return Way(path, float(path["start"][leg]), in_slot=True)
 
     def circle_here(self) -> Way:
         """Return the circle at the present place and height."""
-        return Way(self.planner.circle(self._start(self.airspeed)))
+        start = self._start(self.airspeed)
+        return Way(self.planner.circle(start, None, start.height))
 
     def way_home(self, home: Home | None = None) -> Way:
         """Return the way home and the circle there, at the present height."""
@@ -200,13 +220,13 @@ class FlightPath:
 
         Args:
             place: North, east and height [m].
-            radius_m: As of `Loiter`.
+            radius_m: As of `Planner.circle`.
             airspeed: [m/s]; None: as before.
         """
         airspeed = airspeed or self.airspeed
         north, east, height = place
         start = self._start(airspeed)
-        path = self.planner.circle_around(start, (north, east), height, radius_m)
+        path = self.planner.circle(start, (north, east), height, radius_m)
         return Way(path, airspeed=airspeed)
 
     def begin(self, way: Way) -> None:

@@ -1,4 +1,4 @@
-"""What a member of a formation tells ground stations of it, and what they order of its slot."""
+"""What a member of a formation reports to ground stations, and their commands for its slot."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -6,13 +6,12 @@ from collections.abc import Iterator, Sequence
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, Source
 from ftc_autopilot.guidance.members import SILENT, cause_of, policy_of, state_of
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.message import message
 from ftc_autopilot.vehicle.modes import Say
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
-
-__all__ = ["FormationMessages"]
 
 _CAUSES = ("well", "an actuator is degraded", "an actuator is lost", "silent")
 _POLICIES = ("it stays", "the formation slows down", "its slot moves outwards", "it leaves")
@@ -33,6 +32,7 @@ class FormationMessages:
         self._known = [0] * len(self._members)
         self._slot, self._evading, self._near = self._own, False, False
 
+    @message(dialect.MAVLink_ftc_formation_message)
     def formation(self) -> MAVLink_message:
         """Return FTC_FORMATION; without a path or a formation, its path_id is 0."""
         state, path_id = self._state, self._path_id

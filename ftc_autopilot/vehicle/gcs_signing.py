@@ -12,13 +12,11 @@ from mavlink_defs.framing.frames import drop_reason, parse
 from mavlink_defs.framing.key_file import load_signer
 from mavlink_defs.framing.signing import Signer, is_ahead
 
-__all__ = ["GcsSigning"]
-
 
 class GcsSigning:
     """Signs and checks the frames of the GCS link, if there is a key.
 
-    The key is that of the key file until a ground station sets another one, for as long as the
+    The key is the key file's until a ground station sets another one, for as long as the
     process lives and for this link only.
     """
 
@@ -55,7 +53,7 @@ class GcsSigning:
             armed: In flight the key stays.
 
         Returns:
-            The outcome in words; None if the message is for another vehicle.
+            The outcome as a text; None if the message is for another vehicle.
         """
         for_me = message.target_system == self._system
         if not for_me or message.target_component not in {0, dialect.MAV_COMP_ID_AUTOPILOT1}:

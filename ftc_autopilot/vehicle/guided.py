@@ -3,8 +3,8 @@
 import math
 from typing import NamedTuple
 
+from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.control.controllers import Controllers, Source
-from ftc_autopilot.geography import Origin
 from ftc_autopilot.guidance.mission_items import refusal
 from ftc_autopilot.guidance.mission_places import (
     ANYWHERE_M,
@@ -21,8 +21,6 @@ from mavlink_defs.float32 import whole_within
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.command import CommandMessage
 from mavlink_defs.services.mission import MissionItem
-
-__all__ = ["Guided"]
 
 _ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 _NO_POSITION = (

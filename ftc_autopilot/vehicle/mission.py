@@ -4,7 +4,8 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 
 from ftc_autopilot.guidance.mission_items import is_path
-from ftc_autopilot.vehicle.home import VehicleHome
+from ftc_autopilot.vehicle.flight_path import VehicleHome
+from ftc_autopilot.vehicle.message import message
 from ftc_autopilot.vehicle.modes import Modes, Say
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, MAX_MISSION_ITEMS
@@ -16,8 +17,6 @@ from mavlink_defs.services.mission_server import (
     MissionRefused,
     MissionServer,
 )
-
-__all__ = ["Mission"]
 
 _IN_MISSION_MODE, _SUSPENDED = 1, 2
 """MISSION_CURRENT.mission_mode."""
@@ -56,13 +55,13 @@ class Mission:
     def receive(self, message: MAVLink_message, now: float, station: int) -> None:
         """Take in a message of a ground station, which has a number."""
         self.server.receive(message, now, station)
-        self._work()
+        self._handle_events()
 
     def handle_timer(self, now: float) -> None:
         """Do what is due, and follow the modes."""
         self.server.handle_timer(now)
         self._follow()
-        self._work()
+        self._handle_events()
 
     def deadline(self) -> float | None:
         """Return when `handle_timer` is to be called [s]; None if no timer runs."""
@@ -74,6 +73,11 @@ class Mission:
         asking = self.server.asking
         return [(m, asking if hasattr(m, "target_system") else None) for m in messages]
 
+    @message(
+        dialect.MAVLink_mission_current_message,
+        every_s=1.0,
+        stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
+    )
     def current(self) -> MAVLink_message:
         """Return MISSION_CURRENT."""
         return self.server.mission_current()
@@ -82,10 +86,10 @@ class Mission:
         """Return to the state after the upload of the mission, for another flight."""
         self._follows = False
         self.server.set_current(0)
-        self._work()
+        self._handle_events()
 
     def resume(self, items: Sequence[MissionItem], item: int) -> None:
-        """Take up the mission of a life before.
+        """Restore the mission from a checkpoint.
 
         Args:
             items: Its items, home included; none if there was no mission.
@@ -101,7 +105,7 @@ class Mission:
     # commands
 
     def start(self, params: Sequence[float]) -> int:
-        """Execute MAV_CMD_MISSION_START: begin with the current item, or begin anew."""
+        """Execute MAV_CMD_MISSION_START: begin with the current item, or again."""
         if any(param != 0.0 and not math.isnan(param) for param in params[:2]):
             text = "Mission start: params 1 and 2 must be 0, a part cannot be flown"
             self._say(dialect.MAV_SEVERITY_WARNING, text)
@@ -122,7 +126,7 @@ class Mission:
 
     # inside
 
-    def _work(self) -> None:
+    def _handle_events(self) -> None:
         for event in self.server.events():
             match event:
                 case MissionAccepted(items):
@@ -165,7 +169,7 @@ class Mission:
         return path.items_between(before, now[1])
 
     def _note_state(self) -> None:
-        """Keep the fields of MISSION_CURRENT besides the item."""
+        """Update the fields of MISSION_CURRENT besides the item."""
         modes, server = self._modes, self.server
         server.mission_mode = _IN_MISSION_MODE if modes.mode == AUTO else _SUSPENDED
         if not modes.has_mission:

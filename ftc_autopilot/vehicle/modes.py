@@ -14,14 +14,12 @@ from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.guidance.mission_items import is_path, refusal
 from ftc_autopilot.guidance.mission_places import Home
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.flight_path import FlightPath, Way
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, FORCE_DISARM, GUIDED, LOITER, MODE_NAMES, RTL
 from mavlink_defs.profile import ItemError, check_mission, items_to_segments
 from mavlink_defs.services.mission import MissionItem
-
-__all__ = ["Modes", "Say"]
 
 Say = Callable[[int, str], None]
 """Announces a text, with its MAV_SEVERITY."""
@@ -203,7 +201,7 @@ class Modes:
         """Take note of the item that a mission goes on with when it is flown again."""
         self._item = max(seq, 1)
 
-    # commands: params are those of the MAV_CMD
+    # commands: params are the MAV_CMD's
 
     def arm_or_disarm(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_COMPONENT_ARM_DISARM."""
@@ -280,7 +278,7 @@ class Modes:
         self._enter(LOITER)
 
     def resume(self, mode: int) -> None:
-        """Take up the mode and the arming of a life before, as the records have them."""
+        """Restore the mode and the arming, as the restored records have them."""
         self.mode, self.armed = mode, bool(self._guidance["active"])
         if self.path.flown and self.path.record["count"] == 0:
             self._fly_straight()  # its file is gone

@@ -2,11 +2,9 @@
 
 from collections.abc import Iterator
 
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.constants import OLD_STATE_S
-
-__all__ = ["OldStates"]
 
 
 class OldStates:

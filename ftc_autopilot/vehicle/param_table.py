@@ -16,18 +16,18 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from ftc_autopilot.common.records import in_si
+from ftc_autopilot.common.schedule import Schedule
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.records import in_si
-from ftc_autopilot.control.schedule import Schedule
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
 from mavlink_defs.services.param import MAX_NAME
@@ -37,8 +37,6 @@ from mavlink_defs.services.param_server import (
     Parameter,
     ParamValueError,
 )
-
-__all__ = ["SPAN", "Tunable", "parameters_of", "trigger_tunables", "tunables"]
 
 SPAN = 10.0
 """Largest value of a parameter whose field declares no upper bound, by its default."""
@@ -100,7 +98,7 @@ class Tunable:
     def at(self, t: float) -> float:
         """Return the value at time t [s]."""
         cell = float(self.cells[np.argmax(self.times >= t), 0])
-        # 15 digits are those of the value that was put, without the rounding of the conversion
+        # 15 digits are the value's that was put, without the rounding of the conversion
         return cell if self.factor == 1.0 else float(f"{cell / self.factor:.15g}")
 
     def put(self, value: float) -> None:
@@ -113,8 +111,8 @@ class Tunable:
         low = (q.gt is None or value > q.gt) and (q.ge is None or value >= q.ge)
         high = (q.lt is None or value < q.lt) and (q.le is None or value <= q.le)
         if not (low and high):
-            wanted = q.range() if q.range()[0] in "<>" else f"in {q.range()}"
-            raise ParamValueError(f"is {value:g}, must be {wanted}")
+            expected = q.range() if q.range()[0] in "<>" else f"in {q.range()}"
+            raise ParamValueError(f"is {value:g}, must be {expected}")
         self.cells[:] = value * self.factor
 
 
@@ -127,7 +125,7 @@ def parameters_of(
         *trigger_tunables(records),
         *trigger_tunables(records, config.trigger.mode),
         *tunables(LawParameters, records["common"]),
-        *tunables(LAWS[kind], records[kind], base=LawParameters),
+        *law_tunables(LAWS[kind], records[kind]),
     ]
     guidance = config.guidance.kind  # its gains; limits belong to the path, which is made once
     gains = records["guidance"][guidance]
@@ -173,6 +171,13 @@ def parameters_of(
     return parameters
 
 
+def law_tunables(law: type[LawParameters], records: np.ndarray) -> Iterator[Tunable]:
+    """Find the numbers of a law, its fallback's first; records as `law.record`, (1,)."""
+    if law.FALLBACK is not None:
+        yield from tunables(law, records["fallback"], base=LawParameters)
+    yield from tunables(law, records, base=LawParameters)
+
+
 def trigger_tunables(records: np.ndarray, mode: str | None = None) -> Iterator[Tunable]:
     """Find the numbers of the triggers.
 
@@ -197,11 +202,11 @@ def tunables(
     prefix: str = "",
     base: type[BaseModel] = BaseModel,
 ) -> Iterator[Tunable]:
-    """Find the numbers that a model has beyond those of a base class.
+    """Find the numbers that a model has beyond a base class.
 
     Args:
         model: The model.
-        records: One record of `ftc_autopilot.control.records.record_dtype`, shape (1,).
+        records: One record of `ftc_autopilot.common.records.record_dtype`, shape (1,).
         prefix: Of the parameters' names.
         base: The base class.
     """
@@ -277,11 +282,11 @@ def _axes(n: int) -> tuple[str, ...]:
 def _cut(name: str, axis: str = "") -> str:
     """Return a name that fits, with its axis; the longest word is shortened."""
     end = f"_{axis}" if axis else ""
-    words = name.split("_")
-    while len("_".join(words)) + len(end) > MAX_NAME:
-        longest = max(range(len(words)), key=lambda i: len(words[i]))
-        words[longest] = words[longest][:-1]
-    return "_".join(words) + end
+    parts = name.split("_")
+    while len("_".join(parts)) + len(end) > MAX_NAME:
+        longest = max(range(len(parts)), key=lambda i: len(parts[i]))
+        parts[longest] = parts[longest][:-1]
+    return "_".join(parts) + end
 
 
 def _distinct(found: Iterable[Tunable], taken: Iterable[str]) -> Iterator[Tunable]:

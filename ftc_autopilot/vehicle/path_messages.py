@@ -2,17 +2,16 @@
 
 import math
 
+from ftc_autopilot.common.angles import wrap
+from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.control.reference import wrap
-from ftc_autopilot.geography import Origin, place_of
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.flight_path import FlightPath
+from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
-
-__all__ = ["PathMessages"]
 
 _ONLY_POSITION = (
     dialect.POSITION_TARGET_TYPEMASK_VX_IGNORE
@@ -27,7 +26,7 @@ _ONLY_POSITION = (
 
 
 class PathMessages:
-    """Makes the messages that tell where a path leads, and how far the vehicle is from it."""
+    """Makes the messages about where a path leads, and how far the vehicle is from it."""
 
     def __init__(
         self,
@@ -40,14 +39,17 @@ class PathMessages:
         self._hot, self._controllers, self._origin = hot, controllers, origin
         self._path, self._clock = path, clock
 
+    @message(
+        dialect.MAVLink_nav_controller_output_message,
+        stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
+    )
     def nav_controller_output(self) -> MAVLink_message:
         """Return NAV_CONTROLLER_OUTPUT."""
         _, roll, pitch, _ = map(float, self._controllers.guidance[0]["command"])
         if not self._path.flown:
             bank, climb = float32s((math.degrees(roll), math.degrees(pitch)))
-            return dialect.MAVLink_nav_controller_output_message(
-                bank, climb, 0, 0, 0, 0.0, 0.0, 0.0
-            )
+            nothing = (0, 0, 0, 0.0, 0.0, 0.0)
+            return dialect.MAVLink_nav_controller_output_message(bank, climb, *nothing)
         point, (north, east, height) = self._path.point(), self._path.here()
         to_north, to_east, _ = self._path.target()
         airspeed = float(self._controllers.signals[0]["V"])
@@ -69,6 +71,10 @@ class PathMessages:
             *numbers[2:],
         )
 
+    @message(
+        dialect.MAVLink_position_target_global_int_message,
+        stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
+    )
     def position_target_global_int(self) -> MAVLink_message:
         """Return POSITION_TARGET_GLOBAL_INT: where the path's present item leads."""
         north, east, height = self._path.target() if self._path.flown else self._path.here()

@@ -9,20 +9,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
+from ftc_autopilot.common.geography import Origin, Place, place_of
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.control.reference import wrap
-from ftc_autopilot.geography import Origin, Place, place_of
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
-from ftc_autopilot.vehicle.home import VehicleHome
+from ftc_autopilot.vehicle.flight_path import VehicleHome
+from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul
-
-__all__ = ["StateMessages"]
 
 _VECTORS = ("position", "velocity", "attitude", "rates", "specific_force", "wind")
 _INT16, _UINT16 = 2**15 - 1, 2**16 - 1
@@ -31,11 +30,12 @@ _GPS_SATELLITES = 14
 _GPS_DILUTION = 80  # of precision, horizontal and vertical [1/100]
 _GPS_ACCURACY_MM, _GPS_ACCURACY_MM_S = 800, 100
 _ZERO_PWM_US, _SPAN_PWM_US = 1500, 500
+_ZEROS = (0.0, 0.0, 0.0)
 _GIVEN_IMU = 0b111111  # HIGHRES_IMU.fields_updated: accelerations and rates
 
 
 class StateMessages:
-    """Makes messages of position, attitude, motion and actuators; times are those of the clock."""
+    """Makes messages of position, attitude, motion and actuators; times are on its clock."""
 
     def __init__(
         self,
@@ -53,15 +53,28 @@ class StateMessages:
 
     # time and place
 
+    @message(
+        dialect.MAVLink_system_time_message, every_s=1.0, stream=dialect.MAV_DATA_STREAM_EXTRA3
+    )
     def system_time(self) -> MAVLink_message:
         """Return SYSTEM_TIME."""
         return dialect.MAVLink_system_time_message(self._clock.unix_us, self._clock.boot_ms)
 
+    @message(
+        dialect.MAVLink_local_position_ned_message,
+        every_s=0.1,
+        stream=dialect.MAV_DATA_STREAM_POSITION,
+    )
     def local_position_ned(self) -> MAVLink_message:
         """Return LOCAL_POSITION_NED."""
         numbers = float32s((*self._vector("position"), *self._velocity_ned()))
         return dialect.MAVLink_local_position_ned_message(self._clock.boot_ms, *numbers)
 
+    @message(
+        dialect.MAVLink_global_position_int_message,
+        every_s=0.2,
+        stream=dialect.MAV_DATA_STREAM_POSITION,
+    )
     def global_position_int(self) -> MAVLink_message:
         """Return GLOBAL_POSITION_INT."""
         place = self._place()
@@ -70,6 +83,11 @@ class StateMessages:
             self._clock.boot_ms, *place, vx, vy, vz, _centidegrees(self._yaw())
         )
 
+    @message(
+        dialect.MAVLink_gps_raw_int_message,
+        every_s=0.5,
+        stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
+    )
     def gps_raw_int(self) -> MAVLink_message:
         """Return GPS_RAW_INT: the true position, stated as accurately as a receiver would."""
         place, (north, east, _) = self._place(), self._velocity_ned()
@@ -90,20 +108,14 @@ class StateMessages:
             vel_acc=_GPS_ACCURACY_MM_S,
         )
 
+    @message(dialect.MAVLink_home_position_message, every_s=1.0)
     def home_position(self) -> MAVLink_message:
         """Return HOME_POSITION."""
         return dialect.MAVLink_home_position_message(
-            *self._home.place[:3],
-            0.0,
-            0.0,
-            0.0,
-            [1.0, 0.0, 0.0, 0.0],
-            0.0,
-            0.0,
-            0.0,
-            self._clock.boot_us,
+            *self._home.place[:3], *_ZEROS, [1.0, *_ZEROS], *_ZEROS, self._clock.boot_us
         )
 
+    @message(dialect.MAVLink_altitude_message)
     def altitude(self) -> MAVLink_message:
         """Return ALTITUDE; the terrain is flat, as high as the origin."""
         height = self._height()
@@ -113,20 +125,24 @@ class StateMessages:
 
     # attitude and motion
 
+    @message(dialect.MAVLink_attitude_message, every_s=0.1, stream=dialect.MAV_DATA_STREAM_EXTRA1)
     def attitude(self) -> MAVLink_message:
         """Return ATTITUDE."""
         roll, pitch, yaw = self._vector("attitude")
         numbers = float32s((_wrap(roll), pitch, _wrap(yaw), *self._vector("rates")))
         return dialect.MAVLink_attitude_message(self._clock.boot_ms, *numbers)
 
+    @message(dialect.MAVLink_attitude_quaternion_message, every_s=0.2)
     def attitude_quaternion(self) -> MAVLink_message:
         """Return ATTITUDE_QUATERNION: body to NED, scalar first."""
-        q1, q2, q3, q4 = float32s(_quaternion(*self._vector("attitude")))
-        p, q, r = float32s(self._vector("rates"))
+        q1, q2, q3, q4, p, q, r = float32s(
+            (*_quaternion(*self._vector("attitude")), *self._vector("rates"))
+        )
         return dialect.MAVLink_attitude_quaternion_message(
             self._clock.boot_ms, q1, q2, q3, q4, p, q, r
         )
 
+    @message(dialect.MAVLink_attitude_target_message)
     def attitude_target(self) -> MAVLink_message:
         """Return ATTITUDE_TARGET: the filtered reference; the airspeed is in FTC_TRACKING."""
         q = _quaternion(*self._signals["reference"][1:4].tolist())
@@ -139,89 +155,69 @@ class StateMessages:
             self._clock.boot_ms, mask, float32s(q), 0.0, 0.0, 0.0, self._thrust()
         )
 
+    @message(dialect.MAVLink_vfr_hud_message, every_s=0.2, stream=dialect.MAV_DATA_STREAM_EXTRA2)
     def vfr_hud(self) -> MAVLink_message:
         """Return VFR_HUD."""
         north, east, down = self._velocity_ned()
-        airspeed, groundspeed, climb, alt = float32s(
-            (
-                self._airspeed(),
-                math.hypot(north, east),
-                -down,
-                self._origin.altitude_m + self._height(),
-            )
+        altitude = self._origin.altitude_m + self._height()
+        airspeed, groundspeed, alt, climb = float32s(
+            (self._airspeed(), math.hypot(north, east), altitude, -down)
         )
-        return dialect.MAVLink_vfr_hud_message(
-            airspeed=airspeed,
-            groundspeed=groundspeed,
-            heading=_centidegrees(self._yaw()) // 100,
-            throttle=whole_within(100.0 * self._thrust(), 0, 100),
-            alt=alt,
-            climb=climb,
-        )
+        heading = _centidegrees(self._yaw()) // 100
+        throttle = whole_within(100.0 * self._thrust(), 0, 100)
+        return dialect.MAVLink_vfr_hud_message(airspeed, groundspeed, heading, throttle, alt, climb)
 
+    @message(dialect.MAVLink_wind_cov_message)
     def wind_cov(self) -> MAVLink_message:
         """Return WIND_COV: the wind that velocity and airspeed make; no accuracy is stated."""
-        unknown = math.nan
-        wind = self._in_ned("wind")
         altitude = self._origin.altitude_m - self._vector("position")[2]
-        north, east, down, amsl = float32s((*wind, altitude))
+        north, east, down, amsl = float32s((*self._in_ned("wind"), altitude))
+        unknown = (math.nan, math.nan)
         return dialect.MAVLink_wind_cov_message(
-            self._clock.boot_us, north, east, down, unknown, unknown, amsl, unknown, unknown
+            self._clock.boot_us, north, east, down, *unknown, amsl, *unknown
         )
 
+    @message(dialect.MAVLink_highres_imu_message)
     def highres_imu(self) -> MAVLink_message:
         """Return HIGHRES_IMU: specific force and rates; there is no other sensor."""
-        unknown = math.nan
         ax, ay, az, p, q, r = float32s((*self._vector("specific_force"), *self._vector("rates")))
+        unknown = (math.nan,) * 7
         return dialect.MAVLink_highres_imu_message(
-            self._clock.boot_us,
-            ax,
-            ay,
-            az,
-            p,
-            q,
-            r,
-            unknown,
-            unknown,
-            unknown,
-            unknown,
-            unknown,
-            unknown,
-            unknown,
-            _GIVEN_IMU,
+            self._clock.boot_us, ax, ay, az, p, q, r, *unknown, _GIVEN_IMU
         )
 
+    @message(dialect.MAVLink_odometry_message)
     def odometry(self) -> MAVLink_message:
         """Return ODOMETRY: position in the local frame, velocity and rates in the body's."""
         unknown = [math.nan, *[0.0] * 20]
-        x, y, z = float32s(self._vector("position"))
-        u, v, w, p, q, r = float32s((*self._vector("velocity"), *self._vector("rates")))
+        x, y, z, u, v, w, p, q, r = float32s(
+            (*self._vector("position"), *self._vector("velocity"), *self._vector("rates"))
+        )
         return dialect.MAVLink_odometry_message(
             self._clock.boot_us,
             dialect.MAV_FRAME_LOCAL_NED,
             dialect.MAV_FRAME_BODY_FRD,
-            x,
-            y,
-            z,
+            *(x, y, z),
             float32s(_quaternion(*self._vector("attitude"))),
-            u,
-            v,
-            w,
-            p,
-            q,
-            r,
+            *(u, v, w, p, q, r),
             unknown,
             unknown,
         )
 
     # actuators
 
+    @message(dialect.MAVLink_actuator_output_status_message, every_s=0.1)
     def actuator_output_status(self) -> MAVLink_message:
         """Return ACTUATOR_OUTPUT_STATUS: the commands held, as HIL_ACTUATOR_CONTROLS has them."""
         return dialect.MAVLink_actuator_output_status_message(
             self._clock.boot_us, 0b1111, self._held() + [0.0] * 28
         )
 
+    @message(
+        dialect.MAVLink_servo_output_raw_message,
+        every_s=0.5,
+        stream=dialect.MAV_DATA_STREAM_RC_CHANNELS,
+    )
     def servo_output_raw(self) -> MAVLink_message:
         """Return SERVO_OUTPUT_RAW: the same as pulses, on ArduPlane's channels."""
         aileron, elevator, rudder, throttle = self._held()
@@ -238,7 +234,7 @@ class StateMessages:
         return x, y, z
 
     def _in_ned(self, name: str) -> Vec3:
-        """Return a vector of the body's axes in those of the local frame."""
+        """Return a vector of the body's axes in the local frame's."""
         return mul(R1(self._vector("attitude")), self._vector(name))
 
     def _velocity_ned(self) -> Vec3:

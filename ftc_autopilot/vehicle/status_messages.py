@@ -7,10 +7,9 @@ from importlib.metadata import version
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.vehicle.battery import CELLS, CURRENT_CA, battery_at
 from ftc_autopilot.vehicle.clock import VehicleClock
+from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-
-__all__ = ["VERSION", "StatusMessages"]
 
 VERSION = tuple(map(int, re.findall(r"\d+", version("ftc-sitl"))[:3]))
 """Major, minor and patch of the installed package."""
@@ -60,6 +59,7 @@ class StatusMessages:
         self._system = config.id
         self._capabilities = _CAPABILITIES | config.param_capability
 
+    @message(dialect.MAVLink_autopilot_version_message)
     def autopilot_version(self) -> MAVLink_message:
         """Return AUTOPILOT_VERSION."""
         major, minor, patch = VERSION
@@ -68,22 +68,22 @@ class StatusMessages:
         return dialect.MAVLink_autopilot_version_message(
             self._capabilities,
             version,
-            0,
-            0,
-            0,
-            [0] * 8,
-            [0] * 8,
-            [0] * 8,
-            0,
-            0,
+            *(0, 0, 0),
+            *([0] * 8, [0] * 8, [0] * 8),
+            *(0, 0),
             _UID | self._system,
             [*uid2],
         )
 
+    @message(
+        dialect.MAVLink_sys_status_message,
+        every_s=1.0,
+        stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
+    )
     def sys_status(self) -> MAVLink_message:
         """Return SYS_STATUS: all is well, but what the diagnosis of the actuators finds.
 
-        The drops are those of the ground stations' links.
+        It counts drops on the ground stations' links.
         """
         health = _SENSORS if self._actuators_healthy() else _SENSORS & ~_ACTUATORS
         battery = battery_at(self._clock.boot_us / 1e6)
@@ -91,20 +91,20 @@ class StatusMessages:
             _SENSORS,
             _SENSORS,
             health,
-            load=0,
-            voltage_battery=CELLS * battery.cell_mv,
-            current_battery=CURRENT_CA,
-            battery_remaining=battery.remaining_percent,
-            drop_rate_comm=0,
-            errors_comm=min(self._frames_dropped(), _UINT16),
-            errors_count1=0,
-            errors_count2=0,
-            errors_count3=0,
-            errors_count4=0,
+            0,  # load
+            CELLS * battery.cell_mv,
+            CURRENT_CA,
+            battery.remaining_percent,
+            0,  # drop rate
+            min(self._frames_dropped(), _UINT16),
+            *[0] * 4,
         )
 
+    @message(
+        dialect.MAVLink_battery_status_message, every_s=2.0, stream=dialect.MAV_DATA_STREAM_EXTRA3
+    )
     def battery_status(self) -> MAVLink_message:
-        """Return BATTERY_STATUS: that of the avionics."""
+        """Return BATTERY_STATUS, of the avionics."""
         battery = battery_at(self._clock.boot_us / 1e6)
         cells = [battery.cell_mv] * CELLS
         return dialect.MAVLink_battery_status_message(
@@ -122,11 +122,13 @@ class StatusMessages:
         )
 
     @staticmethod
+    @message(dialect.MAVLink_ekf_status_report_message)
     def ekf_status_report() -> MAVLink_message:
         """Return EKF_STATUS_REPORT: the state is no estimate."""
         return dialect.MAVLink_ekf_status_report_message(_ALL_KNOWN, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     @staticmethod
+    @message(dialect.MAVLink_extended_sys_state_message, every_s=1.0)
     def extended_sys_state() -> MAVLink_message:
         """Return EXTENDED_SYS_STATE: flights begin, and end, in the air."""
         return dialect.MAVLink_extended_sys_state_message(

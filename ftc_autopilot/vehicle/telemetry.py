@@ -10,11 +10,12 @@ own phase, so that few are due at a time.
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from typing import TypeAlias
 
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
 from ftc_autopilot.vehicle.formation_messages import FormationMessages
+from ftc_autopilot.vehicle.message import declared_in
+from ftc_autopilot.vehicle.mission import Mission
 from ftc_autopilot.vehicle.path_messages import PathMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
@@ -22,30 +23,25 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.dialect import MAVLink_message
 
-__all__ = ["DEFAULT_INTERVALS_US", "MIN_INTERVAL_US", "Maker", "Telemetry", "makers_of"]
+MAKERS = (
+    StateMessages,
+    PathMessages,
+    ControllerMessages,
+    DiagnosisMessages,
+    FormationMessages,
+    StatusMessages,
+    Mission,
+)
+"""Classes whose methods make messages."""
 
-Maker: TypeAlias = Callable[[], MAVLink_message]
+_DECLARED = tuple(declared_in(*MAKERS))
 
 DEFAULT_INTERVALS_US = {
-    dialect.MAVLINK_MSG_ID_ATTITUDE: 100_000,
-    dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 100_000,
-    dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: 100_000,
-    dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 200_000,
-    dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 200_000,
-    dialect.MAVLINK_MSG_ID_VFR_HUD: 200_000,
-    dialect.MAVLINK_MSG_ID_GPS_RAW_INT: 500_000,
-    dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: 500_000,
-    dialect.MAVLINK_MSG_ID_SYSTEM_TIME: 1_000_000,
-    dialect.MAVLINK_MSG_ID_SYS_STATUS: 1_000_000,
-    dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1_000_000,
-    dialect.MAVLINK_MSG_ID_HOME_POSITION: 1_000_000,
-    dialect.MAVLINK_MSG_ID_MISSION_CURRENT: 1_000_000,
-    dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 2_000_000,
+    each.number: each.every_us
+    for each in sorted(_DECLARED, key=lambda each: (each.every_us or 0, each.number))
+    if each.every_us is not None
 }
-"""Message ids that are streamed from the start, and their intervals [µs].
-
-All are of common.xml: a station without our dialect cannot read others, and counts them as lost.
-"""
+"""Message ids that are streamed from the start, and their intervals [µs], the shortest first."""
 
 MIN_INTERVAL_US = 20_000
 """No message is streamed more often."""
@@ -54,97 +50,37 @@ _HEARTBEAT_US = 1_000_000  # it cannot be changed
 _PHASE_US = 1_000  # between the first messages of two streams
 _MAX_INTERVAL_US = INT32_MAX  # of MESSAGE_INTERVAL
 _OFF, _NOT_AVAILABLE = -1, 0
-_NEW = -1  # when a stream is due whose phase has not begun [µs]: at once
-
-# REQUEST_DATA_STREAM, as ArduPlane groups its messages; private ones keep their rates
-_GROUPS: dict[int, tuple[int, ...]] = {
-    dialect.MAV_DATA_STREAM_RAW_SENSORS: (),
-    dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (
-        dialect.MAVLINK_MSG_ID_SYS_STATUS,
-        dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
-        dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
-        dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
-        dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
-    ),
-    dialect.MAV_DATA_STREAM_RC_CHANNELS: (dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,),
-    dialect.MAV_DATA_STREAM_RAW_CONTROLLER: (),
-    dialect.MAV_DATA_STREAM_POSITION: (
-        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
-    ),
-    dialect.MAV_DATA_STREAM_EXTRA1: (dialect.MAVLINK_MSG_ID_ATTITUDE,),
-    dialect.MAV_DATA_STREAM_EXTRA2: (dialect.MAVLINK_MSG_ID_VFR_HUD,),
-    dialect.MAV_DATA_STREAM_EXTRA3: (
-        dialect.MAVLINK_MSG_ID_SYSTEM_TIME,
-        dialect.MAVLINK_MSG_ID_BATTERY_STATUS,
-    ),
-}
-_GROUPS[dialect.MAV_DATA_STREAM_ALL] = tuple(i for group in _GROUPS.values() for i in group)
-
-
-def makers_of(
-    state: StateMessages,
-    controller: ControllerMessages,
-    diagnosis: DiagnosisMessages,
-    formation: FormationMessages,
-    status: StatusMessages,
-    path: PathMessages,
-) -> dict[int, Maker]:
-    """Return every message that can be streamed or requested, by its id."""
-    return {
-        dialect.MAVLINK_MSG_ID_SYSTEM_TIME: state.system_time,
-        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: state.local_position_ned,
-        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: state.global_position_int,
-        dialect.MAVLINK_MSG_ID_GPS_RAW_INT: state.gps_raw_int,
-        dialect.MAVLINK_MSG_ID_HOME_POSITION: state.home_position,
-        dialect.MAVLINK_MSG_ID_ALTITUDE: state.altitude,
-        dialect.MAVLINK_MSG_ID_ATTITUDE: state.attitude,
-        dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: state.attitude_quaternion,
-        dialect.MAVLINK_MSG_ID_ATTITUDE_TARGET: state.attitude_target,
-        dialect.MAVLINK_MSG_ID_VFR_HUD: state.vfr_hud,
-        dialect.MAVLINK_MSG_ID_HIGHRES_IMU: state.highres_imu,
-        dialect.MAVLINK_MSG_ID_WIND_COV: state.wind_cov,
-        dialect.MAVLINK_MSG_ID_ODOMETRY: state.odometry,
-        dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: state.actuator_output_status,
-        dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: state.servo_output_raw,
-        dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: path.nav_controller_output,
-        dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: path.position_target_global_int,
-        dialect.MAVLINK_MSG_ID_FTC_TRACKING: controller.tracking,
-        dialect.MAVLINK_MSG_ID_FTC_EVENTS: controller.events,
-        dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: controller.adaptation,
-        dialect.MAVLINK_MSG_ID_FTC_DROPS: controller.drops,
-        dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS: diagnosis.diagnosis,
-        dialect.MAVLINK_MSG_ID_FTC_FORMATION: formation.formation,
-        dialect.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
-        dialect.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
-        dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: status.ekf_status_report,
-        dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: status.extended_sys_state,
-        dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: status.autopilot_version,
-    }
+_NEW = -1  # when a stream is due whose phase is not set [µs]: at once
 
 
 class Telemetry:
     """Determines which messages are due, and makes them."""
 
-    def __init__(self, makers: dict[int, Maker]) -> None:
+    def __init__(self, *makers: object) -> None:
         """Start with the default intervals.
 
         Args:
-            makers: Message ids and what makes them.
+            makers: One object of each class of `MAKERS`, which make the messages.
         """
-        self._makers = makers
-        self._intervals_us = {i: t for i, t in DEFAULT_INTERVALS_US.items() if i in makers}
-        order = (*self._intervals_us, *(i for i in makers if i not in self._intervals_us))
+        self._makers: dict[int, Callable[[], MAVLink_message]] = {
+            each.number: getattr(maker, each.maker)
+            for maker in makers
+            for each in declared_in(type(maker))
+        }
+        self._intervals_us = dict(DEFAULT_INTERVALS_US)
+        order = dict.fromkeys((*DEFAULT_INTERVALS_US, *self._makers))
         self._phases_us = {i: k * _PHASE_US % MIN_INTERVAL_US for k, i in enumerate(order)}
         self._due_us = dict.fromkeys(self._intervals_us, _NEW)
 
     def receive(self, message: MAVLink_message) -> None:
         """Take in a REQUEST_DATA_STREAM, the old way to ask for rates [Hz]."""
         if isinstance(message, dialect.MAVLink_request_data_stream_message):
-            wanted = bool(message.start_stop) and message.req_message_rate > 0
-            interval_us = 1e6 / message.req_message_rate if wanted else -1.0
-            for message_id in _GROUPS.get(message.req_stream_id, ()):
-                self._set_interval(message_id, interval_us)
+            starts = bool(message.start_stop) and message.req_message_rate > 0
+            interval_us = 1e6 / message.req_message_rate if starts else -1.0
+            of_all = message.req_stream_id == dialect.MAV_DATA_STREAM_ALL
+            for each in _DECLARED:
+                if each.stream is not None and (of_all or each.stream == message.req_stream_id):
+                    self._set_interval(each.number, interval_us)
 
     def due(self, clock_us: int, most: int | None = None) -> list[MAVLink_message]:
         """Make the messages whose interval has passed on the given clock [µs].
@@ -163,7 +99,7 @@ class Telemetry:
         chosen = [message_id for _, message_id in sorted(overdue)[:most]]
         for message_id in chosen:
             self._due_us[message_id] += self._intervals_us[message_id]
-            if self._due_us[message_id] <= clock_us:  # what was missed is not made up for
+            if self._due_us[message_id] <= clock_us:  # what was missed is left out
                 self._due_us[message_id] = clock_us + self._intervals_us[message_id]
         return [self._makers[message_id]() for message_id in chosen]
 
@@ -195,7 +131,7 @@ class Telemetry:
         """Make one message now; its id must be among the makers'."""
         return self._makers[message_id]()
 
-    # commands: params are those of the MAV_CMD
+    # commands: params are from the MAV_CMD
 
     def set_interval(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_SET_MESSAGE_INTERVAL: id, µs; 0 restores the default, negative stops."""
@@ -225,15 +161,15 @@ class Telemetry:
         return dialect.MAVLink_message_interval_message(message_id & 0xFFFF, interval_us)
 
     def _set_interval(self, message_id: int, interval_us: float) -> None:
-        wanted: int | None = round(min(max(interval_us, MIN_INTERVAL_US), _MAX_INTERVAL_US))
+        chosen_us: int | None = round(min(max(interval_us, MIN_INTERVAL_US), _MAX_INTERVAL_US))
         if interval_us == 0.0:
-            wanted = DEFAULT_INTERVALS_US.get(message_id)
-        if wanted is None or interval_us < 0.0:
+            chosen_us = DEFAULT_INTERVALS_US.get(message_id)
+        if chosen_us is None or interval_us < 0.0:
             self._intervals_us.pop(message_id, None)
             self._due_us.pop(message_id, None)
             return
-        if self._intervals_us.get(message_id) != wanted:
-            self._intervals_us[message_id] = wanted
+        if self._intervals_us.get(message_id) != chosen_us:
+            self._intervals_us[message_id] = chosen_us
             self._due_us[message_id] = _NEW
 
 

@@ -6,10 +6,8 @@ would spend most of the machine on messages that nobody can follow.
 """
 
 from ftc_autopilot.config import TelemetryClockKind
-from ftc_autopilot.hot_state import HotState
+from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP
-
-__all__ = ["TelemetryClock"]
 
 _LEAST_PACE = 1e-3
 
@@ -30,7 +28,7 @@ class TelemetryClock:
         """Return the time on this clock [µs].
 
         Args:
-            now: Wall-clock time [s], not before that of the last call.
+            now: Wall-clock time [s], not before the last call.
         """
         wall_us, simulated_us = round(now * 1e6), self._hot.time_us
         wall_passed_us = wall_us - self._wall_us

@@ -13,25 +13,24 @@ import numpy as np
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.control.reference import profile_segments
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.kept_mission import KeptMission
-from ftc_autopilot.link import GCS, PLANT
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import GCS, PLANT
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
-from ftc_autopilot.vehicle.flight_path import FlightPath
+from ftc_autopilot.vehicle.flight_path import FlightPath, VehicleHome
 from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.guided import Guided
-from ftc_autopilot.vehicle.home import VehicleHome
 from ftc_autopilot.vehicle.mission import Mission
+from ftc_autopilot.vehicle.mission_checkpoint import MissionCheckpoint
 from ftc_autopilot.vehicle.modes import Modes
 from ftc_autopilot.vehicle.old_states import OldStates
 from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.path_messages import PathMessages
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
-from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry, makers_of
+from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry
 from ftc_autopilot.vehicle.telemetry_clock import TelemetryClock
 from mavlink_defs import dialect
 from mavlink_defs.constants import LOITER, RTL
@@ -44,8 +43,6 @@ from mavlink_defs.services.machine import SystemId, is_for
 from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
 from mavlink_defs.services.responder import Responder
 from mavlink_defs.system_ids import bits_of
-
-__all__ = ["Vehicle"]
 
 _HEARTBEAT_S = 1.0
 _REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
@@ -81,7 +78,7 @@ class Vehicle:
         Args:
             config: The configuration.
             hot: What the compiled loop knows.
-            controllers: Those of one UAV.
+            controllers: Of one UAV.
             unix_s: The date, Unix time [s]; 0 if it does not matter.
         """
         own = SystemId(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
@@ -95,7 +92,7 @@ class Vehicle:
         self._reported = (-1, False, -1)
         self._texts = 0
         self._edges, self._edge_changes = hot.edges.tolist(), 0
-        self._resumed_us: int | None = None  # simulated time of what was taken up, until told
+        self._resumed_us: int | None = None  # simulated time of the checkpoint, until reported
 
         self._home = VehicleHome(config.origin)
         path = FlightPath(config, hot, controllers, self._home)
@@ -107,7 +104,7 @@ class Vehicle:
         self._formation = FormationMessages(config, hot, controllers, self.say)
         self._old_states = OldStates(hot)
         self._clock = VehicleClock(round(unix_s * 1e6))
-        makers = makers_of(
+        makers = (
             StateMessages(hot, controllers, config.origin, self._home, self._clock),
             self._controller,
             self._diagnosis,
@@ -116,9 +113,9 @@ class Vehicle:
                 config, self._diagnosis.healthy, lambda: int(hot.drops[GCS].sum()), self._clock
             ),
             PathMessages(hot, controllers, config.origin, path, self._clock),
+            self._mission,
         )
-        makers[dialect.MAVLINK_MSG_ID_MISSION_CURRENT] = self._mission.current
-        self.telemetry = [Telemetry(makers) for _ in self._stations]
+        self.telemetry = [Telemetry(*makers) for _ in self._stations]
         self.telemetry_clock = TelemetryClock(config.telemetry_clock, hot)
         self._params = ParamServer(
             own, parameters_of(config, hot, controllers), bytewise=config.identity == "generic"
@@ -129,7 +126,7 @@ class Vehicle:
     # messages in
 
     def receive(self, message: MAVLink_message, now: float, station: int = 0) -> None:
-        """Take in a message of a ground station; those of no concern are ignored.
+        """Take in a message of a ground station; one of no concern is ignored.
 
         Args:
             message: The message.
@@ -215,11 +212,11 @@ class Vehicle:
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
-    def resume(self, kept: np.void, mission: KeptMission | None = None) -> None:
-        """Take up what was kept of the life before; the records hold the rest already.
+    def resume(self, saved: np.void, mission: MissionCheckpoint | None = None) -> None:
+        """Go on from a checkpoint; the records are restored already.
 
         Args:
-            kept: Record of dtype `ftc_autopilot.kept_state.VEHICLE`.
+            saved: Record of dtype `ftc_autopilot.hot.checkpoint.VEHICLE`.
             mission: Its mission; None: a profile that the records hold, if there is any.
         """
         segments = profile_segments(self._controllers.profiles[0])
@@ -227,22 +224,22 @@ class Vehicle:
         if mission is not None:
             self._home.at, self.modes.path.airspeed = mission.home, mission.airspeed
             items = [*mission.items]
-        self._mission.resume(items, int(kept["item"]))
-        self.modes.resume(int(kept["mode"]))
+        self._mission.resume(items, int(saved["item"]))
+        self.modes.resume(int(saved["mode"]))
         self._resumed_us = self._hot.step * self._hot.step_us
 
-    def note(self, kept: np.void) -> None:
-        """Write what is to be kept into a record of dtype `ftc_autopilot.kept_state.VEHICLE`."""
-        kept["mode"], kept["item"] = self.modes.mode, self._mission.server.current
+    def save(self, to: np.void) -> None:
+        """Write what a checkpoint has of the vehicle, record of dtype `hot.checkpoint.VEHICLE`."""
+        to["mode"], to["item"] = self.modes.mode, self._mission.server.current
 
-    def mission_to_keep(self) -> tuple[int, KeptMission]:
+    def mission_checkpoint(self) -> tuple[int, MissionCheckpoint]:
         """Return the mission, and a number that changes with it."""
         server, airspeed = self._mission.server, self.modes.path.airspeed
-        kept = KeptMission(server.items, self._home.at, airspeed)
-        return hash((server.revision, airspeed, self._home.at)), kept
+        mission = MissionCheckpoint(server.items, self._home.at, airspeed)
+        return hash((server.revision, airspeed, self._home.at)), mission
 
     def farewell(self, text: str, severity: int = dialect.MAV_SEVERITY_NOTICE) -> None:
-        """Send what is not yet told, a last text and the final counters before the process ends."""
+        """Send what is not yet reported, a last text and the final counters: the process ends."""
         self._report_changes()
         self.say(severity, text)
         for station, telemetry in enumerate(self.telemetry):
@@ -392,11 +389,11 @@ class Vehicle:
             self.say(severity, text)
 
     def _report_resumption(self) -> None:
-        """Announce once what was taken up, and how old it is."""
+        """Announce once from which checkpoint the flight goes on, and how old it is."""
         if self._resumed_us is None or self._hot.heard_s == 0.0:
             return
         resumed_us, self._resumed_us = self._resumed_us, None
-        text = "autopilot restarted: mission, parameters, mode and arming taken up"
+        text = "autopilot restarted: mission, parameters, mode and arming restored"
         if resumed_us >= 0:
             age_s = (self._hot.time_us - resumed_us) * 1e-6
             text += f", and the flight of {resumed_us * 1e-6:.3f} s, {age_s:.3f} s old"
@@ -409,6 +406,6 @@ class Vehicle:
             self._edge_changes = self._hot.edge_changes
             for uav, edge, before in zip(self._hot.neighbours, edges, self._edges, strict=True):
                 if edge != before:
-                    event = "heard again, edge taken up" if edge else "silent, edge dropped"
+                    event = "heard again, edge restored" if edge else "silent, edge dropped"
                     self.say(dialect.MAV_SEVERITY_WARNING, f"neighbour {uav} {event}")
         self._edges = edges

@@ -1,39 +1,24 @@
 """Options and output shared by several subcommands."""
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 from rich.console import Console
 
-from gcs.campaigns.distributions import label
+from gcs.commands.options import SigningKeyOption
 from gcs.commands.progress import working
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
-from gcs.sweeps.axes import Axis, parse_axes
+from gcs.scenario.settings import label, values_of
 from mavlink_defs.config.inherit import PlaceError, merged, with_values
-
-__all__ = [
-    "FreePortsOption",
-    "ProcessesOption",
-    "QuietOption",
-    "Restart",
-    "RestartOption",
-    "RunFolderOption",
-    "ScenarioArgument",
-    "SetOption",
-    "WithOption",
-    "changed_scenario",
-    "flight_progress",
-    "values_of",
-    "warm_up",
-    "warn_of_one_path",
-]
 
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
@@ -87,12 +72,35 @@ RestartOption = Annotated[
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 
+@dataclass(frozen=True)
+class FleetOptions:
+    """Options of the commands that start a fleet."""
+
+    additions: WithOption = None
+    settings: SetOption = None
+    out: RunFolderOption = None
+    processes: ProcessesOption = None
+    free_ports: FreePortsOption = False
+    quiet: QuietOption = False
+    signing_key: SigningKeyOption = None
+
+
+def check_speed(speed: float | None) -> None:
+    """Check a real-time factor.
+
+    Raises:
+        BadInput: It is not above 0, or infinite.
+    """
+    if speed is not None and not 0.0 < speed < math.inf:
+        raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
+
+
 def changed_scenario(
     scenario: Path, additions: list[str] | None, settings: list[str] | None
 ) -> Scenario:
     """Read a scenario, merge additions into it, and set keys.
 
-    The name of the flight tells what was changed.
+    The name of the flight says what was changed.
 
     Args:
         scenario: A file, or the name of a bundled scenario.
@@ -109,7 +117,7 @@ def changed_scenario(
     changes = [f"with {name}" for name in additions or ()]
     for name in additions or ():
         tree = merged(tree, scenario_tree(name))
-    values = values_of(settings)
+    values = values_of(settings or ())
     changes += [f"{key} = {label(value)}" for key, value in values.items()]
     try:
         tree = with_values(tree, values, "--set")
@@ -118,24 +126,6 @@ def changed_scenario(
     if "name" in tree and "name" not in values:
         tree = merged(tree, {"name": ", ".join([str(tree["name"]), *changes])})
     return scenario_of(scenario, tree)
-
-
-def values_of(settings: list[str] | None, option: str = "--set") -> dict[str, Any]:
-    """Return keys and values of settings such as ``--set KEY=VALUE``.
-
-    Raises:
-        BadInput: A setting is not of that form, or has several values.
-    """
-    return {axis.key: _only(axis, option) for axis in parse_axes(settings or (), option)}
-
-
-def _only(axis: Axis, option: str) -> Any:
-    if len(axis.values) > 1:
-        raise BadInput(
-            f"{option} {axis.key} has {len(axis.values)} values, expected one",
-            "a list stands in brackets; gcs sweep flies several values",
-        )
-    return axis.values[0]
 
 
 def warn_of_one_path(scenario: Scenario, console: Console) -> None:
@@ -158,7 +148,7 @@ def warm_up(scenario: Scenario, console: Console) -> None:
         return
     from gcs.fleet.precompile import compile_everything, ctrl_c_while_compiling
 
-    message = "compiling the numeric core (on the first run after an install only)"
+    message = "compiling the numeric core: about 40 s on two cores, once after an install"
     console.print(message)
     with working(console, message), ctrl_c_while_compiling():
         compile_everything(scenario)

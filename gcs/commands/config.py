@@ -23,8 +23,6 @@ from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, parse_address
 from sitl_plant.config import PlantConfig
 
-__all__ = ["EPILOG", "config"]
-
 EPILOG = """
 Examples:
 

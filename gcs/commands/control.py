@@ -7,17 +7,6 @@ import typer
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.station.vehicle import Vehicle
 
-__all__ = [
-    "ARM_EPILOG",
-    "DISARM_EPILOG",
-    "MODE_EPILOG",
-    "START_EPILOG",
-    "arm",
-    "disarm",
-    "mode",
-    "start",
-]
-
 ARM_EPILOG = f"""
 Examples:
 
@@ -51,12 +40,7 @@ Examples:
 @station_command
 def arm(station: Station) -> None:
     """Arm vehicles. Simulated time begins when every vehicle of the fleet is armed."""
-
-    async def action(vehicle: Vehicle) -> str:
-        await vehicle.arm()
-        return f"UAV {vehicle.system} armed"
-
-    station.act(action)
+    station.do(Vehicle.arm, "armed")
 
 
 @station_command
@@ -67,23 +51,13 @@ def disarm(
     ] = False,
 ) -> None:
     """Disarm vehicles; in flight they refuse unless forced."""
-
-    async def action(vehicle: Vehicle) -> str:
-        await vehicle.disarm(force)
-        return f"UAV {vehicle.system} disarmed"
-
-    station.act(action)
+    station.do(lambda vehicle: vehicle.disarm(force), "disarmed")
 
 
 @station_command
 def start(station: Station) -> None:
     """Start flying the mission: at once in flight, else when simulated time begins."""
-
-    async def action(vehicle: Vehicle) -> str:
-        await vehicle.start_mission()
-        return f"UAV {vehicle.system} started its mission"
-
-    station.act(action)
+    station.do(Vehicle.start_mission, "started its mission")
 
 
 @station_command
@@ -95,9 +69,4 @@ def mode(
     ],
 ) -> None:
     """Change the mode: fly the mission, circle here, return and circle there, or follow targets."""
-
-    async def action(vehicle: Vehicle) -> str:
-        await vehicle.set_mode(name.upper())
-        return f"UAV {vehicle.system} in mode {name.upper()}"
-
-    station.act(action)
+    station.do(lambda vehicle: vehicle.set_mode(name.upper()), f"in mode {name.upper()}")

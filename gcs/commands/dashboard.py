@@ -17,12 +17,6 @@ from gcs.station.connection import choose_connection, own_identity
 if TYPE_CHECKING:
     from gcs.tui.app import Dashboard
 
-__all__ = [
-    "dashboard",
-    "has_terminal",
-    "run_dashboard",
-]
-
 
 def has_terminal() -> bool:
     """Return whether there is a terminal to show the dashboard on."""

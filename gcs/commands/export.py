@@ -6,10 +6,8 @@ from typing import Annotated
 import typer
 
 from gcs.errors import BadInput, FlightLost
-from gcs.results.format import Format
+from gcs.results.choices import Format
 from gcs.terminal import console_of
-
-__all__ = ["EPILOG", "export"]
 
 EPILOG = """
 Examples:
@@ -17,8 +15,8 @@ Examples:
 - gcs export runs/first --to csv
 - gcs export runs/first --to kml --out /tmp
 
-csv and parquet: trajectory and events, as in the recording. kml: tracks, home and the path of a
-mission for Google Earth. mcap: states, places and events for Foxglove and PlotJuggler.
+npz (NumPy), csv and parquet: trajectory and events, as in the recording. kml: tracks, home and the
+path of a mission for Google Earth. mcap: states, places and events for Foxglove and PlotJuggler.
 
 Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
 written, 2 bad input.
@@ -33,8 +31,8 @@ def export(
     ] = None,
 ) -> None:
     """Convert the recording of a flight, light or full, to a format of other programs."""
-    from gcs.results.convert import convert
-    from gcs.results.stored import EVENTS, TRAJECTORY, is_complete
+    from gcs.results.export import convert
+    from gcs.results.store import EVENTS, TRAJECTORY, is_complete
 
     folder = out or run
     if not folder.is_dir():

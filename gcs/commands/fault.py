@@ -1,21 +1,23 @@
 """``gcs fault set|clear|list``: actuator faults while the fleet is up."""
 
+import inspect
 import math
-from dataclasses import replace
-from typing import Annotated, Any
+from collections.abc import Iterator
+from typing import Annotated
 
 import typer
+from pydantic import ValidationError
 
+from gcs.commands.options import with_options
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput, NoAnswer
-from gcs.station.fault_text import describe_fault
-from gcs.station.status import fault_dict
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
+from mavlink_defs.config.files import problems_of
+from mavlink_defs.config.quantity import describe
 from mavlink_defs.constants import ACTUATORS, Actuator
+from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import Fault
-
-__all__ = ["app"]
 
 app = typer.Typer(help="Set, clear and list actuator faults.", no_args_is_help=True)
 
@@ -44,37 +46,29 @@ Examples:
 {EXIT_STATUS}"""
 
 
+def _options() -> Iterator[inspect.Parameter]:
+    """Yield an option for each field of `FaultSpec` but the actuator."""
+    for name, field in FaultSpec.model_fields.items():
+        if (number := describe(field)) is None:
+            continue
+        limits = number.range() if number.le is not None else f"[{number.unit}]"
+        metavar = (number.unit or "share").upper()
+        option = typer.Option(metavar=metavar, help=f"{number.doc.rstrip('.')} {limits}.")
+        yield inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=field.default,
+            annotation=Annotated[float | None, option],
+        )
+
+
 @app.command(name="set", epilog=_SET_EPILOG)
 @station_command
+@with_options("options", _options(), dict)
 def set_(
     station: Station,
     actuator: Annotated[Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
-    effectiveness: Annotated[
-        float | None, typer.Option(metavar="SHARE", help="Remaining share of the command, 0 to 1.")
-    ] = None,
-    bias_deg: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Bias of a surface [deg].")
-    ] = None,
-    bias_n: Annotated[
-        float | None, typer.Option(metavar="N", help="Bias of the throttle [N].")
-    ] = None,
-    stuck_deg: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Stuck surface: angle [deg].")
-    ] = None,
-    stuck_n: Annotated[
-        float | None, typer.Option(metavar="N", help="Stuck throttle: thrust [N].")
-    ] = None,
-    frequency_hz: Annotated[
-        float,
-        typer.Option(metavar="HZ", help="Let the bias or stuck value oscillate [Hz], 0 to 500."),
-    ] = 0.0,
-    start_s: Annotated[
-        float | None, typer.Option(metavar="S", help="Start in simulated time [s]; now by default.")
-    ] = None,
-    end_s: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="End in simulated time [s]; until cleared by default."),
-    ] = None,
+    options: dict[str, float | None],
     for_s: Annotated[
         float | None,
         typer.Option(metavar="S", help="Duration in simulated time [s], instead of --end-s."),
@@ -84,31 +78,21 @@ def set_(
 
     A fault replaces older ones of the same actuator that overlap it in time.
     """
+    start_s = options["start_s"]
     if for_s is not None:
-        if end_s is not None:
+        if options["end_s"] is not None:
             raise BadInput("--end-s and --for-s both set the end", "leave one of them out")
         if not 0.0 < for_s < math.inf:
             raise BadInput(f"--for-s: expected more than 0 s, got {for_s:g}")
-        end_s = None if start_s is None else start_s + for_s
-    keys = {
-        "actuator": actuator,
-        "effectiveness": effectiveness,
-        "bias_deg": bias_deg,
-        "bias_n": bias_n,
-        "stuck_deg": stuck_deg,
-        "stuck_n": stuck_n,
-        "frequency_hz": frequency_hz,
-        "start_s": start_s,
-        "end_s": end_s,
-    }
-    fault = _checked(keys)
+        options["end_s"] = None if start_s is None else start_s + for_s
+    fault = _fault(actuator, options)
 
     async def action(vehicle: Vehicle) -> str:
         timed = fault
         if start_s is None and for_s is not None:
-            timed = replace(fault, end_s=await _time_s(vehicle) + for_s)
+            timed = fault._replace(end_s=await _time_s(vehicle) + for_s)
         await vehicle.set_fault(timed)
-        return f"UAV {vehicle.system}: {describe_fault(timed)}"
+        return f"UAV {vehicle.system}: {timed.describe()}"
 
     station.act(action)
 
@@ -144,29 +128,23 @@ def list_(station: Station) -> None:
 
     def data(vehicle: Vehicle) -> dict[str, object]:
         time_s = vehicle.state.time_s
-        faults = [fault_dict(fault, time_s) for fault in vehicle.state.faults or ()]
+        faults = [fault.as_dict(time_s) for fault in vehicle.state.faults or ()]
         return {"time_s": time_s, "faults": faults}
 
     station.act(action, data)
 
 
-def _checked(keys: dict[str, Any]) -> Fault:
-    """Return the fault with these keys, as options give them.
+def _fault(actuator: Actuator, options: dict[str, float | None]) -> Fault:
+    """Return the fault that options describe.
 
     Raises:
         BadInput: They do not go together; every problem is named.
     """
-    from pydantic import ValidationError  # models take longer to make than commands to send
-
-    from mavlink_defs.fault_spec import FaultSpec
-
     try:
-        return FaultSpec.model_validate(keys).command()
+        return FaultSpec.model_validate({"actuator": actuator, **options}).command()
     except ValidationError as error:
-        from mavlink_defs.config.files import problems_of
-
-        options = {key: f"--{key.replace('_', '-')}" for key in keys}
-        lines = [problem.line(options) for problem in problems_of(FaultSpec, error)]
+        names = {key: f"--{key.replace('_', '-')}" for key in options}
+        lines = [problem.line(names) for problem in problems_of(FaultSpec, error)]
         raise BadInput("\n".join(lines)) from None
 
 
@@ -174,10 +152,10 @@ async def _time_s(vehicle: Vehicle) -> float:
     """Request and return its simulated time [s]."""
     await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
     if (time_s := vehicle.state.time_s) is None:
-        raise NoAnswer(f"UAV {vehicle.system} did not tell its simulated time")
+        raise NoAnswer(f"UAV {vehicle.system} did not report its simulated time")
     return time_s
 
 
 def _with_phase(fault: Fault, time_s: float) -> str:
     phase = "waiting" if time_s <= fault.start_s else "active" if time_s <= fault.end_s else "over"
-    return f"{describe_fault(fault)}, {phase}"
+    return f"{fault.describe()}, {phase}"

@@ -4,32 +4,28 @@ import asyncio
 import contextlib
 import os
 import threading
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 
 from gcs.commands.common import (
-    FreePortsOption,
-    ProcessesOption,
-    QuietOption,
+    FleetOptions,
     Restart,
     RestartOption,
-    RunFolderOption,
-    SetOption,
-    WithOption,
     changed_scenario,
+    check_speed,
     flight_progress,
     warm_up,
     warn_of_one_path,
 )
-from gcs.commands.options import SigningKeyOption
+from gcs.commands.options import options_of, with_options
 from gcs.commands.progress import working
 from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.results.record import Record
+from gcs.extras import load_lab
+from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
 from gcs.scenario.signing_key import signed
 from gcs.station.connection import warn_if_exposed
@@ -37,11 +33,9 @@ from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
+    from gcs.results.figures import FlightSummary
     from gcs.results.recorder import FlightRecorder
-    from gcs.results.steps import Ending, Steps
-    from gcs.results.summary import FlightSummary
-
-__all__ = ["EPILOG", "fly"]
+    from gcs.results.recording import Ending
 
 _LARGE = 100e6  # bytes of a recording that are worth a word
 _MANY = 4  # autopilots for each core that are worth another
@@ -60,13 +54,10 @@ refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGH
 """
 
 
-def fly(
-    scenario: Annotated[
-        Path | None, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
-    ] = None,
-    additions: WithOption = None,
-    settings: SetOption = None,
-    out: RunFolderOption = None,
+@dataclass(frozen=True)
+class FlyOptions(FleetOptions):
+    """Options of ``gcs fly``."""
+
     speed: Annotated[
         float | None,
         typer.Option(
@@ -74,36 +65,71 @@ def fly(
             "Without it: lockstep, as fast as the machine allows.",
             metavar="FACTOR",
         ),
-    ] = None,
+    ] = None
     in_process: Annotated[
         bool,
         typer.Option("--in-process", help="Plant and controllers in one process, without links."),
-    ] = False,
-    restart: RestartOption = Restart.NEVER,
-    processes: ProcessesOption = None,
-    free_ports: FreePortsOption = False,
+    ] = False
+    restart: RestartOption = Restart.NEVER
     record: Annotated[
         Record,
         typer.Option(
-            help="What is kept of the steps: all at full rate, the main signals at 50 Hz, all as "
-            ".npz (in memory until the end), or nothing."
+            help="What is recorded of the steps: all at full rate, the main signals at 50 Hz, all "
+            "as .npz (in memory until the end), or nothing."
         ),
-    ] = Record.LIGHT,
-    quiet: QuietOption = False,
+    ] = Record.LIGHT
     as_json: Annotated[
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
-    ] = False,
-    signing_key: SigningKeyOption = None,
+    ] = False
     campaign: Annotated[
         Path | None,
         typer.Option(help="Folder of a campaign, instead of a scenario.", metavar="FOLDER"),
-    ] = None,
+    ] = None
     row: Annotated[
         int | None,
         typer.Option(
             help="Row of the campaign's table: the flight to fly again.", metavar="NUMBER"
         ),
+    ] = None
+
+    @property
+    def restarts(self) -> bool:
+        """Whether autopilots that fail are started again."""
+        return self.restart is Restart.ON_FAILURE
+
+    @property
+    def can_share(self) -> bool:
+        """Whether autopilots can share processes: in lockstep over UDP, without restarts."""
+        return not (self.in_process or self.restarts) and self.speed is None
+
+    def check(self) -> None:
+        """Check that the options go together.
+
+        Raises:
+            BadInput: They do not.
+        """
+        check_speed(self.speed)
+        if self.restarts and self.in_process:
+            text = "--restart is about processes; --in-process has none"
+            raise BadInput(text, "leave one of them out")
+        if self.speed is not None and self.in_process:
+            text = "--speed paces processes; --in-process has none"
+            raise BadInput(text, "leave one of them out")
+        if self.processes is not None and not self.can_share:
+            raise BadInput(
+                f"--autopilot-processes is {self.processes}: autopilots share processes only in "
+                "lockstep over UDP, where a step waits for all of them, and end together",
+                "leave it out, or --in-process, --speed or --restart",
+            )
+
+
+@with_options("options", options_of(FlyOptions), FlyOptions)
+def fly(
+    scenario: Annotated[
+        Path | None, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
     ] = None,
+    *,
+    options: FlyOptions,
 ) -> None:
     """Fly a scenario to its end and record it.
 
@@ -112,65 +138,38 @@ def fly(
     flight.tlog (the GCS link), events.arrows, trajectory.arrows, flight.png and flight.svg;
     with a mission mission.png and mission.svg, too.
 
-    The figures of summary.json are those of every step, whatever is recorded.
+    The figures of summary.json count every step, whatever is recorded.
 
     With --campaign and --row, a flight of a campaign is flown again, over the wire or in process,
     and compared with its row of the table, bit for bit.
     """
-    if speed is not None and not 0.0 < speed < float("inf"):
-        raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
-    again = restart is Restart.ON_FAILURE
-    if again and in_process:
-        text = "--restart is about processes; --in-process has none"
-        raise BadInput(text, "leave one of them out")
-    if speed is not None and in_process:
-        raise BadInput("--speed paces processes; --in-process has none", "leave one of them out")
-    if processes is not None and (in_process or speed is not None or again):
-        raise BadInput(
-            f"--autopilot-processes is {processes}: autopilots share processes only in lockstep "
-            "over UDP, where a step waits for all of them, and end together",
-            "leave it out, or --in-process, --speed or --restart",
-        )
-    from gcs.fleet.in_process import fly_in_steps
+    options.check()
     from gcs.fleet.processes import check_ports
     from gcs.results.disk_space import check_space
     from gcs.results.recorder import FlightRecorder, trajectory_bytes
     from gcs.results.run_folder import make_run_folder
 
-    if campaign is None and row is None and scenario is not None:
-        chosen = changed_scenario(scenario, additions, settings)
-    else:
-        chosen = _of_campaign(scenario, campaign, row, [*(additions or ()), *(settings or ())])
-    loaded = signed(chosen, signing_key)
-    if in_process and loaded.links.impairments is not None:
+    loaded = signed(_scenario(scenario, options), options.signing_key)
+    if options.in_process and loaded.links.impairments is not None:
         text = "links.impairments are about the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")
-    if not (free_ports or in_process):
+    if not (options.free_ports or options.in_process):
         check_ports(loaded)
-    folder = make_run_folder(out, loaded.name)
-    console = console_of(quiet=quiet)
+    folder = make_run_folder(options.out, loaded.name)
+    console = console_of(quiet=options.quiet)
+    record, over_udp = options.record, not options.in_process
     try:
-        check_space(folder, loaded, record, over_udp=not in_process, restart=again)
+        check_space(folder, loaded, record, over_udp=over_udp, restart=options.restarts)
         recorder = FlightRecorder(loaded, folder, record)
         if (size := trajectory_bytes(loaded, record)) > _LARGE:
             console.print(f"recording the trajectory takes up to {size / 1e6:.0f} MB")
         with contextlib.closing(recorder):
             warn_of_one_path(loaded, console)
             warm_up(loaded, console)
-            if not in_process and speed is None and not again and processes is None:
-                _tell_faster_way(len(loaded.uavs), console)
-            with flight_progress(loaded, console) as on_progress:
-                if in_process:
-                    recorder.load_code()
-                    ending = fly_in_steps(loaded, recorder.add, on_progress)
-                else:
-                    threading.Thread(target=_load_ahead, args=(recorder,), daemon=True).start()
-                    options = {"restart": again, "autopilot_processes": processes}
-                    ending = _over_udp(
-                        loaded, folder, recorder.add, speed, free_ports, on_progress, options
-                    )
-            flown = None if speed is not None or campaign is None else (campaign, row or 0)
-            _report(recorder, ending, loaded, folder, console, as_json, flown)
+            if options.can_share and options.processes is None:
+                _suggest_sharing(len(loaded.uavs), console)
+            ending = _fly(loaded, folder, recorder, options, console)
+            _report(recorder, ending, loaded, folder, console, options)
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
     except FlightLost as problem:
@@ -178,8 +177,8 @@ def fly(
         raise
 
 
-def _tell_faster_way(uavs: int, console: Console) -> None:
-    """Tell how a large fleet flies faster than with a process for each autopilot."""
+def _suggest_sharing(uavs: int, console: Console) -> None:
+    """Say how a large fleet flies faster than with a process for each autopilot."""
     cores = os.cpu_count() or 1
     if uavs >= _MANY * cores:
         console.print(
@@ -189,49 +188,63 @@ def _tell_faster_way(uavs: int, console: Console) -> None:
         )
 
 
-def _of_campaign(
-    scenario: Path | None, campaign: Path | None, row: int | None, changes: list[str]
-) -> Scenario:
-    """Return the scenario of a campaign's row, which is flown as it was."""
-    if scenario is not None or campaign is None or row is None:
+def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario:
+    """Return the scenario to fly, or that of a campaign's row, which is flown as it was."""
+    if options.campaign is None and options.row is None and scenario is not None:
+        return changed_scenario(scenario, options.additions, options.settings)
+    if scenario is not None or options.campaign is None or options.row is None:
         raise BadInput(
             "expected either a SCENARIO, or --campaign FOLDER and --row NUMBER",
             "as in gcs fly paper/scenario1, or gcs fly --campaign runs/robust --row 17",
         )
-    if changes:
+    if options.additions or options.settings:
         raise BadInput(
             "--with and --set change a SCENARIO; a row of a campaign is flown as it was",
             "leave them out",
         )
-    from gcs.campaigns.again import scenario_of_row
-
-    return scenario_of_row(campaign, row)
+    again: Scenario = load_lab("campaigns.again").scenario_of_row(options.campaign, options.row)
+    return again
 
 
 def _load_ahead(recorder: "FlightRecorder") -> None:
-    """Load the recorder's code while the fleet starts; what fails is told when it is needed."""
+    """Load the recorder's code while the fleet starts; a failure is reported when it is needed."""
     with contextlib.suppress(Exception):
         recorder.load_code()
 
 
-def _over_udp(
+def _fly(
     scenario: Scenario,
     folder: Path,
-    on_steps: Callable[["Steps"], None],
-    speed: float | None,
-    free_ports: bool,
-    on_progress: Callable[[float, np.ndarray], None],
-    options: dict[str, Any],
+    recorder: "FlightRecorder",
+    options: FlyOptions,
+    console: Console,
 ) -> "Ending":
     from gcs.fleet.flight import fly_over_udp
+    from gcs.fleet.in_process import fly_in_steps
     from gcs.fleet.processes import on_free_ports
 
-    def flown(scenario: Scenario, _hub: UdpAddress | None = None) -> "Ending":
-        links = scenario.links
-        warn_if_exposed(UdpAddress(links.host, links.gcs_port), links.signing_key is not None)
-        return asyncio.run(fly_over_udp(scenario, folder, on_steps, speed, on_progress, **options))
+    with flight_progress(scenario, console) as on_progress:
+        if options.in_process:
+            recorder.load_code()
+            return fly_in_steps(scenario, recorder.add, on_progress)
+        threading.Thread(target=_load_ahead, args=(recorder,), daemon=True).start()
 
-    return on_free_ports(scenario, flown) if free_ports else flown(scenario)
+        def flown(scenario: Scenario, _hub: UdpAddress | None = None) -> "Ending":
+            links = scenario.links
+            gcs = UdpAddress(links.host, links.gcs_port)
+            warn_if_exposed(gcs, links.signing_key is not None)
+            flight = fly_over_udp(
+                scenario,
+                folder,
+                recorder.add,
+                options.speed,
+                on_progress,
+                restart=options.restarts,
+                autopilot_processes=options.processes,
+            )
+            return asyncio.run(flight)
+
+        return on_free_ports(scenario, flown) if options.free_ports else flown(scenario)
 
 
 def _report(
@@ -240,13 +253,12 @@ def _report(
     scenario: Scenario,
     folder: Path,
     console: Console,
-    as_json: bool,
-    again: tuple[Path, int] | None,
+    options: FlyOptions,
 ) -> None:
     from gcs.figures.mission import draw_mission
     from gcs.figures.overview import draw_flight
     from gcs.reports.flight import flight_tables
-    from gcs.results.mission_path import leaders_of, paths_of
+    from gcs.results.path_following import leaders_of, paths_of
 
     summary = recorder.finish(ending)
     with working(console, "drawing the flight"):
@@ -255,24 +267,23 @@ def _report(
         draw_flight(shown, scenario, preview.gaps(), folder)
         if (paths := paths_of(scenario)) is not None:
             draw_mission(shown, scenario, paths, leaders_of(scenario), folder)
-    output = console_of(stderr=as_json, quiet=console.quiet)  # --json leaves no room for it
-    if as_json:
+    output = console_of(stderr=options.as_json, quiet=console.quiet)  # --json leaves no room for it
+    if options.as_json:
         print_json(summary.to_json(), indent=2)
     else:
         output.print(*flight_tables(summary, scenario), sep="\n")
     output.print(f"results in {folder}", soft_wrap=True)
-    if again is not None:
-        _compare(*again, summary, output)
+    if options.campaign is not None and options.speed is None:
+        _compare(options.campaign, options.row or 0, summary, output)
     if summary.loss is not None:
         raise FlightLost(summary.loss)
 
 
 def _compare(campaign: Path, row: int, summary: "FlightSummary", console: Console) -> None:
     """Compare a flight flown again with the campaign's table; other code may fly otherwise."""
-    from gcs.campaigns.again import check_same, foreign_code
-
-    if (foreign := foreign_code(campaign)) is not None:
+    again = load_lab("campaigns.again")
+    if (foreign := again.foreign_code(campaign)) is not None:
         console.print(f"not compared with {campaign}: {foreign}", soft_wrap=True)
         return
-    check_same(campaign, row, summary)
+    again.check_same(campaign, row, summary)
     console.print(f"the same as row {row} of {campaign}, bit for bit", soft_wrap=True)

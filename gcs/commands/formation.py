@@ -11,8 +11,6 @@ from gcs.station.notifications import enum_name
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 
-__all__ = ["app"]
-
 app = typer.Typer(help="See the formation in space, and change slots.", no_args_is_help=True)
 
 _SHOW_EPILOG = f"""
@@ -81,26 +79,22 @@ def slot(
         raise BadInput(f"expected --uav with one UAV, as two cannot have one slot, got {got}")
     place = (math.nan,) * 3 if planned else (given[0], given[1], given[2])
 
-    async def action(vehicle: Vehicle) -> str:
-        await vehicle.set_slot(*place)
-        where = "the planned slot" if planned else "slot {:g} m ahead, {:g} m right, {:g} m up"
-        return f"UAV {vehicle.system} takes {where.format(*place)}"
-
-    station.act(action)
+    where = "the planned slot" if planned else "slot {:g} m ahead, {:g} m right, {:g} m up"
+    station.do(lambda vehicle: vehicle.set_slot(*place), f"takes {where.format(*place)}")
 
 
 def _words(message: _Message) -> str:
     if message.path_id == 0:
         return "flies no path in formation"
     ahead, right, up = message.slot
-    words = f"slot {ahead:.1f} m ahead, {right:.1f} m right, {up:.1f} m up"
+    text = f"slot {ahead:.1f} m ahead, {right:.1f} m right, {up:.1f} m up"
     errors = (f"{e:+.2f}" if math.isfinite(e) else "-" for e in message.slot_error)
-    words += f"; off by {' '.join(errors)} m"
+    text += f"; off by {' '.join(errors)} m"
     if message.nearest:
-        words += f"; UAV {message.nearest} is {message.distance:.1f} m away"
+        text += f"; UAV {message.nearest} is {message.distance:.1f} m away"
     if message.cause != dialect.FTC_CAUSE_WELL:
-        words += f"; {_cause(message)}, policy {_policy(message)}"
-    return words
+        text += f"; {_cause(message)}, policy {_policy(message)}"
+    return text
 
 
 def _data(message: _Message) -> dict[str, Any]:

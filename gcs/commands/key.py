@@ -11,8 +11,6 @@ from gcs.terminal import print_line
 from mavlink_defs.framing.key_file import ANNOUNCED_S, GRACE_S, replace_key
 from mavlink_defs.framing.signing import SigningError, key_exists, make_key, read_key
 
-__all__ = ["EPILOG", "key"]
-
 EPILOG = """
 Examples:
 

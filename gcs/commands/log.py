@@ -16,8 +16,6 @@ from mavlink_defs.visible import visible
 if TYPE_CHECKING:
     from gcs.tui.playback import Playback
 
-__all__ = ["EPILOG", "log"]
-
 EPILOG = """
 Examples:
 

@@ -20,8 +20,6 @@ from gcs.terminal import console_of, numbers, print_json, table_of, words
 from mavlink_defs.config.models import counted
 from mavlink_defs.mission_files import is_mission_file, plan_text, waypoints_text
 
-__all__ = ["app"]
-
 app = typer.Typer(help="Show, upload, download and fly missions.", no_args_is_help=True)
 
 _File = Annotated[
@@ -128,10 +126,10 @@ def download(
 
     async def action(vehicle: Vehicle) -> str:
         held[vehicle.system] = await vehicle.download_mission()
-        words = [f"UAV {vehicle.system} holds {_count(held[vehicle.system])}"]
+        lines = [f"UAV {vehicle.system} holds {_count(held[vehicle.system])}"]
         if out is None:
-            words += [f"  {item.seq:3} {item_text(item)}" for item in held[vehicle.system][1:]]
-        return "\n".join(words)
+            lines += [f"  {item.seq:3} {item_text(item)}" for item in held[vehicle.system][1:]]
+        return "\n".join(lines)
 
     def data(vehicle: Vehicle) -> dict[str, Any]:
         return {"mission": [_plain(item) for item in held[vehicle.system]]}
@@ -144,7 +142,7 @@ def download(
 
 
 def _send(station: Station, file: Path, start: bool) -> None:
-    """Upload a mission, and start it if wanted."""
+    """Upload a mission, and start it if asked to."""
     items = load_mission(file)
     if start and len(items) < 2:
         raise BadInput(f"{file} has no item to fly", "an upload of it clears a mission")

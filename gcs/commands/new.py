@@ -9,8 +9,6 @@ from gcs.errors import BadInput
 from gcs.terminal import print_line
 from mavlink_defs.config.yaml_text import yaml_of
 
-__all__ = ["EPILOG", "new"]
-
 EPILOG = """
 Examples:
 

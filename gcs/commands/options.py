@@ -1,20 +1,14 @@
 """Options of the commands that talk to a running fleet, and of the dashboard."""
 
-from typing import Annotated, Literal, TypeAlias
+import dataclasses
+import functools
+import inspect
+from collections.abc import Callable, Iterable
+from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 
 from mavlink_defs.constants import GCS_PORT, HUB_PORT
-
-__all__ = [
-    "SIGNING_KEY_VARIABLE",
-    "ConnectOption",
-    "JsonOption",
-    "SigningKeyOption",
-    "ThemeOption",
-    "TimeoutOption",
-    "UavOption",
-]
 
 SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
 """Environment variable with the path of a key file."""
@@ -53,3 +47,42 @@ ThemeOption: TypeAlias = Annotated[
     Literal["dark", "light"],
     typer.Option("--theme", envvar="FTC_SITL_THEME", help="Colours: dark or light."),
 ]
+
+
+def with_options(
+    name: str, options: Iterable[inspect.Parameter], make: Callable[..., Any]
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator that gives a command options in place of one of its arguments.
+
+    Args:
+        name: The argument.
+        options: The options, in the order of the help.
+        make: Makes the argument of the values of the options.
+    """
+    options = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in options]
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        parameters: list[inspect.Parameter] = []
+        for own in inspect.signature(command).parameters.values():
+            keyword = own.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+            parameters += options if own.name == name else [keyword]
+
+        @functools.wraps(command)
+        def run(**values: Any) -> None:
+            made = make(**{option.name: values.pop(option.name) for option in options})
+            command(**values, **{name: made})
+
+        run.__dict__["__signature__"] = inspect.Signature(parameters)  # typer reads both
+        run.__annotations__ = {each.name: each.annotation for each in parameters}
+        return run
+
+    return decorate
+
+
+def options_of(fields: type) -> list[inspect.Parameter]:
+    """Return the options that the fields of a dataclass declare."""
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    return [
+        inspect.Parameter(field.name, keyword, default=field.default, annotation=field.type)
+        for field in dataclasses.fields(fields)
+    ]

@@ -23,14 +23,12 @@ from gcs.station.param_file import (
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import print_json, print_line
 from mavlink_defs import dialect
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.services.param import Param
 
 if TYPE_CHECKING:
     from gcs.station.client import Client
     from mavlink_defs.config.quantity import Quantity
-
-__all__ = ["app"]
 
 app = typer.Typer(help="List, read, set, save, load and compare parameters.", no_args_is_help=True)
 
@@ -236,7 +234,7 @@ def diff(
 
 
 def _differences(station: Station, values: dict[str, float]) -> dict[int, dict[str, float | None]]:
-    """Return for each vehicle the values held that are not those of a file."""
+    """Return for each vehicle the values held that differ from a file."""
     return {system: differing(params, values) for system, params in _held(station).items()}
 
 
@@ -275,8 +273,8 @@ def _diff_defaults(station: Station) -> None:
         )
         return
     for system, param, values in different:
-        words = ", then ".join(f"{value:.9g}" for value in values)
-        print_line(difference(system, param.name, param.value, f"default {words}"))
+        values_text = ", then ".join(f"{value:.9g}" for value in values)
+        print_line(difference(system, param.name, param.value, f"default {values_text}"))
     for system in sorted(found.keys() - {system for system, _, _ in different}):
         print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default are at it")
 

@@ -13,14 +13,11 @@ from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.commands.transfer import Note
 from gcs.errors import CommandRefused
 from gcs.scenario.profile_file import load_profile, profile_yaml
-from gcs.station.status import segment_dict
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import console_of, numbers, print_json, print_line, table_of
 from mavlink_defs import dialect
 from mavlink_defs.config.models import counted
 from mavlink_defs.profile import Segment
-
-__all__ = ["app"]
 
 app = typer.Typer(help="Upload, download and check reference profiles.", no_args_is_help=True)
 
@@ -52,7 +49,7 @@ Examples:
 - gcs profile check my.yaml --held --uav 3
 
 Exit status: 0 good (and held), 2 the file cannot be used, 3 a vehicle holds something else or
-refused to tell, 4 no answer from one.
+refused to answer, 4 no answer from one.
 """
 
 
@@ -91,7 +88,7 @@ def download(
         return f"# UAV {vehicle.system} holds {_count(held[vehicle.system])}"
 
     def data(vehicle: Vehicle) -> dict[str, Any]:
-        return {"profile": [segment_dict(segment) for segment in held[vehicle.system]]}
+        return {"profile": [segment.as_dict() for segment in held[vehicle.system]]}
 
     try:
         station.act(action, data)
@@ -115,7 +112,7 @@ def check(
     segments = load_profile(file)
     if not held:
         if station.as_json:
-            print_json({"file": str(file), "profile": [segment_dict(s) for s in segments]})
+            print_json({"file": str(file), "profile": [s.as_dict() for s in segments]})
         else:
             console_of(stderr=False).print(_table(segments), f"{file}: {_count(segments)}, good")
         return
@@ -135,8 +132,8 @@ def _count(segments: tuple[Segment, ...]) -> str:
 
 
 def _difference(ours: tuple[Segment, ...], theirs: tuple[Segment, ...]) -> str:
-    for i, (wanted, found) in enumerate(zip(ours, theirs, strict=False)):
-        a, b = segment_dict(wanted), segment_dict(found)
+    for i, (ours_i, found) in enumerate(zip(ours, theirs, strict=False)):
+        a, b = ours_i.as_dict(), found.as_dict()
         for key, value in a.items():
             if value != b[key]:
                 return f"{key} of its segment {i} is {b[key]}, in the file {value}"
@@ -147,5 +144,5 @@ def _table(segments: tuple[Segment, ...]) -> Table:
     headings = ("", "start s", "airspeed m/s", "roll °", "pitch °", "yaw °", "shape")
     table = table_of(*map(numbers, headings), box=None, pad_edge=False)
     for i, segment in enumerate(segments):
-        table.add_row(str(i), *(str(value) for value in segment_dict(segment).values()))
+        table.add_row(str(i), *(str(value) for value in segment.as_dict().values()))
     return table

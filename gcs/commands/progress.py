@@ -9,8 +9,6 @@ from typing import ClassVar
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
-__all__ = ["Task", "Work", "working"]
-
 EVERY_S = 30.0
 """Longest silence where there is no terminal, over all tasks of a command [s]."""
 LOOK_S = 0.5

@@ -20,8 +20,6 @@ from gcs.terminal import console_of, print_json, print_line
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
 
-__all__ = ["EPILOG", "record"]
-
 _REFRESH_S = 1.0
 
 EPILOG = """

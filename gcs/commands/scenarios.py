@@ -5,8 +5,6 @@ from gcs.scenario.model import scenario_tree
 from gcs.terminal import print_line
 from mavlink_defs.config.files import read
 
-__all__ = ["EPILOG", "scenarios"]
-
 EPILOG = """
 Examples:
 

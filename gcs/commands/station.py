@@ -5,7 +5,6 @@ successes on standard output, everything else on standard error.
 """
 
 import asyncio
-import functools
 import inspect
 from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass, field
@@ -19,6 +18,8 @@ from gcs.commands.options import (
     SigningKeyOption,
     TimeoutOption,
     UavOption,
+    options_of,
+    with_options,
 )
 from gcs.errors import BadInput, CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
@@ -26,26 +27,10 @@ from gcs.station.connection import choose_connection, own_identity
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import print_json, print_line
 
-__all__ = [
-    "EXIT_STATUS",
-    "Station",
-    "run_interruptible",
-    "station_command",
-]
-
 EXIT_STATUS = """
 Exit status: 0 accepted or answered by all, 2 bad input, 3 refused by one, 4 no answer from one
 (or, before anything was sent, a member of the fleet was not heard).
 """
-
-_SHARED: tuple[tuple[str, Any, Any], ...] = (
-    ("uav", UavOption, None),
-    ("connect", ConnectOption, None),
-    ("timeout", TimeoutOption, 10.0),
-    ("as_json", JsonOption, False),
-    ("signing_key", SigningKeyOption, None),
-)
-"""Options of all commands that talk to vehicles, in the order of the fields of `Station`."""
 
 T = TypeVar("T")
 
@@ -56,24 +41,24 @@ class _Outcome:
 
     uav: int
     outcome: str
-    words: str
+    text: str
     status: int = 0
     data: dict[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        told = {} if self.outcome == "accepted" else {"reason": self.words}
-        return {"uav": self.uav, "outcome": self.outcome, **told, **self.data}
+        reason = {} if self.outcome == "accepted" else {"reason": self.text}
+        return {"uav": self.uav, "outcome": self.outcome, **reason, **self.data}
 
 
 @dataclass(frozen=True)
 class Station:
-    """The options of a command and its access to vehicles."""
+    """The options of all commands that talk to vehicles, and their access to vehicles."""
 
-    uavs: str | None
-    connect: str | None
-    timeout_s: float
-    as_json: bool
-    signing_key: str | None
+    uav: UavOption = None
+    connect: ConnectOption = None
+    timeout: TimeoutOption = 10.0
+    as_json: JsonOption = False
+    signing_key: SigningKeyOption = None
 
     @property
     def systems(self) -> set[int] | None:
@@ -82,7 +67,7 @@ class Station:
         Raises:
             BadInput: The option is no list of ids.
         """
-        return None if self.uavs is None else _systems(self.uavs)
+        return None if self.uav is None else _systems(self.uav)
 
     def act(
         self,
@@ -105,8 +90,17 @@ class Station:
         else:
             for outcome in outcomes:
                 prefix = "error: " if outcome.status else ""
-                print_line(prefix + outcome.words, stderr=outcome.status != 0)
+                print_line(prefix + outcome.text, stderr=outcome.status != 0)
         raise typer.Exit(max(outcome.status for outcome in outcomes))
+
+    def do(self, operation: Callable[[Vehicle], Awaitable[object]], done: str) -> None:
+        """Apply an operation to every chosen vehicle, and report that it is "UAV 1 done"."""
+
+        async def action(vehicle: Vehicle) -> str:
+            await operation(vehicle)
+            return f"UAV {vehicle.system} {done}"
+
+        self.act(action)
 
     def run(
         self,
@@ -139,7 +133,7 @@ class Station:
                 signing_key=self.signing_key,
             ) as client:
                 try:
-                    vehicles = await client.discover(self.timeout_s, systems, whole=whole)
+                    vehicles = await client.discover(self.timeout, systems, whole=whole)
                 except NoAnswer as problem:
                     problem.hint = _hint(client, systems)
                     raise
@@ -155,16 +149,16 @@ class Station:
     ) -> _Outcome:
         uav = vehicle.system
         try:
-            async with asyncio.timeout(self.timeout_s):
-                words = await action(vehicle)
+            async with asyncio.timeout(self.timeout):
+                text = await action(vehicle)
         except CommandRefused as problem:
             return _Outcome(uav, "refused", str(problem), problem.exit_status)
         except NoAnswer as problem:
             return _Outcome(uav, "no answer", str(problem), problem.exit_status)
         except TimeoutError:
-            words = f"UAV {uav} did not answer within {self.timeout_s:g} s"
-            return _Outcome(uav, "no answer", words, NoAnswer.exit_status)
-        return _Outcome(uav, "accepted", words, data=data(vehicle))
+            text = f"UAV {uav} did not answer within {self.timeout:g} s"
+            return _Outcome(uav, "no answer", text, NoAnswer.exit_status)
+        return _Outcome(uav, "accepted", text, data=data(vehicle))
 
 
 def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Callable[..., None]:
@@ -174,27 +168,17 @@ def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Ca
         command: Gets the shared options as its argument `station`.
         timeout_s: Default of ``--timeout`` [s].
     """
-
-    @functools.wraps(command)
-    def with_options(**options: Any) -> None:
-        shared = [options.pop(name) for name, _, _ in _SHARED]
-        command(station=Station(*shared), **options)
-
-    own = dict(inspect.signature(command).parameters)
-    del own["station"]
-    shared = [
-        inspect.Parameter(
-            name,
-            inspect.Parameter.KEYWORD_ONLY,
-            annotation=annotation,
-            default=timeout_s if name == "timeout" else default,
-        )
-        for name, annotation, default in _SHARED
+    options = [
+        option.replace(default=timeout_s) if option.name == "timeout" else option
+        for option in options_of(Station)
     ]
-    parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in (*own.values(), *shared)]
-    with_options.__dict__["__signature__"] = inspect.Signature(parameters)  # typer reads both
-    with_options.__annotations__ = {p.name: p.annotation for p in parameters}
-    return with_options
+    signature = inspect.signature(command)
+    own = [each for each in signature.parameters.values() if each.name != "station"]
+    last = signature.parameters["station"].replace(kind=inspect.Parameter.KEYWORD_ONLY)
+    command.__dict__["__signature__"] = signature.replace(
+        parameters=[*(each.replace(kind=last.kind) for each in own), last]
+    )
+    return with_options("station", options, Station)(command)
 
 
 def run_interruptible(work: Coroutine[Any, Any, T]) -> T:

@@ -17,8 +17,6 @@ from gcs.station.vehicle_state import VehicleState
 from gcs.terminal import console_of, print_json
 from mavlink_defs import dialect
 
-__all__ = ["EPILOG", "status"]
-
 EPILOG = """
 Examples:
 
@@ -30,7 +28,7 @@ Examples:
 Faults are shown as active/all; `old 0.4 s` as link: in the last second or two the autopilot acted
 on a state that was that old, in simulated time.
 Below the table, if there is anything: members of the fleet that were not heard within two seconds,
-what the others did not tell, and what was dropped on the links.
+what the others did not report, and what was dropped on the links.
 Exit status: 0 shown, 2 bad input, 4 no vehicle heard, or a member of the fleet not (without --uav);
 --watch continues until Ctrl-C (0) or until its output is closed (0).
 """
@@ -97,7 +95,7 @@ def _missing(client: Client, station: Station) -> list[int]:
 async def _ask(client: Client, vehicles: list[Vehicle], station: Station) -> None:
     """Request fleet, faults, profile and drop counts, and await them and telemetry.
 
-    What a vehicle has not told by then is shown as unknown.
+    What a vehicle has not reported by then is shown as unknown.
     """
 
     def complete() -> bool:
@@ -130,5 +128,5 @@ def _status(client: Client, station: Station) -> dict[str, Any]:
         "saving": client.fleet.saving,
         "drops": client.drops,
         "not_heard": _missing(client, station),
-        "vehicles": [vehicle_status(state, now).to_json() for state in _chosen(client, station)],
+        "vehicles": [vehicle_status(state, now) for state in _chosen(client, station)],
     }

@@ -9,9 +9,7 @@ from gcs.commands.station import Station
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import console_of
-from mavlink_defs.runtime.files import write_text
-
-__all__ = ["Note", "upload", "write_held"]
+from mavlink_defs.config.output_files import write_text
 
 Note: TypeAlias = Callable[[int, int], None]
 """Takes note of how many items of how many a vehicle has got."""

@@ -2,7 +2,8 @@
 
 import asyncio
 import contextlib
-from collections.abc import Coroutine, Mapping
+from collections.abc import Coroutine
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,20 +11,16 @@ import typer
 from rich.console import Console
 
 from gcs.commands.common import (
-    FreePortsOption,
-    ProcessesOption,
-    QuietOption,
+    FleetOptions,
     Restart,
     RestartOption,
-    RunFolderOption,
     ScenarioArgument,
-    SetOption,
-    WithOption,
     changed_scenario,
+    check_speed,
     warm_up,
     warn_of_one_path,
 )
-from gcs.commands.options import SigningKeyOption
+from gcs.commands.options import options_of, with_options
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario.model import Scenario
 from gcs.scenario.signing_key import refuse_unsigned, signed
@@ -33,8 +30,6 @@ from gcs.terminal import console_of, print_json
 from mavlink_defs.config.models import counted
 from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
-
-__all__ = ["EPILOG", "up"]
 
 EPILOG = """
 Examples:
@@ -49,29 +44,26 @@ something, 4 a vehicle did not answer.
 """
 
 
-def up(
-    scenario: ScenarioArgument,
-    additions: WithOption = None,
-    settings: SetOption = None,
-    out: RunFolderOption = None,
+@dataclass(frozen=True)
+class UpOptions(FleetOptions):
+    """Options of ``gcs up``."""
+
     speed: Annotated[
         float | None, typer.Option(help="Real-time factor; 1 by default.", metavar="FACTOR")
-    ] = None,
+    ] = None
     lockstep: Annotated[
         bool,
         typer.Option("--lockstep", help="As fast as the machine allows, instead of real time."),
-    ] = False,
-    start: Annotated[bool, typer.Option("--start", help="Also start the mission and arm.")] = False,
-    restart: RestartOption = Restart.ON_FAILURE,
-    processes: ProcessesOption = None,
+    ] = False
+    start: Annotated[bool, typer.Option("--start", help="Also start the mission and arm.")] = False
+    restart: RestartOption = Restart.ON_FAILURE
     no_record: Annotated[
         bool,
         typer.Option(
             "--no-record",
-            help="Keep no log and no light recording of the flight; otherwise the newest 256 MB of "
-            "both are kept.",
+            help="Record neither log nor flight; otherwise the newest 256 MB of each are kept.",
         ),
-    ] = False,
+    ] = False
     hub_port: Annotated[
         int,
         typer.Option(
@@ -80,19 +72,41 @@ def up(
             help="UDP port that any number of ground stations can connect to.",
             metavar="PORT",
         ),
-    ] = HUB_PORT,
-    free: FreePortsOption = False,
-    quiet: QuietOption = False,
+    ] = HUB_PORT
     as_json: Annotated[
         bool,
         typer.Option("--json", help="Print addresses as one line of JSON once the fleet is up."),
-    ] = False,
-    signing_key: SigningKeyOption = None,
+    ] = False
     insecure: Annotated[
         bool,
         typer.Option("--insecure", help="Allow unsigned links that other machines can reach."),
-    ] = False,
-) -> None:
+    ] = False
+
+    @property
+    def pace(self) -> float | None:
+        """Real-time factor; None in lockstep."""
+        return None if self.lockstep else self.speed or 1.0
+
+    def check(self) -> None:
+        """Check that the options go together.
+
+        Raises:
+            BadInput: They do not.
+        """
+        check_speed(self.speed)
+        if self.speed is not None and self.lockstep:
+            raise BadInput("--speed paces the plant; --lockstep does not", "leave one of them out")
+        restarts = self.restart is Restart.ON_FAILURE
+        if self.processes is not None and (not self.lockstep or restarts):
+            raise BadInput(
+                f"--autopilot-processes is {self.processes}: autopilots share processes only in "
+                "lockstep and without restarts",
+                "add --lockstep --restart never, or leave it out",
+            )
+
+
+@with_options("options", options_of(UpOptions), UpOptions)
+def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     """Start a fleet that flies until it is stopped (Ctrl-C).
 
     The vehicles get the profile or the mission and the faults of the scenario and wait: time
@@ -100,47 +114,27 @@ def up(
     the GCS port (14550); any number can connect to the hub, as gcs's own commands do. Links that
     other machines can reach must be signed, unless --insecure is given.
     """
-    if speed is not None and not 0.0 < speed < float("inf"):
-        raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
-    if speed is not None and lockstep:
-        raise BadInput("--speed paces the plant; --lockstep does not", "leave one of them out")
-    if processes is not None and (not lockstep or restart is Restart.ON_FAILURE):
-        raise BadInput(
-            f"--autopilot-processes is {processes}: autopilots share processes only in lockstep "
-            "and without restarts",
-            "add --lockstep --restart never, or leave it out",
-        )
+    options.check()
     from gcs.fleet.processes import check_ports, on_free_ports
     from gcs.results.run_folder import make_run_folder
 
-    loaded = signed(changed_scenario(scenario, additions, settings), signing_key)
-    if not insecure:
+    changed = changed_scenario(scenario, options.additions, options.settings)
+    loaded = signed(changed, options.signing_key)
+    if not options.insecure:
         refuse_unsigned(loaded)
-    hub = UdpAddress(loaded.links.host, hub_port)
-    if not free:
+    hub = UdpAddress(loaded.links.host, options.hub_port)
+    if not options.free_ports:
         check_ports(loaded, hub)
-    folder = make_run_folder(out, loaded.name)
-    console = console_of(quiet=quiet or as_json)
-    pace = None if lockstep else speed or 1.0
+    folder = make_run_folder(options.out, loaded.name)
+    console = console_of(quiet=options.quiet or options.as_json)
 
     def fly(scenario: Scenario, hub: UdpAddress) -> None:
-        _up(
-            scenario,
-            folder,
-            hub,
-            console,
-            as_json,
-            speed=pace,
-            start=start,
-            restart=restart is Restart.ON_FAILURE,
-            record=not no_record,
-            autopilot_processes=processes,
-        )
+        _up(scenario, folder, hub, console, options)
 
     try:
         warn_of_one_path(loaded, console)
         warm_up(loaded, console)
-        if free:
+        if options.free_ports:
             on_free_ports(loaded, fly)
         else:
             fly(loaded, hub)
@@ -150,14 +144,9 @@ def up(
 
 
 def _up(
-    scenario: Scenario,
-    folder: Path,
-    hub: UdpAddress,
-    console: Console,
-    as_json: bool,
-    **options: Any,
+    scenario: Scenario, folder: Path, hub: UdpAddress, console: Console, options: UpOptions
 ) -> None:
-    """Keep a fleet up until it is stopped; `options` are those of `keep_up`."""
+    """Run a fleet until it is stopped."""
     from gcs.fleet.standing import keep_up
 
     links = scenario.links
@@ -166,19 +155,23 @@ def _up(
 
     def ready() -> None:
         _announce(scenario, folder, hub, console, options)
-        if as_json:
+        if options.as_json:
             print_json(_addresses(scenario, folder, hub))
 
-    words = console_of()
-    keeping = keep_up(
+    stderr = console_of()
+    fleet = keep_up(
         scenario,
         folder,
         hub,
         on_ready=ready,
-        on_message=lambda text: words.print(text, soft_wrap=True),
-        **options,
+        on_message=lambda text: stderr.print(text, soft_wrap=True),
+        speed=options.pace,
+        start=options.start,
+        restart=options.restart is Restart.ON_FAILURE,
+        record=not options.no_record,
+        autopilot_processes=options.processes,
     )
-    asyncio.run(_until_stopped(keeping))
+    asyncio.run(_until_stopped(fleet))
 
 
 async def _until_stopped(work: Coroutine[Any, Any, None]) -> None:
@@ -201,7 +194,7 @@ def _addresses(scenario: Scenario, folder: Path, hub: UdpAddress) -> dict[str, A
     }
 
 
-def _kept(folder: Path, record: bool) -> str:
+def _files(folder: Path, record: bool) -> str:
     """Say where the files of a fleet are."""
     from gcs.fleet.standing_record import LIMIT_BYTES, LOG
 
@@ -213,13 +206,8 @@ def _kept(folder: Path, record: bool) -> str:
 
 
 def _announce(
-    scenario: Scenario,
-    folder: Path,
-    hub: UdpAddress,
-    console: Console,
-    options: Mapping[str, Any],
+    scenario: Scenario, folder: Path, hub: UdpAddress, console: Console, options: UpOptions
 ) -> None:
-    speed, start = options["speed"], options["start"]
     addresses = _addresses(scenario, folder, hub)
     mission = scenario.mission
     flown = (
@@ -227,18 +215,18 @@ def _announce(
         if mission is None
         else f"mission of {counted(len(mission.items), 'item')}"
     )
-    pace = "lockstep" if speed is None else f"{speed:g}× real time"
-    state = "mission started, armed" if start else "not armed"
+    pace = "lockstep" if options.pace is None else f"{options.pace:g}× real time"
+    state = "mission started, armed" if options.start else "not armed"
     connect = "" if hub.port == HUB_PORT else f" --connect {addresses['hub']}"
     then = ["gcs status --watch" + connect, "gcs fault set rudder --effectiveness 0.5" + connect]
-    if not start:
+    if not options.start:
         then[:0] = ["gcs start" + connect, "gcs arm" + connect]
     lines = [
         f"{scenario.name}: {len(scenario.uavs)} UAVs up ({pace}), {flown}, "
         f"{counted(len(scenario.faults), 'fault')} set, {state}",
         f"  one ground station: {addresses['gcs']}; any number: {addresses['hub']}",
-        f"  {_kept(folder, options['record'])}",
-        *(f"  {'then:' if i == 0 else '     '} {words}" for i, words in enumerate(then)),
+        f"  {_files(folder, not options.no_record)}",
+        *(f"  {'then:' if i == 0 else '     '} {text}" for i, text in enumerate(then)),
         "  Ctrl-C stops the fleet",
     ]
     for line in lines:

@@ -1,6 +1,7 @@
 """``gcs wire``: count traffic and impair links."""
 
 import contextlib
+import json
 import math
 import threading
 import time
@@ -16,18 +17,19 @@ from gcs.commands.progress import working
 from gcs.errors import BadInput, GcsError
 from gcs.reports.wire import wire_tables, write_csv
 from gcs.terminal import console_of, print_json, print_line
-from gcs.wire.capture_files import count_file
+from mavlink_defs import dialect
 from mavlink_defs.capture.impairment import Impairment
+from mavlink_defs.capture.pcap import PcapCutOff, PcapError, is_pcap, read_pcap
 from mavlink_defs.capture.relay import Relay, Route
 from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
 from mavlink_defs.capture.tap_report import TapReport
+from mavlink_defs.capture.tlog import TlogCutOff, TlogError, read_frames
 from mavlink_defs.config.files import parse, validate
+from mavlink_defs.config.user_files import open_file
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import visible
-
-__all__ = ["EPILOG", "wire"]
 
 _REFRESH_S = 0.5
 
@@ -108,7 +110,7 @@ def wire(
     ports = {**DEFAULT_PORTS, **dict(map(_named_port, link or []))}
     tap = Tap(period_us=period_us)
     if file is not None:
-        report, remark = count_file(file, tap, LinkNames(ports))
+        report, remark = _count_file(file, tap, LinkNames(ports))
         if remark:
             print_line(f"warning: {remark}", stderr=True)
     else:
@@ -123,6 +125,61 @@ def wire(
         console_of(stderr=False).print(*wire_tables(report), sep="\n")
     if file is not None and not report.messages:
         raise GcsError(f"{file}: no MAVLink 2 frame of the dialect")
+
+
+def _count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]:
+    """Count the traffic in a file; its first bytes show its format.
+
+    Args:
+        path: A pcap, pcapng or tlog file, or the wire.json of a flight.
+        tap: Tap that counts, with no counts yet.
+        names: How to name the links of a capture. Those of a telemetry log are "gcs".
+
+    Returns:
+        The report, and a remark for the user or "".
+
+    Raises:
+        BadInput: The file cannot be read, or is something else.
+    """
+    try:
+        if report := _saved_report(path):
+            return report, ""
+        if is_pcap(path):
+            for packet in read_pcap(path):
+                link, direction = names.of(packet.source, packet.destination)
+                tap.count(packet.time_s, link, direction, packet.payload)
+        else:
+            for time_us, frame in read_frames(path, complain=True):
+                tap.count(time_us / 1e6, "gcs", _direction(frame), frame)
+    except (PcapCutOff, TlogCutOff) as problem:
+        return tap.report(), f"{problem}; what comes before is counted"
+    except OSError as problem:
+        raise BadInput(f"{path} cannot be read: {problem.strerror}") from problem
+    except PcapError as problem:
+        raise BadInput(str(problem)) from problem
+    except TlogError as problem:
+        text = f"{path} is no capture (pcap, pcapng), telemetry log (tlog) or wire.json"
+        raise BadInput(text, str(problem)) from problem
+    return tap.report(), ""
+
+
+def _saved_report(path: Path) -> TapReport | None:
+    """Return the report in a wire.json; None if the file is something else."""
+    with open_file(path) as file:
+        if file.read(1) != b"{":
+            return None
+    try:
+        return TapReport.from_json(json.loads(path.read_bytes()))
+    except ValueError:
+        return None
+
+
+def _direction(frame: bytes) -> str:
+    """Return the direction of a logged frame, seen from the ground station."""
+    version_2 = frame[0] == dialect.PROTOCOL_MARKER_V2
+    system, component = frame[5:7] if version_2 else frame[3:5]
+    ground = system > LAST_SYSTEM or component == dialect.MAV_COMP_ID_MISSIONPLANNER
+    return "from" if ground else "to"
 
 
 def _relay(routes: list[Route], tap: Tap, seconds: float | None, as_json: bool) -> TapReport:

@@ -7,10 +7,12 @@ from typing import Annotated
 import typer
 
 from gcs.errors import BadInput
-from gcs.wire.dissector import lua_dissector
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
+from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
+from mavlink_defs.mavgen import generate
 
-__all__ = ["EPILOG", "wireshark"]
+_PORTS = f"{GCS_PORT},{PLANT_PORT},{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}"
+"""The defaults of a scenario's links."""
 
 EPILOG = """
 Examples:
@@ -51,3 +53,17 @@ def wireshark(
     except OSError as problem:
         hint = "make its folder first" if not out.parent.exists() else ""
         raise BadInput(f"cannot write {out}: {problem.strerror}", hint) from problem
+
+
+def lua_dissector(ports: tuple[int, ...] = ()) -> str:
+    """Generate the dissector; it takes half a second.
+
+    Args:
+        ports: UDP ports that carry our messages, besides the defaults of a scenario's links.
+    """
+    lua = generate("WLua", validate=False)
+    ours = ",".join([_PORTS, *map(str, ports)])
+    return f"""{lua}
+-- links of ftc-sitl
+DissectorTable.get("udp.port"):add("{ours}", mavlink_proto)
+"""

@@ -11,8 +11,6 @@ from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["FaultWindow", "PlottedFlight", "fault_windows", "literal", "wrapped"]
-
 
 @dataclass(frozen=True)
 class FaultWindow:
@@ -127,14 +125,9 @@ def _text(fault: ScenarioFault, name: str) -> str:
     text = f"{fault.actuator} of {name}"
     if fault.effectiveness is not None:
         text += f" at {100.0 * fault.effectiveness:g} %"
-    if fault.value_key is not None:
-        kind, _, unit = fault.value_key.partition("_")
-        value = getattr(fault, fault.value_key)
-        size = f"{abs(value):g}" + {"deg": "°", "n": " N"}[unit]
-        if kind == "bias":
-            text += f" {'−' if value < 0.0 else '+'} {size}"
-        else:
-            text += f" stuck at {'−' if value < 0.0 else ''}{size}"
-    if fault.frequency_hz:
-        text += f", {fault.frequency_hz:g} Hz"
+    if fault.value is not None:
+        kind, value = fault.value
+        unit = {"deg": "°"}.get(unit := kind.unit(fault.actuator), f" {unit}")
+        wave = f", {fault.frequency_hz:g} Hz" if fault.frequency_hz else ""
+        text += f" {kind.describe(value, unit, wave, '−')}"
     return text

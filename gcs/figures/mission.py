@@ -33,8 +33,6 @@ from gcs.scenario.model import Scenario
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_mission"]
-
 _MOMENTS = 8  # at which the formation is drawn
 _SHARE = 0.12  # of the map's size that a formation is drawn with
 _AIRCRAFT = 0.016  # of the map's size

@@ -29,8 +29,6 @@ from mavlink_defs.constants import ACTUATORS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_command", "draw_flight"]
-
 Gaps: TypeAlias = Mapping[tuple[int, int], np.ndarray]
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from gcs.figures.flown import PlottedFlight, fault_windows
-from mavlink_defs.runtime.files import naming
+from mavlink_defs.config.output_files import naming
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -306,5 +306,5 @@ def save(figure: "Figure", folder: Path, stem: str) -> None:
             FigureCanvasAgg(figure).print_png(folder / f"{stem}.png")  # type: ignore[no-untyped-call]  # matplotlib's own
         figure.set_dpi(_SVG_DPI)
         with naming(folder / f"{stem}.svg"):
-            FigureCanvasSVG(figure).print_svg(folder / f"{stem}.svg", metadata={"Date": None})  # type: ignore[no-untyped-call]  # likewise
+            FigureCanvasSVG(figure).print_svg(folder / f"{stem}.svg", metadata={"Date": None})  # type: ignore[no-untyped-call]  # as above
     figure.clear()

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["UNITS", "draw_tracking", "fig6", "fig10", "fig11"]
-
 UNITS = {"airspeed": "m/s", "roll": "deg", "pitch": "deg", "yaw": "deg"}
 """Of `gcs.results.summary.QUANTITIES`."""
 
@@ -131,12 +129,12 @@ def _draw_responses(axes: Sequence["Axes"], curves: Sequence[_Curves], reference
     for k, quantity in enumerate(QUANTITIES):
         for i, one in enumerate(curves):
             draw_curve(axes[k], one.t, one.values[:, k], label=one.name, **style(i).line)
-        wanted = reference.values[:, k]
-        draw_curve(axes[k], reference.t, wanted, label=reference.name, **REFERENCE)
-        shown = [wanted, *(one.values[:, k] for one in curves)]
-        if np.isfinite(wanted).any():
+        target = reference.values[:, k]
+        draw_curve(axes[k], reference.t, target, label=reference.name, **REFERENCE)
+        shown = [target, *(one.values[:, k] for one in curves)]
+        if np.isfinite(target).any():
             low, high = usual_range(shown, reference.step_s)
-            least, most = np.nanmin(wanted), np.nanmax(wanted)
+            least, most = np.nanmin(target), np.nanmax(target)
             low, high = min(max(low, least - _BEYOND), least), max(min(high, most + _BEYOND), most)
             frame(axes[k], shown, low, high)
         axes[k].set_ylabel(f"{quantity} [{UNITS[quantity]}]")

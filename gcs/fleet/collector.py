@@ -7,12 +7,9 @@ import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS, no_signals
 from gcs.errors import FlightLost
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Mode, Steps
+from gcs.results.recording import Ending, Mode, Recording, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.spool import SpoolReader
-
-__all__ = ["Collector"]
 
 _MOST_WAITING = 3
 """Pieces of the plant's recording that wait for an autopilot's."""

@@ -17,24 +17,21 @@ from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from gcs.fleet.collector import Collector
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Steps
+from gcs.results.recording import Ending, Recording, Steps
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
-from gcs.station.vehicle import PRIVATE_INTERVALS_S
+from gcs.station.telemetry import REQUESTED_S
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogWriter
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, UdpAddress
-from mavlink_defs.runtime.files import write_text
-
-__all__ = ["fly_and_record", "fly_over_udp", "prepare"]
 
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.05
 _AT_A_TIME = 8
 _END_TIMEOUT_S = 10.0
-_FOR_DISPLAYS = {*DEFAULT_INTERVALS_US, *PRIVATE_INTERVALS_S} - {
+_FOR_DISPLAYS = {*DEFAULT_INTERVALS_US, *REQUESTED_S} - {
     dialect.MAVLINK_MSG_ID_FTC_EVENTS,
     dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
 }
@@ -62,7 +59,7 @@ async def fly_over_udp(
             an error.
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
-        restart: Start autopilots that fail again; they take up what they kept.
+        restart: Start autopilots that fail again; they resume from their checkpoints.
         autopilot_processes: As of `FleetProcesses`.
         crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
 

@@ -35,8 +35,6 @@ from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.runtime.code_cache import cache_is_cold
 
-__all__ = ["main"]
-
 _PLANT, _AUTOPILOT = "sitl-plant", "ftc-autopilot"
 _MAIN = {_PLANT: sitl_plant.process.main, _AUTOPILOT: ftc_autopilot.process.main}
 

@@ -17,8 +17,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-__all__ = ["FORKS", "ForkServer", "Forked", "program", "start_server_ahead", "without_threads"]
-
 FORKS = sys.platform == "linux"
 """Whether plant and autopilots can be forked: elsewhere, libraries do not allow it."""
 

@@ -17,8 +17,6 @@ from mavlink_defs.framing.frames import drop_reason, parse
 from mavlink_defs.framing.header import FrameHeader
 from mavlink_defs.framing.signing import Signer
 
-__all__ = ["MAX_STATIONS", "PATIENCE_S", "VEHICLE_RATE_HZ", "Hub", "rate_limit_hz"]
-
 PATIENCE_S = 5.0
 """Time without traffic after which a ground station is removed; they send heartbeats."""
 MAX_STATIONS = 256

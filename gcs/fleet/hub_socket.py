@@ -12,8 +12,6 @@ from functools import partial
 from gcs.fleet.hub import Hub
 from mavlink_defs.endpoint import connected_twin
 
-__all__ = ["HubSocket"]
-
 _BATCH = 64  # datagrams that are received from one peer before it is another's turn
 _LONGEST = 2048  # bytes; a MAVLink frame has 280 at most
 _FORGET_S = 1.0

@@ -11,21 +11,23 @@ import numpy as np
 
 from ftc_autopilot.control.controllers import Controllers, Source, begin_path, new_controllers
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.control.stepping import announce, controller_step, hear, tell_neighbours
-from gcs.results.mission_path import paths_of
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Steps
+from ftc_autopilot.control.stepping import (
+    broadcast_if_triggered,
+    controller_step,
+    hear,
+    publish_own_state,
+)
+from gcs.results.path_following import paths_of
+from gcs.results.recording import Ending, Recording, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
-from mavlink_defs.faults import fault_from_params, fault_to_params
+from mavlink_defs.faults import fault_from_params
 from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
 from sitl_plant.plant import describe_loss
-
-__all__ = ["fly_in_process", "fly_in_steps"]
 
 _CHUNK_STEPS = 2000
 
@@ -129,7 +131,7 @@ def _brief(
         for guidance in controllers.guidance:
             begin_path(guidance)
     for uav_id, fault in scenario.fault_commands():
-        received = fault_from_params(fault_to_params(fault), aircraft.fault_limits)
+        received = fault_from_params(fault, aircraft.fault_limits)
         add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)
 
 
@@ -137,9 +139,10 @@ def _brief(
 def exchange_initial_states(
     fleet: PlantState, controllers: Controllers, sources: np.ndarray, step_us: int
 ) -> None:
+    """Give every controller the initial states of its neighbours."""
     for i in range(len(sources)):
         observe(fleet, i, 0, step_us)
-        announce(controllers, i, fleet.messages[i])
+        publish_own_state(controllers, i, fleet.messages[i])
     _deliver(controllers, sources, 0)
 
 
@@ -165,7 +168,7 @@ def run_steps(
             mask = controller_step(controllers, i, fleet.messages[i], step_us)
             if mask != 0:
                 receive_controls(fleet, i, controllers.actuators[i])
-            tell_neighbours(controllers, i, first + k, step_us)
+            broadcast_if_triggered(controllers, i, first + k, step_us)
             copy_values(states[k, i], fleet.states[i])
             copy_values(wind[k, i], fleet.air[i])
             copy_record(signals[k, i], controllers.signals[i])
@@ -184,5 +187,5 @@ def _deliver(controllers: Controllers, sources: np.ndarray, step: int) -> None:
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
             j = sources[i, d]
-            if j >= 0 and controllers.told[j]["step"] == step:
-                hear(controllers, i, d, controllers.told[j])
+            if j >= 0 and controllers.last_broadcast[j]["step"] == step:
+                hear(controllers, i, d, controllers.last_broadcast[j])

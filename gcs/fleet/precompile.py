@@ -19,14 +19,11 @@ from gcs.fleet.in_process import fly_in_process
 from gcs.results.path_following import PathFollowing
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
-from gcs.theory import check_theory
 from mavlink_defs.capture import relay_loop
 from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.tap_counts import new_counts
 from mavlink_defs.runtime.code_cache import mark_cache_warm, not_cached
 from sitl_plant.warm_up import call_everything as call_plant
-
-__all__ = ["compile_everything", "ctrl_c_while_compiling"]
 
 _COMPILER = os.path.dirname(llvmlite.__file__) + os.sep
 _LATER_S = 0.02
@@ -132,7 +129,6 @@ def _other_process(scenario: Scenario) -> Iterator[None]:
 def _call_in_process(scenario: Scenario) -> None:
     flight = fly_in_process(scenario)
     summarise(flight, scenario)
-    check_theory(flight, scenario)
     paths = np.stack([endless_path()] * len(scenario.uavs))
     PathFollowing(paths, (0,), scenario.step_us).add(flight.steps)  # without a mission, too
 

@@ -26,8 +26,6 @@ from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, PortTaken, UdpAddress, bind_udp, free_ports
 from mavlink_defs.runtime.spool import SpoolReader
 
-__all__ = ["FleetProcesses", "check_ports", "on_free_ports"]
-
 T = TypeVar("T")
 
 _STOP_S = 5.0
@@ -151,7 +149,7 @@ class FleetProcesses:
             endless: Ignore the scenario's duration, wait for autopilots that have fallen silent,
                 and fly on if a file of the run folder cannot be written.
             record: Record what a `Collector` takes away.
-            restart: Start autopilots that fail again; they take up what they kept.
+            restart: Start autopilots that fail again; they resume from their checkpoints.
             autopilot_processes: How many processes the autopilots share, only in lockstep and
                 without `restart`; None: each has its own.
             crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
@@ -201,9 +199,9 @@ class FleetProcesses:
         """Return the options of an autopilot beside those of every process."""
         if not self._restart:
             return []
-        kept = self._folder / f"uav{uav}.kept"
-        kept.unlink(missing_ok=True)
-        return ["--keep", str(kept)]
+        checkpoint = self._folder / f"uav{uav}.checkpoint"
+        checkpoint.unlink(missing_ok=True)
+        return ["--checkpoint", str(checkpoint)]
 
     def __exit__(
         self,

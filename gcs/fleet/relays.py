@@ -9,8 +9,6 @@ from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay import Relay, Route
 from mavlink_defs.endpoint import UdpAddress
 
-__all__ = ["relay_of", "through"]
-
 
 def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None = None) -> Relay:
     """Return the relay for a scenario's `links.impairments`; without them, one with no routes.
@@ -22,15 +20,15 @@ def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None 
         gate: As of `Relay`; with one, the plant link is relayed in any case.
     """
     links = scenario.links
-    wanted = links.impairments
-    if wanted is None and gate is None:
+    impairments = links.impairments
+    if impairments is None and gate is None:
         return Relay([])
-    routes = [_route(links, "plant", links.plant_port, wanted.plant if wanted else None)]
-    if wanted is not None and wanted.gcs is not None:
-        routes.append(_route(links, "gcs", links.gcs_port, wanted.gcs))
-    if wanted is not None and wanted.formation is not None:
+    routes = [_route(links, "plant", links.plant_port, impairments.plant if impairments else None)]
+    if impairments is not None and impairments.gcs is not None:
+        routes.append(_route(links, "gcs", links.gcs_port, impairments.gcs))
+    if impairments is not None and impairments.formation is not None:
         ports = (links.formation_base_port + uav.id for uav in scenario.uavs)
-        routes += [_route(links, "formation", port, wanted.formation) for port in ports]
+        routes += [_route(links, "formation", port, impairments.formation) for port in ports]
     return Relay(routes, simulated=True, gate=gate)
 
 

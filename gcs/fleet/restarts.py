@@ -5,8 +5,6 @@ No processes and no clock: names and times go in.
 
 from collections import Counter
 
-__all__ = ["MOST_IN_A_ROW", "Restarts"]
-
 MOST_IN_A_ROW = 5
 """Deaths of one process, each soon after its start, after which it is given up."""
 _LONG_LIFE_S = 10.0  # a process that lived so long begins with a restart at once again

@@ -18,8 +18,6 @@ from mavlink_defs.endpoint import Connection, EndpointError, UdpAddress, bind_ud
 from mavlink_defs.framing.key_file import load_signer
 from mavlink_defs.framing.signing import SigningError, words_of
 
-__all__ = ["keep_up"]
-
 _LOOK_S = 0.1
 _END_OF_PLANT_S = 1.0
 
@@ -45,7 +43,7 @@ async def keep_up(
         hub: Address to which any number of ground stations can connect.
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         start: Start the mission and arm, too.
-        restart: Start autopilots that fail again; they take up what they kept.
+        restart: Start autopilots that fail again; they resume from their checkpoints.
         record: Keep a log and a light recording.
         autopilot_processes: As of `FleetProcesses`.
         on_ready: Called when the fleet is up.

@@ -6,15 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gcs.fleet.collector import Collector
-from gcs.results.events import events_of
-from gcs.results.record import Record
+from gcs.results.choices import Record
 from gcs.results.recorder import streams_of
-from gcs.results.steps import Steps
-from gcs.results.stored import EVENTS, TRAJECTORY
+from gcs.results.recording import Steps, events_of
+from gcs.results.store import EVENTS, TRAJECTORY
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.tlog import TlogWriter
-
-__all__ = ["LIMIT_BYTES", "LOG", "PREVIOUS", "StandingRecord"]
 
 LOG, PREVIOUS = "flight.tlog", "previous"
 LIMIT_BYTES = 128_000_000

@@ -5,14 +5,11 @@ from collections.abc import Iterator
 from rich.table import Table
 from rich.text import Text
 
-from gcs.reports.formatting import milliseconds, percent
-from gcs.results.quantities import IAE_UNITS, QUANTITIES
-from gcs.results.summary import FlightSummary, UavSummary
+from gcs.results.figures import FlightSummary, UavSummary
+from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
 from gcs.scenario.model import Scenario
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.capture.saving import saving
-
-__all__ = ["flight_tables"]
 
 
 def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Text | str]:

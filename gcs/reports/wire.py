@@ -5,13 +5,11 @@ from typing import TextIO
 
 from rich.table import Table
 
-from gcs.reports.formatting import milliseconds, percent
+from gcs.results.quantities import milliseconds, percent
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_neighbour_message
-
-__all__ = ["wire_tables", "write_csv"]
 
 _COLUMNS = (
     "kind",

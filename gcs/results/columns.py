@@ -7,10 +7,8 @@ import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS
 from gcs.results.quantities import QUANTITIES
-from gcs.results.steps import Steps
+from gcs.results.recording import Steps
 from mavlink_defs.constants import ACTUATORS
-
-__all__ = ["COLUMNS", "LIGHT", "Column"]
 
 _TRACKED = dict(zip(QUANTITIES, ("m/s", "rad", "rad", "rad"), strict=True))
 _RATES = dict(zip(QUANTITIES, ("m/s²", "rad/s", "rad/s", "rad/s"), strict=True))
@@ -100,4 +98,4 @@ _LIGHT_SIGNALS = {"V", "command", "reference", "error", "held", "path_position",
 LIGHT = tuple(
     column for column in COLUMNS if column.array != "signals" or column.field in _LIGHT_SIGNALS
 )
-"""What a light recording has: the motion, the wind, and what is wanted, commanded and applied."""
+"""What a light recording has: the motion, the wind, commands, references and what was applied."""

@@ -4,17 +4,15 @@ import shutil
 from pathlib import Path
 
 from ftc_autopilot.control.controller import SIGNALS
-from ftc_autopilot.recorder import RECORD_ROWS
+from ftc_autopilot.hot.recorder import RECORD_ROWS
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from gcs.errors import BadInput
-from gcs.results.record import Record
+from gcs.results.choices import Record
 from gcs.results.recorder import trajectory_bytes
 from gcs.scenario.model import Scenario
-from gcs.station.vehicle import PRIVATE_INTERVALS_S
+from gcs.station.telemetry import REQUESTED_S
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
-
-__all__ = ["check_space", "folder_bytes"]
 
 _PIECES = 4
 """Pieces of the processes' recordings that wait on disk to be put together."""
@@ -25,7 +23,7 @@ _TRIGGERED_SHARE = 0.25
 """Share of the control periods in which a channel sends, if not by the clock; few come near."""
 _FIGURES = 3_000_000  # they are drawn of a flight that is thinned out
 _OF_UAV = 50_000  # configuration, log, its share of summary.json and figures
-_KEPT_OF_UAV = 200_000  # what a restarted autopilot takes up, its record apart
+_CHECKPOINT_OF_UAV = 200_000  # what a restarted autopilot restores, its record apart
 _FRAME = 8 + 12 + 13  # around a payload in a tlog: time stamp, header and checksum, signature
 
 
@@ -38,7 +36,7 @@ def folder_bytes(
         scenario: What is flown.
         record: How much is kept of the steps.
         over_udp: With processes, which record and log for themselves; not with ``--in-process``.
-        restart: What autopilots that fail take up is kept.
+        restart: Autopilots that fail resume from their checkpoints.
     """
     n, steps = len(scenario.uavs), scenario.steps
     size = trajectory_bytes(scenario, record) + _FIGURES + n * _OF_UAV
@@ -51,7 +49,7 @@ def folder_bytes(
         size += pieces * n * (SIGNALS.itemsize + _PLANT_ROW)
         size += round(scenario.duration_s * n * _telemetry_bytes_s())
     if restart:
-        size += n * (RECORD_ROWS * SIGNALS.itemsize + _KEPT_OF_UAV)
+        size += n * (RECORD_ROWS * SIGNALS.itemsize + _CHECKPOINT_OF_UAV)
     return size
 
 
@@ -80,7 +78,7 @@ def check_space(
 
 def _telemetry_bytes_s() -> float:
     """Return what the messages of one UAV take in `flight.tlog` [bytes/s]."""
-    intervals_s = {id_: us / 1e6 for id_, us in DEFAULT_INTERVALS_US.items()} | PRIVATE_INTERVALS_S
+    intervals_s = {id_: us / 1e6 for id_, us in DEFAULT_INTERVALS_US.items()} | REQUESTED_S
     sizes = {id_: dialect.mavlink_map[id_].unpacker.size + _FRAME for id_ in intervals_s}
     return sum(sizes[id_] / interval for id_, interval in intervals_s.items() if interval > 0.0)
 

@@ -1,110 +1,306 @@
-"""A flight's data as files for other tools: NumPy's .npz at full rate, and CSV."""
+"""Recordings of run folders in the formats of other programs, converted batch by batch.
 
-from collections.abc import Sequence
+NumPy's .npz, which holds whole arrays, needs memory for all of the recording.
+"""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import UTC, datetime, timedelta
+from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 
-from gcs.results.quantities import TRACKED_KEYS, in_degrees
-from gcs.results.recording import Recording
-from gcs.results.summary import event_table
+from ftc_autopilot.common.geography import Origin, place_of
+from ftc_autopilot.control.controller import SIGNALS
+from gcs.errors import BadInput
+from gcs.results.choices import Format
+from gcs.results.columns import COLUMNS
+from gcs.results.recording import Recording, event_table
+from gcs.results.store import EVENTS, TRAJECTORY, batches
+from mavlink_defs.config.output_files import complete_file, naming, save_arrays
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.runtime.files import naming
 
-__all__ = ["CSV_PERIOD_S", "export_flight"]
+if TYPE_CHECKING:
+    import pyarrow as pa
 
-CSV_PERIOD_S = 0.01
-"""Rows of trajectory.csv are this far apart [s]; events.csv and the .npz have every step."""
-
-_SIGNALS = (
-    "command",
-    "reference",
-    "error",
-    "sync_error",
-    "demand",
-    "held",
-    "events",
-    "neighbour_message",
-    "Phi_v",
-    "g_v",
-    "beta_v",
-    "Phi_omega",
-    "beta_omega",
-)
-_ACTUATED = (*(f"{surface}_deg" for surface in ACTUATORS[:3]), "thrust_n")
+_TRACK_POINTS = 20_000  # of one UAV: what Google Earth draws without delay
 
 
-def export_flight(recording: Recording, folder: Path) -> None:
-    """Write `trajectory.npz`, `trajectory.csv`, `events.npz` and `events.csv`.
-
-    The trajectory has states, references, errors, commands and estimates; the inner quantities
-    of the law follow from these, and are in the run folder of `gcs fly`.
+def convert(run: Path, to: Format, folder: Path) -> list[Path]:
+    """Convert the recording of a run folder.
 
     Args:
-        recording: The flight.
-        folder: Exists already.
+        run: Run folder with a light or full recording.
+        to: The format.
+        folder: For the files, exists.
+
+    Returns:
+        The files written.
+
+    Raises:
+        BadInput: There is no recording, or it has no steps.
+        OSError: A file cannot be written; it is named.
+    """
+    if to is Format.NPZ:
+        return _to_npz(run, folder)
+    if to is Format.KML:
+        return [_to_kml(run, folder / "track.kml")]
+    if to is Format.MCAP:
+        return [_to_mcap(run, folder / "flight.mcap")]
+    write = _to_csv if to is Format.CSV else _to_parquet
+    return [
+        write(run / name, folder / f"{Path(name).stem}.{to.value}") for name in (TRAJECTORY, EVENTS)
+    ]
+
+
+def save_arrays_of(recording: Recording, folder: Path) -> list[Path]:
+    """Write `events.npz` and `trajectory.npz` of a whole flight; return their paths.
 
     Raises:
         OSError: One of them cannot be written; it is named.
     """
-    events = event_table(recording)
-    with naming(folder / "events.npz"):
-        np.savez_compressed(folder / "events.npz", **events)  # type: ignore[arg-type]  # no allow_pickle
-    _write_events(folder / "events.csv", events)
-    arrays = {name: recording.signals[name] for name in _SIGNALS}
-    with naming(folder / "trajectory.npz"):
-        np.savez_compressed(
-            folder / "trajectory.npz",
-            uav=np.array(recording.uav_ids),
-            time_s=recording.time_s,
-            state=recording.states,
-            wind=recording.wind,
-            applied=recording.applied,
-            **arrays,  # type: ignore[arg-type]  # no allow_pickle
-        )
-    _write_trajectory(folder / "trajectory.csv", recording)
-
-
-def _write_events(path: Path, events: dict[str, np.ndarray]) -> None:
-    """Write the events as CSV, with names and degrees."""
-    surface = events["channel"] < 3
-    value = np.where(surface, np.degrees(events["value"]), events["value"])
-    with naming(path), path.open("w") as file:
-        file.write("time_s,uav,channel,value_deg_or_n\n")
-        rows = zip(events["time_s"], events["uav"], events["channel"], value, strict=True)
-        file.writelines(f"{t:.6g},{uav},{ACTUATORS[c]},{v:.6g}\n" for t, uav, c, v in rows)
-
-
-def _write_trajectory(path: Path, recording: Recording) -> None:
-    every = max(round(CSV_PERIOD_S * 1e6 / recording.step_us), 1)
-    states, signals = recording.states[::every], recording.signals[::every]
-    applied = recording.applied[::every]
-    columns: dict[str, np.ndarray] = {
-        "time_s": np.broadcast_to(recording.time_s[::every, None], states.shape[:2]),
-        "uav": np.broadcast_to(np.array(recording.uav_ids), states.shape[:2]),
-        "north_m": states[..., 0],
-        "east_m": states[..., 1],
-        "altitude_m": -states[..., 2],
+    trajectory = {
+        "uav": np.array(recording.uav_ids),
+        "time_s": recording.time_s,
+        "state": recording.states,
+        "wind": recording.wind,
+        "applied": recording.applied,
     }
-    columns |= {f"{axis}_m_s": states[..., 3 + i] for i, axis in enumerate("uvw")}
-    columns |= {f"{axis}_deg_s": np.degrees(states[..., 9 + i]) for i, axis in enumerate("pqr")}
-    columns |= _tracked(TRACKED_KEYS, recording.response[::every])
-    for name in ("command", "reference", "error", "sync_error"):
-        columns |= _tracked([f"{name}_{key}" for key in TRACKED_KEYS], signals[name])
-    columns |= _actuated("demand", signals["demand"])
-    columns |= _actuated("held", signals["held"])
-    columns |= _actuated("applied", applied)
-    table = np.column_stack([values.ravel() for values in columns.values()])
-    with naming(path):
-        np.savetxt(path, table, fmt="%.7g", delimiter=",", header=",".join(columns), comments="")
+    trajectory |= {name: recording.signals[name] for name in (SIGNALS.names or ())}
+    return _save(folder, event_table(recording), trajectory)
 
 
-def _tracked(names: Sequence[str], values: np.ndarray) -> dict[str, np.ndarray]:
-    """Name airspeed [m/s] and three angles [rad to deg]."""
-    return dict(zip(names, np.moveaxis(in_degrees(values), -1, 0), strict=True))
+def _save(
+    folder: Path, events: dict[str, np.ndarray], trajectory: dict[str, np.ndarray]
+) -> list[Path]:
+    paths = [folder / "events.npz", folder / "trajectory.npz"]
+    for path, arrays in zip(paths, (events, trajectory), strict=True):
+        save_arrays(path, arrays)
+    return paths
 
 
-def _actuated(prefix: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """Name three deflections [rad to deg] and the thrust [N]."""
-    columns = [*np.moveaxis(np.degrees(values[..., :3]), -1, 0), values[..., 3]]
-    return {f"{prefix}_{name}": column for name, column in zip(_ACTUATED, columns, strict=True)}
+def _to_npz(run: Path, folder: Path) -> list[Path]:
+    """Write what was recorded as `save_arrays_of` does; a light recording has less of it."""
+    table = _table_of(_batches(run / TRAJECTORY))
+    uavs = np.unique(table["uav"])
+    values = {name: column.reshape(-1, len(uavs)) for name, column in table.items()}
+    trajectory = {"uav": values["uav"][0].astype(np.int64), "time_s": values["time_s"][:, 0]}
+    for (array, field), group in groupby(COLUMNS, lambda column: (column.array, column.field)):
+        parts = list(group)
+        if parts[0].name in values:
+            whole = np.stack([values[part.name] for part in parts], axis=-1)
+            key = field or ("state" if array == "states" else array)
+            trajectory[key] = whole[..., 0] if parts[0].index is None else whole
+    table = _table_of(batches(run / EVENTS))
+    events = {name: table[name] for name in ("step", "time_s", "value") if table}
+    if table:
+        channel = np.array([ACTUATORS.index(name) for name in table["actuator"]])
+        events = {"uav": table["uav"].astype(np.int64), "channel": channel, **events}
+    return _save(folder, events, trajectory)
+
+
+def _table_of(batches: Iterable["pa.RecordBatch"]) -> dict[str, np.ndarray]:
+    """Return the columns of all batches together."""
+    parts = [
+        {name: batch.column(name).to_numpy(zero_copy_only=False) for name in batch.schema.names}
+        for batch in batches
+    ]
+    names = parts[0] if parts else ()
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
+
+
+def _to_csv(source: Path, path: Path) -> Path:
+    """Write a table as CSV; units are those of the recording."""
+    from pyarrow import csv
+
+    def plain(batch: "pa.RecordBatch") -> "pa.RecordBatch":
+        """Return a batch without dictionaries, which CSV does not have."""
+        import pyarrow as pa
+
+        fields = [
+            f.with_type(f.type.value_type) if pa.types.is_dictionary(f.type) else f
+            for f in batch.schema
+        ]
+        return batch.cast(pa.schema(fields))
+
+    return _written(source, path, plain, csv.CSVWriter)
+
+
+def _to_parquet(source: Path, path: Path) -> Path:
+    """Write a table as Parquet, with the metadata of the recording."""
+    from pyarrow import parquet
+
+    def writer(file: Any, schema: "pa.Schema") -> Any:
+        return parquet.ParquetWriter(file, schema, compression="zstd")
+
+    return _written(source, path, lambda batch: batch, writer)
+
+
+def _written(
+    source: Path,
+    path: Path,
+    change: Callable[["pa.RecordBatch"], "pa.RecordBatch"],
+    writer_of: Callable[[Any, "pa.Schema"], Any],
+) -> Path:
+    with naming(path), complete_file(path) as file:
+        writer = None
+        for batch in map(change, _batches(source)):
+            writer = writer or writer_of(file, batch.schema)
+            writer.write_batch(batch)
+        if writer is not None:
+            writer.close()
+    return path
+
+
+def _batches(source: Path) -> Iterator["pa.RecordBatch"]:
+    """Yield the batches of a recording; BadInput if it has none."""
+    empty = True
+    for batch in batches(source):
+        empty = False
+        yield batch
+    if empty:
+        raise BadInput(f"{source} has no rows")
+
+
+class _Places:
+    """Geographic places of the positions in a recording."""
+
+    def __init__(self, schema: "pa.Schema") -> None:
+        self._origin = Origin.model_validate_json(schema.metadata[b"origin"])
+        names: Mapping[str, str] = json.loads(schema.metadata[b"names"])
+        self.names = {int(system): name for system, name in names.items()}
+        self.scenario = schema.metadata[b"scenario"].decode()
+        self.paths: Mapping[str, list[tuple[float, float, float]]] = json.loads(
+            schema.metadata.get(b"paths", b"{}")
+        )
+
+    def of(self, batch: "pa.RecordBatch") -> Iterator[tuple[float, float, float]]:
+        """Yield latitude [deg], longitude [deg] and altitude above the sea [m] of each row."""
+        columns = (batch.column(name).to_pylist() for name in ("north", "east", "down"))
+        for position in zip(*columns, strict=True):
+            yield self.of_one(*position)
+
+    def of_one(self, north: float, east: float, down: float) -> tuple[float, float, float]:
+        """Return the same of one position [m]."""
+        place = place_of(self._origin, north, east, down)
+        return place.latitude / 1e7, place.longitude / 1e7, place.altitude / 1e3
+
+
+def _to_kml(run: Path, path: Path) -> Path:
+    """Write the tracks of all UAVs, whose time counts from 1970-01-01, and their paths and home."""
+    total = sum(len(batch) for batch in _batches(run / TRAJECTORY))
+    tracks: dict[int, tuple[list[str], list[str]]] = {}
+    places: _Places | None = None
+    row = 0
+    for batch in _batches(run / TRAJECTORY):
+        if places is None:
+            places = _Places(batch.schema)
+            every = -(-total // (len(places.names) * _TRACK_POINTS))
+        n = len(places.names)
+        rows = np.arange(row, row + len(batch))
+        row += len(batch)
+        chosen = batch.take(np.flatnonzero(rows // n % every == 0))
+        times, systems = (chosen.column(name).to_pylist() for name in ("time_s", "uav"))
+        for t, system, place in zip(times, systems, places.of(chosen), strict=True):
+            latitude, longitude, altitude = place
+            when = (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=t)).isoformat()
+            times_of, places_of = tracks.setdefault(system, ([], []))
+            times_of.append(f"<when>{when}</when>")
+            places_of.append(f"<gx:coord>{longitude} {latitude} {altitude}</gx:coord>")
+    assert places is not None
+    marks = "\n".join(
+        f"<Placemark><name>{escape(places.names[system])}</name><gx:Track>"
+        "<altitudeMode>absolute</altitudeMode>\n"
+        + "\n".join([*times_of, *places_of])
+        + "</gx:Track></Placemark>"
+        for system, (times_of, places_of) in tracks.items()
+    )
+    marks = "\n".join([marks, *_path_marks(places)])
+    text = (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
+        'xmlns:gx="http://www.google.com/kml/ext/2.2">\n'
+        f"<Document><name>{escape(places.scenario)}</name>\n{marks}\n</Document></kml>\n"
+    )
+    with complete_file(path) as file:
+        file.write(text.encode())
+    return path
+
+
+def _path_marks(places: _Places) -> Iterator[str]:
+    """Yield the path of each mission, at its altitude, and home, on the ground."""
+    for uavs, corners in places.paths.items():
+        coordinates = " ".join(
+            f"{longitude},{latitude},{altitude}"
+            for north, east, height in corners
+            for latitude, longitude, altitude in [places.of_one(north, east, -height)]
+        )
+        yield (
+            f"<Placemark><name>path of UAV {uavs}</name>"
+            "<Style><LineStyle><color>ff00ffff</color><width>2</width></LineStyle></Style>"
+            "<LineString><altitudeMode>absolute</altitudeMode>"
+            f"<coordinates>{coordinates}</coordinates></LineString></Placemark>"
+        )
+    if places.paths:
+        latitude, longitude, _ = places.of_one(0.0, 0.0, 0.0)
+        yield (
+            "<Placemark><name>home</name><Point><altitudeMode>clampToGround</altitudeMode>"
+            f"<coordinates>{longitude},{latitude},0</coordinates></Point></Placemark>"
+        )
+
+
+def _to_mcap(run: Path, path: Path) -> Path:
+    """Write MCAP with messages in JSON: state, place and events of each UAV, by simulated time.
+
+    Topics: ``/uav1/state``, ``/uav1/location`` (foxglove.LocationFix), ``/uav1/event``.
+    """
+    from mcap.writer import Writer
+
+    number, text = {"type": ["number", "null"]}, {"type": "string"}
+    position = dict.fromkeys(("latitude", "longitude", "altitude"), number)
+    with complete_file(path) as file:
+        writer = Writer(file)
+        writer.start(profile="", library="ftc-sitl")
+        channels: dict[tuple[int, str], int] = {}
+        schemas: dict[str, int] = {}
+
+        def write(
+            system: int, kind: str, t: float, values: Mapping[str, Any], fields: Mapping[str, Any]
+        ) -> None:
+            if kind not in schemas:
+                schema = json.dumps({"type": "object", "properties": fields}).encode()
+                name = "foxglove.LocationFix" if kind == "location" else f"ftc_sitl.{kind}"
+                schemas[kind] = writer.register_schema(name, "jsonschema", schema)
+            if (system, kind) not in channels:
+                topic = f"/uav{system}/{kind}"
+                channels[system, kind] = writer.register_channel(topic, "json", schemas[kind])
+            known = {key: _known(value) for key, value in values.items()}
+            ns, data = round(t * 1e9), json.dumps(known, allow_nan=False).encode()
+            writer.add_message(channels[system, kind], ns, data, ns)
+
+        places: _Places | None = None
+        for batch in _batches(run / TRAJECTORY):
+            places = places or _Places(batch.schema)
+            fields = dict.fromkeys(batch.schema.names[2:], number)
+            for values, place in zip(batch.to_pylist(), places.of(batch), strict=True):
+                t, system = values.pop("time_s"), values.pop("uav")
+                known = {k: v if v == v else None for k, v in values.items()}  # noqa: PLR0124 - NaN
+                write(system, "state", t, known, fields)
+                where = dict(zip(position, place, strict=True))
+                write(system, "location", t, where, position)
+        for batch in batches(run / EVENTS):
+            for values in batch.to_pylist():
+                event = {"actuator": values["actuator"], "value": values["value"]}
+                kinds = {"actuator": text, "value": number}
+                write(values["uav"], "event", values["time_s"], event, kinds)
+        finish: Any = writer.finish  # without annotations
+        finish()
+    return path
+
+
+def _known(value: Any) -> Any:
+    """Return a value as JSON can have it: None for NaN."""
+    return None if isinstance(value, float) and math.isnan(value) else value

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ftc_autopilot.guidance.path import locate, point_at
-from gcs.results.steps import Steps
+from ftc_autopilot.guidance.path import PATH, locate, point_at
+from gcs.results.recording import Steps
+from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["SETTLING_S", "PathErrors", "PathFollowing", "PathSummary"]
+from sitl_plant.fleet import new_plant_state, observe
 
 SETTLING_S = 10.0
 """A UAV's figures begin so long after it begins to follow the path; so long after its end a turn
@@ -271,3 +271,24 @@ def gather(errors: np.ndarray, followers: np.ndarray) -> None:
 def _larger(largest: float, error: float) -> float:
     """Return the larger absolute value; that of the error if there is no largest yet."""
     return abs(error) if math.isnan(largest) else max(largest, abs(error))
+
+
+def paths_of(scenario: Scenario) -> np.ndarray | None:
+    """Return the path of each UAV, shape (n,), dtype `PATH`; None without a mission."""
+    if scenario.mission is None:
+        return None
+    fleet, planner = new_plant_state(scenario.plant_config()), scenario.planner()
+    items = scenario.mission_items()
+    paths = np.zeros(len(scenario.uavs), PATH)
+    for i in range(len(paths)):
+        observe(fleet, i, 0, scenario.step_us)
+        paths[i] = planner.first_path(items, fleet.messages[i])
+    return paths
+
+
+def leaders_of(scenario: Scenario) -> tuple[int, ...]:
+    """Return the indices of the UAVs that slots count from; none without a formation."""
+    if scenario.formation is None:
+        return ()
+    access = scenario.network.leader_access
+    return tuple(i for i, uav in enumerate(scenario.uavs) if uav.id in access)

@@ -3,13 +3,9 @@
 import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS
-from gcs.results.events import Events
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Steps
+from gcs.results.recording import Ending, Events, Recording, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
-
-__all__ = ["Preview"]
 
 _MOST_ROWS = 30_000  # of all UAVs
 _LEAST_STEPS = 1000
@@ -28,7 +24,7 @@ class Preview:
         self._every = -(-scenario.steps // most)
         room = Steps.room(-(-scenario.steps // self._every), n)
         fields = [(name, SIGNALS[name]) for name in _FIELDS]
-        self._kept = room._replace(signals=np.zeros(room.signals.shape, fields))
+        self._steps = room._replace(signals=np.zeros(room.signals.shape, fields))
         self._count = 0
         self._last_event = np.full(n * N_CHANNELS, np.nan)
         self._gaps: list[np.ndarray] = []  # each (3, k): channel of a UAV, time [s], length [s]
@@ -39,15 +35,15 @@ class Preview:
         self._add_gaps(events)
         chosen = slice(-steps.first % self._every, None, self._every)
         end = self._count + len(steps.states[chosen])
-        for to, values in zip(self._kept[1:4], steps[1:4], strict=True):
+        for to, values in zip(self._steps[1:4], steps[1:4], strict=True):
             to[self._count : end] = values[chosen]
         for name in _FIELDS:
-            self._kept.signals[name][self._count : end] = steps.signals[name][chosen]
+            self._steps.signals[name][self._count : end] = steps.signals[name][chosen]
         self._count = end
 
     def recording(self, ending: Ending) -> Recording:
-        """Return the flight with the period of the steps that were kept; it has no events."""
-        kept = self._kept.part(0, self._count)
+        """Return the flight with the period of the chosen steps; it has no events."""
+        kept = self._steps.part(0, self._count)
         return Recording.of(kept, ending, self._ids, self._step_us * self._every)
 
     def gaps(self) -> dict[tuple[int, int], np.ndarray]:

@@ -1,17 +1,6 @@
-"""Tracked quantities and actuator channels as reports name, order and measure them."""
+"""Tracked quantities and actuator channels as reports name, order, measure and print them."""
 
 import numpy as np
-
-__all__ = [
-    "IAE_UNITS",
-    "PAPER_ORDER",
-    "PATH_FIGURES",
-    "QUANTITIES",
-    "TRACKED_KEYS",
-    "UNITS",
-    "in_degrees",
-    "integrated_error",
-]
 
 PAPER_ORDER = ("throttle", "aileron", "elevator", "rudder")
 """Actuator channels in the order of the paper's tables."""
@@ -55,3 +44,13 @@ PATH_FIGURES = (
     "slot_rms_m",
 )
 """Figures of a UAV on a path: attributes of `gcs.results.path_following.PathSummary`."""
+
+
+def percent(share: float | None) -> str:
+    """Format a share, as in "86.67 %"."""
+    return "-" if share is None else f"{100.0 * share:.2f} %"
+
+
+def milliseconds(time_s: float | None) -> str:
+    """Format a time in seconds, as in "12 ms"."""
+    return "-" if time_s is None else f"{1e3 * time_s:g} ms"

@@ -3,22 +3,19 @@
 import json
 from pathlib import Path
 
+from gcs.results.choices import Record
 from gcs.results.columns import COLUMNS, LIGHT
-from gcs.results.events import events_of
-from gcs.results.mission_path import paths_of
+from gcs.results.export import save_arrays_of
+from gcs.results.figures import FlightSummary
+from gcs.results.path_following import paths_of
 from gcs.results.preview import Preview
-from gcs.results.record import Record
-from gcs.results.recording import Recording
-from gcs.results.run_folder import save_arrays_of, save_summary
-from gcs.results.steps import Ending, Steps
-from gcs.results.stored import EVENTS, TRAJECTORY
-from gcs.results.stream import EventStream, TrajectoryStream, row_size
-from gcs.results.summary import FlightSummary, summary_of
+from gcs.results.recording import Ending, Recording, Steps, events_of
+from gcs.results.run_folder import save_summary
+from gcs.results.store import EVENTS, TRAJECTORY, EventStream, TrajectoryStream, row_size
+from gcs.results.summary import summary_of
 from gcs.results.tally import Tally
 from gcs.scenario.itinerary import outline
 from gcs.scenario.model import Scenario
-
-__all__ = ["LIGHT_PERIOD_US", "FlightRecorder", "streams_of", "trajectory_bytes"]
 
 LIGHT_PERIOD_US = 20_000
 """Steps of a light recording are so far apart, or one control period."""
@@ -67,7 +64,7 @@ def streams_of(
 
 
 class FlightRecorder:
-    """Takes the steps of a flight, and keeps what is wanted of them.
+    """Takes the steps of a flight, and stores what `--record` asks for.
 
     Attributes:
         preview: The flight, thinned out for a figure.

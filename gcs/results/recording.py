@@ -4,16 +4,81 @@ The plant records the true state of every step. An autopilot records what it com
 where it received no state, and while disarmed only what it measures and holds.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
-from ftc_autopilot.control.reference import wrap
-from gcs.results.steps import Ending, Mode, Steps
+from ftc_autopilot.common.angles import wrap
+from ftc_autopilot.control.controller import SIGNALS
+from mavlink_defs.constants import ACTUATORS, N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Recording"]
+Mode = Literal["lockstep", "real_time", "in_process"]
+
+
+class Steps(NamedTuple):
+    """Consecutive steps of all n UAVs of a flight; the arrays are as of `Recording`."""
+
+    first: int  # step number of row 0
+    states: np.ndarray  # (steps, n, 12)
+    wind: np.ndarray  # (steps, n, 3)
+    applied: np.ndarray  # (steps, n, 4)
+    signals: np.ndarray  # (steps, n), dtype SIGNALS
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self], n: int) -> Self:
+        """Return consecutive steps of n UAVs, from step 0 on, in arrays of their own."""
+        arrays = zip(*(part[1:] for part in (cls.room(0, n), *parts)), strict=True)
+        return cls(0, *(np.concatenate(same) for same in arrays))
+
+    @property
+    def length(self) -> int:
+        """Number of steps."""
+        return len(self.states)
+
+    @classmethod
+    def room(cls, steps: int, n: int) -> Self:
+        """Return room for so many steps of n UAVs, from step 0 on."""
+        return cls(
+            0,
+            np.zeros((steps, n, 12)),
+            np.zeros((steps, n, 3)),
+            np.zeros((steps, n, N_CHANNELS)),
+            np.zeros((steps, n), SIGNALS),
+        )
+
+    def part(self, begin: int, end: int) -> Self:
+        """Return the rows from `begin` to `end`, as views."""
+        return type(self)(
+            self.first + begin,
+            self.states[begin:end],
+            self.wind[begin:end],
+            self.applied[begin:end],
+            self.signals[begin:end],
+        )
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What is known of a flight when it is over, besides its steps.
+
+    Attributes:
+        mode: How it was flown.
+        steps: Control periods flown.
+        repeats: Shape (n, 4), events sent again because the plant had not applied them.
+        wall_s: Wall-clock time that the simulated time took [s].
+        loss: Why the flight was lost; None if it was not.
+        restarts: How often each autopilot was started again; empty: none could be.
+    """
+
+    mode: Mode
+    steps: int
+    repeats: np.ndarray
+    wall_s: float
+    loss: str | None
+    restarts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,16 +171,16 @@ class Recording:
         airspeed = np.sqrt(u * u + v * v + w * w)
         return np.concatenate([airspeed[..., None], self.states[..., 6:9]], axis=-1)
 
-    def error(self, wanted: Literal["command", "reference"]) -> np.ndarray:
-        """Return true response minus wanted one, roll and yaw wrapped [m/s, rad], (steps, n, 4).
+    def error(self, against: Literal["command", "reference"]) -> np.ndarray:
+        """Return true response minus what it tracks, angles wrapped [m/s, rad], (steps, n, 4).
 
         Over missing steps the last command or reference recorded holds; before an autopilot's
         first step, that of its first step. NaN while disarmed.
 
         Args:
-            wanted: The unfiltered commands, or the filtered reference.
+            against: The unfiltered commands, or the filtered reference.
         """
-        error: np.ndarray = self.response - self._held_over(self.signals[wanted])
+        error: np.ndarray = self.response - self._held_over(self.signals[against])
         wrap_all(error[..., 1])
         wrap_all(error[..., 3])
         return error
@@ -133,6 +198,50 @@ class Recording:
 
 @compiled
 def wrap_all(angles: np.ndarray) -> None:
+    """Wrap angles of shape (steps, axes) to (-pi, pi] in place [rad]."""
     for k in range(angles.shape[0]):
         for i in range(angles.shape[1]):
             angles[k, i] = wrap(angles[k, i])
+
+
+Events: TypeAlias = Mapping[str, np.ndarray]
+"""Columns of equal length, as `events_of` returns them."""
+
+
+def events_of(
+    signals: np.ndarray, first: int, uav_ids: Sequence[int], step_us: int
+) -> dict[str, np.ndarray]:
+    """Return the events of consecutive steps as columns of equal length, ordered by time.
+
+    Args:
+        signals: Shape (steps, n), dtype `ftc_autopilot.control.controller.SIGNALS`.
+        first: Number of the first step.
+        uav_ids: System ids, length n.
+        step_us: Control period [µs].
+
+    Returns:
+        `uav` (system id), `channel` (number as in `mavlink_defs.faults.ACTUATORS`), `step`,
+        `time_s`, `value` (held from then on: rad, or N for the throttle).
+    """
+    masks = signals["events"]
+    row, uav = np.nonzero(masks)
+    bits = masks[row, uav, None] >> np.arange(len(ACTUATORS), dtype=np.uint8) & 1
+    which, channel = np.nonzero(bits)
+    row, uav = row[which], uav[which]
+    step = first + row
+    return {
+        "uav": np.array(uav_ids)[uav],
+        "channel": channel,
+        "step": step,
+        "time_s": step * step_us / 1e6,
+        "value": signals["held"][row, uav, channel],
+    }
+
+
+def event_table(recording: Recording) -> dict[str, np.ndarray]:
+    """Return every event of the flight as columns of equal length, ordered by time.
+
+    Columns: `uav` (system id), `channel` (number as in `mavlink_defs.faults.ACTUATORS`),
+    `step`, `time_s`, `value` (held from then on: rad, or N for the throttle).
+    """
+    return events_of(recording.signals, 0, recording.uav_ids, recording.step_us)

@@ -7,21 +7,17 @@ import re
 from datetime import datetime
 from pathlib import Path
 
-import numpy as np
-
 from gcs.errors import BadInput
-from gcs.results.recording import Recording
-from gcs.results.summary import FlightSummary, event_table
-from mavlink_defs.runtime.files import save_arrays, write_text
-
-__all__ = ["make_run_folder", "save_arrays_of", "save_flight", "save_summary"]
+from gcs.results.figures import FlightSummary
+from mavlink_defs.config.output_files import write_text
+from mavlink_defs.config.user_files import open_file
 
 
-def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
+def make_run_folder(chosen: Path | None, scenario_name: str) -> Path:
     """Make the run folder.
 
     Args:
-        wanted: The folder; None for a new one below `runs`.
+        chosen: The folder; None for a new one below `runs`.
         scenario_name: Part of the name of a new folder.
 
     Raises:
@@ -29,7 +25,7 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
     """
     now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     name = re.sub(r"[^\w.-]+", "-", scenario_name)
-    folder = wanted or Path("runs") / f"{name}-{now}"
+    folder = chosen or Path("runs") / f"{name}-{now}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         occupied = any(folder.iterdir())
@@ -46,35 +42,6 @@ def make_run_folder(wanted: Path | None, scenario_name: str) -> Path:
     return folder
 
 
-def save_flight(recording: Recording, summary: FlightSummary, folder: Path) -> None:
-    """Write `summary.json`, `events.npz` and `trajectory.npz`.
-
-    Raises:
-        OSError: One of them cannot be written; it is named.
-    """
-    save_summary(summary, folder)
-    save_arrays_of(recording, folder)
-
-
-def save_arrays_of(recording: Recording, folder: Path) -> None:
-    """Write `events.npz` and `trajectory.npz`.
-
-    Raises:
-        OSError: One of them cannot be written; it is named.
-    """
-    save_arrays(folder / "events.npz", event_table(recording))
-    signals = recording.signals
-    trajectory = {
-        "uav": np.array(recording.uav_ids),
-        "time_s": recording.time_s,
-        "state": recording.states,
-        "wind": recording.wind,
-        "applied": recording.applied,
-    }
-    trajectory |= {name: signals[name] for name in (signals.dtype.names or ())}
-    save_arrays(folder / "trajectory.npz", trajectory)
-
-
 def save_summary(summary: FlightSummary, folder: Path) -> None:
     """Write `summary.json`.
 
@@ -82,3 +49,19 @@ def save_summary(summary: FlightSummary, folder: Path) -> None:
         OSError: It cannot be written; it is named.
     """
     write_text(folder / "summary.json", json.dumps(summary.to_json(), indent=2) + "\n")
+
+
+def read_summary(folder: Path | str) -> FlightSummary:
+    """Read `summary.json` of a run folder.
+
+    Raises:
+        BadInput: There is none, or it is something else.
+    """
+    path = Path(folder) / "summary.json"
+    try:
+        with open_file(path) as file:
+            return FlightSummary.from_json(json.load(file))
+    except OSError as problem:
+        raise BadInput(f"cannot read {path}: {problem.strerror}") from None
+    except ValueError as problem:
+        raise BadInput(f"{path} is no summary: {problem}") from None

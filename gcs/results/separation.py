@@ -7,8 +7,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Separation", "SeparationSummary", "least_distances"]
-
 
 @dataclass(frozen=True)
 class SeparationSummary:
@@ -33,7 +31,7 @@ class Separation:
         self._least_m, self._step, self._pair = math.inf, 0, (0, 0)
 
     def add(self, first: int, states: np.ndarray) -> None:
-        """Take the next steps; see `gcs.results.steps.Steps`."""
+        """Take the next steps; see `gcs.results.recording.Steps`."""
         distances, pairs = least_distances(states)
         if len(distances) and distances.min() < self._least_m:
             k = int(distances.argmin())

@@ -7,8 +7,6 @@ import numpy as np
 from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["Synchronisation"]
-
 
 class Synchronisation:
     """Sums of absolute synchronisation errors (31) and (32), taken while a flight is flown.

@@ -9,19 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import LOST
-from ftc_autopilot.control.reference import wrap
-from gcs.results.mission_path import leaders_of, paths_of
-from gcs.results.path_following import PathFollowing
+from gcs.results.path_following import PathFollowing, leaders_of, paths_of
+from gcs.results.recording import Steps
 from gcs.results.separation import Separation
-from gcs.results.steps import Steps
 from gcs.results.synchronisation import Synchronisation
 from gcs.results.traffic import Traffic
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["FINAL_S", "Decision", "Tally", "count_steps"]
 
 FINAL_S = 1.0
 """The final error is the largest one of this long before the end [s]."""
@@ -39,8 +36,8 @@ TALLY = np.dtype(
         ("events", "i8", (N_CHANNELS,)),
         ("last_event", "i8", (N_CHANNELS,)),  # step, -1: none yet
         ("min_gap", "i8", (N_CHANNELS,)),  # steps between two events, 0: none yet
-        ("heard", "i8"),  # 1: `wanted` is known
-        ("wanted", "f8", (2, 4)),  # command and reference of the last step that is not missing
+        ("heard", "i8"),  # 1: `target` is known
+        ("target", "f8", (2, 4)),  # command and reference of the last step that is not missing
         ("counted", "i8", (2,)),  # steps with an error against command and reference
         ("sum", "f8", (2, 4)),  # of absolute errors [m/s, rad]
         ("settled", "i8"),  # steps after the first second with an error against the reference
@@ -94,7 +91,7 @@ class Tally:
         for name in ("last_event", "attitude_lost", "heading_lost", "control_failed"):
             self.uavs[name] = _NEVER
         self.uavs["highest_down"] = -np.inf
-        self.uavs["wanted"] = np.nan
+        self.uavs["target"] = np.nan
         # errors against the reference, over the window of the final error: row step % length
         self._tail = np.full((n, math.ceil(FINAL_S * 1e6 / step_us) + 1, 4), np.nan)
         self._unheard: list[list[Steps]] = [[] for _ in range(n)]
@@ -114,8 +111,8 @@ class Tally:
                     own = (array[:, i : i + 1].copy() for array in steps[1:])
                     self._unheard[i].append(Steps(steps.first, *own))
                     continue
-                tally["wanted"][0] = steps.signals["command"][known[0], i]
-                tally["wanted"][1] = steps.signals["reference"][known[0], i]
+                tally["target"][0] = steps.signals["command"][known[0], i]
+                tally["target"][1] = steps.signals["reference"][known[0], i]
                 self._count_unheard(i)
             self._count(i, steps, i, errors)
         self.synchronisation.add(errors)
@@ -207,7 +204,7 @@ def count_steps(
         tail: Errors against the reference, row step % length, updated in place.
         errors: Shape (steps, n, 4), against the reference [m/s, rad], written.
     """
-    wanted = tally["wanted"]
+    target = tally["target"]
     for k in range(len(states)):
         step, signal = first + k, signals[k, i]
         lost = 0
@@ -224,8 +221,8 @@ def count_steps(
         if not math.isnan(signal["V"]):
             tally["heard"] = 1
             for j in range(4):
-                wanted[0, j] = signal["command"][j]
-                wanted[1, j] = signal["reference"][j]
+                target[0, j] = signal["command"][j]
+                target[1, j] = signal["reference"][j]
         if math.isfinite(signal["command"][0]):
             tally["active"] += 1
         _count_events(step, signal["events"], tally)
@@ -242,10 +239,10 @@ def count_steps(
         error, known = (0.0, 0.0, 0.0, 0.0), False
         for against in range(2):  # the command, and then the reference
             error = (
-                airspeed - wanted[against, 0],
-                wrap(states[k, i, 6] - wanted[against, 1]),
-                states[k, i, 7] - wanted[against, 2],
-                wrap(states[k, i, 8] - wanted[against, 3]),
+                airspeed - target[against, 0],
+                wrap(states[k, i, 6] - target[against, 1]),
+                states[k, i, 7] - target[against, 2],
+                wrap(states[k, i, 8] - target[against, 3]),
             )
             known = math.isfinite(error[0]) and math.isfinite(error[1])
             known = known and math.isfinite(error[2]) and math.isfinite(error[3])

@@ -8,7 +8,7 @@ repeats, and what is said before the start and with FTC_STEP_DONE, a tap counts 
 
 import numpy as np
 
-from gcs.results.steps import Steps
+from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_MODE_FLAG_SAFETY_ARMED
@@ -18,8 +18,6 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import Sensor
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
-
-__all__ = ["KINDS", "Traffic"]
 
 KINDS = ("states", "actuator_messages", "neighbour_messages")
 """Messages whose bytes are counted."""

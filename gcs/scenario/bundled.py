@@ -11,8 +11,6 @@ from pathlib import Path
 
 from mavlink_defs.config.models import ConfigError, Problem
 
-__all__ = ["SCENARIOS", "addition_names", "base_of", "bundled_names", "find_scenario"]
-
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "bundled_scenarios"
 SCENARIOS = _INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent / "scenarios"
@@ -55,14 +53,14 @@ def _find(path: Path, name: str) -> Path:
     if path.exists() and not path.is_dir():
         return path
     names = bundled_names() + addition_names()
-    wanted = name.removesuffix(".yaml")
-    if wanted in names:
-        return SCENARIOS / f"{wanted}.yaml"
+    requested = name.removesuffix(".yaml")
+    if requested in names:
+        return SCENARIOS / f"{requested}.yaml"
     if path.is_dir():
         return path
-    stem = wanted.rpartition("/")[2]
+    stem = requested.rpartition("/")[2]
     alike = [known for known in names if known.rpartition("/")[2] == stem]
-    alike = alike or difflib.get_close_matches(wanted, names, n=3)
+    alike = alike or difflib.get_close_matches(requested, names, n=3)
     meant = f"; did you mean {' or '.join(alike)}?" if alike else ""
     text = f"no such file, and no bundled scenario of that name{meant}"
     raise ConfigError(path, [Problem((), f"{text} (`gcs scenarios` lists them)")])

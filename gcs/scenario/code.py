@@ -6,15 +6,13 @@ from pathlib import Path
 
 from mavlink_defs.runtime.code_cache import source_digest
 
-__all__ = ["code_digest", "code_version"]
-
 _ROOT = Path(__file__).parents[2]
 _SOURCES = (
     "mavlink_defs/**/*.py",
     "mavlink_defs/*.xml",
     "sitl_plant/**/*.py",
     "ftc_autopilot/**/*.py",
-    "gcs/campaigns/flights.py",
+    "gcs/lab/campaigns/flights.py",
     "gcs/fleet/in_process.py",
     "gcs/results/*.py",
     "gcs/scenario/*.py",

@@ -17,8 +17,6 @@ from mavlink_defs.mission_files import is_mission_file, read_mission_file
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
-__all__ = ["Itinerary", "Stage", "dry_run", "load_mission", "outline"]
-
 _ARC_POINT_RAD = math.radians(5.0)
 _FINAL_M = 2000.0  # of a path that goes on without an end
 
@@ -30,7 +28,7 @@ class Stage:
     Attributes:
         item: Number of the item.
         north_m: Where the path is nearest to it [m].
-        east_m: Likewise.
+        east_m: The same.
         height_m: Above the origin, there [m].
         airspeed_m_s: On the way [m/s].
         length_m: Of the way up to there [m].
@@ -55,7 +53,7 @@ class Itinerary:
     Attributes:
         stages: The ways to the items; what comes after a jump back is in `repeats`.
         length_m: Of the whole path up to where it repeats or has no end [m].
-        time_s: Likewise, in still air [s].
+        time_s: The same, in still air [s].
         repeats: Number of the item from which on all repeats for ever; None: it does not.
     """
 
@@ -93,9 +91,8 @@ def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> 
         raise ConfigError(name, [Problem((), "expected a waypoint or a circle, got no item")])
     if not is_path(items):
         raise ConfigError(name, [Problem((), "a profile, not a path; see gcs profile")])
-    planner = fleet.planner()
     try:
-        path = planner.path(planner.tasks(items))
+        path = fleet.planner().path(items)
     except ItemError as error:
         raise ConfigError(name, [Problem((), str(error))]) from error
     stages = tuple(_stages(path))

@@ -4,14 +4,13 @@ Each entry becomes one item of the mission protocol, so that both count items fr
 """
 
 import math
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from ftc_autopilot.geography import Origin, place_of
-from ftc_autopilot.vehicle.home import home_item
+from ftc_autopilot.common.geography import Origin, place_of
+from ftc_autopilot.guidance.mission_places import home_item
 from mavlink_defs import dialect
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Problems, shown
@@ -21,8 +20,6 @@ from mavlink_defs.constants import INT32_MAX, MAX_MISSION_ITEMS
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.mission_files import mission_item, read_mission_file
 from mavlink_defs.services.mission import MissionItem
-
-__all__ = ["MissionEntry", "MissionSection", "entries_of_items", "with_mission_file"]
 
 
 class WaypointEntry(Model):
@@ -35,6 +32,12 @@ class WaypointEntry(Model):
         "m", ge=0.0, default=0.0, doc="Greatest distance at which it is passed; 0: any."
     )
 
+    def item(self, seq: int, origin: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        x, y, *_ = place_of(origin, self.north_m, self.east_m, 0.0)
+        params = (0.0, self.within_m)
+        return mission_item(seq, dialect.MAV_CMD_NAV_WAYPOINT, params, x, y, self.height_m)
+
 
 class LoiterEntry(Model):
     """A circle."""
@@ -45,7 +48,7 @@ class LoiterEntry(Model):
     east_m: float | None = quantity("m", default=None, doc="East of the centre.")
     height_m: float = quantity("m", doc="Height above home.")
     radius_m: float = quantity(
-        "m", default=0.0, doc="Radius, positive clockwise; 0: that of a turn of 20 deg of bank."
+        "m", default=0.0, doc="Radius, positive clockwise; 0: of a turn at 20 deg of bank."
     )
     turns: float | None = quantity("", gt=0.0, default=None, doc="Turns before it is left.")
     time_s: float | None = quantity("s", ge=0.0, default=None, doc="Time before it is left.")
@@ -58,6 +61,18 @@ class LoiterEntry(Model):
             raise Problems([Problem((), "expected {0} or {1}, got both", keys=_ENDS)])
         return self
 
+    def item(self, seq: int, origin: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        command, first = dialect.MAV_CMD_NAV_LOITER_UNLIM, 0.0
+        if self.turns is not None:
+            command, first = dialect.MAV_CMD_NAV_LOITER_TURNS, self.turns
+        elif self.time_s is not None:
+            command, first = dialect.MAV_CMD_NAV_LOITER_TIME, self.time_s
+        x = y = INT32_MAX
+        if self.north_m is not None and self.east_m is not None:
+            x, y, *_ = place_of(origin, self.north_m, self.east_m, 0.0)
+        return mission_item(seq, command, (first, 0.0, self.radius_m), x, y, self.height_m)
+
 
 _CENTRE, _ENDS = ("north_m", "east_m"), ("turns", "time_s")
 
@@ -67,11 +82,20 @@ class SpeedEntry(Model):
 
     airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed.")
 
+    def item(self, seq: int, _: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        params = (0.0, self.airspeed_m_s, -1.0)
+        return mission_item(seq, dialect.MAV_CMD_DO_CHANGE_SPEED, params)
+
 
 class DelayEntry(Model):
     """Time before the entries up to the next place take effect."""
 
     time_s: float = quantity("s", ge=0.0, doc="Time.")
+
+    def item(self, seq: int, _: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        return mission_item(seq, dialect.MAV_CMD_CONDITION_DELAY, (self.time_s,))
 
 
 class JumpEntry(Model):
@@ -79,6 +103,10 @@ class JumpEntry(Model):
 
     to_item: int = whole("", ge=1, doc="Item to go on with; the first one is 1.")
     times: int = whole("", ge=-1, default=-1, doc="How often; -1: always.")
+
+    def item(self, seq: int, _: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        return mission_item(seq, dialect.MAV_CMD_DO_JUMP, (float(self.to_item), float(self.times)))
 
 
 class HomeEntry(Model):
@@ -88,9 +116,19 @@ class HomeEntry(Model):
     east_m: float = quantity("m", doc="East of the origin.")
     height_m: float = quantity("m", default=0.0, doc="Height above the origin.")
 
+    def item(self, seq: int, origin: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        x, y, *_ = place_of(origin, self.north_m, self.east_m, 0.0)
+        altitude_m, frame = origin.altitude_m + self.height_m, dialect.MAV_FRAME_GLOBAL
+        return mission_item(seq, dialect.MAV_CMD_DO_SET_HOME, (), x, y, altitude_m, frame)
+
 
 class ReturnEntry(Model):
     """The circle around home."""
+
+    def item(self, seq: int, _: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        return mission_item(seq, dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH)
 
 
 class ProtocolEntry(Model):
@@ -104,6 +142,11 @@ class ProtocolEntry(Model):
     x: int = whole("", ge=-INT32_MAX, le=INT32_MAX, default=0, doc="Latitude in degE7, mostly.")
     y: int = whole("", ge=-INT32_MAX, le=INT32_MAX, default=0, doc="Longitude in degE7, mostly.")
     z: float = quantity("", default=0.0, doc="Altitude in m, mostly.")
+
+    def item(self, seq: int, _: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        params = [math.nan if value is None else value for value in self.params]
+        return mission_item(seq, self.command, params, self.x, self.y, self.z, self.frame)
 
 
 class MissionEntry(Model):
@@ -136,7 +179,8 @@ class MissionEntry(Model):
     def mission_item(self, seq: int, origin: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
         (entry,) = (v for key in type(self).model_fields if (v := getattr(self, key)) is not None)
-        return _item_of(entry, seq, origin)
+        item: MissionItem = entry.item(seq, origin)
+        return item
 
 
 class MissionSection(Model):
@@ -152,9 +196,12 @@ class MissionSection(Model):
         return home_item(origin), *items
 
 
-def entries_of_items(items: Sequence[MissionItem]) -> list[dict[str, Any]]:
-    """Return the items of a mission, without home, as plain data of a file."""
-    return [{"item": dict(_protocol_keys(item))} for item in items[1:]]
+def _entry_of(item: MissionItem) -> dict[str, Any]:
+    """Return an item as plain data of a file."""
+    params = (item.param1, item.param2, item.param3, item.param4)
+    numbers = [None if math.isnan(value) else decimal_of_float32(value) for value in params]
+    place = {"x": item.x, "y": item.y, "z": decimal_of_float32(item.z)}
+    return {"item": {"command": item.command, "frame": item.frame, "params": numbers} | place}
 
 
 def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
@@ -180,49 +227,8 @@ def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     except ConfigError as error:
         problems = [Problem(("mission", "file"), line) for line in error.lines]
         raise ConfigError(path, located(tree, problems)) from error
-    entries = written_in(entries_of_items(items), source_at(tree, ("mission", "file")))
+    entries = written_in(
+        [_entry_of(item) for item in items[1:]], source_at(tree, ("mission", "file"))
+    )
     changed: dict[Any, Any] = merged(tree, {"mission": {"file": None, "items": entries}})
     return changed
-
-
-def _protocol_keys(item: MissionItem) -> Iterator[tuple[str, Any]]:
-    params = [
-        None if math.isnan(value) else decimal_of_float32(value)
-        for value in (item.param1, item.param2, item.param3, item.param4)
-    ]
-    yield "command", item.command
-    yield "frame", item.frame
-    yield "params", params
-    yield from (("x", item.x), ("y", item.y), ("z", decimal_of_float32(item.z)))
-
-
-def _item_of(entry: Model, seq: int, origin: Origin) -> MissionItem:
-    d = dialect
-    match entry:
-        case WaypointEntry(north_m=north, east_m=east, height_m=height, within_m=within):
-            place = place_of(origin, north, east, 0.0)
-            return mission_item(seq, d.MAV_CMD_NAV_WAYPOINT, (0.0, within), *place[:2], height)
-        case LoiterEntry(height_m=height, radius_m=radius):
-            command, first = d.MAV_CMD_NAV_LOITER_UNLIM, 0.0
-            if entry.turns is not None:
-                command, first = d.MAV_CMD_NAV_LOITER_TURNS, entry.turns
-            elif entry.time_s is not None:
-                command, first = d.MAV_CMD_NAV_LOITER_TIME, entry.time_s
-            x = y = INT32_MAX
-            if entry.north_m is not None and entry.east_m is not None:
-                x, y = place_of(origin, entry.north_m, entry.east_m, 0.0)[:2]
-            return mission_item(seq, command, (first, 0.0, radius), x, y, height)
-        case SpeedEntry(airspeed_m_s=airspeed):
-            return mission_item(seq, d.MAV_CMD_DO_CHANGE_SPEED, (0.0, airspeed, -1.0))
-        case DelayEntry(time_s=seconds):
-            return mission_item(seq, d.MAV_CMD_CONDITION_DELAY, (seconds,))
-        case JumpEntry(to_item=to, times=times):
-            return mission_item(seq, d.MAV_CMD_DO_JUMP, (float(to), float(times)))
-        case HomeEntry(north_m=north, east_m=east, height_m=height):
-            place, altitude = place_of(origin, north, east, 0.0), origin.altitude_m + height
-            frame = d.MAV_FRAME_GLOBAL
-            return mission_item(seq, d.MAV_CMD_DO_SET_HOME, (), *place[:2], altitude, frame)
-        case ProtocolEntry():
-            params = [math.nan if value is None else value for value in entry.params]
-            return mission_item(seq, entry.command, params, entry.x, entry.y, entry.z, entry.frame)
-    return mission_item(seq, d.MAV_CMD_NAV_RETURN_TO_LAUNCH)

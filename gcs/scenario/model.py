@@ -1,6 +1,6 @@
 """Scenario files: one YAML tree that fully describes a flight.
 
-The sections are those of plant and autopilots; this module assembles them, checks them against
+The sections are the plant's and the autopilots'; this module assembles them, checks them against
 each other, and derives the configuration of each process. Times of the profile and of faults
 are simulated time, which starts together with the mission.
 """
@@ -10,21 +10,16 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from ftc_autopilot.config import (
-    AutopilotConfig,
-    Controller,
-    Formation,
-    Guidance,
-    Identity,
-    Neighbour,
-    Origin,
-    Trigger,
-    law_problems,
-    trigger_problems,
-)
+from ftc_autopilot.common.geography import Origin
+from ftc_autopilot.config import AutopilotConfig, Identity
 from ftc_autopilot.control.communication_graph import formation_problems
+from ftc_autopilot.control.config import Neighbour, law_problems, trigger_problems
+from ftc_autopilot.control.laws import Controller
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers import Trigger
+from ftc_autopilot.control.triggers.static import PerChannel
+from ftc_autopilot.guidance.formation import Formation
+from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.reach import most_links, reach_problems
@@ -68,8 +63,6 @@ from sitl_plant.config import (
     true_aircraft,
 )
 from sitl_plant.hardware import Sensors, Servos, sensor_problems, servo_problems
-
-__all__ = ["Scenario", "load_scenario", "scenario_of", "scenario_tree"]
 
 
 class Scenario(Model):
@@ -282,7 +275,7 @@ class Scenario(Model):
             text = f"expected [{low:g}, {high:g}] m/s, the limits of guidance and aircraft"
             yield ("guidance", "cruise_m_s"), f"{text}, got {cruise!r}"
         try:
-            planner.tasks(self.mission_items())
+            planner.check(self.mission_items())
         except ItemError as error:
             yield ("mission", "items", error.seq - 1), error.reason
 
@@ -332,13 +325,7 @@ class Scenario(Model):
             yield (*loc, "airspeed_m_s"), text
 
     def _fault_problems(self) -> Found:
-        stop, thrust = self.aircraft.surface_limit_deg, self.aircraft.thrust_limit_n
-        limits = {
-            "bias_deg": (-stop, stop, "deg"),
-            "stuck_deg": (-stop, stop, "deg"),
-            "bias_n": (-thrust, thrust, "N"),
-            "stuck_n": (0.0, thrust, "N"),
-        }
+        limits = self.aircraft.fault_limits
         for i, fault in enumerate(self.faults):
             if sum(other.uav == fault.uav for other in self.faults[:i]) == MAX_FAULTS:
                 text = f"UAV {fault.uav} has more than {MAX_FAULTS} faults, as many as fit"
@@ -346,12 +333,13 @@ class Scenario(Model):
             if fault.uav not in self._ids:
                 ids = ", ".join(map(str, self._ids))
                 yield ("faults", i, "uav"), f"expected one of the UAVs {ids}, got {fault.uav}"
-            if (key := fault.value_key) is not None:
-                low, high, unit = limits[key]
-                value = getattr(fault, key)
+            if fault.value is not None:
+                kind, value = fault.value
+                low, high = kind.bounds(fault.actuator, limits)
                 if not low <= value <= high:
-                    text = f"expected [{low:g}, {high:g}] {unit}, the aircraft's limits"
-                    yield ("faults", i, key), f"{text}, got {value!r}"
+                    expected = f"[{low:g}, {high:g}] {kind.unit(fault.actuator)}"
+                    text = f"expected {expected}, the aircraft's limits, got {value!r}"
+                    yield ("faults", i, kind.key(fault.actuator)), text
             for j in range(i):
                 if fault.overlaps(self.faults[j]):
                     text = (

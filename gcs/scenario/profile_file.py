@@ -12,7 +12,6 @@ from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.mission import with_mission_file
 from gcs.scenario.model import Scenario, scenario_of
 from gcs.scenario.sections import ProfileSegment
-from gcs.station.status import segment_dict
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
 from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Prose, Title
@@ -28,8 +27,6 @@ from mavlink_defs.profile import (
     segments_to_items,
 )
 from mavlink_defs.services.mission import MissionItem
-
-__all__ = ["ProfileFile", "load_profile", "profile_yaml"]
 
 
 class ProfileFile(Model):
@@ -82,7 +79,7 @@ def _segments_of(path: Path, items: Sequence[MissionItem]) -> tuple[Segment, ...
 def profile_yaml(segments: Iterable[Segment]) -> str:
     """Return the text of a profile file with these segments."""
     lines = [
-        yaml.safe_dump(segment_dict(segment), default_flow_style=True, sort_keys=False, width=1000)
+        yaml.safe_dump(segment.as_dict(), default_flow_style=True, sort_keys=False, width=1000)
         for segment in segments
     ]
     return "profile:\n" + "".join(f"  - {line}" for line in lines) if lines else "profile: []\n"

@@ -9,7 +9,8 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, FormationTrigger, TelemetryClockKind
+from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, TelemetryClockKind
+from ftc_autopilot.control.config import FormationTrigger
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import (
     AtMost,
@@ -30,18 +31,6 @@ from mavlink_defs.profile import Segment
 from sitl_plant.config import InitialState
 from sitl_plant.hardware import Servos
 
-__all__ = [
-    "Edge",
-    "FormationLinks",
-    "Found",
-    "Impairments",
-    "Links",
-    "Network",
-    "ProfileSegment",
-    "ScenarioFault",
-    "ScenarioUav",
-]
-
 Found: TypeAlias = Iterator[Problem | tuple[Loc, str]]
 
 _MOST_EDGES = LAST_SYSTEM * (LAST_SYSTEM - 1) // 2
@@ -56,7 +45,7 @@ class ScenarioUav(Model):
     name: Title = Field(min_length=1, description="Name that displays show.")
     initial: InitialState = Field(description="State at t = 0.")
     servos: Servos | None = Field(
-        default=None, description="Its servos, in place of those of the scenario."
+        default=None, description="Its servos, in place of the scenario's."
     )
 
 
@@ -110,7 +99,7 @@ class ScenarioFault(FaultSpec):
 
     @property
     def window(self) -> str:
-        """The time window in words."""
+        """The time window as a text."""
         end = "...)" if self.end_s is None else f"{self.end_s:g}]"
         return f"({self.start_s:g}, {end} s"
 

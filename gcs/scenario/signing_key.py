@@ -8,14 +8,12 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import EndpointError, UdpAddress, is_loopback
 from mavlink_defs.framing.signing import SigningError, read_key
 
-__all__ = ["refuse_unsigned", "signed"]
-
 
 def signed(scenario: Scenario, path: str | None) -> Scenario:
     """Return the scenario with another key file; unchanged if `path` is None.
 
     Raises:
-        BadInput: The key file, or that of the scenario, cannot be used.
+        BadInput: The key file, or the scenario's, cannot be used.
     """
     if path is not None:
         scenario = scenario.signed(Path(path))

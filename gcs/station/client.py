@@ -36,8 +36,6 @@ from mavlink_defs.framing.key_file import load_signer
 from mavlink_defs.framing.signing import SigningError
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["GROUND_STATION", "Client"]
-
 GROUND_STATION = SystemId(255, dialect.MAV_COMP_ID_MISSIONPLANNER)
 _AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 _TICK_S = 0.2
@@ -62,7 +60,7 @@ class Client(asyncio.DatagramProtocol):
         machines: Runs the microservice machines of all vehicles.
         log: The latest notifications, oldest first.
         unreachable: Whether nobody listens at the address of an outgoing connection.
-        drops: Datagrams that were dropped here, by reason in words.
+        drops: Datagrams that were dropped here, by reason.
         now: The clock [s].
     """
 
@@ -177,7 +175,7 @@ class Client(asyncio.DatagramProtocol):
     async def wait_for(self, systems: Iterable[int], timeout_s: float) -> None:
         """Wait until all these vehicles have been heard and are ready to be armed.
 
-        If private messages are wanted, wait until they arrive, too.
+        If private messages are requested, wait until they arrive, too.
 
         Args:
             systems: System ids of the vehicles.
@@ -187,7 +185,7 @@ class Client(asyncio.DatagramProtocol):
         Raises:
             NoAnswer: Some are not ready; they are named.
         """
-        wanted = set(systems)
+        expected = set(systems)
 
         def is_complete(vehicle: Vehicle | None) -> bool:
             if vehicle is None or not vehicle.state.is_ready:
@@ -196,7 +194,7 @@ class Client(asyncio.DatagramProtocol):
             return state.tells_private or not (self._private and state.offers_private)
 
         def missing() -> set[int]:
-            return {i for i in wanted if not is_complete(self._vehicles.get(i))}
+            return {i for i in expected if not is_complete(self._vehicles.get(i))}
 
         before: set[int] = set()
         while before := missing():

@@ -17,27 +17,25 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.services.machine import SystemId
 
-__all__ = ["choose_connection", "own_identity", "warn_if_exposed"]
-
 _HOST = "127.0.0.1"
 _SYSTEM = 255
 _FIRST_COMPONENT, _COMPONENTS = 25, 75  # MAV_COMP_ID_USER1 to USER75
 
 
-def choose_connection(wanted: str | None, signing_key: str | None = None) -> Connection:
+def choose_connection(connect: str | None, signing_key: str | None = None) -> Connection:
     """Return the user's connection, else the hub of ``gcs up`` if it runs, else the GCS port.
 
     Args:
-        wanted: The user's ``--connect``; None without one.
+        connect: The user's ``--connect``; None without one.
         signing_key: Key file of the connection; it decides the warning about a port that other
             machines can reach.
 
     Raises:
-        BadInput: `wanted` is not a connection.
+        BadInput: `connect` is not a connection.
     """
-    if wanted is not None:
+    if connect is not None:
         try:
-            connection = parse_connection(wanted)
+            connection = parse_connection(connect)
         except EndpointError as problem:
             raise BadInput(f"--connect: {problem}") from problem
         if connection.direction == "in":
@@ -53,7 +51,7 @@ def own_identity() -> SystemId:
     """Return the system and component id of this process.
 
     Several processes may talk to a vehicle at the same time or in quick succession; the component
-    id, derived from the process id, tells their answers apart.
+    id, derived from the process id, distinguishes their answers.
     """
     return SystemId(_SYSTEM, _FIRST_COMPONENT + os.getpid() % _COMPONENTS)
 

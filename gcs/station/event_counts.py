@@ -13,15 +13,13 @@ from mavlink_defs.dialect import MAVLink_ftc_events_message
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["SPAN_S", "WINDOW_S", "EventCounts", "Four"]
-
 Four = tuple[int, int, int, int]
 """One number per channel: aileron, elevator, rudder, throttle."""
 
 WINDOW_S = 10.0
 """Window of the recent events [s of simulated time]."""
 SPAN_S = 120.0
-"""Span that is kept for rates [s of simulated time]."""
+"""Span that is stored for rates [s of simulated time]."""
 
 _NONE_YET = 0xFFFFFFFF
 _ZERO: Four = (0, 0, 0, 0)

@@ -7,8 +7,6 @@ from mavlink_defs.capture.saving import saving
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.services.machine import sender_of
 
-__all__ = ["FleetState"]
-
 
 class FleetState:
     """Vehicles by system id, discovered by their HEARTBEATs.

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["ROW", "History"]
-
 ROW = (
     ("time_s", "f8"),  # simulated time
     ("actual", "f8", 4),  # airspeed [m/s], roll, pitch, yaw [deg]

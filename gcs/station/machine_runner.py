@@ -9,8 +9,6 @@ from typing import Any, TypeVar
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.services.machine import Machine
 
-__all__ = ["MachineRunner"]
-
 E = TypeVar("E")  # events of a machine
 F = TypeVar("F")  # the last one
 

@@ -12,21 +12,9 @@ from typing import TypeAlias
 from mavlink_defs import dialect
 from mavlink_defs.config.problems import counted
 from mavlink_defs.float32 import decimal_of_float32
+from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, Segment, items_to_segments
 from mavlink_defs.services.mission import MissionItem
-
-__all__ = [
-    "HAS_PLACE",
-    "Mission",
-    "inserted",
-    "is_same",
-    "item_text",
-    "moved",
-    "profile_of",
-    "removed",
-    "waypoint",
-    "with_place",
-]
 
 Mission: TypeAlias = tuple[MissionItem, ...]
 """The items of a mission, home included; empty: none."""
@@ -39,6 +27,7 @@ HAS_PLACE = {
 }
 """Commands of items that lead to a place."""
 
+_NO_YAW = (0.0, 0.0, 0.0, math.nan)
 _FLOATS = ("param1", "param2", "param3", "param4", "z")
 _WHOLES = ("frame", "command", "autocontinue", "x", "y")
 
@@ -57,7 +46,7 @@ def is_same(a: Mission, b: Mission) -> bool:
 
 
 def item_text(item: MissionItem) -> str:
-    """Describe an item in a few words: "waypoint", "loiter 3 turns", "jump to 2, 5 times"."""
+    """Describe an item briefly: "waypoint", "loiter 3 turns", "jump to 2, 5 times"."""
     p1, p2, p3 = item.param1, item.param2, item.param3
     match item.command:
         case dialect.MAV_CMD_NAV_WAYPOINT:
@@ -87,12 +76,9 @@ def item_text(item: MissionItem) -> str:
 
 def waypoint(like: MissionItem, x: int, y: int, z: float) -> MissionItem:
     """Return a waypoint at a place [degE7, m], its altitude in the frame of another item."""
-    fields = (0.0, 0.0, 0.0, math.nan, x, y, z)
     relative = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
     frame = like.frame if like.command in HAS_PLACE else relative
-    return dialect.MAVLink_mission_item_int_message(
-        0, 0, 0, frame, dialect.MAV_CMD_NAV_WAYPOINT, 0, 1, *fields
-    )
+    return mission_item(0, dialect.MAV_CMD_NAV_WAYPOINT, _NO_YAW, x, y, z, frame)
 
 
 def inserted(mission: Mission, at: int, item: MissionItem) -> Mission:
@@ -119,24 +105,24 @@ def with_place(mission: Mission, at: int, x: int, y: int, z: float) -> Mission:
 
 
 def _numbered(before: Mission, order: Sequence[MissionItem]) -> Mission:
-    """Number items anew, and let jumps lead to where they led before."""
+    """Renumber items, and let jumps lead to where they led before."""
     places = {id(item): seq for seq, item in enumerate(order)}
-    kept = [places.get(id(item)) for item in before]
+    remaining = [places.get(id(item)) for item in before]
     items = []
     for seq, item in enumerate(order):
         own = copy.copy(item)
         own.seq = seq
         if own.command == dialect.MAV_CMD_DO_JUMP:
-            own.param1 = float(_target(kept, int(own.param1), len(order) - 1))
+            own.param1 = float(_target(remaining, int(own.param1), len(order) - 1))
         items.append(own)
     return tuple(items)
 
 
-def _target(kept: Sequence[int | None], target: int, last: int) -> int:
-    """Return the new number of an item, or of the next one that was kept."""
-    if not 0 <= target < len(kept):
+def _target(remaining: Sequence[int | None], target: int, last: int) -> int:
+    """Return the new number of an item, or of the next one that remains."""
+    if not 0 <= target < len(remaining):
         return target  # it was wrong already
-    return next((seq for seq in kept[target:] if seq is not None), last)
+    return next((seq for seq in remaining[target:] if seq is not None), last)
 
 
 def _content(item: MissionItem) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Where vehicles are and where they are to be, from their telemetry.
 
 Places are north and east in the vehicles' common local frame [m]. A function returns None while
-the vehicle has not told it.
+the vehicle has not reported it.
 """
 
 import math
@@ -10,25 +10,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ftc_autopilot.geography import Origin, place_of, position_of
+from ftc_autopilot.common.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.mission_items import has_place
 from ftc_autopilot.guidance.mission_places import RELATIVE_FRAMES
 from gcs.station.mission import HAS_PLACE
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
+from mavlink_defs.mission_files import mission_item
 from mavlink_defs.services.mission import MissionItem
-
-__all__ = [
-    "Home",
-    "current_item",
-    "distance_to_item",
-    "home_of",
-    "is_on_path",
-    "nearest_of",
-    "slot_error_of",
-    "slot_place_of",
-    "wind_of",
-]
 
 _DEG_E7 = 1e7
 _LOCAL_POSITION = dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED
@@ -41,7 +30,7 @@ class Home:
     Attributes:
         origin: Its geographic coordinates.
         north_m: Its place.
-        east_m: Likewise.
+        east_m: The same.
     """
 
     origin: Origin
@@ -63,22 +52,10 @@ class Home:
     def item(self) -> MissionItem:
         """Return item 0 of a mission that begins here."""
         place = place_of(self.origin, 0.0, 0.0, 0.0)
-        return dialect.MAVLink_mission_item_int_message(
-            0,
-            0,
-            0,
-            dialect.MAV_FRAME_GLOBAL_INT,
-            dialect.MAV_CMD_NAV_WAYPOINT,
-            0,
-            1,
-            0.0,
-            0.0,
-            0.0,
-            math.nan,
-            place.latitude,
-            place.longitude,
-            self.origin.altitude_m,
-        )
+        degrees = (place.latitude, place.longitude)
+        frame, altitude_m = dialect.MAV_FRAME_GLOBAL_INT, self.origin.altitude_m
+        no_yaw = (0.0, 0.0, 0.0, math.nan)
+        return mission_item(0, dialect.MAV_CMD_NAV_WAYPOINT, no_yaw, *degrees, altitude_m, frame)
 
     def height_of(self, item: MissionItem) -> float:
         """Return the height of an item above home [m]."""

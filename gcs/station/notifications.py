@@ -5,17 +5,6 @@ from typing import Any, Literal, TypeAlias
 
 from mavlink_defs import dialect
 
-__all__ = [
-    "ERROR",
-    "INFO",
-    "NOTICE",
-    "WARNING",
-    "Kind",
-    "Notification",
-    "enum_name",
-    "severity_name",
-]
-
 Kind: TypeAlias = Literal["link", "mode", "text", "ack", "faults", "profile"]
 
 ERROR = dialect.MAV_SEVERITY_ERROR

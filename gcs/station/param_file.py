@@ -12,16 +12,6 @@ from mavlink_defs.float32 import float32s
 from mavlink_defs.services.param import MAX_NAME, Param
 from mavlink_defs.visible import visible
 
-__all__ = [
-    "READ_ONLY",
-    "difference",
-    "differing",
-    "read_param_file",
-    "read_settable",
-    "set_values",
-    "text_of",
-]
-
 if TYPE_CHECKING:
     from gcs.station.vehicle import Vehicle
 
@@ -60,7 +50,7 @@ def read_param_file(path: Path) -> dict[str, float]:
 
 
 def read_settable(path: Path) -> dict[str, float]:
-    """Return the values of a file that can be set: those of what is read only are left out.
+    """Return the values of a file that can be set: read-only ones are left out.
 
     Raises:
         ConfigError: As of `read_param_file`.
@@ -87,7 +77,7 @@ def _problem_of(parts: list[str], values: Mapping[str, float]) -> str:
 
 
 def differing(held: Iterable[Param], values: Mapping[str, float]) -> dict[str, float | None]:
-    """Return the values held that are not those of a file; None for a name that is not held.
+    """Return the values held that differ from a file; None for a name that is not held.
 
     Numbers are compared as the wire carries them, in 32 bits.
     """
@@ -100,7 +90,7 @@ def differing(held: Iterable[Param], values: Mapping[str, float]) -> dict[str, f
 
 
 def difference(system: int, name: str, held: float | None, other: str) -> str:
-    """Return in words that a vehicle holds something else: "UAV 1: C_V = 9, file 10"."""
+    """Return as a text that a vehicle holds something else: "UAV 1: C_V = 9, file 10"."""
     now = "not held" if held is None else f"{held:.9g}"
     return f"UAV {system}: {name} = {now}, {other}"
 

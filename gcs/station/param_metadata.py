@@ -1,7 +1,7 @@
 """What the parameter protocol does not carry: units, ranges, meanings, defaults of parameters.
 
 A default is what a parameter is if the scenario leaves its key out. What a vehicle started with is
-not told on the wire, so a value that its scenario has differs from the default like one that was
+not on the wire, so a value that its scenario has differs from the default like one that was
 set in flight.
 """
 
@@ -11,16 +11,16 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from ftc_autopilot.common.records import fill
 from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.records import fill
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
-from ftc_autopilot.vehicle.param_table import Tunable, trigger_tunables, tunables
+from ftc_autopilot.vehicle.param_table import Tunable, law_tunables, trigger_tunables, tunables
 from gcs.station.param_file import READ_ONLY
 from mavlink_defs.config.quantity import Quantity
 from mavlink_defs.float32 import float32s
@@ -31,7 +31,7 @@ __all__ = ["READ_ONLY", "Defaults", "defaults_of", "differs", "known_quantity", 
 Defaults = dict[str, tuple[float, ...]]
 """Defaults of parameters by name; of a scheduled one all values of its schedule, in order."""
 
-_TOLD = {
+_FIXED = {
     "SYSID_THISMAV": "System id, read only.",
     "MAV_TYPE": "MAV_TYPE of the heartbeat, read only.",
     "MAV_AUTOPILOT": "MAV_AUTOPILOT of the heartbeat, read only.",
@@ -57,7 +57,7 @@ def defaults_of(held: Iterable[Param]) -> Defaults:
     """Return the defaults of a vehicle's parameters, as far as they are known.
 
     Args:
-        held: The parameters. CTRL_LAW among them tells the law; without it the vehicle is none of
+        held: The parameters. CTRL_LAW among them is the law; without it the vehicle is none of
             ours and no default is known.
     """
     values = {param.name: param.value for param in held}
@@ -79,10 +79,10 @@ def differs(param: Param, defaults: Defaults) -> bool:
 
 @functools.cache
 def _known() -> dict[str, Quantity]:
-    told = {name: Quantity("", None, None, None, None, doc) for name, doc in _TOLD.items()}
-    told["STEP_US"] = Quantity("us", None, None, None, None, _TOLD["STEP_US"])
+    fixed = {name: Quantity("", None, None, None, None, doc) for name, doc in _FIXED.items()}
+    fixed["STEP_US"] = Quantity("us", None, None, None, None, _FIXED["STEP_US"])
     found = [tunable for kind in LAWS for tunable in _tunables(kind)]
-    return told | {tunable.name: tunable.quantity for tunable in reversed(found)}
+    return fixed | {tunable.name: tunable.quantity for tunable in reversed(found)}
 
 
 @functools.cache
@@ -91,7 +91,7 @@ def _defaults(kind: str) -> Defaults:
     for tunable in _tunables(kind):
         last = int(np.argmax(np.isinf(tunable.times)))
         values = dict.fromkeys(tunable.at(t) for t in tunable.times[: last + 1].tolist())
-        if all(map(math.isfinite, values)):  # a key may stand for that of another section
+        if all(map(math.isfinite, values)):  # a key may stand for one of another section
             found.setdefault(tunable.name, tuple(values))
     if not LAWS[kind].goes_with(PerChannel().mode):  # the scenario has to say which
         del found["TRIG_MODE"]
@@ -107,8 +107,8 @@ def _tunables(kind: str) -> Iterator[Tunable]:
     for mode in MODES:
         if mode in (records.dtype["trigger"].names or ()):
             fill(records["trigger"][mode][0], TRIGGERS[mode](mode=mode))
-    for part in ("common", kind):
-        fill(records[part][0], law(kind=kind))
+    fill(records["common"][0], law(kind=kind))
+    law(kind=kind).write_to(records[kind][0])
     fill(records["formation"][0], FormationParameters())
     for name, guidance in GUIDANCE_LAWS.items():
         fill(records["guidance"][name][0], guidance(kind=name))
@@ -119,4 +119,4 @@ def _tunables(kind: str) -> Iterator[Tunable]:
         yield from tunables(guidance, records["guidance"][name], "GUID_", base=GuidanceParameters)
     for mode in MODES:
         yield from trigger_tunables(records, mode)
-    yield from tunables(law, records[kind], base=LawParameters)
+    yield from law_tunables(law, records[kind])

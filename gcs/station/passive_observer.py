@@ -12,10 +12,9 @@ from gcs.station.notifications import Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
+from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults import InvalidParam, fault_from_params
 from mavlink_defs.services.fault_list import FaultList
-
-__all__ = ["PassiveObserver"]
 
 _ANY = FaultLimits(math.inf, math.inf)
 _ALL = -1.0
@@ -79,8 +78,8 @@ class PassiveObserver:
             return []
         time_s = state.time_s or 0.0
         fault = fault.resolved(time_s)
-        kept = [f for f in known if fault.coexists_with(f.actuator, f.start_s, f.end_s, time_s)]
-        return state.learn_faults((*kept, fault), now)
+        staying = [f for f in known if fault.coexists_with(f.actuator, f.start_s, f.end_s, time_s)]
+        return state.learn_faults((*staying, fault), now)
 
     def _listed_one(
         self, state: VehicleState, message: dialect.MAVLink_ftc_fault_message, now: float

@@ -1,8 +1,7 @@
 """The state of vehicles as data, as a table and as text."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.table import Table
@@ -11,174 +10,53 @@ from gcs.station.event_counts import EventCounts
 from gcs.station.vehicle_state import VehicleState
 from gcs.terminal import numbers, table_of, words
 from mavlink_defs.constants import ACTUATORS, OLD_STATE_S
-from mavlink_defs.faults import Fault
-from mavlink_defs.profile import Segment
-
-__all__ = [
-    "ChannelStatus",
-    "LinkStatus",
-    "VehicleStatus",
-    "drop_lines",
-    "fault_dict",
-    "fleet_table",
-    "not_heard",
-    "segment_dict",
-    "silence_lines",
-    "vehicle_status",
-]
 
 _QUANTITIES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
 
 
-def fault_dict(fault: Fault, time_s: float | None) -> dict[str, Any]:
-    """Return a fault as plain data; `end_s` is None for one that lasts until cleared."""
-    unit = "n" if ACTUATORS[fault.actuator] == "throttle" else "deg"
-    return {
-        "actuator": ACTUATORS[fault.actuator],
-        "effectiveness": fault.effectiveness,
-        f"{'stuck' if fault.effectiveness == 0.0 else 'bias'}_{unit}": fault.value,
-        "frequency_hz": fault.frequency_hz,
-        "start_s": fault.start_s,
-        "end_s": fault.end_s if math.isfinite(fault.end_s) else None,
-        "active": time_s is not None and fault.start_s < time_s <= fault.end_s,
-    }
+def vehicle_status(state: VehicleState, now: float) -> dict[str, Any]:
+    """Return the state of a vehicle as plain data; None stands for what is unknown.
 
+    Args:
+        state: The vehicle.
+        now: Time of the client's clock [s].
 
-def segment_dict(segment: Segment) -> dict[str, Any]:
-    """Return a segment with the keys of a scenario file."""
-    return {
-        "start_s": segment.start_s,
-        "airspeed_m_s": segment.airspeed_m_s,
-        "roll_deg": segment.roll_deg,
-        "pitch_deg": segment.pitch_deg,
-        "yaw_deg": segment.yaw_deg,
-        "shape": "ramp" if segment.ramp else "step",
-    }
-
-
-@dataclass(frozen=True)
-class LinkStatus:
-    """The link to a vehicle.
-
-    Attributes:
-        lost: Whether the vehicle has fallen silent.
-        age_s: Time since anything was received [s].
-        rate_hz: Messages per second of wall-clock time.
-        restarts: Restarts of the vehicle since it was first heard.
-        oldest_state_s: Longest simulated time for which its autopilot acted on one state in the
-            last second or two [s]; 0 in lockstep; None if unknown.
-        drops: Datagrams dropped by vehicle and plant, by link and reason; None if unknown.
+    Returns:
+        `link` (`oldest_state_s`: longest simulated time for which its autopilot acted on one state
+        in the last second or two [s], 0 in lockstep; `drops`: datagrams dropped by vehicle and
+        plant, by link and reason); `not_heard`; `actual`, `reference`, `error` and `sync_error`
+        (31), (32) by quantity [m/s, deg]; `held` commands as shares of their limits; `channels`
+        with their events; `faults` as of `Fault.as_dict`, `profile` as of `Segment.as_dict`.
     """
-
-    lost: bool
-    age_s: float
-    rate_hz: float
-    restarts: int
-    oldest_state_s: float | None
-    drops: Mapping[str, Mapping[str, int]] | None
-
-
-@dataclass(frozen=True)
-class ChannelStatus:
-    """The events of one actuator channel.
-
-    Attributes:
-        events: Events so far.
-        events_10_s: Events in the last 10 s of simulated time.
-        saving: Share of periodic transmissions that was saved; None before any step.
-        min_interval_s: Shortest time between two events [s]; None with fewer than two.
-        repeats: Events sent again because they were lost.
-    """
-
-    events: int
-    events_10_s: int
-    saving: float | None
-    min_interval_s: float | None
-    repeats: int
-
-
-@dataclass(frozen=True)
-class VehicleStatus:
-    """One vehicle in the output of `gcs status --json`; None for what is unknown.
-
-    Attributes:
-        uav: System id.
-        link: The link to it.
-        not_heard: What it has not told, as of `not_heard`.
-        armed: Whether it is armed.
-        ready: Whether it is armed or can be.
-        mode: Its mode.
-        time_s: Its simulated time [s].
-        actual: Airspeed [m/s] and attitude [deg], by quantity.
-        reference: The filtered reference, likewise.
-        error: Actual minus reference, likewise.
-        sync_error: Synchronisation error (31), (32), likewise.
-        held: Commands held, as shares of their limits, by channel.
-        steps: Control steps with active control.
-        saving: Share of periodic transmissions that was saved.
-        actuator_messages: Actuator messages sent because of an event.
-        neighbour_messages: Messages sent to neighbours after the first step.
-        channels: Events by channel.
-        faults: Its faults, as of `fault_dict`.
-        profile: Its profile, as of `segment_dict`.
-    """
-
-    uav: int
-    link: LinkStatus
-    not_heard: Sequence[str]
-    armed: bool
-    ready: bool
-    mode: str
-    time_s: float | None
-    actual: Mapping[str, float | None] | None
-    reference: Mapping[str, float | None] | None
-    error: Mapping[str, float | None] | None
-    sync_error: Mapping[str, float | None] | None
-    held: Mapping[str, float] | None
-    steps: int
-    saving: float | None
-    actuator_messages: int
-    neighbour_messages: int
-    channels: Mapping[str, ChannelStatus]
-    faults: Sequence[Mapping[str, Any]] | None
-    profile: Sequence[Mapping[str, Any]] | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the status as plain data."""
-        return asdict(self)
-
-
-def vehicle_status(state: VehicleState, now: float) -> VehicleStatus:
-    """Summarise the state of a vehicle at a time of the client's clock [s]."""
     attitude, held, faults, profile = state.attitude_deg, state.held, state.faults, state.profile
-    return VehicleStatus(
-        uav=state.system,
-        link=LinkStatus(
-            lost=state.lost,
-            age_s=state.age_s(now),
-            rate_hz=state.rate_hz(now),
-            restarts=state.restarts,
-            oldest_state_s=state.counts.oldest_state_s if state.tells_private else None,
-            drops=state.drops,
-        ),
-        not_heard=not_heard(state),
-        armed=state.armed,
-        ready=state.is_ready,
-        mode=state.mode,
-        time_s=state.time_s,
-        actual=_quantities(attitude and (state.airspeed_m_s, *attitude)),
-        reference=_quantities(state.reference),
-        error=_quantities(state.error),
-        sync_error=_quantities(state.sync_error),
-        held=None if held is None else dict(zip(ACTUATORS, held, strict=True)),
-        steps=state.counts.steps,
-        saving=state.counts.saving,
-        actuator_messages=state.counts.messages,
-        neighbour_messages=state.counts.neighbour_messages,
-        channels=_channels(state.counts),
-        faults=None if faults is None else [fault_dict(f, state.time_s) for f in faults],
-        profile=None if profile is None else [segment_dict(s) for s in profile],
-    )
+    return {
+        "uav": state.system,
+        "link": {
+            "lost": state.lost,
+            "age_s": state.age_s(now),
+            "rate_hz": state.rate_hz(now),
+            "restarts": state.restarts,
+            "oldest_state_s": state.counts.oldest_state_s if state.tells_private else None,
+            "drops": state.drops,
+        },
+        "not_heard": not_heard(state),
+        "armed": state.armed,
+        "ready": state.is_ready,
+        "mode": state.mode,
+        "time_s": state.time_s,
+        "actual": _quantities(attitude and (state.airspeed_m_s, *attitude)),
+        "reference": _quantities(state.reference),
+        "error": _quantities(state.error),
+        "sync_error": _quantities(state.sync_error),
+        "held": None if held is None else dict(zip(ACTUATORS, held, strict=True)),
+        "steps": state.counts.steps,
+        "saving": state.counts.saving,
+        "actuator_messages": state.counts.messages,
+        "neighbour_messages": state.counts.neighbour_messages,
+        "channels": _channels(state.counts),
+        "faults": None if faults is None else [f.as_dict(state.time_s) for f in faults],
+        "profile": None if profile is None else [s.as_dict() for s in profile],
+    }
 
 
 def _quantities(values: Iterable[float | None] | None) -> dict[str, float | None] | None:
@@ -189,22 +67,23 @@ def _quantities(values: Iterable[float | None] | None) -> dict[str, float | None
     return dict(zip(_QUANTITIES, known, strict=True))
 
 
-def _channels(counts: EventCounts) -> dict[str, ChannelStatus]:
+def _channels(counts: EventCounts) -> dict[str, dict[str, Any]]:
+    """Return by channel its events, events of the last 10 s, the saving, and repeats."""
     recent = counts.recent()
     return {
-        name: ChannelStatus(
-            events=counts.events[i],
-            events_10_s=recent[i],
-            saving=counts.savings[i],
-            min_interval_s=counts.min_interval_s[i],
-            repeats=counts.repeats[i],
-        )
+        name: {
+            "events": counts.events[i],
+            "events_10_s": recent[i],
+            "saving": counts.savings[i],
+            "min_interval_s": counts.min_interval_s[i],
+            "repeats": counts.repeats[i],
+        }
         for i, name in enumerate(ACTUATORS)
     }
 
 
 def not_heard(state: VehicleState) -> list[str]:
-    """Return what a vehicle has not told, in words, though it has not refused to."""
+    """Return what a vehicle has not reported, though it has not refused to."""
     private = state.offers_private
     unknown = {
         "attitude": state.attitude_deg is None,
@@ -227,11 +106,11 @@ def silence_lines(missing: Iterable[int], states: Iterable[VehicleState]) -> lis
     """
     lines = [f"UAV {system} of the fleet not heard" for system in missing]
     for state in states:
-        words, heard = not_heard(state), len(state.latest) > 1
-        if words and not heard:
+        missing_of, heard = not_heard(state), len(state.latest) > 1
+        if missing_of and not heard:
             lines.append(f"UAV {state.system} sends HEARTBEATs, and answered nothing")
-        elif words:
-            lines.append(f"not heard from UAV {state.system}: {', '.join(words)}")
+        elif missing_of:
+            lines.append(f"not heard from UAV {state.system}: {', '.join(missing_of)}")
     return lines
 
 

@@ -13,10 +13,11 @@ from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.machine_runner import MachineRunner
 from gcs.station.mission import Mission
 from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
+from gcs.station.telemetry import REQUESTED_S
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.constants import FORCE_DISARM, MODE_NAMES
-from mavlink_defs.faults import Fault, fault_to_params
+from mavlink_defs.faults import Fault
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
     ProfileError,
@@ -43,22 +44,8 @@ from mavlink_defs.services.param import (
     ParamSetter,
 )
 
-__all__ = ["PRIVATE_INTERVALS_S", "Progress", "Vehicle"]
-
 Progress = Callable[[int, int], None]
 """Called with the number of items done and the total."""
-
-PRIVATE_INTERVALS_S = {
-    dialect.MAVLINK_MSG_ID_FTC_TRACKING: 0.1,
-    dialect.MAVLINK_MSG_ID_FTC_ADAPTATION: 0.5,
-    dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS: 0.5,
-    dialect.MAVLINK_MSG_ID_FTC_FORMATION: 0.2,
-    dialect.MAVLINK_MSG_ID_FTC_DROPS: 2.0,
-    dialect.MAVLINK_MSG_ID_WIND_COV: 1.0,
-    dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: 0.5,
-    dialect.MAVLINK_MSG_ID_FTC_EVENTS: 0.2,  # the last one: once it arrives, all do
-}
-"""Messages that vehicles stream on demand, private ones, wind and way; their intervals [s]."""
 
 _TRIES = 3
 
@@ -144,7 +131,7 @@ class Vehicle:
     async def ask_for_private(self) -> None:
         """Request its private messages; a refused one is not requested again."""
         try:
-            for message_id, interval_s in PRIVATE_INTERVALS_S.items():
+            for message_id, interval_s in REQUESTED_S.items():
                 await self.set_interval(message_id, interval_s)
         except CommandRefused:
             self.state.offers_private = False
@@ -170,7 +157,7 @@ class Vehicle:
 
     async def set_fault(self, fault: Fault) -> None:
         """Set an actuator fault."""
-        await self.command(dialect.MAV_CMD_FTC_SET_FAULT, fault_to_params(fault))
+        await self.command(dialect.MAV_CMD_FTC_SET_FAULT, fault)
 
     async def clear_faults(self, actuator: int | None = None) -> None:
         """Clear the faults of one actuator (an index into `ACTUATORS`), or all."""
@@ -188,7 +175,7 @@ class Vehicle:
         await self.request(number)
         message = self.state.latest.get(number)
         if not isinstance(message, dialect.MAVLink_ftc_formation_message):
-            raise self._no_answer(f"UAV {self.system} did not tell its place in the formation")
+            raise self._no_answer(f"UAV {self.system} did not report its place in the formation")
         return message
 
     async def list_faults(self) -> tuple[Fault, ...]:
@@ -364,9 +351,9 @@ class Vehicle:
                 f"UAV {self.system} offers no parameters: it did not answer the request for {what}"
             )
         if done.error != dialect.MAV_PARAM_ERROR_NO_ERROR:
-            kept = f"; it keeps {done.params[0].value:g}" if done.params else ""
+            held = f"; it holds {done.params[0].value:g}" if done.params else ""
             reason = enum_name("MAV_PARAM_ERROR", done.error)
-            text = f"UAV {self.system} refused {what} ({reason}){kept}"
+            text = f"UAV {self.system} refused {what} ({reason}){held}"
             self._emit([Notification(self._now(), self.system, "ack", WARNING, text)])
             raise CommandRefused(text, done.error)
         if len(done.params) == 1:

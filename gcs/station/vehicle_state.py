@@ -1,6 +1,6 @@
 """The known state of one vehicle.
 
-No socket and no clock: messages and the time go in, notifications come out. Times are those of the
+No socket and no clock: messages and the time go in, notifications come out. Times are on the
 client's clock [s] unless they are called simulated time.
 """
 
@@ -9,11 +9,10 @@ from collections import deque
 from typing import Any
 
 from gcs.station.event_counts import EventCounts
-from gcs.station.fault_text import describe_fault
 from gcs.station.history import History
 from gcs.station.mission import Mission, is_same, profile_of
 from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
-from gcs.station.told_clock import SIMULATED_TIME, ToldClock
+from gcs.station.telemetry import PRIVATE, ReportedClock
 from mavlink_defs import dialect
 from mavlink_defs.constants import MODE_NAMES
 from mavlink_defs.dialect import MAVLink_message
@@ -23,8 +22,6 @@ from mavlink_defs.profile import Segment
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
 from mavlink_defs.system_ids import systems_of
-
-__all__ = ["LOST_S", "VehicleState"]
 
 LOST_S = 2.0
 """Silence after which the link to a vehicle counts as lost."""
@@ -60,7 +57,7 @@ class VehicleState:
         texts: Its last STATUSTEXTs, oldest first.
         faults: Its faults, including past and future ones; None until it has listed them.
         mission: The items of its mission, home included; None until it was downloaded.
-        profile: The segments of its profile, empty if its mission is none; None likewise.
+        profile: The segments of its profile, empty if its mission is none; None as above.
         offers_faults: Whether it answers requests for its faults; True until it refuses.
         offers_profile: The same for its profile.
         offers_private: The same for the streams of its private messages.
@@ -88,7 +85,7 @@ class VehicleState:
         self.mission: Mission | None = None
         self.profile: tuple[Segment, ...] | None = None
         self.faults_due = self.profile_due = self.private_due = now
-        self._boot, self._simulated = ToldClock(), ToldClock()
+        self._boot, self._simulated = ReportedClock(), ReportedClock()
 
     # input: messages and time
 
@@ -151,10 +148,10 @@ class VehicleState:
         if faults is None or faults == before:
             return []
         self.faults = faults
-        words = "; ".join(map(describe_fault, faults)) or "none"
+        text = "; ".join(fault.describe() for fault in faults) or "none"
         if before is None and not faults:
             return []
-        return [self._notifications(now, "faults", NOTICE, f"faults: {words}", faults)]
+        return [self._notifications(now, "faults", NOTICE, f"faults: {text}", faults)]
 
     def learn_mission(self, mission: Mission | None, now: float) -> list[Notification]:
         """Record its answer to a request for its mission; None if there was none."""
@@ -163,10 +160,10 @@ class VehicleState:
             return []
         self.mission, profile = mission, profile_of(mission)
         self.profile = profile or ()
-        words = f"profile of {len(self.profile)} segments" if profile else "no profile"
+        text = f"profile of {len(self.profile)} segments" if profile else "no profile"
         if profile is None:
-            words = f"mission of {len(mission) - 1} items"
-        return [self._notifications(now, "profile", INFO, f"holds {words}", self.profile)]
+            text = f"mission of {len(mission) - 1} items"
+        return [self._notifications(now, "profile", INFO, f"holds {text}", self.profile)]
 
     def learn_private(self, now: float) -> None:
         """Record that its private messages were requested."""
@@ -195,7 +192,7 @@ class VehicleState:
         return dialect.MAVLINK_MSG_ID_FTC_EVENTS in self.latest
 
     def texts_since(self, heard: int) -> list[Text]:
-        """Return the texts received since `texts_heard` was `heard`, as far as they are kept."""
+        """Return the texts received since `texts_heard` was `heard`, as far as they are stored."""
         new = min(self.texts_heard - heard, len(self.texts))
         return list(self.texts)[len(self.texts) - new :]
 
@@ -274,7 +271,7 @@ class VehicleState:
     def active_faults(self) -> tuple[Fault, ...]:
         """The faults that are active now, in simulated time."""
         time_s = self.time_s or 0.0
-        return tuple(f for f in self.faults or () if f.start_s < time_s <= f.end_s)
+        return tuple(f for f in self.faults or () if f.is_active(time_s))
 
     @property
     def diagnosis(self) -> tuple[float, ...] | None:
@@ -289,13 +286,13 @@ class VehicleState:
         if message is None:
             return None
         links = ("gcs", "formation", "simulator", "plant")
-        words = [reason.words for reason in DropReason]
-        told = {link: zip(words, getattr(message, link), strict=True) for link in links}
-        return {link: {word: n for word, n in counts if n} for link, counts in told.items()}
+        reasons = [reason.words for reason in DropReason]
+        reported = {link: zip(reasons, getattr(message, link), strict=True) for link in links}
+        return {link: {reason: n for reason, n in ns if n} for link, ns in reported.items()}
 
     @property
     def fleet(self) -> frozenset[int]:
-        """System ids of its fleet, its own included; empty if it has not told."""
+        """System ids of its fleet, its own included; empty if it has not reported it."""
         message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_FLEET)
         return frozenset() if message is None else systems_of(message.members)
 
@@ -322,7 +319,7 @@ class VehicleState:
         """Return whether the vehicle has been started again.
 
         It boots, its step counter fell while time advanced, or its time since boot or simulated
-        time, which private messages tell, went back and stays back.
+        time, which private messages carry, went back and stays back.
         """
         if isinstance(message, dialect.MAVLink_heartbeat_message):
             before = self.latest.get(dialect.MAVLINK_MSG_ID_HEARTBEAT)
@@ -331,7 +328,7 @@ class VehicleState:
         time_ms = getattr(message, "time_boot_ms", None)
         if time_ms is None:
             return False
-        clock = self._simulated if message.get_msgId() in SIMULATED_TIME else self._boot
+        clock = self._simulated if message.get_msgId() in PRIVATE else self._boot
         if clock.goes_back(time_ms, now):
             return True
         return (

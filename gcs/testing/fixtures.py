@@ -16,8 +16,6 @@ from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.runtime.code_cache import cache_is_cold
 
-__all__ = ["FlightMode", "fly", "launch", "read_scenario"]
-
 FlightMode = Literal["wire", "in_process"]
 
 

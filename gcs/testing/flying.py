@@ -19,7 +19,7 @@ from gcs.fleet.collector import Collector
 from gcs.fleet.flight import prepare
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
-from gcs.results.steps import Mode
+from gcs.results.recording import Mode
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from gcs.testing.results import FlightResult
@@ -28,8 +28,6 @@ from gcs.testing.uav import FlyingUav
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.endpoint import Connection, UdpAddress
-
-__all__ = ["TestFleet"]
 
 T = TypeVar("T")
 

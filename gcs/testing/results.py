@@ -6,21 +6,20 @@ they are the events that the controllers recorded.
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from gcs.results.figures import UAV_FIGURES, ChannelSummary, UavSummary
 from gcs.results.quantities import QUANTITIES, UNITS, in_degrees
 from gcs.results.recording import Recording
-from gcs.results.summary import ChannelSummary, UavSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.saving import saving
 from mavlink_defs.capture.tap_report import ChannelReport, TapReport
 from mavlink_defs.constants import ACTUATORS
-
-__all__ = ["Channel", "Errors", "FlightResult", "UavFlight"]
 
 
 class Errors(NamedTuple):
@@ -83,6 +82,7 @@ class UavFlight:
     Attributes:
         id: Its system id.
         summary: Its part of `summary.json`.
+        figures: Every figure by its name, as in the results of a campaign.
         channels: By name; also as `aileron`, `elevator`, `rudder`, `throttle`.
         sent: Transmissions of all channels.
         messages: HIL_ACTUATOR_CONTROLS that carried them; several may travel in one.
@@ -97,7 +97,8 @@ class UavFlight:
         self, recording: Recording, i: int, summary: UavSummary, wire: TapReport | None
     ) -> None:
         self.id = summary.id
-        self.summary = asdict(summary)
+        self.summary = summary.to_json()
+        self.figures = {figure.name: figure.of(summary) for figure in UAV_FIGURES}
         self.attitude_lost_at_s = summary.attitude_lost_at_s
         self.heading_lost_at_s = summary.heading_lost_at_s
         self.lowest_altitude_m = summary.lowest_altitude_m

@@ -10,8 +10,6 @@ from collections.abc import Collection
 
 from mavlink_defs import dialect
 
-__all__ = ["StepGate"]
-
 _DONE = dialect.MAVLink_ftc_step_done_message
 
 

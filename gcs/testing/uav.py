@@ -15,8 +15,6 @@ from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 from mavlink_defs.services.param import Param
 
-__all__ = ["FlyingUav"]
-
 
 class FlyingUav:
     """One UAV in flight; each call returns once the UAV has answered.

@@ -1,32 +1,20 @@
-"""The actions that work on every panel, as wishes."""
+"""The actions that work on every panel."""
 
 from gcs.station.vehicle import Vehicle
 from gcs.tui.formatting import ids
 from gcs.tui.requests import Choice, VehicleAction
 from mavlink_defs.constants import MODE_NAMES
 
-__all__ = ["arm", "change_mode", "disarm", "start_mission"]
-
 
 def arm(systems: tuple[int, ...]) -> VehicleAction:
     """Arm, after a question: when all are armed time begins."""
-
-    async def act(vehicle: Vehicle, _: str) -> str:
-        await vehicle.arm()
-        return ""
-
     question = f"Arm {ids(systems)}?\nSimulated time begins for all when the last UAV is armed."
-    return VehicleAction("arm", systems, act, question=question)
+    return VehicleAction("arm", systems, lambda vehicle, _: vehicle.arm(), question=question)
 
 
 def start_mission(systems: tuple[int, ...]) -> VehicleAction:
     """Start to fly the profile."""
-
-    async def act(vehicle: Vehicle, _: str) -> str:
-        await vehicle.start_mission()
-        return ""
-
-    return VehicleAction("start mission", systems, act)
+    return VehicleAction("start mission", systems, lambda vehicle, _: vehicle.start_mission())
 
 
 def disarm(systems: tuple[int, ...]) -> VehicleAction:

@@ -15,13 +15,12 @@ from textual.widgets import TabbedContent, TabPane
 
 from gcs.station.notifications import ERROR
 from gcs.tui.actions import arm, change_mode, disarm, start_mission
-from gcs.tui.cached_static import CachedStatic
 from gcs.tui.dialogs import Help, Question
 from gcs.tui.events import EventsPanel
 from gcs.tui.faults import FaultsPanel, clear_all, repeat
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.grid import Grid
-from gcs.tui.guard import Failed, guarded, on, one_line
+from gcs.tui.guard import CachedStatic, Failed, guarded, on, one_line
 from gcs.tui.key_bar import KeyBar
 from gcs.tui.keys import ACTING, KEYS, REPLAYING
 from gcs.tui.missions import MissionsPanel
@@ -38,8 +37,6 @@ from gcs.tui.status_bar import StatusBar
 from gcs.tui.themes import DARK, LIGHT
 from gcs.tui.view import FleetView, Panel, Source
 from mavlink_defs.visible import visible_lines
-
-__all__ = ["MIN_SIZE", "REFRESH_S", "Dashboard"]
 
 REFRESH_S = 0.2
 """Period of refreshing the visible panel."""

@@ -11,20 +11,6 @@ from textual.color import Color
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.faults import Fault
 
-__all__ = [
-    "DRAWABLE",
-    "Colour",
-    "Palette",
-    "arrow",
-    "arrow_to",
-    "draw_exits",
-    "draw_held",
-    "draw_quantity",
-    "latest",
-    "palette_of",
-    "ticks",
-]
-
 Colour: TypeAlias = tuple[int, int, int]
 
 _ARROWS = "↑↗→↘↓↙←↖"

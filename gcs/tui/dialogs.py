@@ -16,8 +16,6 @@ from gcs.tui.guard import on
 from gcs.tui.requests import Choice
 from mavlink_defs.visible import visible, visible_lines
 
-__all__ = ["Help", "Question", "key_name"]
-
 _NAMES = {
     "left_square_bracket": "[",
     "right_square_bracket": "]",

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 from gcs.station.notifications import Notification
 
-__all__ = ["KINDS", "Entry", "EventLog"]
-
 KINDS = ("link", "mode", "text", "ack", "faults", "profile", "action", "station")
 """Subjects of entries; "action" is the outcome of a request of this station's operator, "station" a
 failure of the dashboard itself."""
@@ -46,14 +44,8 @@ class EventLog:
 
     def receive(self, notifications: Notification, at: float, time_s: float | None) -> None:
         """Take in notifications of the client."""
-        self.note(
-            at,
-            time_s,
-            notifications.system,
-            notifications.kind,
-            notifications.severity,
-            notifications.text,
-        )
+        one = notifications
+        self.note(at, time_s, one.system, one.kind, one.severity, one.text)
 
     def note(
         self, at: float, time_s: float | None, system: int, kind: str, severity: int, text: str

@@ -16,8 +16,6 @@ from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs import dialect
 
-__all__ = ["EventLog", "EventsPanel"]
-
 _COLUMNS = (
     Column("time", 8, "left"),
     Column("t s", 6),

@@ -12,26 +12,24 @@ from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.widgets import Button, Input, Select, Static
 
-from gcs.tui.cached_static import CachedStatic
-from gcs.tui.guard import Guarded, on
+from gcs.tui.guard import CachedStatic, Guarded, on
 from mavlink_defs.config.files import problems_of
-from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.constants import ACTUATORS, Actuator
+from mavlink_defs.fault_kinds import FAULT_KINDS, MAX_FREQUENCY_HZ, FaultKind
 from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.faults import MAX_FREQUENCY_HZ, Fault
-
-__all__ = ["ALL", "MARKED", "FaultForm", "read_fault"]
+from mavlink_defs.faults import Fault
 
 ALL, MARKED = 0, -1
 """Stand for every vehicle, and for the marked ones."""
 
-_FIELDS = ("effectiveness", "value", "frequency_hz", "start_s", "end_s")
-_HINTS = {
-    "effectiveness": "0 … 1",
-    "value": "± the limit",
-    "frequency_hz": f"0 … {MAX_FREQUENCY_HZ:g}, 0",
-    "start_s": "now",
-    "end_s": "until cleared",
+_FIELDS = {
+    "effectiveness": ("effectiveness", "0 … 1"),
+    "value": ("", "± the limit"),
+    "frequency_hz": ("frequency Hz", f"0 … {MAX_FREQUENCY_HZ:g}, 0"),
+    "start_s": ("start s", "now"),
+    "end_s": ("end s", "until cleared"),
 }
+"""Label and hint of each field; the label of the value depends on the kind."""
 
 
 @dataclass(frozen=True)
@@ -42,48 +40,38 @@ class _Read:
     problems: tuple[str, ...] = ()
 
 
-def read_fault(actuator: str, kind: str, texts: dict[str, str]) -> _Read:
+def read_fault(actuator: Actuator, kind: FaultKind, texts: dict[str, str]) -> _Read:
     """Read the fields of a form with the rules of a scenario's fault.
 
     Args:
-        actuator: One of `ACTUATORS`.
-        kind: "bias" or "stuck".
+        actuator: The actuator.
+        kind: The kind.
         texts: What the fields say, by name; empty for what is left out.
     """
-    numbers: dict[str, float | None] = {}
+    value_key, value_label = kind.key(actuator), _label(kind, actuator)
+    keys: dict[str, str | float] = {"actuator": actuator}
     problems = []
     for name in _FIELDS:
         text = texts.get(name, "").strip().replace(",", ".")
+        if not text or (name == "effectiveness" and kind.replaces):
+            continue
         try:
-            numbers[name] = float(text) if text else None
+            keys[value_key if name == "value" else name] = float(text)
         except ValueError:
-            problems.append(f"{_label(name, actuator, kind)}: expected a number, got '{text}'")
+            label = value_label if name == "value" else name
+            problems.append(f"{label}: expected a number, got '{text}'")
     if problems:
         return _Read(None, tuple(problems))
-    unit = "n" if actuator == "throttle" else "deg"
-    value_key = f"{kind}_{unit}"
-    frequency_hz = numbers["frequency_hz"]
-    keys = {
-        "actuator": actuator,
-        "effectiveness": None if kind == "stuck" else numbers["effectiveness"],
-        value_key: numbers["value"],
-        "frequency_hz": 0.0 if frequency_hz is None else frequency_hz,
-        "start_s": numbers["start_s"],
-        "end_s": numbers["end_s"],
-    }
     try:
         return _Read(FaultSpec.model_validate(keys).command())
     except ValidationError as error:
         found = problems_of(FaultSpec, error)
-        label = {value_key: _label("value", actuator, kind)}
-        return _Read(None, tuple(problem.line(label) for problem in found))
+        return _Read(None, tuple(problem.line({value_key: value_label}) for problem in found))
 
 
-def _label(name: str, actuator: str, kind: str) -> str:
-    """Return what the form calls a field."""
-    if name != "value":
-        return name
-    return f"{'stuck at' if kind == 'stuck' else 'bias'} {'N' if actuator == 'throttle' else '°'}"
+def _label(kind: FaultKind, actuator: Actuator) -> str:
+    """Return what the form calls the value."""
+    return f"{kind.label} {kind.unit(actuator).replace('deg', '°')}"
 
 
 class FaultForm(Guarded, Vertical):
@@ -119,15 +107,12 @@ class FaultForm(Guarded, Vertical):
             names = [(name, name) for name in ACTUATORS]
             yield Select(names, value="rudder", id="actuator", compact=True, allow_blank=False)
             yield Static("kind")
-            kinds = [("loss and bias", "bias"), ("stuck at value", "stuck")]
-            yield Select(kinds, value="bias", id="fault-kind", compact=True, allow_blank=False)
-            for name, label in zip(
-                _FIELDS,
-                ("effectiveness", "bias °", "frequency Hz", "start s", "end s"),
-                strict=True,
-            ):
+            kinds = [(kind.choice, name) for name, kind in FAULT_KINDS.items()]
+            first = kinds[0][1]
+            yield Select(kinds, value=first, id="fault-kind", compact=True, allow_blank=False)
+            for name, (label, hint) in _FIELDS.items():
                 yield CachedStatic(label, id=f"label-{name}")
-                yield Input(placeholder=_HINTS[name], id=name, compact=True)
+                yield Input(placeholder=hint, id=name, compact=True)
         yield CachedStatic(grow=True, id="form-says")
         with Horizontal(classes="buttons"):
             yield Button("Set fault", "primary", id="set", compact=True)
@@ -157,7 +142,7 @@ class FaultForm(Guarded, Vertical):
     def read(self) -> _Read:
         """The present content of the form."""
         texts = {name: self.query_one(f"#{name}", Input).value for name in _FIELDS}
-        return read_fault(self._chosen("actuator"), self._chosen("fault-kind"), texts)
+        return read_fault(self._actuator, self._kind, texts)
 
     def action_leave(self) -> None:
         """Leave the form."""
@@ -179,15 +164,20 @@ class FaultForm(Guarded, Vertical):
     @on(Input.Changed)
     @on(Select.Changed)
     def _check(self, complain: bool = False) -> None:
-        stuck = self._chosen("fault-kind") == "stuck"
-        label = _label("value", self._chosen("actuator"), self._chosen("fault-kind"))
+        label = _label(self._kind, self._actuator)
         self.query_one("#label-value", CachedStatic).say(label)
-        self.query_one("#effectiveness", Input).disabled = stuck
+        self.query_one("#effectiveness", Input).disabled = self._kind.replaces
         read = self.read
         touched = any(self.query_one(f"#{name}", Input).value for name in _FIELDS)
         says = self.query_one("#form-says", CachedStatic)
         says.say("\n".join(read.problems) if touched or complain is True else "")
         self.query_one("#set", Button).disabled = read.fault is None
 
-    def _chosen(self, name: str) -> str:
-        return str(self.query_one(f"#{name}", Select).value)
+    @property
+    def _actuator(self) -> Actuator:
+        chosen: Actuator = self.query_one("#actuator", Select).value  # type: ignore[assignment]
+        return chosen
+
+    @property
+    def _kind(self) -> FaultKind:
+        return FAULT_KINDS[str(self.query_one("#fault-kind", Select).value)]

@@ -1,7 +1,7 @@
 """All faults that were seen: when they were acknowledged, to which station, and when they ended."""
 
 from collections import defaultdict, deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 from gcs.station.notifications import Notification
@@ -9,8 +9,6 @@ from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.faults import Fault
 from mavlink_defs.services.machine import SystemId
-
-__all__ = ["Acknowledgement", "FaultHistory", "FaultRecord"]
 
 _SETTING = {dialect.MAV_CMD_FTC_SET_FAULT, dialect.MAV_CMD_INJECT_FAILURE}
 _CLEARING = {dialect.MAV_CMD_FTC_CLEAR_FAULTS, dialect.MAV_CMD_INJECT_FAILURE}
@@ -133,7 +131,7 @@ class FaultHistory:
         """Take over starts that differ though nobody set a fault: a log can only estimate "now"."""
         for record in records:
             if record.fault not in faults:
-                same = (f for f in faults if replace(record.fault, start_s=f.start_s) == f)
+                same = (f for f in faults if record.fault._replace(start_s=f.start_s) == f)
                 record.fault = next(same, record.fault)
 
     def _go(self, records: list[FaultRecord], why: str, at: float) -> None:

@@ -9,20 +9,16 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 
 from gcs.errors import CommandRefused, NoAnswer
-from gcs.station.fault_text import describe_fault
 from gcs.station.vehicle import Vehicle
-from gcs.tui.cached_static import CachedStatic
 from gcs.tui.fault_form import ALL, MARKED, FaultForm
 from gcs.tui.fault_history import FaultRecord
 from gcs.tui.formatting import Cell, clock, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.guard import on
+from gcs.tui.guard import CachedStatic, on
 from gcs.tui.requests import Outcome, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.faults import Fault
-
-__all__ = ["FaultList", "FaultsPanel", "clear_all", "repeat"]
 
 _ROLES = {
     "active": "bad",
@@ -59,7 +55,7 @@ class FaultList(Grid):
             cells: list[Cell] = [
                 (str(record.system), "strong"),
                 (phase, role),
-                (describe_fault(record.fault), role),
+                (record.fault.describe(), role),
             ]
             if wide:
                 cells.append((_history(record), "muted"))
@@ -163,7 +159,7 @@ def set_fault(
         await vehicle.set_fault(fault)
         with suppress(CommandRefused, NoAnswer):
             await vehicle.list_faults()  # "accepted" is shown when the list has it, for `repeat`
-        return f"set: {describe_fault(fault)}"
+        return f"set: {fault.describe()}"
 
     what = f"set {ACTUATORS[fault.actuator]} fault"
     return VehicleAction(what, systems, act, on_done=on_done)
@@ -199,13 +195,7 @@ def repeat(view: FleetView) -> tuple[VehicleAction | None, str]:
 
 
 def _alike(a: Fault, b: Fault) -> bool:
-    return (a.actuator, a.effectiveness, a.value, a.frequency_hz, a.end_s) == (
-        b.actuator,
-        b.effectiveness,
-        b.value,
-        b.frequency_hz,
-        b.end_s,
-    )
+    return a._replace(start_s=0.0) == b._replace(start_s=0.0)
 
 
 def _history(record: FaultRecord) -> str:
@@ -222,4 +212,4 @@ def _history(record: FaultRecord) -> str:
 
 
 def _details(record: FaultRecord) -> str:
-    return f"UAV {record.system}: {describe_fault(record.fault)}\n{_history(record)}"
+    return f"UAV {record.system}: {record.fault.describe()}\n{_history(record)}"

@@ -1,12 +1,12 @@
 """The fleet: one row per vehicle, as many groups of columns as the width allows."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
-from gcs.station.fault_text import describe_diagnosis, describe_fault
 from gcs.station.navigation import current_item, is_on_path, nearest_of, slot_error_of
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, number, seconds
@@ -14,9 +14,7 @@ from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView
 from mavlink_defs.config.models import counted
-from mavlink_defs.constants import OLD_STATE_S
-
-__all__ = ["FleetTable"]
+from mavlink_defs.constants import ACTUATORS, OLD_STATE_S
 
 _GROUPS = ("value", "error", "reference", "synchronisation error", "path")
 _PATH = 4
@@ -126,7 +124,7 @@ def _quantity_columns(groups: list[int]) -> list[Column]:
 
 
 def _active_text(state: VehicleState) -> str:
-    return " · ".join(map(describe_fault, state.active_faults))
+    return " · ".join(fault.describe() for fault in state.active_faults)
 
 
 def _row(
@@ -210,5 +208,12 @@ def _diagnosis(state: VehicleState) -> Cell:
     """Return what the vehicle itself makes of its actuators, beside the injected truth."""
     if state.diagnosis is None:
         return ("-", "muted")
-    text, worst = describe_diagnosis(state.diagnosis)
+    text, worst = diagnosis_text(state.diagnosis)
     return (text, _PHASE_ROLES[worst])
+
+
+def diagnosis_text(phases: Sequence[float]) -> tuple[str, int]:
+    """Return the diagnosis of the actuators as a text, and the worst FTC_PHASE of them."""
+    worst = int(max(phases))
+    names = " ".join(name for name, phase in zip(ACTUATORS, phases, strict=True) if phase == worst)
+    return ("healthy", f"{names}?", f"{names} lost")[worst], worst

@@ -7,8 +7,6 @@ from typing import TypeAlias
 
 from gcs.station.notifications import ERROR, NOTICE, WARNING
 
-__all__ = ["Cell", "clock", "count", "ids", "number", "percent", "role_of", "seconds", "sparkline"]
-
 Cell: TypeAlias = tuple[str, str]
 """A text and its role: "", "good", "warn", "bad", "muted", "strong" or "accent"."""
 

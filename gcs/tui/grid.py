@@ -25,8 +25,6 @@ from gcs.tui.formatting import Cell
 from gcs.tui.guard import Guarded, guarded
 from mavlink_defs.visible import visible
 
-__all__ = ["Column", "Grid", "Row"]
-
 _ROLES = ("good", "warn", "bad", "muted", "strong", "accent")
 _OF_A_NUMBER = "0123456789.,+-e"
 _GOES_ON = re.compile(r"[.,]?[0-9]|e?[+-]?[0-9]")  # what is cut off there is of a number

@@ -15,15 +15,14 @@ from textual.message import Message
 from textual.message_pump import MessagePump
 from textual.strip import Strip
 from textual.widget import Widget
+from textual.widgets import Static
 
-from mavlink_defs.visible import visible
+from mavlink_defs.visible import visible, visible_lines
 
 if TYPE_CHECKING:  # Textual takes style sheets from the first base that is a widget: this is none
     _Widget = Widget
 else:
     _Widget = object
-
-__all__ = ["Failed", "Guarded", "guarded", "on", "one_line"]
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -92,6 +91,21 @@ class Guarded(_Widget):
         self.failure = text
         self.set_class(bool(text), "-failed")  # its children would cover the text
         self.refresh()
+
+
+class CachedStatic(Guarded, Static):
+    """A text that is only drawn again when it changes; its size is fixed unless `grow` is set."""
+
+    def __init__(self, text: str = "", grow: bool = False, **kwargs: Any) -> None:
+        super().__init__(text, **{"markup": False, **kwargs})
+        self._grow = grow
+        self.says = text
+
+    def say(self, text: str) -> None:
+        """Show this text."""
+        if text != self.says:
+            self.says = text
+            self.update(visible_lines(text), layout=self._grow)
 
 
 def guarded(method: Callable[..., Any]) -> Any:

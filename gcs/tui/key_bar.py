@@ -10,8 +10,6 @@ from textual.widgets import Footer
 
 from gcs.tui.guard import guarded
 
-__all__ = ["KeyBar"]
-
 _FIRST = {"help", "quit"}
 _PALETTE = 13  # columns of the key of the command palette, which stands at the right
 

@@ -2,8 +2,6 @@
 
 from textual.binding import Binding
 
-__all__ = ["ACTING", "KEYS", "REPLAYING", "TABS"]
-
 TABS = ("fleet", "plots", "faults", "profiles", "parameters", "events", "map")
 """The panels, in the order of their keys."""
 

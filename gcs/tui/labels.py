@@ -6,8 +6,6 @@ from typing import Any, TypeAlias
 
 from gcs.tui.curves import Colour, Palette, ticks
 
-__all__ = ["Mark", "Place", "Sheet", "draw_marks", "sheet_of"]
-
 Cell: TypeAlias = tuple[int, int]
 """Column from the left and line from below."""
 Place: TypeAlias = tuple[float, float]

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.station.told_clock import SIMULATED_TIME, ToldClock
+from gcs.station.telemetry import PRIVATE, ReportedClock
 from mavlink_defs.framing.frames import parse
 from mavlink_defs.framing.header import FrameHeader
-
-__all__ = ["LogClock", "read_clock"]
 
 
 @dataclass(frozen=True)
@@ -63,11 +61,11 @@ def _simulated_times(
     frames: Sequence[tuple[int, bytes]], heard_s: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the frames with simulated time, and the newest such time at each of them [s]."""
-    clocks: dict[int, ToldClock] = defaultdict(ToldClock)
+    clocks: dict[int, ReportedClock] = defaultdict(ReportedClock)
     at, newest_s = [], [0.0]
     for k, (_, frame) in enumerate(frames):
         header = FrameHeader.read(frame)
-        if header is None or header.message_id not in SIMULATED_TIME:
+        if header is None or header.message_id not in PRIVATE:
             continue
         time_ms = getattr(parse(frame), "time_boot_ms", None)  # none: not a whole frame
         if time_ms is None:

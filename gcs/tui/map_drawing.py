@@ -14,8 +14,6 @@ from gcs.tui.curves import DRAWABLE, Colour, Palette, arrow, arrow_to, latest
 from gcs.tui.labels import Mark, Place, draw_marks, sheet_of
 from mavlink_defs import dialect
 
-__all__ = ["Scene", "Window", "draw_formation", "draw_map", "scene_of", "wind_text"]
-
 _MARGIN = 1.15  # of what is shown by what is there
 _LEAST_REACH_M = 30.0
 _FORMATION_REACH_M = 20.0  # of the middle, at least

@@ -10,8 +10,6 @@ from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, number
 from gcs.tui.grid import Column, Grid, Row
 
-__all__ = ["MissionList", "PlaceError", "insertion_place", "read_place"]
-
 _COLUMNS = (
     Column("", 1, "left"),
     Column("#", 3),
@@ -64,13 +62,13 @@ def _row(item: Any, home: Home | None, current: int | None) -> Row:
     is_current = item.seq == current
     place = None if home is None else home.place_of(item)
     height = None if home is None or place is None else home.height_of(item)
-    words = item_text(item)
+    label = item_text(item)
     if place is not None:
-        words += f" N {place[0]:.0f} E {place[1]:.0f}"
+        label += f" N {place[0]:.0f} E {place[1]:.0f}"
     cells: tuple[Cell, ...] = (
         ("▸" if is_current else "", "accent"),
         (str(item.seq), "muted"),
-        (words, "strong" if is_current else ""),
+        (label, "strong" if is_current else ""),
         ("" if height is None else number(height, 0), ""),
     )
     return Row(item.seq, cells)
@@ -114,9 +112,9 @@ def read_place(text: str) -> tuple[float, float, float]:
     Raises:
         PlaceError: The text is something else.
     """
-    words = text.replace(",", " ").split()
+    numbers = text.replace(",", " ").split()
     try:
-        north, east, height = map(float, words)
+        north, east, height = map(float, numbers)
     except ValueError:
         text = f"expected north, east and height above home in metres, got {text!r}"
         raise PlaceError(f"{text}; such as 800 -200 500") from None

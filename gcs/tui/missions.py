@@ -20,8 +20,6 @@ from gcs.tui.mission_list import MissionList, PlaceError, insertion_place, read_
 from gcs.tui.requests import Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
 
-__all__ = ["MapView", "MissionsPanel"]
-
 _DRAW_S = 0.5
 _ZOOM = 1.5
 _PAN = 0.4  # of half the width
@@ -95,7 +93,7 @@ class MissionsPanel(Panel, Horizontal):
     """The map beside the mission of the selected vehicle.
 
     Attributes:
-        draft: The mission as edited; None: that of the vehicle is shown.
+        draft: The mission as edited; None: the vehicle's is shown.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -217,7 +215,7 @@ class MissionsPanel(Panel, Horizontal):
         state, at = self._state, self._at
         home = None if state is None else home_of(state)
         if state is None or home is None:
-            self.app.notify("the UAV has not told its home yet", severity="warning")
+            self.app.notify("the UAV has not reported its home yet", severity="warning")
             return
         if inserts:
             place = insertion_place(self.mission, at, home, state)

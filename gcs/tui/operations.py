@@ -10,8 +10,6 @@ from gcs.tui.guard import one_line
 from gcs.tui.requests import Outcome, VehicleAction
 from gcs.tui.view import FleetView
 
-__all__ = ["Operations"]
-
 _NOTICE_LINES = 5
 
 Notify = Callable[[str, str], None]

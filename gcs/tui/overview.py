@@ -10,8 +10,6 @@ from gcs.tui.plots import Chart
 from gcs.tui.view import FleetView, Panel
 from gcs.tui.wire_panel import WirePanel
 
-__all__ = ["Overview"]
-
 _TRAIL_S = 10.0
 _WIRE_S = 0.5
 _FORMATION_S = 1.0

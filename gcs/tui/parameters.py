@@ -21,17 +21,14 @@ from gcs.station.param_metadata import (
     permitted,
 )
 from gcs.station.vehicle import Vehicle
-from gcs.tui.cached_static import CachedStatic
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.guard import on
+from gcs.tui.guard import CachedStatic, on
 from gcs.tui.requests import Choice, Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.config.models import ConfigError, counted
-from mavlink_defs.runtime.files import write_text
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.services.param import Param
-
-__all__ = ["ParametersPanel"]
 
 _COLUMNS = (
     Column("", 1),

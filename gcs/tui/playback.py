@@ -11,8 +11,6 @@ from gcs.tui.fault_history import FaultHistory
 from gcs.tui.log_clock import read_clock
 from mavlink_defs.framing.frames import parse
 
-__all__ = ["SPEEDS", "Playback"]
-
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 
 _TICK_S = 0.2

@@ -7,7 +7,6 @@ from textual.binding import Binding, BindingType
 from textual.containers import Container, Vertical
 from textual_plotext import PlotextPlot
 
-from gcs.tui.cached_static import CachedStatic
 from gcs.tui.curves import (
     Palette,
     draw_exits,
@@ -17,12 +16,10 @@ from gcs.tui.curves import (
     palette_of,
 )
 from gcs.tui.formatting import number, seconds
-from gcs.tui.guard import Guarded, guarded
+from gcs.tui.guard import CachedStatic, Guarded, guarded
 from gcs.tui.map_drawing import draw_formation
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView, Panel
-
-__all__ = ["Chart", "PlotsPanel"]
 
 _SPANS_S = (10.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 _QUANTITIES = (("airspeed", "m/s"), ("roll", "°"), ("pitch", "°"), ("yaw", "°"))

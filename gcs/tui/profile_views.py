@@ -10,15 +10,12 @@ from textual.widgets.directory_tree import DirEntry
 from textual_plotext import PlotextPlot
 
 from gcs.scenario.bundled import SCENARIOS
-from gcs.station.status import segment_dict
 from gcs.tui.curves import palette_of
 from gcs.tui.formatting import Cell
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.guard import Guarded
 from mavlink_defs.profile import Segment
 from mavlink_defs.visible import visible
-
-__all__ = ["ProfileFiles", "ProfilePlot", "ProfileTable", "differences", "polyline"]
 
 _COLUMNS = (
     Column("#", 2),
@@ -97,7 +94,7 @@ class ProfilePlot(Guarded, PlotextPlot):
 
 def polyline(segments: Sequence[Segment], key: str) -> tuple[list[float], list[float]]:
     """Corners of one quantity over time [s]."""
-    values = [float(segment_dict(segment)[key]) for segment in segments]
+    values = [float(segment.as_dict()[key]) for segment in segments]
     starts = [segment.start_s for segment in segments]
     ends = [*starts[1:], max(starts[-1] * _TAIL, starts[-1] + 1.0)] if starts else []
     x: list[float] = []
@@ -113,7 +110,7 @@ def differences(a: Sequence[Segment], b: Sequence[Segment]) -> int:
     """Count the values in which two profiles differ; a missing segment counts as one."""
     count = abs(len(a) - len(b))
     for one, other in zip(a, b, strict=False):
-        left, right = segment_dict(one), segment_dict(other)
+        left, right = one.as_dict(), other.as_dict()
         count += sum(left[key] != right[key] for key in left)
     return count
 
@@ -130,6 +127,4 @@ def _row(i: int, segments: Sequence[Segment], other: Sequence[Segment] | None) -
 def _texts(segments: Sequence[Segment], i: int) -> list[str]:
     if i >= len(segments):
         return ["–"] * 6
-    return [
-        f"{v:g}" if isinstance(v, float) else str(v) for v in segment_dict(segments[i]).values()
-    ]
+    return [f"{v:g}" if isinstance(v, float) else str(v) for v in segments[i].as_dict().values()]

@@ -12,18 +12,15 @@ from textual.widgets import DirectoryTree, Input
 from gcs.scenario.profile_file import load_profile
 from gcs.station.vehicle import Progress, Vehicle
 from gcs.station.vehicle_state import VehicleState
-from gcs.tui.cached_static import CachedStatic
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
-from gcs.tui.guard import on
+from gcs.tui.guard import CachedStatic, on
 from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
 from gcs.tui.requests import Outcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.config.models import ConfigError, counted
 from mavlink_defs.profile import Segment
 from mavlink_defs.visible import visible
-
-__all__ = ["Holdings", "ProfilesPanel"]
 
 _COLUMNS = (Column("", 1, "left"), Column("UAV", 3), Column("holds", 0, "left"))
 _BAR = 10

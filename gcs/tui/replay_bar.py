@@ -11,8 +11,6 @@ from textual.widget import Widget
 from gcs.tui.guard import Guarded, guarded
 from gcs.tui.playback import Playback
 
-__all__ = ["ReplayBar"]
-
 
 class ReplayBar(Guarded, Widget):
     """One line: state, place, length, speed, and a bar that takes clicks."""

@@ -7,8 +7,6 @@ from textual.message import Message
 
 from gcs.station.vehicle import Vehicle
 
-__all__ = ["Choice", "Outcome", "Refresh", "VehicleAction"]
-
 
 class Refresh(Message):
     """Something that the operator did wants the visible panel to be drawn again."""
@@ -44,8 +42,8 @@ class VehicleAction(Message):
     Attributes:
         what: What is to be done, in few words: "arm".
         systems: System ids of the vehicles.
-        act: Does it with one vehicle and gives words for the log, "" for "accepted"; its second
-            argument is the value of the operator's choice, "" if there was nothing to choose.
+        act: Does it with one vehicle and returns a text for the log, none for "accepted"; its
+            second argument is the value of the operator's choice, "" if there was none.
         question: What the operator is asked first; "" for nothing.
         choices: The answers besides "cancel".
         on_done: Called with each outcome.
@@ -55,7 +53,7 @@ class VehicleAction(Message):
         self,
         what: str,
         systems: Iterable[int],
-        act: Callable[[Vehicle, str], Awaitable[str]],
+        act: Callable[[Vehicle, str], Awaitable[str | None]],
         *,
         question: str = "",
         choices: tuple[Choice, ...] = (),

@@ -11,8 +11,6 @@ from gcs.tui.view import FleetView
 from mavlink_defs.config.models import counted
 from mavlink_defs.visible import visible
 
-__all__ = ["StatusBar"]
-
 
 class StatusBar(Guarded, Widget):
     """One line about everything."""

@@ -15,8 +15,6 @@ from gcs.tui.event_log import EventLog
 from gcs.tui.fault_history import FaultHistory
 from gcs.tui.guard import Guarded
 
-__all__ = ["SILENT_S", "FleetClient", "FleetView", "LiveSource", "Panel", "Source"]
-
 SILENT_S = 1.5
 """Silence after which a vehicle is shown as silent; its notification comes later [s]."""
 

@@ -8,8 +8,6 @@ from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.view import FleetView
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["WirePanel"]
-
 _FIXED = (
     Column("UAV", 3),
     Column("channel", 8, "left"),

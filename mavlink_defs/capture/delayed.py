@@ -1,6 +1,7 @@
 """Datagrams that are to be delivered later, for compiled code: a heap, and chunks of bytes.
 
-Arrays do not grow by themselves: `with_room` returns larger ones with the same datagrams.
+Arrays do not grow by themselves: `with_room` returns larger ones with the same datagrams. The heap
+is not of `heapq`, which needs a typed list: numba compiles that again in each process.
 """
 
 from typing import NamedTuple
@@ -10,8 +11,6 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_bytes
 from mavlink_defs.runtime.native import ADDRESS_SIZE
-
-__all__ = ["Delayed", "add", "earliest_s", "has_room", "new_delayed", "take", "with_room"]
 
 _CHUNK = 320  # bytes: a datagram of one frame has one chunk
 _ROOM = 64  # chunks at first

@@ -1,26 +1,30 @@
-"""The compiled part of `mavlink_defs.capture.impairment`: what becomes of each datagram."""
+"""What becomes of each datagram on a bad link, in compiled code without socket and clock.
+
+The same datagrams at the same times always fare the same. What happens to a
+datagram depends on the seed, its content, and how often this content came before, but not on
+its sequence number, nor on what else was sent. So a lockstep flight, whose number of datagrams
+before the start depends on the wall clock, loses the same control messages in every run. Only
+bursts go by the order of datagrams, and jitter by the times between them.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from hashlib import blake2b
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
+from mavlink_defs.capture.impairment import Impairment
+from mavlink_defs.constants import MAX_DATAGRAM
 from mavlink_defs.framing.header import HEADER_SIZE, MAGIC, PAYLOAD_SIZE, SYSTEM, V2_MAGIC
-from mavlink_defs.runtime.hash_index import slot_of
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.runtime.memory import copy_bytes
+from mavlink_defs.runtime.memory import copy_bytes, slot_of
 from mavlink_defs.runtime.random_numbers import (
     GENERATOR_SIZE,
     keyed_hash,
     seed_generator,
     uniform,
 )
-
-if TYPE_CHECKING:
-    from mavlink_defs.capture.impairment import Impairment
-
-__all__ = ["COPIES", "FATES", "MEMORY", "Directions", "new_directions", "put"]
 
 COPIES = 2
 """The most that arrives of one datagram."""
@@ -66,7 +70,7 @@ class Directions(NamedTuple):
     fates: np.ndarray  # (n, len(FATES)), datagrams by outcome
 
 
-def new_directions(links: Sequence[tuple["Impairment", str]]) -> Directions:
+def new_directions(links: Sequence[tuple[Impairment, str]]) -> Directions:
     """Return directions on which nothing was sent.
 
     Args:
@@ -223,3 +227,74 @@ def _gap(share: float, generator: np.ndarray) -> int:
     """Return the number of good bits before the next bad one."""
     gap = np.log(1.0 - uniform(generator)) / np.log1p(-share)
     return int(min(gap, _FARTHEST))
+
+
+@dataclass
+class Fate:
+    """Outcome counts of the datagrams of one direction."""
+
+    taken: int = 0
+    outage: int = 0
+    lost: int = 0
+    duplicated: int = 0
+    reordered: int = 0
+    damaged: int = 0
+
+    @property
+    def delivered(self) -> int:
+        """Datagrams delivered; each duplicate counts."""
+        return self.taken - self.outage - self.lost + self.duplicated
+
+    @classmethod
+    def of(cls, counts: np.ndarray) -> Self:
+        """Return the counts in an array of the order of `FATES`."""
+        return cls(*map(int, counts))
+
+
+class Impairer:
+    """One direction of a link.
+
+    Args:
+        impairment: Impairment of the link.
+        path: Name of the direction. Two paths with one seed do not lose the same datagrams.
+    """
+
+    def __init__(self, impairment: Impairment, path: str) -> None:
+        self._directions = new_directions([(impairment, path)])
+        self._due_s = np.zeros(COPIES)
+        self._data = np.zeros(MAX_DATAGRAM, np.uint8)
+        self._copies = np.zeros((COPIES, MAX_DATAGRAM), np.uint8)
+
+    @property
+    def fate(self) -> Fate:
+        """What became of the datagrams so far."""
+        return Fate.of(self._directions.fates[0])
+
+    def send(
+        self, datagram: bytes, now_s: float, schedule_s: float | None = None
+    ) -> list[tuple[float, bytes]]:
+        """Put a datagram on the link.
+
+        Args:
+            datagram: Its UDP payload.
+            now_s: The time, which does not go backwards [s].
+            schedule_s: The time that outages count, if another [s].
+
+        Returns:
+            Times of arrival at the other end [s], and datagrams: none, one or two.
+        """
+        length, at_s = len(datagram), now_s if schedule_s is None else schedule_s
+        self._data[:length] = np.frombuffer(datagram, np.uint8)
+        arrivals = put(
+            self._directions,
+            0,
+            self._data,
+            length,
+            float(now_s),
+            float(at_s),
+            self._due_s,
+            self._copies,
+        )
+        return [
+            (float(self._due_s[k]), self._copies[k, :length].tobytes()) for k in range(arrivals)
+        ]

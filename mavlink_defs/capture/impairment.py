@@ -1,25 +1,14 @@
 """A bad link: loss, bursts, delay, jitter, reordering, duplication, bit errors, outages.
 
-`Impairment` configures what a link does to datagrams, `Impairer` applies it: a machine without
-socket and clock. The same datagrams at the same times always fare the same. What happens to a
-datagram depends on the seed, its content, and how often this content came before, but not on
-its sequence number, nor on what else was sent. So a lockstep flight, whose number of datagrams
-before the start depends on the wall clock, loses the same control messages in every run. Only
-bursts go by the order of datagrams, and jitter by the times between them.
+`Impairment` configures what a link does to datagrams, `mavlink_defs.capture.impairing` applies it.
 """
 
-from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from mavlink_defs.capture.impairing import COPIES, new_directions, put
 from mavlink_defs.config.models import AtMost, Model, Problems
 from mavlink_defs.config.quantity import quantity, whole
-from mavlink_defs.constants import MAX_DATAGRAM
-
-__all__ = ["Bursts", "Fate", "Impairer", "Impairment", "Outage"]
 
 Share = Annotated[float, quantity("", ge=0.0, le=1.0, doc="Share of the datagrams.")]
 
@@ -83,74 +72,3 @@ class Impairment(Model):
         """Whether every datagram arrives at once, as it is."""
         shares = (self.loss, self.duplicate, self.reorder, self.bit_errors)
         return not (any(shares) or self.delay_ms or self.jitter_ms or self.bursts or self.outages)
-
-
-@dataclass
-class Fate:
-    """Outcome counts of the datagrams of one direction."""
-
-    taken: int = 0
-    outage: int = 0
-    lost: int = 0
-    duplicated: int = 0
-    reordered: int = 0
-    damaged: int = 0
-
-    @property
-    def delivered(self) -> int:
-        """Datagrams delivered; each duplicate counts."""
-        return self.taken - self.outage - self.lost + self.duplicated
-
-    @classmethod
-    def of(cls, counts: np.ndarray) -> Self:
-        """Return the counts in an array of the order of `FATES`."""
-        return cls(*map(int, counts))
-
-
-class Impairer:
-    """One direction of a link.
-
-    Args:
-        impairment: Impairment of the link.
-        path: Name of the direction. Two paths with one seed do not lose the same datagrams.
-    """
-
-    def __init__(self, impairment: Impairment, path: str) -> None:
-        self._directions = new_directions([(impairment, path)])
-        self._due_s = np.zeros(COPIES)
-        self._data = np.zeros(MAX_DATAGRAM, np.uint8)
-        self._copies = np.zeros((COPIES, MAX_DATAGRAM), np.uint8)
-
-    @property
-    def fate(self) -> Fate:
-        """What became of the datagrams so far."""
-        return Fate.of(self._directions.fates[0])
-
-    def send(
-        self, datagram: bytes, now_s: float, schedule_s: float | None = None
-    ) -> list[tuple[float, bytes]]:
-        """Put a datagram on the link.
-
-        Args:
-            datagram: Its UDP payload.
-            now_s: The time, which does not go backwards [s].
-            schedule_s: The time that outages count, if another [s].
-
-        Returns:
-            Times of arrival at the other end [s], and datagrams: none, one or two.
-        """
-        length, at_s = len(datagram), now_s if schedule_s is None else schedule_s
-        self._data[:length] = np.frombuffer(datagram, np.uint8)
-        arrivals = put(
-            self._directions,
-            0,
-            self._data,
-            length,
-            float(now_s),
-            float(at_s),
-            self._due_s,
-            self._copies,
-        )
-        return [
-            (float(self._due_s[k]), self._copies[k, :length].tobytes()) for k in range(arrivals)
-        ]

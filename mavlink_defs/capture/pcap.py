@@ -15,8 +15,6 @@ from typing import BinaryIO, NamedTuple
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.endpoint import UdpAddress
 
-__all__ = ["Packet", "PcapCutOff", "PcapError", "is_pcap", "read_pcap"]
-
 _PCAP = {  # magic as read in little endian: byte order, parts of a second
     0xA1B2C3D4: ("<", 1e-6),
     0xA1B23C4D: ("<", 1e-9),

@@ -21,8 +21,8 @@ from dataclasses import asdict, dataclass, replace
 from types import TracebackType
 from typing import Self
 
-from mavlink_defs.capture.impairing import new_directions
-from mavlink_defs.capture.impairment import Fate, Impairment
+from mavlink_defs.capture.impairing import Fate, new_directions
+from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay_loop import (
     FIRST_FRONT,
     Need,
@@ -40,8 +40,6 @@ from mavlink_defs.capture.tap import Tap
 from mavlink_defs.capture.tap_report import OutcomeReport, TapReport
 from mavlink_defs.endpoint import EndpointError, UdpAddress, bind_udp, connect_udp, resolve
 from mavlink_defs.runtime.sockaddr import sockaddr
-
-__all__ = ["Relay", "Route"]
 
 _MAX_PEERS = 256  # of one route; of more, the one without traffic for longest is forgotten
 _DIRECTIONS = ("to", "from")

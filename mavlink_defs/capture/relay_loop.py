@@ -15,9 +15,8 @@ from mavlink_defs.capture.delayed import Delayed, add, earliest_s, has_room, new
 from mavlink_defs.capture.impairing import COPIES, Directions, put
 from mavlink_defs.capture.tap_counts import Counts, count
 from mavlink_defs.constants import MAX_DATAGRAM
-from mavlink_defs.runtime.hash_index import slot_of
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.runtime.memory import borrowed
+from mavlink_defs.runtime.memory import borrowed, slot_of
 from mavlink_defs.runtime.native import (
     ADDRESS_SIZE,
     POLLED,
@@ -29,21 +28,6 @@ from mavlink_defs.runtime.native import (
     send_to,
     wait_for_any,
 )
-
-__all__ = [
-    "FIRST_FRONT",
-    "NO_PEER",
-    "Need",
-    "RelayState",
-    "add_peer",
-    "forget_peer",
-    "free_row",
-    "make_room",
-    "new_relay_state",
-    "pause",
-    "peers_of",
-    "run",
-]
 
 WAKE, FIRST_FRONT = 0, 1
 """Rows of `RelayState.polled`; peers are behind the fronts."""

@@ -2,8 +2,6 @@
 
 from mavlink_defs.constants import ACTUATORS
 
-__all__ = ["saving"]
-
 
 def saving(events: int, periods: int | None, channels: int = len(ACTUATORS)) -> float | None:
     """Return the share of a periodic sender's transmissions that were not sent.

@@ -43,8 +43,6 @@ from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import parse
 
-__all__ = ["DEFAULT_PORTS", "LinkNames", "Stream", "Tap"]
-
 DEFAULT_PORTS: Mapping[int, str] = {
     GCS_PORT: "gcs",
     PLANT_PORT: "plant",

@@ -11,8 +11,7 @@ import numpy as np
 from mavlink_defs import dialect
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.framing import codec
-from mavlink_defs.framing.codec import MessageId, message_id_of
-from mavlink_defs.framing.frame_check import checked_size
+from mavlink_defs.framing.codec import MessageId, checked_size, message_id_of
 from mavlink_defs.framing.header import (
     COMPONENT,
     CRC_SIZE,
@@ -24,22 +23,8 @@ from mavlink_defs.framing.header import (
     SIGNED_FLAG,
     SYSTEM,
 )
-from mavlink_defs.runtime.hash_index import slot_of
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.runtime.memory import copy_bytes
-
-__all__ = [
-    "EMPTY",
-    "FLOW",
-    "NEVER",
-    "OLDER_VERSION",
-    "Counts",
-    "add_flow",
-    "count",
-    "forget",
-    "new_counts",
-    "with_room",
-]
+from mavlink_defs.runtime.memory import copy_bytes, slot_of
 
 NEVER = 2**63 - 1
 """In place of an interval or a time [µs] that there is not."""

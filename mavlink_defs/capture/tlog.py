@@ -13,11 +13,9 @@ from types import TracebackType
 from typing import BinaryIO, Self
 
 from mavlink_defs import dialect
+from mavlink_defs.config.output_files import named, naming
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.framing.header import CRC_SIZE, V2_MAGIC, FrameHeader
-from mavlink_defs.runtime.files import named, naming
-
-__all__ = ["TlogCutOff", "TlogError", "TlogWriter", "read_frames", "read_tlog"]
 
 _FLUSH_PERIOD_S = 1.0
 _TIME = struct.Struct(">Q")

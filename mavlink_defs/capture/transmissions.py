@@ -14,8 +14,6 @@ from mavlink_defs.capture.tap_report import ChannelReport, UavReport
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_events_message
 
-__all__ = ["counted", "min_intervals_s", "reported"]
-
 
 def counted(link: str, system: int, row: np.void, period_us: int | None) -> UavReport:
     """Return the transmissions of a UAV, compared with periodic sending.

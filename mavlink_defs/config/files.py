@@ -30,13 +30,11 @@ from mavlink_defs.config.models import (
     shown,
     unknown_key,
 )
+from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.config.user_files import read_text
 from mavlink_defs.config.written import located
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
-from mavlink_defs.runtime.files import write_text
-
-__all__ = ["dump", "load", "parse", "problems_of", "read", "validate"]
 
 M = TypeVar("M", bound=BaseModel)
 

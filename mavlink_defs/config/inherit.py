@@ -25,16 +25,6 @@ from mavlink_defs.config.models import ConfigError, Problem, shown, unknown_key
 from mavlink_defs.config.written import Written, WrittenDict, WrittenList, located, written_in
 from mavlink_defs.config.yaml_text import yaml_of
 
-__all__ = [
-    "PlaceError",
-    "check_place",
-    "difference",
-    "merged",
-    "read_inherited",
-    "value_at",
-    "with_values",
-]
-
 _PLACE = re.compile(r"\w+(?:\.\w+|\[[0-9]+\])*")
 _STEP = re.compile(r"\.?(\w+)|\[([0-9]+)\]")  # a key, or an index
 

@@ -11,18 +11,6 @@ from typing import NamedTuple, TypeAlias
 
 from mavlink_defs.visible import visible
 
-__all__ = [
-    "ConfigError",
-    "Loc",
-    "Problem",
-    "ProblemKind",
-    "Problems",
-    "counted",
-    "repeated",
-    "shown",
-    "unknown_key",
-]
-
 _MOST_SHOWN = 100
 """Problems of one file that an error lists; further ones are counted."""
 

@@ -14,8 +14,6 @@ from pydantic import Field
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-__all__ = ["Quantity", "describe", "quantity", "whole"]
-
 
 @dataclass(frozen=True)
 class Quantity:

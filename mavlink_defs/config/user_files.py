@@ -8,8 +8,6 @@ from typing import BinaryIO
 
 from mavlink_defs.config.problems import ConfigError, Problem
 
-__all__ = ["LARGEST_FILE", "NotAFileError", "open_file", "read_text"]
-
 LARGEST_FILE = 1_000_000
 """Most bytes of a scenario, campaign, profile or mission file."""
 

@@ -8,8 +8,6 @@ from typing import Any
 
 from mavlink_defs.config.problems import Loc, Problem
 
-__all__ = ["Written", "WrittenDict", "WrittenList", "located", "source_at", "written_in"]
-
 
 class WrittenDict(dict[Any, Any]):
     """A mapping.

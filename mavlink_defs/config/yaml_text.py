@@ -2,7 +2,7 @@
 
 Plain scalars follow YAML 1.2's core schema: 1e-3 is a number, yes is a text. A mapping must not
 have a key twice. libyaml reads the text; its events become data here, as libyaml's own composer
-has no end of its recursion.
+has no end of its recursion. ruamel.yaml takes seven times as long for a large mission.
 """
 
 import re
@@ -13,8 +13,6 @@ from yaml.composer import Composer
 
 from mavlink_defs.config.written import WrittenDict, WrittenList
 from mavlink_defs.visible import visible_lines
-
-__all__ = ["DuplicateKeyError", "parse_yaml", "yaml_of", "yaml_problem"]
 
 _MOST_VALUES = 1_000_000
 """Values that a text may stand for: aliases of aliases multiply without end."""

@@ -40,42 +40,12 @@ from mavlink_defs.framing.header import (
     MESSAGE_ID,
     PAYLOAD_SIZE,
     SEQUENCE,
-    SIGNATURE_SIZE,
     SIGNED_FLAG,
     SYSTEM,
     V2_MAGIC,
+    whole_size,
 )
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = [
-    "ACTUATORS",
-    "ACTUATORS_SIZE",
-    "BUFFER_SIZE",
-    "DROPS_SIZE",
-    "FOREIGN",
-    "NEIGHBOUR",
-    "NEIGHBOUR_SIZE",
-    "RELAYED_AT",
-    "REPORT_AT",
-    "SIGNED",
-    "SIM_STATE",
-    "SIM_STATE_SIZE",
-    "STEP_DONE",
-    "STEP_DONE_SIZE",
-    "MessageId",
-    "add_checksum",
-    "check",
-    "checksum",
-    "drop_counts",
-    "expand",
-    "identify",
-    "message_id_of",
-    "new_buffer",
-    "pack",
-    "payload_dtype",
-    "payload_view",
-    "system_of",
-]
 
 BUFFER_SIZE = MAX_FRAME_SIZE
 
@@ -128,6 +98,11 @@ _EXTRA_SIM_STATE = dialect.MAVLink_ftc_sim_state_message.crc_extra
 _EXTRA_STEP_DONE = dialect.MAVLink_ftc_step_done_message.crc_extra
 _EXTRA_NEIGHBOUR = dialect.MAVLink_ftc_neighbour_message.crc_extra
 _EXTRA_ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.crc_extra
+_IDS = np.array(sorted(dialect.mavlink_map), np.int64)
+_EXTRAS = np.array([dialect.mavlink_map[int(i)].crc_extra for i in _IDS], np.int64)
+
+size_by_header = compiled(whole_size)
+"""`header.whole_size` in compiled code."""
 
 
 def _crc_tables() -> np.ndarray:
@@ -233,20 +208,12 @@ def check(datagram: np.ndarray, length: int) -> int:
         complete frame that the codec does not check (its checksum is left to pymavlink), or a
         `DropReason`. A payload may be longer than ours (fields of a newer dialect).
     """
-    if length < 1:
-        return DropReason.TRUNCATED
-    if datagram[MAGIC] != V2_MAGIC:
-        return DropReason.BAD_MAGIC
-    if length < HEADER_SIZE + CRC_SIZE:
-        return DropReason.TRUNCATED
-    flags = _byte(datagram, FLAGS)
-    if flags > SIGNED_FLAG:
-        return DropReason.BAD_FLAGS
-    end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
-    whole = end + CRC_SIZE + (SIGNATURE_SIZE if flags == SIGNED_FLAG else 0)
-    if length != whole:
-        return DropReason.TRUNCATED if length < whole else DropReason.BAD_LENGTH
-    if flags == SIGNED_FLAG:
+    size = size_by_header(datagram, length)
+    if size < 0:
+        return size
+    if size != length:
+        return DropReason.BAD_LENGTH
+    if _byte(datagram, FLAGS) == SIGNED_FLAG:
         return SIGNED
     return identify(datagram)
 
@@ -257,15 +224,48 @@ def identify(datagram: np.ndarray) -> int:
 
     For frames whose signature has been checked; `check` does it for unsigned ones.
     """
-    end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
     message_id = message_id_of(datagram)
     extra = _crc_extra(message_id)
     if extra < 0:
         return FOREIGN
+    return message_id if _is_intact(datagram, extra) else DropReason.BAD_CRC
+
+
+@compiled
+def checked_size(data: np.ndarray, length: int) -> int:
+    """Return the size of the MAVLink 2 frame of the dialect that data[:length] begins with.
+
+    As `frames.frame_size`: any message of the dialect, not only hot ones.
+
+    Args:
+        data: Bytes, uint8.
+        length: How many of them were received.
+
+    Returns:
+        The size [bytes], or a negative `DropReason`. Signatures are not verified.
+    """
+    size = size_by_header(data, length)
+    if size < 0:
+        return size
+    message_id = message_id_of(data)
+    low, high = 0, _IDS.size - 1
+    while low < high:
+        middle = (low + high) // 2
+        if _IDS[middle] < message_id:
+            low = middle + 1
+        else:
+            high = middle
+    if _IDS[low] != message_id:
+        return DropReason.UNEXPECTED
+    return size if _is_intact(data, _EXTRAS[low]) else DropReason.BAD_CRC
+
+
+@compiled
+def _is_intact(datagram: np.ndarray, extra: int) -> bool:
+    """Return whether the checksum of a whole frame is right, with the message's CRC_EXTRA."""
+    end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
     crc = checksum(datagram, end, extra)
-    if datagram[end] != crc & 0xFF or datagram[end + 1] != crc >> 8:
-        return DropReason.BAD_CRC
-    return message_id
+    return bool(datagram[end] == crc & 0xFF and datagram[end + 1] == crc >> 8)
 
 
 @compiled

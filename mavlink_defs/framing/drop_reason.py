@@ -2,8 +2,6 @@
 
 from enum import IntEnum
 
-__all__ = ["DropReason"]
-
 
 class DropReason(IntEnum):
     """Why a datagram is dropped, in the order of the arrays of FTC_DROPS.

@@ -15,14 +15,13 @@ from mavlink_defs.constants import STATUSTEXT_SIZE
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.header import (
     CRC_SIZE,
-    MAGIC,
-    SIGNED_FLAG,
+    HEADER_SIZE,
+    MESSAGE_ID,
+    PAYLOAD_SIZE,
     V2_MAGIC,
-    FrameHeader,
+    whole_size,
 )
 from mavlink_defs.visible import visible
-
-__all__ = ["FramePacker", "drop_reason", "frame_size", "parse", "text_chunks"]
 
 _HEADER = struct.Struct("<BBHBBB3s")  # both kinds of flags in one field
 
@@ -114,21 +113,13 @@ def frame_size(data: bytes) -> tuple[int, DropReason | None]:
     Returns:
         The size [bytes] and None; or 0 and what is wrong. Signatures are not verified.
     """
-    if not data:
-        return 0, DropReason.TRUNCATED
-    if data[MAGIC] != V2_MAGIC:
-        return 0, DropReason.BAD_MAGIC
-    header = FrameHeader.read(data)
-    if header is None:
-        return 0, DropReason.TRUNCATED
-    if header.flags > SIGNED_FLAG:
-        return 0, DropReason.BAD_FLAGS
-    end, size = header.crc_offset, header.frame_size
-    if len(data) < size:
-        return 0, DropReason.TRUNCATED
-    message = dialect.mavlink_map.get(header.message_id)
+    size = whole_size(data, len(data))
+    if isinstance(size, DropReason):
+        return 0, size
+    message = dialect.mavlink_map.get(int.from_bytes(data[MESSAGE_ID:HEADER_SIZE], "little"))
     if message is None:
         return 0, DropReason.UNEXPECTED
+    end = HEADER_SIZE + data[PAYLOAD_SIZE]
     crc = mcrf4xx(data[1:end] + bytes([message.crc_extra]))
     if crc != int.from_bytes(data[end : end + CRC_SIZE], "little"):
         return 0, DropReason.BAD_CRC

@@ -3,26 +3,10 @@
 https://mavlink.io/en/guide/serialization.html. The offsets serve compiled code, too.
 """
 
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from mavlink_defs import dialect
-
-__all__ = [
-    "COMPONENT",
-    "CRC_SIZE",
-    "FLAGS",
-    "HEADER_SIZE",
-    "MAGIC",
-    "MAX_FRAME_SIZE",
-    "MESSAGE_ID",
-    "PAYLOAD_SIZE",
-    "SEQUENCE",
-    "SIGNATURE_SIZE",
-    "SIGNED_FLAG",
-    "SYSTEM",
-    "V2_MAGIC",
-    "FrameHeader",
-]
+from mavlink_defs.framing.drop_reason import DropReason
 
 MAGIC, PAYLOAD_SIZE, FLAGS, SEQUENCE, SYSTEM, COMPONENT, MESSAGE_ID = 0, 1, 2, 4, 5, 6, 7
 """Offsets [bytes]; all fields are one byte, but the message id is three, little endian."""
@@ -63,3 +47,27 @@ class FrameHeader(NamedTuple):
         """Size of the whole frame [bytes]."""
         signature = SIGNATURE_SIZE if self.flags & SIGNED_FLAG else 0
         return self.crc_offset + CRC_SIZE + signature
+
+
+def whole_size(data: Any, length: int) -> int:
+    """Return the size of the MAVLink 2 frame that data[:length] begins with, by its header.
+
+    Args:
+        data: Bytes; compiled, as `codec.size_by_header`, an array of uint8.
+        length: How many of them were received.
+
+    Returns:
+        The size [bytes], or a negative `DropReason`.
+    """
+    if length < 1:
+        return DropReason.TRUNCATED
+    if data[MAGIC] != V2_MAGIC:
+        return DropReason.BAD_MAGIC
+    if length < HEADER_SIZE + CRC_SIZE:
+        return DropReason.TRUNCATED
+    if data[FLAGS] > SIGNED_FLAG:
+        return DropReason.BAD_FLAGS
+    size = HEADER_SIZE + (data[PAYLOAD_SIZE] & 0xFF) + CRC_SIZE  # masked, it is a signed integer
+    if data[FLAGS] == SIGNED_FLAG:
+        size += SIGNATURE_SIZE
+    return size if size <= length else DropReason.TRUNCATED

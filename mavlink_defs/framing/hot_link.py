@@ -8,8 +8,6 @@ from mavlink_defs.framing.codec import FOREIGN, SIGNED
 from mavlink_defs.framing.hot_signing import LinkSigner, verify_frame
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["DROPPED", "NOT_HOT", "Outcome", "take"]
-
 
 class Outcome(IntEnum):
     """Why a compiled loop returns to Python."""

@@ -3,6 +3,7 @@
 A `LinkSigner` without a key costs nothing: frames go out unsigned and are checked as by the codec.
 """
 
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from mavlink_defs.framing.codec import (
 )
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.header import COMPONENT, FLAGS, MESSAGE_ID, SIGNED_FLAG, SYSTEM
+from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.sha256 import signature
 from mavlink_defs.framing.signing import (
     EPOCH_S,
@@ -25,18 +27,10 @@ from mavlink_defs.framing.signing import (
     Keys,
     flagged,
     new_time,
+    open_time,
 )
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import unix_s
-
-__all__ = [
-    "LinkSigner",
-    "new_link_signer",
-    "sign_bytes",
-    "sign_frame",
-    "use_keys",
-    "verify_frame",
-]
 
 _RADIO_STATUS = dialect.MAVLINK_MSG_ID_RADIO_STATUS
 _HASH = 6  # bytes, after link id (1) and timestamp (6)
@@ -88,6 +82,24 @@ def use_keys(link_signer: LinkSigner, keys: Keys) -> None:
     link_signer.replaced[0] = bool(keys.other)
     if keys.other:
         link_signer.other[:] = np.frombuffer(keys.other, np.uint8)
+
+
+def load_link_signer(key_file: KeyFile | None, link: int) -> LinkSigner:
+    """Return the compiled signer of a link; without a file, one that neither signs nor verifies.
+
+    Raises:
+        SigningError: The time of the last signature cannot be kept.
+    """
+    if key_file is None:
+        return new_link_signer(b"", link)
+    signer = new_link_signer(key_file.at(time.time()), link, open_time(key_file.path))
+    return signer._replace(start=key_file.begin)
+
+
+def refresh(key_file: KeyFile, *link_signers: LinkSigner) -> None:
+    """Let compiled signers use the keys that a file holds now."""
+    for link_signer in link_signers:
+        use_keys(link_signer, key_file.at(time.time()))
 
 
 @compiled
@@ -177,6 +189,7 @@ def _note(link_signer: LinkSigner, stamp: int) -> None:
 
 @compiled
 def append_signature(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
+    """Append the signature to the frame of so many bytes; the length with it."""
     stamp = _now(link_signer, 1)
     _note(link_signer, stamp)
     datagram[length] = link_signer.link

@@ -26,14 +26,6 @@ from mavlink_defs.framing.signing import (
     write_key,
 )
 
-__all__ = [
-    "ANNOUNCED_S",
-    "GRACE_S",
-    "KeyFile",
-    "load_signer",
-    "replace_key",
-]
-
 ANNOUNCED_S = 10.0
 """Age up to which a new key is accepted but not used to sign [s]."""
 GRACE_S = 30.0

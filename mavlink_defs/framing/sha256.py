@@ -5,8 +5,6 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_bytes
 
-__all__ = ["signature"]
-
 _M = 0xFFFFFFFF
 _KEY, _BLOCK = 32, 64  # bytes
 

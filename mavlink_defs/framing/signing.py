@@ -34,30 +34,6 @@ from mavlink_defs.framing.header import (
     SYSTEM,
 )
 
-__all__ = [
-    "EPOCH_S",
-    "FORMATION_LINK",
-    "KEY_SIZE",
-    "PLANT_LINK",
-    "UNSIGNED_ALLOWED",
-    "WINDOW",
-    "Keys",
-    "Signer",
-    "SigningError",
-    "flagged",
-    "former_file",
-    "is_ahead",
-    "key_exists",
-    "make_key",
-    "new_time",
-    "open_time",
-    "read_key",
-    "time_file",
-    "timestamp",
-    "words_of",
-    "write_key",
-]
-
 KEY_SIZE = 32  # bytes
 EPOCH_S = 1_420_070_400  # 2015-01-01, Unix time
 WINDOW = 6_000_000

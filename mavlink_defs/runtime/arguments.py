@@ -5,8 +5,6 @@ from typing import NoReturn
 
 from mavlink_defs.visible import visible
 
-__all__ = ["ArgumentParser"]
-
 
 class ArgumentParser(argparse.ArgumentParser):
     """A parser that repeats wrong arguments with control characters made visible."""

@@ -20,6 +20,7 @@ import errno
 import functools
 import hashlib
 import os
+import pickle
 import platform
 import re
 import shutil
@@ -36,9 +37,6 @@ import numpy as np
 from numba.core import caching
 
 from mavlink_defs.config.models import ConfigError, Problem
-from mavlink_defs.runtime.linked_code import rebuilt
-
-__all__ = ["cache_is_cold", "code_cache_of", "mark_cache_warm", "not_cached", "source_digest"]
 
 _PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs")
 _ROOT = Path(__file__).resolve().parents[2]
@@ -47,62 +45,71 @@ _IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", r
 _WARM = "warm-"
 _KEPT_DAYS = 14
 _COMMON_CPU = "x86-64-v3"
+_FURTHER_LOCATORS = (
+    "UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,"
+    "IPythonCacheLocator,ZipCacheLocator"
+)
+"""Numba's own, for the functions of others."""
 _ITS_FEATURES = {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave"}
 
+_UserProvidedCacheLocator: Any = caching.UserProvidedCacheLocator  # without annotations
 _settings = vars(numba.config)  # made at run time, so that type checkers see none of them
 
 
-_numbas: Any = caching  # without annotations
-
-
-class _Folder(_numbas._CacheLocator):
+class DigestLocator(_UserProvidedCacheLocator):
     """Tells numba where the code of one function lies; the folder's name says how fresh it is."""
 
-    def __init__(self, path: Path, function: Callable[..., object]) -> None:
-        self._path = path
-        self._py_file = function.__code__.co_filename
-        self._lineno = function.__code__.co_firstlineno
+    def __init__(self, function: Callable[..., object], file: str) -> None:
+        """Locate the code of a function that stands in a file."""
+        super().__init__(function, file)
+        self._folder = _cache_folder / _digest_with_imports(_resolved(file))
 
-    def from_function(self, function: Callable[..., object], file: str) -> "_Folder":
-        return self
+    @classmethod
+    def from_function(cls, function: Callable[..., object], file: str) -> "DigestLocator | None":
+        """Return the locator of a function; None if `add_to_cache` does not know it."""
+        return cls(function, file) if function in _functions else None
 
     def get_cache_path(self) -> str:
-        return str(self._path)
+        """Return the folder with its code."""
+        return str(self._folder)
 
     def get_source_stamp(self) -> str:
+        """Return what tells fresh code from stale: nothing beside the folder."""
         return ""
 
-    def get_disambiguator(self) -> str:
-        return str(self._lineno)
 
+def add_to_cache(*variants: Callable[..., object]) -> bool:
+    """Let numba find the code of a function's variants in the cache.
 
-class _Implementation(_numbas.CompileResultCacheImpl):
-    def __init__(self, folder: Path, function: Callable[..., object]) -> None:
-        self._locator_classes = [_Folder(folder, function)]
-        super().__init__(function)
-
-    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
-        return rebuilt(target_context, payload)
-
-
-class _CodeCache(_numbas.FunctionCache):
-    """Numba's cache of one function, in a given folder."""
-
-    def __init__(self, folder: Path, function: Callable[..., object]) -> None:
-        self._impl_class = functools.partial(_Implementation, folder)
-        super().__init__(function)
-
-
-def code_cache_of(function: Callable[..., object], variant: str) -> Any:
-    """Return numba's cache for a variant of a function.
-
-    None if its code is not kept: also that of a function of a notebook or of ``python -c``, which
-    stands in no file.
+    Returns:
+        Whether it can lie there: not if the cache cannot be written, and not that of a function of
+        a notebook or of ``python -c``, which stands in no file.
     """
-    source = _resolved(function.__code__.co_filename)
-    if _settings["DISABLE_JIT"] or _obstacle is not None or not source.is_file():
-        return None
-    return _CodeCache(_cache_folder / _digest_with_imports(source) / variant, function)
+    if _obstacle is not None or not _resolved(variants[0].__code__.co_filename).is_file():
+        return False
+    _functions.update(variants)
+    return True
+
+
+def forget_unreadable() -> bool:
+    """Remove the indices that name the type of a module which was renamed since.
+
+    The index of a function names the types of all its callers' arguments, and those of modules that
+    it does not import, so that its folder does not tell.
+
+    Returns:
+        Whether there were any.
+    """
+    unreadable = []
+    for path in _cache_folder.rglob("*.nbi"):
+        try:
+            with path.open("rb") as index:  # numba's version, then all else
+                pickle.load(index), pickle.load(index)
+        except (AttributeError, ModuleNotFoundError):
+            unreadable.append(path)
+    for path in unreadable:
+        path.unlink(missing_ok=True)
+    return bool(unreadable)
 
 
 def cache_is_cold() -> bool:
@@ -237,6 +244,10 @@ def _choose_target() -> str:
     return f"{sys.implementation.cache_tag} {sys.platform} {platform.machine()} {name}"
 
 
+_settings["CACHE_LOCATOR_CLASSES"] = (
+    f"{__name__}.{DigestLocator.__name__},{_settings['CACHE_LOCATOR_CLASSES'] or _FURTHER_LOCATORS}"
+)
+_functions: set[Callable[..., object]] = set()
 _cache_folder = _find_cache_folder()
 _obstacle = None if _settings["DISABLE_JIT"] else _find_obstacle()
 _target = _choose_target()

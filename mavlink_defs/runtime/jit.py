@@ -4,40 +4,17 @@ With ``NUMBA_DISABLE_JIT=1`` the same functions run as plain Python.
 """
 
 import functools
-import importlib
-import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.extending import overload
 
-from mavlink_defs.runtime.code_cache import code_cache_of
-from mavlink_defs.runtime.linked_code import EntryCompiler, LinkedCompiler
-
-__all__ = ["compiled", "inlined"]
+from mavlink_defs.runtime.code_cache import add_to_cache, forget_unreadable
 
 _F = TypeVar("_F", bound=Callable[..., object])
 
-_BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
-
-
-def _import_array_functions() -> None:
-    """Import what numba would import at the first call, but without scipy, in half the time.
-
-    It looks for scipy's BLAS then, for `np.cov` alone, which does without it as well. `np.dot` and
-    the like look for it when they are compiled.
-    """
-    found = {name: sys.modules.get(name) for name in _BLAS}
-    sys.modules.update(dict.fromkeys(_BLAS, cast(Any, None)))  # as if it were not installed
-    importlib.import_module("numba.np.arraymath")
-    for name, module in found.items():
-        del sys.modules[name]
-        if module is not None:
-            sys.modules[name] = module
-
-
-_import_array_functions()
-_unliteral: Any = numba.types.unliteral  # which has no types of its own
 _njit: Any = numba.njit  # whose types leave out some of its options
 
 
@@ -48,7 +25,7 @@ def compiled(function: _F) -> _F:
     same bits in every process and from every caller; division by zero gives inf or NaN as
     in numpy.
     """
-    return _compiled(function, inline=False)
+    return _compiled(function, forceinline=False)
 
 
 def inlined(function: _F) -> _F:
@@ -57,51 +34,50 @@ def inlined(function: _F) -> _F:
     A call passes a tuple of arrays by value, seven words for each array: for the arrays of a fleet
     that takes longer than many a function.
     """
-    return _compiled(function, inline=True)
+    return _compiled(function, forceinline=True)
 
 
-def _compiled(function: _F, inline: bool) -> _F:
-    dispatcher = _dispatcher(function, EntryCompiler, inline)
-    if not vars(numba.config)["DISABLE_JIT"]:
-        _lend_to_compiled_code(dispatcher, function, inline)
-    return cast(_F, dispatcher)
+def _compiled(function: _F, forceinline: bool) -> _F:
+    """Return a function for Python; compiled code calls a variant that Python cannot.
 
-
-def _dispatcher(
-    function: Callable[..., object],
-    compiler: type[EntryCompiler | LinkedCompiler],
-    inline: bool,
-) -> Any:
-    """Return numba's wrapper of a function, for Python or for compiled code."""
-    linked = compiler is LinkedCompiler
-    dispatcher = _njit(
-        error_model="numpy",
-        nogil=True,
-        forceinline=inline,
-        no_cfunc_wrapper=True,
-        no_cpython_wrapper=linked,
-        pipeline_class=compiler,
-    )(function)
-    if (cache := code_cache_of(function, "linked" if linked else "")) is not None:
-        dispatcher._cache = cache  # as its `enable_caching` does
-    return dispatcher
-
-
-def _lend_to_compiled_code(dispatcher: Any, function: Callable[..., object], inline: bool) -> None:
-    """Let compiled code call a variant that Python cannot.
-
-    It is made sooner: what unpacks Python's objects is often longer than the function. The variant
-    is one for all calls with the same types: numba would compile a function anew for each constant
-    that it is called with.
+    That variant takes half the time to compile: what unpacks Python's objects is often longer than
+    the function, and an overload is compiled once for all calls with the same types, where numba
+    would compile a function for each constant that it is called with.
     """
+    if vars(numba.config)["DISABLE_JIT"]:
+        return function
+    inner = _renamed(function, f"{function.__qualname__}.inner")
+    options: dict[str, Any] = {
+        "error_model": "numpy",
+        "nogil": True,
+        "no_cfunc_wrapper": True,
+        "forceinline": forceinline,
+        "cache": add_to_cache(function, inner),
+    }
+    entry: Any = None
 
-    @functools.cache
-    def variant() -> Any:
-        return _dispatcher(function, LinkedCompiler, inline)
+    @functools.wraps(function)
+    def call(*arguments: Any, **keywords: Any) -> Any:
+        nonlocal entry
+        if entry is None:
+            entry = _njit(function, **options)
+        try:
+            return entry(*arguments, **keywords)
+        except (AttributeError, ModuleNotFoundError):
+            if not forget_unreadable():
+                raise
+            return entry(*arguments, **keywords)
 
-    def call_template(arguments: Iterable[Any], keywords: dict[str, Any]) -> Any:
-        plain = {name: _unliteral(kind) for name, kind in keywords.items()}
-        return variant().get_call_template(tuple(map(_unliteral, arguments)), plain)
+    options_inside: Any = options | {"no_cpython_wrapper": True}
+    overload(call, jit_options=options_inside, strict=False)(lambda *_, **__: inner)
+    return cast(_F, call)
 
-    dispatcher.get_call_template = call_template
-    dispatcher.get_overload = lambda signature: variant().get_overload(signature)
+
+def _renamed(function: Callable[..., object], name: str) -> FunctionType:
+    """Return a copy of a function whose code has a name of its own in the cache."""
+    original = cast(FunctionType, function)
+    copy = FunctionType(original.__code__, original.__globals__, closure=original.__closure__)
+    functools.update_wrapper(copy, original)
+    copy.__defaults__, copy.__kwdefaults__ = original.__defaults__, original.__kwdefaults__
+    copy.__qualname__ = name
+    return copy

@@ -1,4 +1,4 @@
-"""Memory in compiled loops: arrays without counted references, tables of them, copies of blocks."""
+"""Memory in compiled loops: uncounted arrays, tables of them, copies of blocks, hash tables."""
 
 from typing import Any, TypeVar, cast
 
@@ -10,27 +10,19 @@ from numba.extending import intrinsic
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "borrowed",
-    "copy_bytes",
-    "copy_record",
-    "copy_values",
-    "load_tuple",
-    "new_table",
-    "store_tuple",
-]
-
 _T = TypeVar("_T")
+_HASH_FACTOR = 0x9E3779B1
 _tools = cast("Any", cgutils)  # without annotations
 
 
 def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """Return an array, or a tuple of such, that nobody owns."""
     if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value)
-        for pointer in ("meminfo", "parent"):
-            setattr(array, pointer, _tools.get_null_value(getattr(array, pointer).type))
-        return array._getvalue()
+        model = context.data_model_manager[kind]
+        for owner in ("meminfo", "parent"):
+            nobody = _tools.get_null_value(model.get(builder, value, owner).type)
+            value = model.set(builder, value, nobody, owner)
+        return value
     if isinstance(kind, types.BaseTuple):
         parts = zip(cast("Any", kind), _tools.unpack_tuple(builder, value), strict=True)
         return context.make_tuple(
@@ -208,3 +200,22 @@ def copy_values(target: np.ndarray, source: np.ndarray) -> None:
     """
     for k in range(len(target)):
         target[k] = source[k]
+
+
+@compiled
+def slot_of(keys: np.ndarray, key: int) -> int:
+    """Return the slot that holds a key of a hash table; the free one for it if none does.
+
+    The table is an array of keys > 0 by open addressing; 0 marks a free slot, of which there is
+    always one. Nothing is ever taken out: who forgets a key fills the array again.
+
+    Args:
+        keys: Shape (2**n,) int64.
+        key: What to look for, > 0.
+    """
+    mask = keys.size - 1
+    wanted = int(key)
+    slot = (((wanted ^ (wanted >> 29)) * _HASH_FACTOR) >> 13) & mask
+    while keys[slot] != 0 and keys[slot] != wanted:
+        slot = (slot + 1) & mask
+    return int(slot)

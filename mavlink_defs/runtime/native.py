@@ -26,28 +26,6 @@ from numba import types
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "ADDRESS_SIZE",
-    "POLLED",
-    "READABLE",
-    "SPIN_S",
-    "datagrams_lost",
-    "let_others_run",
-    "monotonic_s",
-    "receive",
-    "receive_from",
-    "receive_from_now",
-    "receive_from_soon",
-    "receive_now",
-    "same_address",
-    "send",
-    "send_to",
-    "sleep_until",
-    "unix_s",
-    "wait_for_any",
-    "waits",
-]
-
 ADDRESS_SIZE = 16  # struct sockaddr_in
 
 POLLED = np.dtype([("fd", "i4"), ("events", "i2"), ("found", "i2")])

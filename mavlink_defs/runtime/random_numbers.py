@@ -12,8 +12,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["GENERATOR_SIZE", "keyed_hash", "seed_generator", "uniform"]
-
 GENERATOR_SIZE = 4
 _M = 0xFFFFFFFF
 _V2, _V3 = 0x6C796765, 0x74656462

@@ -5,8 +5,6 @@ import os
 import signal
 from collections.abc import Callable
 
-__all__ = ["on_stop"]
-
 _LOOK_S = 0.5
 
 

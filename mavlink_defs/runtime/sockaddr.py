@@ -7,8 +7,6 @@ import numpy as np
 
 from mavlink_defs.endpoint import BSD_LIKE, UdpAddress, resolve
 
-__all__ = ["address_of", "sockaddr"]
-
 
 def sockaddr(address: UdpAddress) -> np.ndarray:
     """Return the resolved address as a struct sockaddr_in for `native.send_to`, uint8, shape (16,).

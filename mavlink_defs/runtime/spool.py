@@ -16,9 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mavlink_defs.runtime.files import complete_file, naming, write_text
-
-__all__ = ["Spool", "SpoolReader"]
+from mavlink_defs.config.output_files import complete_file, naming, write_text
 
 _END = "end.json"
 _HEAD = 10  # bytes of a .npy file up to its header: magic string, version 1.0, length of the header

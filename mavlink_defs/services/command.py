@@ -19,18 +19,6 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sent_before
 
-__all__ = [
-    "ACK_TIMEOUT_S",
-    "MAX_SENDS",
-    "PROGRESS_TIMEOUT_S",
-    "PROGRESS_UNKNOWN",
-    "CommandClient",
-    "CommandFinished",
-    "CommandMessage",
-    "CommandProgress",
-    "command_params",
-]
-
 CommandMessage: TypeAlias = MAVLink_command_long_message | MAVLink_command_int_message
 
 ACK_TIMEOUT_S = 0.5
@@ -94,7 +82,7 @@ class _Last:
 class CommandClient(Machine[CommandProgress | CommandFinished]):
     """Sends one command at a time and repeats it until it is answered.
 
-    An answer names only the MAV_CMD, so a delayed second answer could be taken for that of the
+    An answer names only the MAV_CMD, so a delayed second answer could be taken for the one of the
     next command. For one timeout after a command, answers for the same MAV_CMD are therefore
     accepted only if they were sent later than the one that ended it, and not at all if it was
     repeated, as then more may be on their way; the next command is then sent once more.

@@ -22,15 +22,6 @@ from mavlink_defs.services.command import (
 )
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of, sent_before
 
-__all__ = [
-    "CONFIRMED_WINDOW_S",
-    "LATE_S",
-    "MAX_PENDING",
-    "PENDING_TIMEOUT_S",
-    "CommandReceived",
-    "CommandServer",
-]
-
 CONFIRMED_WINDOW_S = PROGRESS_TIMEOUT_S + MAX_SENDS * ACK_TIMEOUT_S + 1.0
 """Time after its answer within which a command may be repeated (confirmation > 0) [s]."""
 

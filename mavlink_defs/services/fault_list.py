@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_fault_message, MAVLink_message
+from mavlink_defs.fault_kinds import CODES
 from mavlink_defs.faults import Fault
 from mavlink_defs.services.command import CommandClient, CommandFinished
 from mavlink_defs.services.machine import Machine, SystemId
-
-__all__ = ["MAX_REQUESTS", "FaultList", "FaultLister", "FaultsListed"]
 
 MAX_REQUESTS = 8
 _GAP_TIMEOUT_S = 0.2  # after the acknowledgement nothing should be in transit
@@ -40,8 +39,8 @@ class FaultList:
         self._faults: dict[int, Fault] = {}
 
     def receive(self, message: MAVLink_ftc_fault_message) -> None:
-        """Take in one of the messages; one of an unknown actuator is ignored."""
-        if message.actuator >= len(ACTUATORS):
+        """Take in one of the messages; one of an unknown actuator or kind is ignored."""
+        if message.actuator >= len(ACTUATORS) or message.kind not in CODES:
             return
         fault = Fault.from_message(message)
         if message.count != self._count or self._faults.get(message.index, fault) != fault:
@@ -73,17 +72,9 @@ class FaultLister(Machine[FaultsListed]):
         """Request the list."""
         self._requests += 1
         self._deadline = None
+        params = (dialect.MAVLINK_MSG_ID_FTC_FAULT, *[0] * 6)
         message = dialect.MAVLink_command_long_message(
-            *self._vehicle,
-            dialect.MAV_CMD_REQUEST_MESSAGE,
-            0,
-            dialect.MAVLINK_MSG_ID_FTC_FAULT,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
+            *self._vehicle, dialect.MAV_CMD_REQUEST_MESSAGE, 0, *params
         )
         self._command.send(message, now)
         self._pass_on()

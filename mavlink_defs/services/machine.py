@@ -11,8 +11,6 @@ from typing import Generic, NamedTuple, TypeVar
 
 from mavlink_defs.dialect import MAVLink_message
 
-__all__ = ["Machine", "SystemId", "is_for", "sender_of", "sent_before"]
-
 E = TypeVar("E")
 
 
@@ -49,7 +47,7 @@ class Machine(ABC, Generic[E]):
 
     @abstractmethod
     def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in any received message; those of no concern are ignored."""
+        """Take in any received message; others are ignored."""
 
     @abstractmethod
     def handle_timer(self, now: float) -> None:

@@ -29,19 +29,6 @@ from mavlink_defs.dialect import (
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
-__all__ = [
-    "ITEM_TIMEOUT_S",
-    "MAX_RETRIES",
-    "RESPONSE_TIMEOUT_S",
-    "MissionClearer",
-    "MissionDownloader",
-    "MissionFinished",
-    "MissionItem",
-    "MissionProgress",
-    "MissionUploader",
-    "item_as_int",
-]
-
 MissionItem: TypeAlias = MAVLink_mission_item_int_message
 
 RESPONSE_TIMEOUT_S = 1.5
@@ -169,7 +156,7 @@ class MissionUploader(_MissionClient):
     """Uploads a mission to a vehicle; without items it clears the mission.
 
     The vehicle requests each item. While it does not answer, the last message is repeated: a
-    MISSION_COUNT begins anew, a last item makes the vehicle repeat its MISSION_ACK.
+    MISSION_COUNT begins the upload again, a last item makes the vehicle repeat its MISSION_ACK.
     """
 
     def __init__(

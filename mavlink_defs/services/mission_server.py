@@ -32,13 +32,6 @@ from mavlink_defs.services.mission import (
 )
 from mavlink_defs.services.mission_upload import Client, Upload
 
-__all__ = [
-    "MissionAccepted",
-    "MissionEvent",
-    "MissionRefused",
-    "MissionServer",
-]
-
 _MISSION = dialect.MAV_MISSION_TYPE_MISSION
 _TYPES = (_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY)
 _NO_MISSION = 0xFFFF
@@ -76,7 +69,7 @@ class MissionServer(Machine[MissionEvent]):
     """Holds the mission of one vehicle and answers every client.
 
     A mission is replaced only when the new one is complete and valid. Geofences and rally
-    points are always empty. One client can upload at a time, and begins anew with another
+    points are always empty. One client can upload at a time, and begins again with another
     MISSION_COUNT; any number can download, and a download is cancelled if the mission changes
     meanwhile, so that none is a mixture.
 
@@ -157,12 +150,12 @@ class MissionServer(Machine[MissionEvent]):
         return self.set_current(seq)
 
     def restore(self, items: tuple[MissionItem, ...], current: int) -> None:
-        """Put a mission in force again that was accepted before; nobody is told."""
+        """Put a mission in force again that was accepted before, without announcing it."""
         home = items[:1] if self._home is None else (self._home(),)
         self._items, self._current = (*home, *items[1:]) if items else (), current
 
     def refresh_home(self) -> None:
-        """Let item 0 be what `home` returns now; what is being downloaded begins anew."""
+        """Let item 0 be what `home` returns now; a download in progress begins again."""
         if self._items and self._home is not None:
             self._items = (self._home(), *self._items[1:])
             self._revision += 1
@@ -175,7 +168,7 @@ class MissionServer(Machine[MissionEvent]):
         )
 
     def receive(self, message: MAVLink_message, now: float, station: int = 0) -> None:
-        """Take in any message; those of the mission protocol that are for us are answered.
+        """Take in any message; of the mission protocol the ones for us are answered.
 
         Args:
             message: The message.
@@ -259,7 +252,7 @@ class MissionServer(Machine[MissionEvent]):
         before, sequence = self._going_on(), message.get_seq()
         if before and before.sequence == sequence and now <= before.begun_s + LATE_S:
             return  # the network has duplicated it
-        # From the same client the upload begins anew: it may be another mission.
+        # From the same client the upload begins again: it may be another mission.
         self._upload = upload = Upload(
             sender, mission_type, count, sequence=sequence, begun_s=now, heard_s=now
         )

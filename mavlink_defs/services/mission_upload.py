@@ -8,8 +8,6 @@ from mavlink_defs.dialect import MAVLink_mission_item_message
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import MissionItem, item_as_int
 
-__all__ = ["Client", "Upload"]
-
 
 class Client(NamedTuple):
     """A client: its address, and the station over which its messages arrive."""
@@ -29,7 +27,7 @@ class Upload:
     begun_s: float = 0.0  # when that came
     items: list[MissionItem] = field(default_factory=list)
     retries: int = 0  # repeated requests since the last item
-    ignored: int = 0  # those of them after which the client was heard, but no item came
+    ignored: int = 0  # after which the client was heard, but no item came
     heard_s: float = 0.0  # when the client was heard
     asked_s: float = 0.0  # when the awaited item was requested
     result: int | None = None

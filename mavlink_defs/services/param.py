@@ -23,21 +23,6 @@ from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 from mavlink_defs.visible import visible
 
-__all__ = [
-    "GAP_TIMEOUT_S",
-    "MAX_NAME",
-    "MAX_RETRIES",
-    "MAX_TOGETHER",
-    "RESPONSE_TIMEOUT_S",
-    "Param",
-    "ParamFinished",
-    "ParamLister",
-    "ParamProgress",
-    "ParamReader",
-    "ParamSetter",
-    "raw_name",
-]
-
 MAX_NAME = 16
 """Most characters of a parameter's name."""
 
@@ -108,10 +93,10 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
         """Begin the operation.
 
         Raises:
-            RuntimeError: It has begun already.
+            RuntimeError: It was started already.
         """
         if self._deadline is not None:
-            raise RuntimeError("the parameter operation has begun already")
+            raise RuntimeError("the parameter operation was started already")
         self._retries = 0
         self._ask([self._request()], RESPONSE_TIMEOUT_S, now)
 
@@ -250,28 +235,28 @@ class ParamSetter(_ParamClient):
             ValueError: No parameter can have this name.
         """
         super().__init__(own, vehicle)
-        self._wanted = param
+        self._requested = param
         self._raw = raw_name(param.name)
         self._mismatches: set[int] = set()  # retries after which another value has come
 
     def _request(self) -> MAVLink_message:
         return MAVLink_param_set_message(
-            *self._vehicle, self._raw, float(self._wanted.value), self._wanted.type
+            *self._vehicle, self._raw, float(self._requested.value), self._requested.type
         )
 
     def _take(self, message: MAVLink_param_value_message, now: float) -> None:
-        if message.param_id != self._wanted.name:
+        if message.param_id != self._requested.name:
             return
-        kept = _param(message)
-        if decimal_of_float32(kept.value) == decimal_of_float32(self._wanted.value):
-            self._finish(dialect.MAV_PARAM_ERROR_NO_ERROR, [kept])
+        held = _param(message)
+        if decimal_of_float32(held.value) == decimal_of_float32(self._requested.value):
+            self._finish(dialect.MAV_PARAM_ERROR_NO_ERROR, [held])
             return
         self._mismatches.add(self._retries)
         if len(self._mismatches) > 1:
-            self._finish(dialect.MAV_PARAM_ERROR_PERMISSION_DENIED, [kept])
+            self._finish(dialect.MAV_PARAM_ERROR_PERMISSION_DENIED, [held])
 
     def _concerns(self, message: MAVLink_param_error_message) -> bool:
-        return bool(message.param_id == self._wanted.name)
+        return bool(message.param_id == self._requested.name)
 
 
 def raw_name(name: str) -> bytes:

@@ -2,7 +2,7 @@
 
 Values are numbers of type INT32 or REAL32. They travel C-cast, as ArduPilot does it: the number
 itself in a float32 whatever its type, so that `param_type` of PARAM_SET means nothing; or
-bytewise, where an integer's four bytes stand in for those of the float32.
+bytewise, where an integer's four bytes stand in for a float32.
 """
 
 import math
@@ -25,18 +25,6 @@ from mavlink_defs.float32 import decimal_of_float32, float32s
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 from mavlink_defs.services.param import MAX_NAME, raw_name
 
-__all__ = [
-    "BURST",
-    "BURST_PERIOD_S",
-    "INT32",
-    "REAL32",
-    "ParamChanged",
-    "ParamRefused",
-    "ParamServer",
-    "ParamValueError",
-    "Parameter",
-]
-
 INT32, REAL32 = dialect.MAV_PARAM_TYPE_INT32, dialect.MAV_PARAM_TYPE_REAL32
 
 BURST = 5
@@ -50,7 +38,7 @@ class ParamValueError(ValueError):
 
     Attributes:
         error: MAV_PARAM_ERROR to answer with.
-        text: The problem, in words that follow the parameter's name: "must be > 0 s".
+        text: The problem, as a text that follows the parameter's name: "must be > 0 s".
     """
 
     def __init__(self, text: str, error: int = dialect.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE) -> None:
@@ -126,10 +114,10 @@ class ParamServer(Machine[ParamEvent]):
             raw_name(name)
         self._next = 0  # of the list
         self._remaining = 0
-        self._deadline = -math.inf  # of the next burst; kept after the last one
+        self._deadline = -math.inf  # of the next burst; stays after the last one
 
     def receive(self, message: MAVLink_message, now: float) -> None:
-        """Take in any message; those of the parameter protocol that are for us are answered."""
+        """Take in any message; the parameter protocol for us is answered."""
         if not is_for(message, self._own):
             return
         match message:

@@ -14,8 +14,6 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
-__all__ = ["Responder"]
-
 _FTP_SIZE = 251
 _FTP_REQUESTS = range(1, 128)  # op codes; the others are answers
 _FTP_NAK = 129
@@ -24,7 +22,7 @@ _MAX_NS = 2**63 - 1
 
 
 class Responder(Machine[None]):
-    """Answers single messages; it keeps no state."""
+    """Answers single messages; it has no state."""
 
     def __init__(self, own: SystemId) -> None:
         super().__init__()

@@ -9,8 +9,6 @@ from mavlink_defs.constants import STATUSTEXT_SIZE
 from mavlink_defs.dialect import MAVLink_statustext_message
 from mavlink_defs.visible import visible
 
-__all__ = ["CHUNK_TIMEOUT_S", "Text", "TextAssembler"]
-
 CHUNK_TIMEOUT_S = 1.0
 """Time to wait for missing chunks [s]."""
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from ftc_autopilot.control.controllers import Source, new_controllers
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.link import new_link
-from ftc_autopilot.loop import Loop, new_loops, run
+from ftc_autopilot.hot.link import new_link
+from ftc_autopilot.hot.loop import Loop, new_loops, run
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import set_receive_timeout

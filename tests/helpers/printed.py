@@ -2,8 +2,6 @@
 
 import re
 
-__all__ = ["BY_ITSELF", "FOLDED", "NO_TABLE", "OF_A_FLEET", "assert_same_numbers", "numbers_in"]
-
 SHORT = "--set duration_s=0.05"
 BY_ITSELF = {
     "baseline": f"paper/scenario1 {SHORT} --tolerance 1000 --aircraft 2 --out OUT",

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from gcs.campaigns.flights import fly_rows
-from gcs.campaigns.folder import open_folder
-from gcs.campaigns.plan import rows_of
-from gcs.campaigns.store import append_results
-from gcs.sweeps.axes import parse_axes
-from gcs.sweeps.grid import plan_grid
-from gcs.sweeps.points import Point, read_points
+from gcs.lab.campaigns.flights import fly_rows
+from gcs.lab.campaigns.folder import open_folder
+from gcs.lab.campaigns.grid import plan_grid
+from gcs.lab.campaigns.plan import rows_of
+from gcs.lab.campaigns.points import Point, read_points
+from gcs.lab.campaigns.store import append_results
+from gcs.scenario.settings import parse_axes
 
 
 def swept(files: list[Path], settings: list[str], folder: Path) -> list[Point]:

@@ -9,10 +9,10 @@ import numpy as np
 from hypothesis import strategies as st
 from vehicle_bench import ACCEPTED, UAV, Bench, of_type
 
-from ftc_autopilot.geography import Origin, place_of
-from ftc_autopilot.kept_mission import read_kept_mission, write_kept_mission
-from ftc_autopilot.kept_state import VEHICLE
-from ftc_autopilot.link import records_to_keep
+from ftc_autopilot.common.geography import Origin, place_of
+from ftc_autopilot.hot.checkpoint import VEHICLE
+from ftc_autopilot.hot.link import checkpoint_records
+from ftc_autopilot.vehicle.mission_checkpoint import load_mission, save_mission
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
@@ -191,10 +191,10 @@ def start_flight(bench: Bench, mission: Sequence[MissionItem]) -> None:
 def state_of(bench: Bench) -> dict[str, Any]:
     """Return all that a request may change: what a checkpoint has, and what stations see."""
     vehicle, kept = bench.vehicle, np.zeros(1, VEHICLE)
-    vehicle.note(kept[0])
-    records = records_to_keep(bench.hot._both, bench.controllers, kept)
+    vehicle.save(kept[0])
+    records = checkpoint_records(bench.hot._both, bench.controllers, kept)
     server, params = vehicle._mission.server, vehicle._params._parameters
-    _, mission = vehicle.mission_to_keep()
+    _, mission = vehicle.mission_checkpoint()
     return {
         "records": [record.tobytes() for record in (*records, bench.controllers.paths)],
         "mission": [_content(item) for item in mission.items],
@@ -214,18 +214,18 @@ def _content(item: MissionItem) -> bytes:
     return np.array(numbers).tobytes()
 
 
-def second_life(bench: Bench, scenario: Scenario, folder: Path) -> Bench:
+def second_process(bench: Bench, scenario: Scenario, folder: Path) -> Bench:
     """Return the vehicle after the death of its process, with the next state of the plant."""
     second = Bench(scenario)
     kept = (np.zeros(1, VEHICLE), np.zeros(1, VEHICLE))
-    bench.vehicle.note(kept[0][0])
-    before = records_to_keep(bench.hot._both, bench.controllers, kept[0])
-    after = records_to_keep(second.hot._both, second.controllers, kept[1])
+    bench.vehicle.save(kept[0][0])
+    before = checkpoint_records(bench.hot._both, bench.controllers, kept[0])
+    after = checkpoint_records(second.hot._both, second.controllers, kept[1])
     for old, new in zip(before, after, strict=True):
         new.reshape(-1).view(np.uint8)[:] = old.reshape(-1).view(np.uint8)
     second.controllers.paths[...] = bench.controllers.paths
-    write_kept_mission(folder / "kept", bench.vehicle.mission_to_keep()[1])
-    second.vehicle.resume(kept[1][0], read_kept_mission(folder / "kept"))
+    save_mission(folder / "mission", bench.vehicle.mission_checkpoint()[1])
+    second.vehicle.resume(kept[1][0], load_mission(folder / "mission"))
     for name in bench.hot.measured.dtype.names or ():
         second.hot.measured[name] = bench.hot.measured[name]
     second.now = bench.now

@@ -105,8 +105,11 @@ def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None)
 
 @contextlib.contextmanager
 def flying_fleet(folder: Path) -> Iterator[Up]:
-    """Scenario 1, flying in real time; in the end its `gcs up` is killed, and nothing is left."""
-    with up(folder, "--start") as fleet:
+    """Scenario 1, flying slowly, as a busy machine may be late.
+
+    In the end its `gcs up` is killed, and nothing is left.
+    """
+    with up(folder, "--start", "--speed", "0.3") as fleet:
         yield fleet
         assert len(processes_of(fleet.folder)) == 5
         assert fleet.stop(signal.SIGKILL)[0] == -signal.SIGKILL

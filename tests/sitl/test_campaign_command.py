@@ -22,8 +22,8 @@ from flying import (
     wait_until,
 )
 
-from gcs.campaigns.mark import mark_of
-from gcs.campaigns.store import read_results
+from gcs.lab.campaigns.mark import mark_of
+from gcs.lab.campaigns.store import read_results
 
 pytestmark = pytest.mark.sitl
 

@@ -14,10 +14,10 @@ from station import Up, up
 from textual.widgets import TabbedContent
 from waiting import until_focused
 
-from gcs.tui.cached_static import CachedStatic
 from gcs.tui.events import EventLog, EventsPanel
 from gcs.tui.faults import FaultList
 from gcs.tui.grid import Grid
+from gcs.tui.guard import CachedStatic
 from gcs.tui.plots import Chart
 from gcs.tui.profiles import Holdings, ProfilesPanel
 from gcs.tui.wire_panel import WirePanel
@@ -27,8 +27,9 @@ pytestmark = pytest.mark.sitl
 
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """Scenario 1 in real time, waiting to be armed, without its fault."""
-    with up(tmp_path_factory.mktemp("fleet"), tree=scenario_tree(faults=[])) as fleet:
+    """Scenario 1, waiting to be armed, without its fault; slowly, as a busy machine may be late."""
+    folder, tree = tmp_path_factory.mktemp("fleet"), scenario_tree(faults=[])
+    with up(folder, "--speed", "0.3", tree=tree) as fleet:
         yield fleet
 
 

@@ -36,7 +36,7 @@ def test_no_command_jumps_when_all_edges_are_lost_and_when_they_return(
         if isinstance(message, dialect.MAVLink_statustext_message)
     )
     edges = 2 * len(whole.network.edges)  # each end says so
-    assert said.count("edge dropped") == said.count("edge taken up") == edges
+    assert said.count("edge dropped") == said.count("edge restored") == edges
     expected = fly_in_process(whole)
     assert not np.array_equal(flown.states, expected.states)
     assert (largest_steps(flown) <= 1.1 * largest_steps(expected)).all()

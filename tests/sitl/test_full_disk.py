@@ -18,7 +18,7 @@ from flying import (
 )
 from station import Up, up
 
-from gcs.campaigns.store import read_results
+from gcs.lab.campaigns.store import read_results
 
 pytestmark = pytest.mark.sitl
 

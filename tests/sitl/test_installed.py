@@ -18,7 +18,7 @@ import numba
 import pytest
 from flying import assert_one_message, environment, summary_of
 
-from gcs.reproduce import FILES
+from gcs.lab.reproduce import FILES
 
 pytestmark = pytest.mark.sitl
 
@@ -229,7 +229,7 @@ def test_the_paper_is_reproduced(programs: Path, folder: Path) -> None:
         (folder / "short" / f"{file}.yaml").write_text(text)
     run_well(programs, folder, "gcs", "reproduce", "--scenarios", "short", "--out", "out")
     assert (folder / "out" / "report.html").is_file()
-    code = "import inspect; from gcs.commands.reproduce import reproduce as r; "
+    code = "import inspect; from gcs.lab.commands.reproduce import reproduce as r; "
     code += "print(inspect.signature(r).parameters['scenarios'].default)"
     paper = Path(run_well(programs, folder, "python", "-c", code).strip())
     assert paper.is_relative_to(programs.parent)

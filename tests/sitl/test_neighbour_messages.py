@@ -19,8 +19,9 @@ from gcs.fleet import flight
 from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.processes import on_free_ports
 from gcs.fleet.relays import relay_of
+from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.bundled import find_scenario
 from gcs.scenario.model import Scenario, scenario_of
 from gcs.scenario.model import scenario_tree as gcs_tree

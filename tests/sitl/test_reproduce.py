@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from flying import SCENARIO_1, assert_one_message, run
 
-from gcs.baselines.rivals import rivals
-from gcs.combinations import combinations
-from gcs.reproduce import FILES
+from gcs.lab.baselines.combinations import combinations, rivals
+from gcs.lab.reproduce import FILES
 from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl
@@ -55,8 +54,10 @@ def test_everything_is_there(out: Path) -> None:
         assert written == {
             "summary.json",
             "events.npz",
+            "events.arrows",
             "events.csv",
             "trajectory.npz",
+            "trajectory.arrows",
             "trajectory.csv",
         }
 

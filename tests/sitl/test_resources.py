@@ -66,7 +66,7 @@ def test_a_restart_that_cannot_be_prepared_for_is_told_before_the_flight(tmp_pat
     assert done.returncode == 2
     assert_one_message(done.stderr)
     assert f"cannot write {folder / 'processes' / 'uav'}" in done.stderr
-    assert ".kept: File too large" in done.stderr
+    assert ".checkpoint: File too large" in done.stderr
     assert not processes_of(folder)
 
 

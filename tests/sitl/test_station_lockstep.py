@@ -12,7 +12,7 @@ from flying import TIMEOUT_S, arrays_of, flying, processes_of, wait_until, write
 from station import ACCEPTED, ALL, up
 
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.summary import event_table
+from gcs.results.recording import event_table
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.tlog import read_tlog
 

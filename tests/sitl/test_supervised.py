@@ -85,7 +85,7 @@ def count_events_of_both_lives(flight: Recording, scenario: Scenario, folder: Pa
         assert uav.restarts == int(uav.id == 2)
     assert "the flight of 0.400 s" in texts[2]
     assert "silent, edge dropped" in texts[1]
-    assert "heard again, edge taken up" in texts[1]
+    assert "heard again, edge restored" in texts[1]
 
 
 def test_a_plant_that_stands_still_for_longer_than_autopilots_wait_is_waited_for(

@@ -111,7 +111,7 @@ def test_a_lossy_lockstep_flight_ends_and_is_the_same_every_time(tmp_path: Path)
         assert_counts_agree(wire, summary)  # a repeat is no event
         for fate in wire["fates"]:
             assert fate["delivered"] == fate["taken"] - fate["lost"]
-            assert fate["lost"] == pytest.approx(0.1 * fate["taken"], rel=0.35)
+            assert fate["lost"] == pytest.approx(0.1 * fate["taken"], rel=0.35)  # of 150: 1.4 σ
         repeats = [c["repeats"] for uav in summary["uavs"] for c in uav["channels"].values()]
         assert sum(repeats) > 0
         assert sum(uav["repeats"] for uav in wire["uavs"]) > 0

@@ -163,6 +163,8 @@ def assert_figures_of_the_paper(summary: dict[str, Any]) -> None:
         {"airspeed": 16.5, "roll": 13.2, "pitch": 12.8, "yaw": 22.7}, rel=0.01
     )
     events = {name: follower_2["channels"][name]["events"] for name in CHANNELS}
+    # of another implementation of the paper: IAEs agree, but demands chatter around the thresholds,
+    # so that events do so only roughly; ours are exact in the tests of docs/explanation/results.md
     assert events.pop("throttle") == pytest.approx(105, rel=0.2)
     assert events == pytest.approx({"aileron": 6055, "elevator": 1404, "rudder": 763}, rel=0.1)
 

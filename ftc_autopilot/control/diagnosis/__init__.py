@@ -6,10 +6,10 @@ the commands over a short window (`regression`), and a phase: healthy, suspect, 
 (`excitation`). Nothing here knows of fault commands.
 """
 
-from ftc_autopilot.control.diagnosis.decisions import HEALTHY, LOST, SUSPECT
+from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.diagnose import diagnose
 from ftc_autopilot.control.diagnosis.excitation import dithered, probe, probed
-from ftc_autopilot.control.diagnosis.parameters import Diagnosis
+from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters
 from ftc_autopilot.control.diagnosis.state import DIAGNOSIS
 
 __all__ = [
@@ -17,7 +17,7 @@ __all__ = [
     "HEALTHY",
     "LOST",
     "SUSPECT",
-    "Diagnosis",
+    "DiagnosisParameters",
     "diagnose",
     "dithered",
     "probe",

@@ -1,49 +1,29 @@
 """Decisions about one actuator: suspect, lost, back in service.
 
-Suspect: the residual r = y - u jumped from its slow mean, or crept away without any excitation.
-Most of the gyro's noise in r is fast, since y has the rates' derivative in it; smoothed over 15 ms,
-r shows jumps that are several times smaller. Lost: the command moved enough and the actuator did
-not follow; if it did, the suspicion ends. Back: a lost one follows again.
+Fault detection and isolation by the residual r = y - u of each actuator, in four tests:
+
+- Jump test, of the kind of a CUSUM with a short memory: r, or r smoothed, is farther from its mean
+  (EWMA) than a threshold and than a multiple of its standard deviation. Most of the gyro's noise in
+  r is fast, as y has the rates' derivative in it: smoothed, r shows jumps several times smaller.
+- Drift test: r is far from a slower mean. Either one raises a suspicion: the surface is dithered.
+- Excitation test (persistent excitation), then regression: the command moved enough, and ρ with
+  its standard error is too small: lost; large enough: not suspect any more.
+- Return test: a lost actuator follows its probe again.
+
+Timers keep one event from counting twice: a blanking time in which the filters pass the step, a
+hold-off between two jumps, a cooldown between two suspicions, a confirmation time of a decision.
+All numbers are fields of `DiagnosisParameters`.
 """
 
 import math
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis.parameters import Thresholds
+from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
+from ftc_autopilot.control.diagnosis.parameters import Limits
 from ftc_autopilot.control.diagnosis.regression import estimate, learn, long_estimate, restart
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["HEALTHY", "LOST", "SUSPECT", "decide", "phase_of", "watch"]
-
-HEALTHY, SUSPECT, LOST = 0, 1, 2
-"""Phases of an actuator."""
-
-_START_S = 0.3  # no jump counts earlier: the aircraft is being trimmed
-_DECIDE_S = 0.5  # no loss is declared earlier
-_CREEP_S = 1.5
-_CENTRE_S, _OLD_CENTRE_S, _NOISE_S = 0.15, 4.0, 5.0  # memories
-_FIRST_NOISE_S = 0.1  # that of the noise begins with this, and grows
-_SMOOTH_S = 0.015  # filter of the smoothed residual
-_BLANK = 1.5  # of the measurement's filters: most of a step has passed it
-_SLIGHT_BLANK = 0.5  # likewise, after a jump that is slight
-_SLIGHT = 2.0  # of the threshold of a smoothed jump
-_LOCK_S = 0.25
-_REST_S = 2.5
-_EARLY_S = 0.5  # before the end of a rest, when a jump counts again that is not slight
-_RETURNS_S = 0.05  # after a suspicion that ended, until the surface is back from its movements
-_CREPT = 1.6  # of the threshold of a jump
-_KEPT = 0.1  # of the longer memory, after a jump
-_MORE_EXCITATION = 2.1  # of the noise
-_UNFOLLOWED = 0.4  # var_y by var_u below which an actuator does not follow
-_MARGIN = 0.4  # of ρ + 1.5 σ_ρ above the limit of a lost actuator
-_FOLLOWING = 0.5  # ρ - σ_ρ above which a suspect actuator follows
-_FEW_S = 0.006  # shortest window
-_LONG_SETTLE_S = 0.3  # before the longer memory may tell that the throttle is back
-_SETTLE_S = 0.25  # after a loss, before a return can be seen: the probe has moved
-_BACK_S = 0.05  # for which a return must be seen
-_SMALL = 0.75  # residual, of the threshold of a jump
-_BACK_EFFECTIVENESS, _BACK_R2 = 0.6, 0.6
+from sitl_plant.vec3 import clamp
 
 
 @compiled
@@ -51,174 +31,182 @@ def phase_of(actuator: np.void) -> int:
     """Return the phase of an actuator: `HEALTHY`, `SUSPECT` or `LOST`."""
     if actuator["lost"] != 0:
         return LOST
-    return SUSPECT if actuator["suspect"] > 0.0 else HEALTHY
+    return SUSPECT if actuator["suspect_s"] > 0.0 else HEALTHY
 
 
 @compiled
-def watch(
-    actuator: np.void,
-    limits: Thresholds,
-    age: float,
-    dt: float,
-    filter_s: float,
-    sigmas: float,
-    smooth_sigmas: float,
-) -> None:
-    """Look for jumps and creeping of the residual; learn from it in between.
+def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.void) -> None:
+    """Test the residual for jumps and drift; learn from it in between.
 
     After a jump the measurement is blanked until its filter has let the step pass, so that a
-    step of the offset is not taken for an actuator that does not follow, and the window starts
-    anew. A jump that is still slight after a third of that had mostly passed before it was seen.
+    step of the offset is not taken for an actuator that does not follow, and the window restarts.
+    A jump that is still slight after a third of that had mostly passed before it was seen.
 
     Args:
         actuator: Record of dtype `ACTUATOR`, updated in place.
-        limits: Its thresholds.
+        limits: Its limits.
         age: Time since the law's first step [s].
         dt: Control period [s].
-        filter_s: Filter of the measurement [s].
-        sigmas: Least jump, in standard deviations of the residual's noise.
-        smooth_sigmas: The same of the smoothed residual.
+        gains: Parameters, record made of `DiagnosisParameters`.
     """
     in_service = actuator["lost"] == 0
     r = actuator["measured"] - actuator["commanded"]
-    away = r - actuator["centre"]
-    jump = max(limits.jump, sigmas * math.sqrt(actuator["noise"]))
-    actuator["smooth"] += dt / _SMOOTH_S * (r - actuator["smooth"])
-    smooth_away = actuator["smooth"] - actuator["centre"]
-    smooth_jump = max(limits.smooth_jump, smooth_sigmas * math.sqrt(actuator["smooth_noise"]))
-    slight = abs(away) <= jump and abs(smooth_away) < _SLIGHT * smooth_jump < _SLIGHT * jump
-    rest_of_blank = (_BLANK - _SLIGHT_BLANK) * filter_s
-    if actuator["blank"] > 0.0:
-        actuator["blank"] -= dt
-        if slight and actuator["blank"] <= rest_of_blank:
-            actuator["blank"] = 0.0
+    away = r - actuator["mean"]
+    jump = max(limits.jump, gains["jump_sigma"] * math.sqrt(actuator["variance"]))
+    actuator["smooth"] += dt / gains["smooth_s"] * (r - actuator["smooth"])
+    smooth_away, smooth_sigma = (
+        actuator["smooth"] - actuator["mean"],
+        math.sqrt(actuator["smooth_variance"]),
+    )
+    smooth_jump = max(limits.smooth_jump, gains["smooth_jump_sigma"] * smooth_sigma)
+    slight_jump = gains["slight"] * smooth_jump
+    slight = abs(away) <= jump and abs(smooth_away) < slight_jump < gains["slight"] * jump
+    rest_of_blanking = (gains["blanking"] - gains["slight_blanking"]) * gains["filter_s"]
+    if actuator["blanking_s"] > 0.0:
+        actuator["blanking_s"] -= dt
+        if slight and actuator["blanking_s"] <= rest_of_blanking:
+            actuator["blanking_s"] = 0.0
         restart(actuator)
-        if actuator["blank"] <= 0.0:
-            actuator["centre"], actuator["smooth"] = r, r
+        if actuator["blanking_s"] <= 0.0:
+            actuator["mean"], actuator["smooth"] = r, r
     else:
         jumped = abs(away) > jump or abs(smooth_away) > smooth_jump
-        if in_service and jumped and age > _START_S and actuator["lock"] <= 0.0:
-            actuator["blank"], actuator["lock"] = _BLANK * filter_s, _LOCK_S
-            _suspect(actuator, limits, smooth_away, 0.0 if slight else _EARLY_S)
-            actuator["long_var_u"] *= _KEPT
-            actuator["long_cov"] *= _KEPT
-        actuator["centre"] += dt / _CENTRE_S * away
-        if actuator["suspect"] == 0.0:  # else r moves because the commands do
-            share = dt / min(max(age, _FIRST_NOISE_S), _NOISE_S)  # at first the mean so far
-            square, smooth_square = (
-                min(abs(away), jump) ** 2,
-                min(abs(smooth_away), smooth_jump) ** 2,
+        may_count = age > gains["jump_start_s"] and actuator["holdoff_s"] <= 0.0
+        if in_service and jumped and may_count:
+            actuator["blanking_s"] = gains["blanking"] * gains["filter_s"]
+            actuator["holdoff_s"] = gains["holdoff_s"]
+            early_s = 0.0 if slight else gains["early_s"]
+            _suspect(actuator, limits, smooth_away, early_s, gains)
+            actuator["long_var_u"] *= gains["remembered"]
+            actuator["long_cov"] *= gains["remembered"]
+        actuator["mean"] += dt / gains["mean_s"] * away
+        if actuator["suspect_s"] == 0.0:  # else r moves because the commands do
+            memory_s = clamp(age, gains["first_sigma_s"], gains["sigma_s"])
+            _learn_variances(
+                actuator, min(abs(away), jump), min(abs(smooth_away), smooth_jump), dt / memory_s
             )
-            actuator["noise"] += share * (square - actuator["noise"])
-            actuator["smooth_noise"] += share * (smooth_square - actuator["smooth_noise"])
         learn(actuator, limits.window, dt)
-    actuator["suspect"] = max(actuator["suspect"] - dt, 0.0)
-    if actuator["blank"] <= limits.ahead or (slight and actuator["blank"] > rest_of_blank):
-        actuator["moving"] += dt
+    actuator["suspect_s"] = max(actuator["suspect_s"] - dt, 0.0)
+    blanking_s = actuator["blanking_s"]
+    if blanking_s <= limits.ahead or (slight and blanking_s > rest_of_blanking):
+        actuator["dither_s"] += dt
     else:
-        actuator["moving"] = 0.0
-    actuator["lock"] = max(actuator["lock"] - dt, 0.0)
-    actuator["rest"] = max(actuator["rest"] - dt, 0.0)
+        actuator["dither_s"] = 0.0
+    actuator["holdoff_s"] = max(actuator["holdoff_s"] - dt, 0.0)
+    actuator["cooldown_s"] = max(actuator["cooldown_s"] - dt, 0.0)
     if age < 1.0:
-        actuator["old_centre"] = r
-    crept = r - actuator["old_centre"]
-    actuator["old_centre"] += dt / _OLD_CENTRE_S * crept
-    if in_service and abs(crept) > _CREPT * jump and age > _CREEP_S:
-        _suspect(actuator, limits, crept, 0.0)
+        actuator["drift_mean"] = r
+    drift = r - actuator["drift_mean"]
+    actuator["drift_mean"] += dt / gains["drift_mean_s"] * drift
+    drifted = abs(drift) > gains["drift"] * jump and age > gains["drift_start_s"]
+    if in_service and drifted:
+        _suspect(actuator, limits, drift, 0.0, gains)
 
 
 @compiled
-def _suspect(actuator: np.void, limits: Thresholds, away: float, early_s: float) -> None:
+def _learn_variances(actuator: np.void, away: float, smooth_away: float, share: float) -> None:
+    """Follow the variances of the residual and the smoothed one, at first their means so far."""
+    actuator["variance"] += share * (away**2 - actuator["variance"])
+    actuator["smooth_variance"] += share * (smooth_away**2 - actuator["smooth_variance"])
+
+
+@compiled
+def _suspect(
+    actuator: np.void, limits: Limits, away: float, early_s: float, gains: np.void
+) -> None:
     """Suspect an actuator, unless it was lately: its movements would renew the suspicion.
 
-    It rests for `_REST_S` less `early_s`. It will be moved against the change of its residual, as
-    the law's own answer moves it.
+    No new suspicion is raised for a cooldown, `early_s` less after a clear jump. The surface will
+    be dithered against the change of its residual, as the law's own answer moves it.
     """
-    if actuator["rest"] <= early_s:
-        actuator["way"], actuator["followed"] = -math.copysign(1.0, away), 0.0
-        actuator["moving"] = 0.0
-        actuator["suspect"], actuator["rest"] = limits.suspicion, limits.suspicion + _REST_S
+    if actuator["cooldown_s"] <= early_s:
+        actuator["dither_sign"], actuator["followed_s"] = -math.copysign(1.0, away), 0.0
+        actuator["dither_s"] = 0.0
+        actuator["suspect_s"] = limits.suspicion
+        actuator["cooldown_s"] = limits.suspicion + gains["cooldown_s"]
 
 
 @compiled
 def decide(
     actuator: np.void,
-    limits: Thresholds,
+    limits: Limits,
     age: float,
     dt: float,
-    filter_s: float,
-    lost_effectiveness: float,
+    gains: np.void,
     is_throttle: bool,
 ) -> None:
     """Declare an actuator lost, not suspect any more, or back in service; write its confidence.
 
     Args:
         actuator: Record of dtype `ACTUATOR`, updated in place.
-        limits: Its thresholds.
+        limits: Its limits.
         age: Time since the law's first step [s].
         dt: Control period [s].
-        filter_s: Filter of the measurement [s].
-        lost_effectiveness: An actuator with less is lost.
+        gains: Parameters, record made of `DiagnosisParameters`.
         is_throttle: Whether it is the throttle, whose thrust tells directly.
     """
-    effectiveness, error = estimate(actuator, limits.prior, limits.window, filter_s, dt)
+    rho, error = estimate(actuator, limits.prior, limits.window, gains["filter_s"], dt)
     actuator["confidence"] = max(0.0, 1.0 - error)
-    actuator["since"] += dt
+    actuator["decided_s"] += dt
     if actuator["lost"] == 0:
-        enough = max(limits.excitation, _MORE_EXCITATION * math.sqrt(actuator["noise"]))
-        moved = actuator["samples"] * dt > _FEW_S and actuator["var_u"] > enough * enough
-        follows = moved and effectiveness - error > _FOLLOWING
-        actuator["followed"] = actuator["followed"] + dt if follows else 0.0
-        if actuator["followed"] > limits.confirm and actuator["suspect"] > 0.0:
-            actuator["suspect"] = 0.0
-            actuator["lock"] = min(actuator["lock"], _RETURNS_S)
+        enough = max(limits.excitation, gains["excitation_sigma"] * math.sqrt(actuator["variance"]))
+        long_enough = actuator["samples"] * dt > gains["least_window_s"]
+        excited = long_enough and actuator["var_u"] > enough * enough
+        follows = excited and rho - error > gains["following"]
+        actuator["followed_s"] = actuator["followed_s"] + dt if follows else 0.0
+        if actuator["followed_s"] > limits.confirm and actuator["suspect_s"] > 0.0:
+            actuator["suspect_s"] = 0.0
+            actuator["holdoff_s"] = min(actuator["holdoff_s"], gains["cleared_holdoff_s"])
+        lost = gains["lost_effectiveness"]
         seen = (
-            age > _DECIDE_S
-            and moved
-            and effectiveness < lost_effectiveness
-            and effectiveness + 1.5 * error < lost_effectiveness + _MARGIN
-            and actuator["var_y"] < _UNFOLLOWED * actuator["var_u"]
+            age > gains["loss_start_s"]
+            and excited
+            and rho < lost
+            and rho + 1.5 * error < lost + gains["lost_margin"]
+            and actuator["var_y"] < gains["min_response_ratio"] * actuator["var_u"]
         )
         confirm = limits.confirm
     else:
-        actuator["stuck"] += dt / _CENTRE_S * (actuator["measured"] - actuator["stuck"])
+        actuator["stuck"] += dt / gains["mean_s"] * (actuator["measured"] - actuator["stuck"])
         r = actuator["measured"] - actuator["commanded"]
-        small = abs(r) < _SMALL * limits.jump
-        actuator["quiet"] = actuator["quiet"] + dt if small else 0.0
-        seen = actuator["since"] > _SETTLE_S and _follows(actuator, limits, is_throttle)
-        confirm = _BACK_S
-    actuator["agreed"] = actuator["agreed"] + dt if seen else 0.0
-    if actuator["agreed"] > confirm:
+        small = abs(r) < gains["quiet"] * limits.jump
+        actuator["quiet_s"] = actuator["quiet_s"] + dt if small else 0.0
+        may_return = actuator["decided_s"] > gains["return_start_s"]
+        seen = may_return and _follows(actuator, limits, gains, is_throttle)
+        confirm = gains["return_confirm_s"]
+    actuator["confirmed_s"] = actuator["confirmed_s"] + dt if seen else 0.0
+    if actuator["confirmed_s"] > confirm:
         _change(actuator)
 
 
 @compiled
-def _follows(actuator: np.void, limits: Thresholds, is_throttle: bool) -> bool:
+def _follows(actuator: np.void, limits: Limits, gains: np.void, is_throttle: bool) -> bool:
     """Return whether a lost actuator follows its command again.
 
     Its moments over the longer memory say so, or its residual has been small for so long that the
-    probe has moved, or the thrust is that of the command.
+    probe has moved, or the thrust is the commanded one.
     """
     cov, var_u = actuator["long_cov"], actuator["long_var_u"]
     follows: bool = (
         var_u > 0.25 * limits.excitation**2
-        and long_estimate(actuator, limits.prior) > _BACK_EFFECTIVENESS
+        and long_estimate(actuator, limits.prior) > gains["return_effectiveness"]
         and cov > 0.55 * var_u
-        and cov * cov > _BACK_R2 * var_u * actuator["long_var_y"]
+        and cov * cov > gains["return_r2"] * var_u * actuator["long_var_y"]
     )
     if not is_throttle:
-        return follows or float(actuator["quiet"]) > limits.quiet
+        return follows or float(actuator["quiet_s"]) > limits.quiet
     u: float = actuator["commanded"]
     near = abs(actuator["measured"] - u) < 0.5 * limits.jump + 0.1 * u
     gives = bool(near) and u > 0.25 * limits.jump
-    return gives or (follows and float(actuator["since"]) > _LONG_SETTLE_S)
+    settled = float(actuator["decided_s"]) > gains["throttle_return_start_s"]
+    return gives or (follows and settled)
 
 
 @compiled
 def _change(actuator: np.void) -> None:
     """Declare a lost actuator back in service, any other one lost."""
-    actuator["since"], actuator["agreed"], actuator["quiet"] = 0.0, 0.0, 0.0
-    actuator["suspect"] = 0.0
+    actuator["decided_s"], actuator["confirmed_s"], actuator["quiet_s"] = 0.0, 0.0, 0.0
+    actuator["suspect_s"] = 0.0
     if actuator["lost"] == 0:
         actuator["lost"] = 1
         actuator["stuck"] = actuator["measured"]

@@ -4,17 +4,17 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis.decisions import decide, phase_of, watch
+from ftc_autopilot.control.diagnosis.decisions import decide, monitor, phase_of
 from ftc_autopilot.control.diagnosis.measurement import measure
-from ftc_autopilot.control.diagnosis.parameters import thresholds_of
+from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.diagnosis.regression import long_estimate
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.control.step import SignalsRecord, Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import clamp
 
-__all__ = ["diagnose"]
-
-_QUIET = 0.2  # standard deviation of the residual assumed at first, by the threshold of a jump
+_FIRST_SIGMA = 0.2  # standard deviation of the residual at first, by the threshold of a jump
 _OFFSETS_S = 0.05  # no offset earlier: the filters are filling
 _LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
 _LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
@@ -23,57 +23,32 @@ _EFFECTIVENESS_S = 0.2
 _TRANSIENT_S = 0.25  # after a decision about one surface, in which nothing is learnt of the others
 
 
-@compiled
+@inlined
 def diagnose(
-    held: np.ndarray,
-    motion: Motion,
-    dt: float,
-    first: bool,
-    aircraft: np.void,
-    gains: np.void,
-    state: np.void,
-    signals: np.void,
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> None:
     """Measure, learn, decide; write the results of every actuator to state and signals.
 
     Args:
-        held: Commands in force over the period that ends now [rad, N], shape (4,).
-        motion: Own motion.
-        dt: Control period [s].
-        first: Whether this is the law's first step.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
-        gains: Parameters, record made of `Diagnosis`.
+        now: The present step; its held commands were in force over the period that ends now.
+        aircraft: Nominal aircraft.
+        gains: Parameters, record made of `DiagnosisParameters`.
         state: Record of dtype `DIAGNOSIS`, updated in place.
-        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`, written.
+        signals: Written.
     """
-    measure(held, motion, dt, first, aircraft, gains, state)
+    dt, held = now.dt, now.held
+    measure(now, aircraft, gains, state)
     state["age"] += dt
-    filter_s, actuators = gains["filter_s"], state["actuators"]
+    actuators = state["actuators"]
     changed = -1
     for j in range(N_CHANNELS):
-        actuator, limits = actuators[j], thresholds_of(gains, j)
+        actuator, limits = actuators[j], limits_of(gains, j)
         before = actuator["lost"]
-        if first:
+        if now.first:
             actuator["effectiveness"] = 1.0
-            actuator["noise"] = (_QUIET * limits.jump) ** 2
-        watch(
-            actuator,
-            limits,
-            state["age"],
-            dt,
-            filter_s,
-            gains["jump_sigma"],
-            gains["smooth_jump_sigma"],
-        )
-        decide(
-            actuator,
-            limits,
-            state["age"],
-            dt,
-            filter_s,
-            gains["lost_effectiveness"],
-            j == THROTTLE,
-        )
+            actuator["variance"] = (_FIRST_SIGMA * limits.jump) ** 2
+        monitor(actuator, limits, state["age"], dt, gains)
+        decide(actuator, limits, state["age"], dt, gains, j == THROTTLE)
         if j < THROTTLE and actuator["lost"] != before:
             changed = j
         if actuator["lost"] == 0 and state["age"] > _OFFSETS_S:
@@ -102,7 +77,7 @@ def _wait_for_transient(actuators: np.ndarray, changed: int) -> None:
     """
     for j in range(THROTTLE):
         if j != changed:
-            actuators[j]["blank"] = max(actuators[j]["blank"], _TRANSIENT_S)
+            actuators[j]["blanking_s"] = max(actuators[j]["blanking_s"], _TRANSIENT_S)
 
 
 @compiled
@@ -112,7 +87,7 @@ def _weigh(actuator: np.void, prior: float, excitation: float, dt: float) -> Non
     An effectiveness once found weak stays so while the command does not move enough to tell.
     """
     found = long_estimate(actuator, prior)
-    enough = max(excitation, 2.1 * math.sqrt(actuator["noise"]))
+    enough = max(excitation, 2.1 * math.sqrt(actuator["variance"]))
     target = 1.0
     if found < _WEAK:
         target = max(found, _WEAKEST)
@@ -126,4 +101,4 @@ def _offset(actuator: np.void, memory_s: float, largest: float, dt: float) -> No
     """Follow the offset f = y - ρ u, at most `largest`."""
     f = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
     actuator["offset"] += dt / memory_s * (f - actuator["offset"])
-    actuator["offset"] = min(max(actuator["offset"], -largest), largest)
+    actuator["offset"] = clamp(actuator["offset"], -largest, largest)

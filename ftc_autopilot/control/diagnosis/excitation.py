@@ -1,4 +1,6 @@
-"""Small movements of a command that tell whether an actuator follows.
+"""Dither and probe: small movements of a command that tell whether an actuator follows.
+
+They are the excitation that the regression needs (persistent excitation) where the flight has none.
 
 A rudder at its stop, or an elevator stuck near its trim, moves nothing that the flight would
 show: a suspect surface is moved to one side and back until it is seen to follow or not, a lost one
@@ -11,8 +13,7 @@ import numpy as np
 
 from mavlink_defs.constants import RUDDER
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["dithered", "probe", "probed"]
+from sitl_plant.vec3 import clamp
 
 _HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.035, 0.05
 
@@ -21,25 +22,25 @@ _HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.035, 0.05
 def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) -> float:
     """Return the command of surface j [rad], moved to and fro if the surface is suspect.
 
-    The side is that of the law's own answer to the jump, or toward zero where the stop is near.
+    The side is the side of the law's own answer to the jump, or toward zero where the stop is near.
 
     Args:
         delta: Command of the law [rad].
         j: The surface, number as FTC_ACTUATOR.
         stop: Largest deflection [rad].
-        gains: Parameters, record made of `Diagnosis`.
+        gains: Parameters, record made of `DiagnosisParameters`.
         state: Record of dtype `DIAGNOSIS`.
     """
     actuator = state["actuators"][j]
     half = _RUDDER_HALF_PERIOD_S if j == RUDDER else _HALF_PERIOD_S
-    if actuator["lost"] != 0 or actuator["suspect"] == 0.0 or actuator["moving"] == 0.0:
+    if actuator["lost"] != 0 or actuator["suspect_s"] == 0.0 or actuator["dither_s"] == 0.0:
         return delta
-    delta = min(max(delta, -stop), stop)
-    size, way = gains["dither_rad"][j], actuator["way"]
-    if abs(delta + way * size) > stop:
-        way = -math.copysign(1.0, delta)
-    if actuator["moving"] % (2.0 * half) < half:
-        delta += way * size
+    delta = clamp(delta, -stop, stop)
+    size, sign = gains["dither_rad"][j], actuator["dither_sign"]
+    if abs(delta + sign * size) > stop:
+        sign = -math.copysign(1.0, delta)
+    if actuator["dither_s"] % (2.0 * half) < half:
+        delta += sign * size
     return delta
 
 

@@ -1,4 +1,4 @@
-"""Measurement of what each actuator does, beside what it was told to do.
+"""Measurement of what each actuator does, beside what it is commanded.
 
 The rates' derivative is never formed. Euler's equation (4), J ω̇ = C δ + N - ω × Jω, is passed
 through 1/(τs + 1), which turns J ω̇ into J (ω - ω_f)/τ with ω_f the filtered rates:
@@ -17,13 +17,12 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.inversion import acceleration_without_thrust, surfaces_for
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.control.inversion import surfaces_for, thrust_for
+from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import add, cross, mat3, mul, scale, sub, vec3
-
-__all__ = ["measure", "servo_step"]
+from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import add, clamp, cross, mat3, mul, scale, sub, vec3
 
 
 @compiled
@@ -32,32 +31,22 @@ def servo_step(position: float, command: float, lag_s: float, limit: float, dt: 
     change = command - position
     if lag_s > 0.0:
         change *= 1.0 - math.exp(-dt / lag_s)
-    return position + min(max(change, -limit * dt), limit * dt)
+    return position + clamp(change, -limit * dt, limit * dt)
 
 
-@compiled
-def measure(
-    held: np.ndarray,
-    motion: Motion,
-    dt: float,
-    first: bool,
-    aircraft: np.void,
-    gains: np.void,
-    state: np.void,
-) -> None:
+@inlined
+def measure(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -> None:
     """Advance the filters; write `position`, `commanded` and `measured` of every actuator.
 
     Args:
-        held: Commands in force over the period that ends now [rad, N], shape (4,).
-        motion: Own motion.
-        dt: Control period [s].
-        first: Whether this is the law's first step; then the filters start.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
-        gains: Parameters, record made of `Diagnosis`.
+        now: The present step; in the law's first one the filters start.
+        aircraft: Nominal aircraft.
+        gains: Parameters, record made of `DiagnosisParameters`.
         state: Record of dtype `DIAGNOSIS`, updated in place.
     """
+    motion, dt, held = now.motion, now.dt, now.held
     omega_filtered, moment_filtered = state["omega_filtered"], state["moment_filtered"]
-    if first:
+    if now.first:
         for i in range(3):
             omega_filtered[i] = motion.omega[i]
         return
@@ -86,6 +75,5 @@ def measure(
             actuator["position"] = held[j]
         actuator["commanded"] += share * (actuator["position"] - actuator["commanded"])
     throttle = actuators[THROTTLE]
-    gained = motion.V_dot - acceleration_without_thrust(motion, aircraft)
-    thrust = aircraft["m"] * gained * motion.V / motion.v[0]
+    thrust = thrust_for(motion.V_dot, motion, aircraft)
     throttle["measured"] += share * (thrust - throttle["measured"])

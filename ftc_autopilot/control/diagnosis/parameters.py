@@ -1,7 +1,7 @@
 """Parameters of the diagnosis."""
 
 import math
-from typing import Annotated, NamedTuple, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -12,8 +12,6 @@ from mavlink_defs.constants import RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import ActuatorServos
 
-__all__ = ["Diagnosis", "Thresholds", "thresholds_of"]
-
 _Angle = Annotated[float, quantity("deg", gt=0.0, doc="Of one surface.")]
 _Time = Annotated[float, quantity("s", gt=0.0, doc="Of one surface.")]
 _Angles = tuple[_Angle, _Angle, _Angle]
@@ -22,21 +20,34 @@ _Times = tuple[_Time, _Time, _Time]
 _UNLIMITED_DEG_S = 1e6
 
 
-class Diagnosis(Model):
-    """Parameters of the diagnosis; triples are aileron, elevator, rudder."""
+def _time(default: float, doc: str) -> Any:
+    return quantity("s", gt=0.0, default=default, doc=doc)
+
+
+def _number(default: float, doc: str) -> Any:
+    return quantity("", gt=0.0, default=default, doc=doc)
+
+
+class DiagnosisParameters(Model):
+    """Parameters of the diagnosis; triples are aileron, elevator, rudder.
+
+    Where no other reason is given, a value was found on the scenarios of `scenarios/faults`, ideal,
+    realistic and turbulent, and on the random aircraft of the campaign `stuck_surface`: no healthy
+    actuator is blamed there, and losses are found soonest.
+    """
 
     servo_lag_s: float | None = quantity(
         "s",
         ge=0.0,
         le=10.0,
         default=None,
-        doc="Lag of the servos, as the diagnosis models them; that of `servos` unless given.",
+        doc="Lag of the servos, as the diagnosis models them; from `servos` unless given.",
     )
     servo_rate_limit_deg_s: float | None = quantity(
-        "deg/s", gt=0.0, le=_UNLIMITED_DEG_S, default=None, doc="Their rate limit, likewise."
+        "deg/s", gt=0.0, le=_UNLIMITED_DEG_S, default=None, doc="Their rate limit; the same."
     )
     throttle_lag_s: float | None = quantity(
-        "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust, likewise."
+        "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust; the same."
     )
     filter_s: float = quantity(
         "s", gt=0.0, le=1.0, default=0.01, doc="Filter of measurement and command."
@@ -44,9 +55,7 @@ class Diagnosis(Model):
     window_s: _Times = Field(
         default=(0.06, 0.06, 0.15), description="Windows of the regression [s]."
     )
-    throttle_window_s: float = quantity(
-        "s", gt=0.0, default=0.06, doc="Window of the throttle's regression."
-    )
+    throttle_window_s: float = _time(0.06, "Window of the throttle's regression.")
     jump_deg: _Angles = Field(
         default=(1.5, 2.0, 3.0), description="Jumps of the residual that raise suspicion [deg]."
     )
@@ -68,7 +77,7 @@ class Diagnosis(Model):
     confirm_s: _Times = Field(
         default=(0.008, 0.005, 0.015), description="Times for which a loss must be seen [s]."
     )
-    throttle_confirm_s: float = quantity("s", gt=0.0, default=0.008, doc="The throttle's.")
+    throttle_confirm_s: float = _time(0.008, "The throttle's.")
     jump_sigma: float = quantity(
         "", ge=0.0, default=5.0, doc="Jumps are at least this many standard deviations of noise."
     )
@@ -78,15 +87,50 @@ class Diagnosis(Model):
     lost_effectiveness: float = quantity(
         "", gt=0.0, lt=0.5, default=0.2, doc="An actuator with less is lost."
     )
-    offset_s: float = quantity("s", gt=0.0, default=0.06, doc="Filter of the surfaces' offsets.")
-    throttle_offset_s: float = quantity("s", gt=0.0, default=0.3, doc="The throttle's.")
+    offset_s: float = _time(0.06, "Filter of the surfaces' offsets.")
+    throttle_offset_s: float = _time(0.3, "The throttle's.")
     dither_deg: _Angles = Field(
         default=(4.0, 10.0, 12.0), description="Movements of a suspect surface [deg]."
     )
     probe_deg: _Angles = Field(
         default=(2.0, 2.5, 4.0), description="Movements of a lost surface [deg]."
     )
-    probe_s: float = quantity("s", gt=0.0, default=0.5, doc="Half period of the latter.")
+    probe_s: float = _time(0.5, "Half period of the latter.")
+
+    jump_start_s: float = _time(
+        0.3, "Jump test: inhibited at first, while the aircraft is trimmed."
+    )
+    mean_s: float = _time(0.15, "Jump test: memory of the residual's mean (EWMA).")
+    smooth_s: float = _time(
+        0.015, "Jump test: filter of the smoothed residual, against gyro noise."
+    )
+    sigma_s: float = _time(5.0, "Jump test: memory of the residual's variance (EWMA).")
+    first_sigma_s: float = _time(0.1, "Jump test: memory of the variance at first; it then grows.")
+    slight: float = _number(2.0, "Jump test: a jump below this many thresholds is slight.")
+    blanking: float = _number(1.5, "Blanking time by `filter_s`: most of a step has passed then.")
+    slight_blanking: float = _number(0.5, "Blanking time after a slight jump, by `filter_s`.")
+    holdoff_s: float = _time(0.25, "Hold-off: no second jump counts for this time.")
+    cleared_holdoff_s: float = _time(
+        0.05, "Hold-off of a cleared suspicion: the dither's way back."
+    )
+    cooldown_s: float = _time(2.5, "Cooldown after a suspicion, which its dither would renew.")
+    early_s: float = _time(0.5, "Cooldown: this much less for a jump that is not slight.")
+    remembered: float = _number(0.1, "Share of the long memory that a jump leaves: a reset.")
+    drift: float = _number(1.6, "Drift test: threshold by the one of the jump test.")
+    drift_mean_s: float = _time(4.0, "Drift test: memory of the residual's slower mean (EWMA).")
+    drift_start_s: float = _time(1.5, "Drift test: inhibited at first, while that mean settles.")
+    loss_start_s: float = _time(0.5, "Loss: inhibited at first, while the filters settle.")
+    excitation_sigma: float = _number(2.1, "Persistent excitation: least, by the residual's noise.")
+    least_window_s: float = _time(0.006, "Persistent excitation: shortest window.")
+    min_response_ratio: float = _number(0.4, "Loss: variance of response by command below this.")
+    lost_margin: float = _number(0.4, "Loss: room for 1.5 standard errors of the effectiveness.")
+    following: float = _number(0.5, "Cleared: effectiveness less its standard error above this.")
+    return_start_s: float = _time(0.25, "Return test: inhibited until the probe has moved.")
+    throttle_return_start_s: float = _time(0.3, "Return test: the same of the throttle.")
+    return_confirm_s: float = _time(0.05, "Return test: confirmation time.")
+    quiet: float = _number(0.75, "Return test: a small residual, by the threshold of a jump.")
+    return_effectiveness: float = _number(0.6, "Return test: least effectiveness, long memory.")
+    return_r2: float = _number(0.6, "Return test: least coefficient of determination.")
 
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters with the slowest of the servos, where none are given."""
@@ -101,7 +145,7 @@ class Diagnosis(Model):
         return self.model_copy(update=left_open)
 
 
-class Thresholds(NamedTuple):
+class Limits(NamedTuple):
     """The numbers of one actuator, in rad or N and s."""
 
     jump: float
@@ -112,20 +156,20 @@ class Thresholds(NamedTuple):
     confirm: float
     offset: float
     suspicion: float  # how long one lasts
-    ahead: float  # of the end of a blank, when a suspect surface begins to move
-    quiet: float  # residual that is small through a movement of the probe, if it lasts this long
+    ahead: float  # of the end of the blanking time, when the dither of a suspect surface begins
+    quiet: float  # for which a small residual has lasted through a movement of the probe
 
 
 _MORE_THAN_HALF = 1.04  # a period of the probe
 _SUSPICION_S, _RUDDER_SUSPICION_S = 0.6, 0.9
-_AHEAD_S = 0.005  # most of the movement comes after the blank; the rudder's begins at once
+_AHEAD_S = 0.005  # most of the movement comes after the blanking time; the rudder's begins at once
 
 
 @compiled
-def thresholds_of(gains: np.void, j: int) -> Thresholds:
-    """Return the thresholds of actuator j from a record made of `Diagnosis`."""
+def limits_of(gains: np.void, j: int) -> Limits:
+    """Return the limits of actuator j from a record made of `DiagnosisParameters`."""
     if j == THROTTLE:
-        return Thresholds(
+        return Limits(
             gains["jump_n"],
             math.inf,
             gains["excitation_n"],
@@ -137,7 +181,7 @@ def thresholds_of(gains: np.void, j: int) -> Thresholds:
             0.0,
             math.inf,
         )
-    return Thresholds(
+    return Limits(
         gains["jump_rad"][j],
         gains["smooth_jump_rad"][j],
         gains["excitation_rad"][j],

@@ -19,15 +19,13 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = ["estimate", "learn", "long_estimate", "restart"]
-
 _LONG_S = 0.3
 _LONG_PRIOR = 3.0
 
 
 @compiled
 def restart(actuator: np.void) -> None:
-    """Start the window anew at the present pair."""
+    """Restart the window at the present pair."""
     actuator["mean_u"], actuator["mean_y"] = actuator["commanded"], actuator["measured"]
     actuator["samples"] = 0.0
     actuator["var_u"], actuator["cov"], actuator["var_y"] = 0.0, 0.0, 0.0
@@ -67,7 +65,7 @@ def estimate(
     evidence = actuator["var_u"] + prior * prior
     effectiveness = (actuator["cov"] + prior * prior) / evidence
     independent = max(1.0, min(actuator["samples"] * dt, window_s) / (2.0 * filter_s))
-    return effectiveness, math.sqrt(actuator["noise"] / evidence / independent)
+    return effectiveness, math.sqrt(actuator["variance"] / evidence / independent)
 
 
 @compiled

@@ -4,19 +4,17 @@ import numpy as np
 
 from mavlink_defs.constants import N_CHANNELS
 
-__all__ = ["ACTUATOR", "DIAGNOSIS"]
-
 ACTUATOR = np.dtype(
     [
         # measurement
         ("position", "f8"),  # of the servo model
         ("commanded", "f8"),  # u: position through the measurement's filter
         ("measured", "f8"),  # y: what the actuator does, through the same filter
-        ("centre", "f8"),  # slow mean of the residual r = y - u
-        ("noise", "f8"),  # variance of r about its centre
+        ("mean", "f8"),  # slow mean of the residual r = y - u
+        ("variance", "f8"),  # of r about that mean
         ("smooth", "f8"),  # r through another filter
-        ("smooth_noise", "f8"),  # variance of that about the centre
-        ("old_centre", "f8"),  # slower mean of r, of which r may creep away
+        ("smooth_variance", "f8"),  # of the smoothed r about the mean
+        ("drift_mean", "f8"),  # slower mean of r, from which r may drift
         # regression y = ρ u + f over the window
         ("samples", "f8"),
         ("mean_u", "f8"),
@@ -28,16 +26,16 @@ ACTUATOR = np.dtype(
         ("long_cov", "f8"),
         ("long_var_y", "f8"),
         # timers [s]
-        ("blank", "f8"),  # left until the window starts anew after a jump
-        ("lock", "f8"),  # left until the next jump counts
-        ("suspect", "f8"),  # left of a suspicion
-        ("moving", "f8"),  # since a surface has been moved, if it is suspect
-        ("way", "f8"),  # sign of the movements of a suspect surface
-        ("rest", "f8"),  # left until r may be found to creep again
-        ("agreed", "f8"),  # for which the condition of a decision has held
-        ("followed", "f8"),  # for which a suspect actuator has been seen to follow
-        ("since", "f8"),  # since the last decision
-        ("quiet", "f8"),  # for which the residual has been small
+        ("blanking_s", "f8"),  # left until the window restarts after a jump
+        ("holdoff_s", "f8"),  # left until the next jump counts
+        ("suspect_s", "f8"),  # left of a suspicion
+        ("cooldown_s", "f8"),  # left until a suspicion may be raised again
+        ("dither_s", "f8"),  # for which a surface has been dithered, if it is suspect
+        ("dither_sign", "f8"),  # to which side
+        ("confirmed_s", "f8"),  # for which the condition of a decision has held
+        ("followed_s", "f8"),  # for which a suspect actuator has been seen to follow
+        ("decided_s", "f8"),  # since the last decision
+        ("quiet_s", "f8"),  # for which the residual has been small
         # results
         ("lost", "i8"),
         ("stuck", "f8"),  # mean of y while lost

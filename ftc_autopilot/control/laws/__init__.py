@@ -7,18 +7,23 @@ and a compiled function. To register it, add the model to `Controller` and the c
 
 from typing import Annotated, Any, TypeAlias, get_args
 
-import numpy as np
 from pydantic import Discriminator, Tag
 
 from ftc_autopilot.control.laws.backstepping import Backstepping, backstepping_law
-from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
+from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.laws.pid import Pid, pid_law
 from ftc_autopilot.control.laws.proposed import Proposed, proposed_law
 from ftc_autopilot.control.laws.surviving import Surviving, surviving_law
 from ftc_autopilot.control.laws.tube import Tube, tube_law
+from ftc_autopilot.control.step import (
+    Command,
+    ControllerRecord,
+    ParametersRecord,
+    SignalsRecord,
+    Step,
+)
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["KINDS", "LAWS", "Controller", "evaluate"]
+from sitl_plant.aircraft import AircraftRecord
 
 
 def _kind(value: Any) -> Any:
@@ -49,17 +54,20 @@ _TUBE = KINDS.index("tube")
 
 @compiled
 def evaluate(
-    now: Instant, aircraft: np.void, parameters: np.void, states: np.void, signals: np.void
-) -> Demand:
+    now: Step,
+    aircraft: AircraftRecord,
+    parameters: ParametersRecord,
+    states: ControllerRecord,
+    signals: SignalsRecord,
+) -> Command:
     """Evaluate the law that a scenario has chosen, and advance its state.
 
     Args:
         now: The present step.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
-        parameters: Record of dtype `ftc_autopilot.control.controller.PARAMETERS`.
-        states: Record of dtype `ftc_autopilot.control.controller.CONTROLLER`; the law's own part is
-            updated in place.
-        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; a law may write to it.
+        aircraft: Nominal aircraft.
+        parameters: Of the controller.
+        states: The law's own part is updated in place.
+        signals: A law may write to it.
     """
     law = parameters["law"]
     if law == _BACKSTEPPING:
@@ -67,17 +75,7 @@ def evaluate(
     if law == _PID:
         return pid_law(now, aircraft, parameters["pid"], states["pid"])
     if law == _SURVIVING:
-        gains, state = parameters["surviving"], states["surviving"]
-        return surviving_law(now, aircraft, gains, state, signals)
+        return surviving_law(now, aircraft, parameters["surviving"], states["surviving"], signals)
     if law == _TUBE:
-        demand, states["chosen"] = tube_law(
-            now,
-            aircraft,
-            parameters["tube"],
-            states["tube"],
-            states["reference"],
-            parameters["common"]["reference_bandwidth_rad_s"],
-            signals,
-        )
-        return demand
+        return tube_law(now, aircraft, parameters["tube"], states["tube"], signals)
     return proposed_law(now, aircraft, parameters["proposed"], states["proposed"], signals)

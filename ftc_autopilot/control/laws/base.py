@@ -1,21 +1,31 @@
-"""Input and output of every control law."""
+"""Parameters of every control law."""
 
 from collections.abc import Iterator
-from typing import ClassVar, NamedTuple, Self
+from typing import Annotated, ClassVar, Self, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.formation import FormationErrors
-from ftc_autopilot.control.motion import Motion
-from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.control.triggers import TRIGGERS
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.config import Aircraft
 from sitl_plant.hardware import ActuatorServos
-from sitl_plant.vec3 import Vec3
 
-__all__ = ["Demand", "Instant", "LawParameters"]
+_Gain = Annotated[float, quantity("1/s", gt=0.0, le=500.0, doc="Gain of one axis.")]
+Gains: TypeAlias = tuple[_Gain, _Gain, _Gain]
+
+TABLE_III_K1 = (
+    {"until_s": 5.0, "value": (50.0, 50.0, 51.0)},
+    {"until_s": 15.0, "value": (45.0, 45.0, 45.0)},
+    {"value": (40.0, 40.0, 40.0)},
+)
+TABLE_III_K2 = (
+    {"until_s": 5.0, "value": (50.0, 50.0, 51.0)},
+    {"until_s": 15.0, "value": (45.0, 45.0, 46.0)},
+    {"value": (40.0, 40.0, 40.0)},
+)
 
 
 class LawParameters(Model):
@@ -24,13 +34,29 @@ class LawParameters(Model):
     Attributes:
         STATE: The law's memory between steps, all zero before the first step.
         DERIVED: Fields of its record that `derive` fills.
-        CHOOSES: Whether the law itself chooses which channels are sent, and when, as trigger mode
-            `consequence` needs it. Such a law may be sent by the clock, too.
+        SELECTS_CHANNELS: Whether the law itself selects which channels are sent, and when: it goes
+            with a trigger that leaves this to the law, or one by the clock.
+        FALLBACK: Parameters of a law that it may hand over to, all among its own; in its record
+            they are a field `fallback`, as that law's own record.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
     DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = ()
-    CHOOSES: ClassVar[bool] = False
+    SELECTS_CHANNELS: ClassVar[bool] = False
+    FALLBACK: ClassVar[type["LawParameters"] | None] = None
+
+    @classmethod
+    def record(cls) -> np.dtype:
+        """Return the record of the law's own parameters and of what it derives."""
+        own = record_dtype(cls, cls.FALLBACK or LawParameters)
+        fallback = () if cls.FALLBACK is None else (("fallback", cls.FALLBACK.record()),)
+        return np.dtype([*fallback, *((name, own[name]) for name in own.names or ()), *cls.DERIVED])
+
+    def write_to(self, record: np.void) -> None:
+        """Write the parameters to a record of `record`, but for what `derive` computes."""
+        fill(record, self)
+        if self.FALLBACK is not None:
+            fill(record["fallback"], self)
 
     def derive(self, aircraft: Aircraft, record: np.void) -> None:
         """Compute what the law needs of the nominal aircraft beside its numbers: nothing.
@@ -71,8 +97,9 @@ class LawParameters(Model):
 
     @classmethod
     def goes_with(cls, mode: str) -> bool:
-        """Return whether a trigger can send the law: by the clock any law, else who chooses."""
-        return mode == "periodic" or (mode == "consequence") == cls.CHOOSES
+        """Return whether a trigger can send the law: by the clock any law, else who selects."""
+        trigger = TRIGGERS[mode]
+        return trigger.BY_CLOCK or trigger.LAW_SELECTS == cls.SELECTS_CHANNELS
 
     def by_clock(self) -> tuple[Self, ...]:
         """Return parameters to try where every channel is sent by the clock: these alone.
@@ -88,27 +115,3 @@ class LawParameters(Model):
         A law that has a model of the servos takes what its own parameters leave open.
         """
         return self
-
-
-class Instant(NamedTuple):
-    """One control step, as a law sees it."""
-
-    t: float  # time that schedules run on [s]
-    dt: float  # control period [s]
-    first: bool  # whether this is the law's first step
-    motion: Motion  # own motion
-    command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad]
-    reference: Reference  # filtered reference
-    errors: FormationErrors  # errors against reference and neighbours, (31), (32)
-    held: np.ndarray  # commands in force: aileron, elevator, rudder [rad], thrust [N]; read only
-    a: tuple[float, float]  # thresholds a1 [-], a2 [N] of (25)
-    b: tuple[float, float]  # thresholds b1 [-], b2 [rad] of (29)
-    due: int  # mask of the channels that the trigger sends now by the clock
-    clock_s: tuple[float, float, float, float]  # its period by channel [s]; 0: no clock
-
-
-class Demand(NamedTuple):
-    """Commands of a law, before saturation and trigger."""
-
-    delta_hat: Vec3  # aileron, elevator, rudder [rad]
-    T_hat: float  # thrust [N]

@@ -10,13 +10,13 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
+from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import R2
-from sitl_plant.vec3 import Vec3, mul
-
-__all__ = ["Pid", "pid_law"]
+from sitl_plant.vec3 import Vec3, clamp, mul
 
 _TimeConstant = Annotated[float, quantity("s", gt=0.0, doc="Time constant of an attitude loop.")]
 _RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
@@ -30,7 +30,7 @@ class Pid(LawParameters):
 
     A positive surface deflection makes a negative moment, which the law's signs account for:
     gains are positive. The defaults give the rate loops of the paper's aircraft the bandwidth
-    of Table III's K2 at 45 m/s (45 rad/s), the speed loop that of c_v (10 rad/s), feed-forward
+    of Table III's K2 at 45 m/s (45 rad/s), the speed loop the one of c_v (10 rad/s), feed-forward
     against the damping, and integrals a tenth of a second (speed: half a second).
     """
 
@@ -48,7 +48,7 @@ class Pid(LawParameters):
         default=(60.0, 60.0, 60.0), description="Limits of the Euler angle rates [deg/s]."
     )
     rate_ff: tuple[_RateGain, _RateGain, _RateGain] = Field(
-        default=(0.08, 0.08, 0.08), description="Deflection by wanted rate [rad per rad/s]."
+        default=(0.08, 0.08, 0.08), description="Deflection by commanded rate [rad per rad/s]."
     )
     rate_p: tuple[_RateGain, _RateGain, _RateGain] = Field(
         default=(0.37, 0.68, 1.67), description="Deflection by rate error [rad per rad/s]."
@@ -69,33 +69,33 @@ class Pid(LawParameters):
 
 
 @compiled
-def pid_law(now: Instant, aircraft: np.void, gains: np.void, state: np.void) -> Demand:
+def pid_law(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -> Command:
     """Evaluate the loops and advance their integrals, which stop while an actuator is at its stop.
 
     Args:
         now: The present step.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`; only its limits are used.
+        aircraft: Nominal aircraft; only its limits are used.
         gains: Parameters, record made of `Pid`.
         state: Record of dtype `Pid.STATE`, updated in place.
     """
     motion, e = now.motion, now.errors.e
-    wanted = mul(
+    commanded = mul(
         R2(motion.phi),
         (_rate(e[0], 0, gains), _rate(e[1], 1, gains), _rate(e[2], 2, gains)),
     )
     scaling = gains["trim_airspeed_m_s"] / motion.V
     stop = aircraft["surface_limit"]
     delta = (
-        _surface(0, wanted, motion.omega, scaling, stop, now.dt, gains, state),
-        _surface(1, wanted, motion.omega, scaling, stop, now.dt, gains, state),
-        _surface(2, wanted, motion.omega, scaling, stop, now.dt, gains, state),
+        _surface(0, commanded, motion.omega, scaling, stop, now.dt, gains, state),
+        _surface(1, commanded, motion.omega, scaling, stop, now.dt, gains, state),
+        _surface(2, commanded, motion.omega, scaling, stop, now.dt, gains, state),
     )
     V_error = -now.errors.V_tilde
     T = gains["thrust_trim_n"] + gains["speed_p_n_s_m"] * V_error + state["thrust_integral"]
     winds_up = (T <= 0.0 and V_error < 0.0) or (aircraft["thrust_limit"] <= T and V_error > 0.0)
     if not winds_up:
         state["thrust_integral"] += now.dt * gains["speed_i_n_m"] * V_error
-    return Demand(delta, T)
+    return Command(delta, T, ALL)
 
 
 @compiled
@@ -103,13 +103,13 @@ def _rate(e: float, axis: int, gains: np.void) -> float:
     """Return the Euler angle rate that an attitude error asks for, within its limit [rad/s]."""
     limit: float = gains["rate_limit_rad_s"][axis]
     asked: float = -e / gains["time_constant_s"][axis]
-    return min(max(asked, -limit), limit)
+    return clamp(asked, -limit, limit)
 
 
 @compiled
 def _surface(
     axis: int,
-    wanted: Vec3,
+    commanded: Vec3,
     omega: Vec3,
     scaling: float,
     stop: float,
@@ -121,12 +121,12 @@ def _surface(
 
     Moments grow with V², damping by the rates with V.
     """
-    error = wanted[axis] - omega[axis]
+    error = commanded[axis] - omega[axis]
     proportional: float = gains["rate_p"][axis] * error + state["integral"][axis]
-    delta: float = -(scaling * gains["rate_ff"][axis] * wanted[axis] + scaling**2 * proportional)
+    delta: float = -(scaling * gains["rate_ff"][axis] * commanded[axis] + scaling**2 * proportional)
     winds_up = (delta <= -stop and error > 0.0) or (delta >= stop and error < 0.0)
     if not winds_up:
         limit = gains["integral_limit_rad"][axis]
         grown = state["integral"][axis] + dt * gains["rate_i"][axis] * error
-        state["integral"][axis] = min(max(grown, -limit), limit)
+        state["integral"][axis] = clamp(grown, -limit, limit)
     return delta

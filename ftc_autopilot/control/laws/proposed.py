@@ -5,17 +5,21 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.attitude import AttitudeLaw, attitude_law, limited, virtual_control
-from ftc_autopilot.control.laws.base import Demand, Instant, LawParameters
-from ftc_autopilot.control.laws.gains import TABLE_III_K1, TABLE_III_K2, Gains
+from ftc_autopilot.common.schedule import Schedule, schedule, scheduled
+from ftc_autopilot.control.attitude import (
+    AttitudeLaw,
+    attitude_law,
+    filtered_derivative,
+    virtual_control,
+)
+from ftc_autopilot.control.laws.base import TABLE_III_K1, TABLE_III_K2, Gains, LawParameters
 from ftc_autopilot.control.rbf import Rbf, basis_norm
-from ftc_autopilot.control.schedule import Schedule, schedule, scheduled
 from ftc_autopilot.control.speed import SpeedLaw, speed_law
+from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import scale, sub, vec3
-
-__all__ = ["Proposed", "proposed_law"]
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import clamp_each, sub, vec3
 
 
 class Proposed(LawParameters):
@@ -76,19 +80,18 @@ class Proposed(LawParameters):
 
 @compiled
 def proposed_law(
-    now: Instant, aircraft: np.void, gains: np.void, state: np.void, signals: np.void
-) -> Demand:
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
+) -> Command:
     """Evaluate eqs. (33) to (39) and (57), then advance the estimates by explicit Euler.
 
     Args:
         now: The present step.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         gains: Parameters, record made of `Proposed`.
         state: Record of dtype `Proposed.STATE`, updated in place.
-        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; inner quantities
-            are written.
+        signals: Inner quantities are written.
     """
-    motion, reference, errors = now.motion, now.reference, now.errors
+    motion = now.motion
     if now.first:
         state["Phi_v"], state["g_v"], state["beta_v"] = (
             gains["phi_v0"],
@@ -101,57 +104,37 @@ def proposed_law(
         delta_filtered[i] += now.dt / gains["tau_delta_s"] * (now.held[i] - delta_filtered[i])
     basis = basis_norm(motion.v, motion.phi, motion.omega, vec3(delta_filtered), gains["rbf"])
 
-    speed = speed_law(
-        errors,
-        motion,
-        reference,
-        basis,
-        state["Phi_v"],
-        state["g_v"],
-        state["beta_v"],
-        now.a[0],
-        aircraft["m"],
-        gains,
-    )
+    speed = speed_law(now, basis, aircraft, gains, state)
 
-    wanted = virtual_control(errors, motion, reference, scheduled(gains["K1"], now.t))
-    omega_d = limited(wanted, gains["omega_d_limit_rad_s"])
-    if now.first:
-        for i in range(3):
-            state["omega_d_filtered"][i] = omega_d[i]
-    omega_d_dot = scale(1.0 / gains["tau_omega_d_s"], sub(omega_d, vec3(state["omega_d_filtered"])))
-    e_omega = sub(motion.omega, omega_d)
-    attitude = attitude_law(
-        errors,
-        motion,
-        e_omega,
-        omega_d_dot,
-        basis,
-        state["Phi_omega"],
-        state["beta_omega"],
-        scheduled(gains["K2"], now.t),
-        aircraft,
-        gains,
+    omega_d, limit = (
+        virtual_control(now, scheduled(gains["K1"], now.t)),
+        gains["omega_d_limit_rad_s"],
     )
+    if limit > 0.0:
+        omega_d = clamp_each(omega_d, limit)
+    omega_d_dot = filtered_derivative(
+        now, omega_d, gains["tau_omega_d_s"], state["omega_d_filtered"]
+    )
+    e_omega = sub(motion.omega, omega_d)
+    attitude = attitude_law(now, e_omega, omega_d_dot, basis, aircraft, gains, state)
 
     _record(signals, state, basis, speed, attitude)
     for i in range(3):
         signals["omega_d"][i] = omega_d[i]
         signals["omega_d_dot"][i] = omega_d_dot[i]
         signals["e_omega"][i] = e_omega[i]
-        state["omega_d_filtered"][i] += now.dt * omega_d_dot[i]
 
     state["Phi_v"] += now.dt * speed.Phi_v_dot
     state["g_v"] += now.dt * speed.g_v_dot
     state["beta_v"] += now.dt * speed.beta_v_dot
     state["Phi_omega"] += now.dt * attitude.Phi_omega_dot
     state["beta_omega"] += now.dt * attitude.beta_omega_dot
-    return Demand(attitude.delta_hat, speed.T_hat)
+    return Command(attitude.delta_hat, speed.T_hat, ALL)
 
 
 @compiled
 def _record(
-    signals: np.void, estimates: np.void, basis: float, speed: SpeedLaw, attitude: AttitudeLaw
+    signals: SignalsRecord, estimates: np.void, basis: float, speed: SpeedLaw, attitude: AttitudeLaw
 ) -> None:
     """Write the laws' inner quantities, the estimates as they were used."""
     signals["Phi_v"], signals["g_v"] = estimates["Phi_v"], estimates["g_v"]

@@ -10,17 +10,13 @@ from typing import Annotated, Any, TypeAlias, get_args
 import numpy as np
 from pydantic import Discriminator, Tag
 
+from ftc_autopilot.control.triggers import static
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
-from ftc_autopilot.control.triggers.consequence import Consequence, consequence
 from ftc_autopilot.control.triggers.dynamic import Dynamic, dynamic
-from ftc_autopilot.control.triggers.joint import Joint, joint
-from ftc_autopilot.control.triggers.per_channel import PerChannel, per_channel
 from ftc_autopilot.control.triggers.periodic import Periodic, Times, clock, periodic
 from ftc_autopilot.control.triggers.periodic_event import PeriodicEvent, periodic_event
 from ftc_autopilot.control.triggers.self_triggered import SelfTriggered, self_triggered
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["MODES", "TRIGGERS", "Trigger", "clock_of", "decide"]
 
 
 def _mode(value: Any) -> Any:
@@ -30,13 +26,13 @@ def _mode(value: Any) -> Any:
 
 
 Trigger: TypeAlias = Annotated[
-    Annotated[PerChannel, Tag("per_channel")]
-    | Annotated[Joint, Tag("joint")]
+    Annotated[static.PerChannel, Tag("per_channel")]
+    | Annotated[static.Joint, Tag("joint")]
     | Annotated[Periodic, Tag("periodic")]
     | Annotated[Dynamic, Tag("dynamic")]
     | Annotated[PeriodicEvent, Tag("periodic_event")]
     | Annotated[SelfTriggered, Tag("self")]
-    | Annotated[Consequence, Tag("consequence")],
+    | Annotated[static.Consequence, Tag("consequence")],
     Discriminator(_mode),
 ]
 """The parameters of any trigger, discriminated by `mode`."""
@@ -83,7 +79,7 @@ def decide(now: Candidates, mode: int, parameters: np.void, states: np.void) -> 
             own part is updated in place.
     """
     if mode == _JOINT:
-        return joint(now)
+        return static.joint(now)
     if mode == _PERIODIC:
         return periodic(now, parameters["periodic"], states["periodic"])
     if mode == _DYNAMIC:
@@ -93,5 +89,5 @@ def decide(now: Candidates, mode: int, parameters: np.void, states: np.void) -> 
     if mode == _SELF:
         return self_triggered(now, parameters["self"], states["self"])
     if mode == _CONSEQUENCE:
-        return consequence(now)
-    return per_channel(now)
+        return static.consequence(now)
+    return static.per_channel(now)

@@ -6,16 +6,10 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.schedule import Schedule, schedule
+from ftc_autopilot.common.schedule import Schedule, schedule
 from mavlink_defs.config.models import Loc, Model
 from mavlink_defs.config.quantity import quantity
-from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["ALL", "Candidates", "TriggerParameters", "fires", "in_steps", "threshold"]
-
-ALL = 2**N_CHANNELS - 1
-"""Mask of all channels."""
 
 
 class TriggerParameters(Model):
@@ -24,10 +18,14 @@ class TriggerParameters(Model):
     Attributes:
         STATE: The trigger's memory between steps, all zero before the first step.
         BY_THRESHOLD: Whether an event means that (25), or (29), held.
+        BY_CLOCK: Whether it sends by the clock, whatever the commands are.
+        LAW_SELECTS: Whether the law selects which channels are sent, and when.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
     BY_THRESHOLD: ClassVar[bool] = True
+    BY_CLOCK: ClassVar[bool] = False
+    LAW_SELECTS: ClassVar[bool] = False
 
     mode: str = Field(description="Name of the trigger.")
 
@@ -57,9 +55,9 @@ class Candidates(NamedTuple):
 
     dt: float  # control period [s]
     first: bool  # whether everything is sent, whatever the trigger says
-    wanted: tuple[float, float, float, float]  # saturated commands [rad, rad, rad, N]
+    commanded: tuple[float, float, float, float]  # saturated commands [rad, rad, rad, N]
     held: np.ndarray  # commands in force [rad, rad, rad, N], shape (4,); read only
-    chosen: int  # mask of the channels that the law has chosen
+    selected: int  # mask of the channels that the law has selected
     relative: tuple[float, float, float, float]  # thresholds b1, b1, b1, a1 [-]
     absolute: tuple[float, float, float, float]  # thresholds b2, b2, b2 [rad], a2 [N]
 
@@ -74,7 +72,7 @@ def threshold(now: Candidates, i: int, held: float) -> float:
 @compiled
 def fires(now: Candidates, i: int) -> bool:
     """Return whether (25), or (29) for one surface, asks channel i to transmit."""
-    moved: float = abs(now.wanted[i] - now.held[i])
+    moved: float = abs(now.commanded[i] - now.held[i])
     return moved >= threshold(now, i, now.held[i])
 
 

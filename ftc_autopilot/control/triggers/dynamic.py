@@ -2,13 +2,13 @@
 
 Dynamic event generator after Girard, "Dynamic triggering mechanisms for event-triggered
 control", IEEE Transactions on Automatic Control 60(7), 2015. With the distance to the threshold
-s = rel |held| + abs - |wanted - held|, each channel has an internal variable η in the unit of its
-command,
+s = rel |held| + abs - |commanded - held|, each channel has an internal variable η in the unit of
+its command,
 
     η' = -λ η + s,  η(0) = 0,        event when η + θ s <= 0.
 
 η grows while the command is within its threshold, and is used up beyond it. Since η >= 0, an
-event means s <= 0: it is never earlier than that of (25), (29) from the same held command.
+event means s <= 0: it is never earlier than an event of (25), (29) from the same held command.
 """
 
 from collections.abc import Iterator
@@ -22,8 +22,6 @@ from mavlink_defs.config.models import Loc
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["Dynamic", "dynamic"]
 
 
 class Dynamic(TriggerParameters):
@@ -62,9 +60,9 @@ def dynamic(now: Candidates, parameters: np.void, state: np.void) -> int:
     mask = 0
     for i in range(N_CHANNELS):
         eta = state["eta"][i]
-        distance = threshold(now, i, now.held[i]) - abs(now.wanted[i] - now.held[i])
+        distance = threshold(now, i, now.held[i]) - abs(now.commanded[i] - now.held[i])
         if now.first or eta + parameters["theta_s"] * distance <= 0.0:
             mask |= 1 << i
-            distance = threshold(now, i, now.wanted[i])
+            distance = threshold(now, i, now.commanded[i])
         state["eta"][i] = eta + now.dt * (distance - parameters["decay_hz"] * eta)
     return mask

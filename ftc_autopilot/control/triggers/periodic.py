@@ -1,7 +1,7 @@
 """Trigger `periodic`: by the clock, whatever the commands are."""
 
 from collections.abc import Iterator
-from typing import ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -13,10 +13,12 @@ from mavlink_defs.constants import ACTUATORS, N_CHANNELS, Actuator
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import period_problems
 
-__all__ = ["Periodic", "Times", "clock", "periodic"]
-
 Times: TypeAlias = tuple[float, float, float, float]
 """Times of the channels [s], as in FTC_ACTUATOR."""
+
+
+def _period(doc: str) -> Any:
+    return quantity("s", ge=0.0, le=3600.0, default=0.0, doc=doc)
 
 
 class Periodic(TriggerParameters):
@@ -24,28 +26,15 @@ class Periodic(TriggerParameters):
 
     STATE: ClassVar[np.dtype] = np.dtype([("steps", "i8")])  # made so far
     BY_THRESHOLD: ClassVar[bool] = False
+    BY_CLOCK: ClassVar[bool] = True
 
     mode: Literal["periodic"] = Field(default="periodic", description="Name of the trigger.")
 
-    period_s: float = quantity(
-        "s",
-        ge=0.0,
-        le=3600.0,
-        default=0.0,
-        doc="Time between transmissions; 0: one in every control period.",
-    )
-    aileron_period_s: float = quantity(
-        "s", ge=0.0, le=3600.0, default=0.0, doc="The same of the aileron; 0: `period_s`."
-    )
-    elevator_period_s: float = quantity(
-        "s", ge=0.0, le=3600.0, default=0.0, doc="The same of the elevator; 0: `period_s`."
-    )
-    rudder_period_s: float = quantity(
-        "s", ge=0.0, le=3600.0, default=0.0, doc="The same of the rudder; 0: `period_s`."
-    )
-    throttle_period_s: float = quantity(
-        "s", ge=0.0, le=3600.0, default=0.0, doc="The same of the throttle; 0: `period_s`."
-    )
+    period_s: float = _period("Time between transmissions; 0: one in every control period.")
+    aileron_period_s: float = _period("The same of the aileron; 0: `period_s`.")
+    elevator_period_s: float = _period("The same of the elevator; 0: `period_s`.")
+    rudder_period_s: float = _period("The same of the rudder; 0: `period_s`.")
+    throttle_period_s: float = _period("The same of the throttle; 0: `period_s`.")
 
     def by_channel(self) -> dict[Actuator, float]:
         """Return the period of each channel [s]; 0: every control period."""

@@ -1,4 +1,4 @@
-"""Trigger `periodic_event`: thresholds that are looked at by the clock.
+"""Trigger `periodic_event`: thresholds that are checked by the clock.
 
 Periodic event-triggered control after Heemels, Donkers and Teel, "Periodic event-triggered
 control for linear systems", IEEE Transactions on Automatic Control 58(4), 2013: (25) and (29)
@@ -12,13 +12,11 @@ import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps
-from ftc_autopilot.control.triggers.per_channel import per_channel
+from ftc_autopilot.control.triggers.static import per_channel
 from mavlink_defs.config.models import Loc
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import period_problems
-
-__all__ = ["PeriodicEvent", "periodic_event"]
 
 
 class PeriodicEvent(TriggerParameters):

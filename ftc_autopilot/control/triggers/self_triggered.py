@@ -23,8 +23,6 @@ from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import period_problems
 
-__all__ = ["SelfTriggered", "self_triggered"]
-
 
 class SelfTriggered(TriggerParameters):
     """Thresholds and limits of the trigger `self`."""
@@ -73,8 +71,8 @@ def self_triggered(now: Candidates, parameters: np.void, state: np.void) -> int:
         mask |= 1 << i
         wait = shortest
         if not now.first:
-            moved = abs(now.wanted[i] - now.held[i])
-            goal = parameters["share"] * threshold(now, i, now.wanted[i]) * state["since"][i]
+            moved = abs(now.commanded[i] - now.held[i])
+            goal = parameters["share"] * threshold(now, i, now.commanded[i]) * state["since"][i]
             wait = longest if goal >= longest * moved else max(int(goal / moved), shortest)
         state["wait"][i], state["since"][i] = wait, 0
     return mask

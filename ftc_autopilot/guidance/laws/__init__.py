@@ -1,16 +1,17 @@
 """Guidance laws that a scenario can choose by name.
 
-A law is one file: a model of its parameters, with its `kind` and the `STATE` that it keeps,
-and compiled functions. To register it, add the model to `Guidance` and `GUIDANCE_LAWS`, and the
-calls to `guide`, `pace_of` and `intention_of`; the check of scenario files and the records that
-compiled code sees follow.
+A law is one file: a model of its parameters, with its `kind` and the `STATE` that it has between
+updates, and three compiled functions. To register it, add the model to `Guidance` and
+`GUIDANCE_LAWS`, and its functions to `guide`, `pace_of` and `intention_of`, each for its index in
+`KINDS`, as the control laws are; the law that is left is `path`. The check of scenario files and
+the records that compiled code sees follow.
 """
 
 from typing import TypeAlias
 
 import numpy as np
 
-from ftc_autopilot.control.records import fill, record_dtype
+from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.guidance.coordination import Coordination
 from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
 from ftc_autopilot.guidance.laws.path_following import (
@@ -21,25 +22,15 @@ from ftc_autopilot.guidance.laws.path_following import (
 )
 from mavlink_defs.runtime.jit import compiled
 
-__all__ = [
-    "GUIDANCE_LAWS",
-    "GUIDANCE_PARAMETERS",
-    "GUIDANCE_STATE",
-    "Guidance",
-    "guidance_record",
-    "guide",
-    "intention_of",
-    "pace_of",
-]
-
 Guidance: TypeAlias = PathFollowing
 """The parameters of any guidance law, discriminated by `kind`."""
 
 GUIDANCE_LAWS: dict[str, type[GuidanceParameters]] = {"path": PathFollowing}
+KINDS = tuple(GUIDANCE_LAWS)
 
 GUIDANCE_PARAMETERS = np.dtype(
     [
-        ("law", "i8"),  # index in GUIDANCE_LAWS
+        ("law", "i8"),  # index in KINDS
         ("common", record_dtype(GuidanceParameters)),
         *((kind, record_dtype(law, GuidanceParameters)) for kind, law in GUIDANCE_LAWS.items()),
     ]
@@ -51,7 +42,7 @@ GUIDANCE_STATE = np.dtype([(kind, law.STATE) for kind, law in GUIDANCE_LAWS.item
 def guidance_record(guidance: Guidance) -> np.void:
     """Turn the parameters of a guidance law into a record of `GUIDANCE_PARAMETERS`."""
     record: np.void = np.zeros(1, GUIDANCE_PARAMETERS)[0]
-    record["law"] = list(GUIDANCE_LAWS).index(guidance.kind)
+    record["law"] = KINDS.index(guidance.kind)
     fill(record["common"], guidance)
     fill(record[guidance.kind], guidance)
     return record
@@ -90,7 +81,14 @@ def guide(
 
 
 @compiled
-def pace_of(now: Situation, path: np.void, near: float, ahead: float, state: np.void) -> Pace:
+def pace_of(
+    now: Situation,
+    path: np.void,
+    near: float,
+    ahead: float,
+    parameters: np.void,
+    state: np.void,
+) -> Pace:
     """Return how a UAV gets on along its path.
 
     Args:
@@ -98,6 +96,7 @@ def pace_of(now: Situation, path: np.void, near: float, ahead: float, state: np.
         path: Record of dtype `ftc_autopilot.guidance.path.PATH` with at least one leg.
         near: Path parameter at the update before [m].
         ahead: What its slot lies ahead of the formation [m].
+        parameters: Record of dtype `GUIDANCE_PARAMETERS`.
         state: Record of dtype `GUIDANCE_STATE`.
     """
     return path_pace(now, path, near, ahead, state["path"])

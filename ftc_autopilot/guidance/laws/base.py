@@ -5,12 +5,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.common.motion import Motion
 from mavlink_defs.config.models import Model, Problems
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.vec3 import Vec3
-
-__all__ = ["GuidanceParameters", "Intention", "Pace", "Situation"]
 
 
 class GuidanceParameters(Model):

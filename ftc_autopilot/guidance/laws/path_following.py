@@ -38,14 +38,13 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.guidance.coordination import Coordination, no_coordination
 from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
 from ftc_autopilot.guidance.path import PathPoint, height_at, locate, point_at
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["PathFollowing", "path_intention", "path_law", "path_pace"]
+from sitl_plant.aerodynamics import carried_linearly, drag
 
 _APPROACH_MAX = math.radians(40.0)
 """Largest angle between the commanded course and the path [rad]."""
@@ -163,13 +162,13 @@ def path_law(
     climb, climb_now = _climb(now, path, place, coordination, aircraft, limits, gains, state)
     weight = aircraft["m"] * aircraft["g"] * math.cos(climb)
     lift = 0.5 * aircraft["rho"] * command[0] ** 2 * aircraft["S"]
-    slope = aircraft["cL_alpha"] + aircraft["cD0"]
+    at_zero, slope = carried_linearly(aircraft)
 
-    most = aircraft["cL0"] + slope * limits["incidence_max_rad"]
+    most = at_zero + slope * limits["incidence_max_rad"]
     load = max(lift * most / weight, 1.0)  # 1/cos of the bank at the largest angle of attack
     bank_max = min(limits["bank_max_rad"], math.acos(1.0 / load))
     roll, drift = _turn(now, place, coordination, V, wind, bank_max, aircraft["g"], gains, state)
-    alpha = (weight / (lift * math.cos(roll)) - aircraft["cL0"]) / slope
+    alpha = (weight / (lift * math.cos(roll)) - at_zero) / slope
     gamma = math.asin(min(max(-now.air_velocity[2] / V, -1.0), 1.0))
     correction = min(max(climb_now - gamma, -_CLIMB_CORRECTION_MAX), _CLIMB_CORRECTION_MAX)
     command[1] = roll
@@ -271,12 +270,12 @@ def _airspeed(
     speed *= max(1.0 - right * place.ahead.curvature, 0.2)
     north = speed * math.cos(place.ahead.course) - wind[0]
     east = speed * math.sin(place.ahead.course) - wind[1]
-    wanted = math.hypot(north, east)
-    wanted = min(max(wanted, limits["airspeed_min_m_s"]), limits["airspeed_max_m_s"])
+    desired = math.hypot(north, east)
+    desired = min(max(desired, limits["airspeed_min_m_s"]), limits["airspeed_max_m_s"])
     change = limits["acceleration_max_m_s2"] * now.dt
-    wanted = min(max(wanted, state["airspeed"] - change), state["airspeed"] + change)
-    state["airspeed"] = wanted
-    return float(wanted)
+    desired = min(max(desired, state["airspeed"] - change), state["airspeed"] + change)
+    state["airspeed"] = desired
+    return float(desired)
 
 
 @compiled
@@ -311,11 +310,11 @@ def _turn(
     if abs(approach) < _INTEGRATION_MAX and gain > 0.0 and coordination.right == 0.0:
         limit = _INTEGRAL_SHARE * speed / gain
         state["cross_track"] = min(max(state["cross_track"] + place.e * now.dt, -limit), limit)
-    wanted = place.ahead.course - min(max(approach, -_APPROACH_MAX), _APPROACH_MAX)
+    desired = place.ahead.course - min(max(approach, -_APPROACH_MAX), _APPROACH_MAX)
     speed_ahead = max(_ground_speed(place.ahead.course, V, wind), 1.0)
     curvature = place.ahead.curvature
     rate = speed_ahead * curvature / max(1.0 - coordination.slot[1] * curvature, 0.2)
-    rate += gains["course_1_s"] * wrap(wanted - state["course"])
+    rate += gains["course_1_s"] * wrap(desired - state["course"])
     fastest = g * math.tan(bank_max) / speed_ahead
     rate = min(max(rate, -fastest), fastest)
     state["course"] = wrap(state["course"] + now.dt * rate)
@@ -336,8 +335,8 @@ def _upwards(error: float, coordination: Coordination, gains: np.void, state: np
     Args:
         error: Height of the slot above the UAV [m].
         coordination: Slot and corrections.
-        gains: Those of the law.
-        state: That of the law.
+        gains: Of the law.
+        state: Of the law.
     """
     integral = gains["height_integral_1_s2"] * state["height"]
     return float(gains["height_1_s"] * error + integral + coordination.slot_rate[2])
@@ -358,7 +357,8 @@ def _climb(
     V = max(now.motion.V, 1.0)
     pressure = 0.5 * aircraft["rho"] * V**2 * aircraft["S"]
     weight = aircraft["m"] * aircraft["g"]
-    lag = aircraft["m"] * V / (pressure * (aircraft["cL_alpha"] + aircraft["cD0"]))
+    _, lift_slope = carried_linearly(aircraft)
+    lag = aircraft["m"] * V / (pressure * lift_slope)
     reach = gains["rounding_s"] * V
     s_later = place.s + (3.0 / now.bandwidth + lag) * place.s_dot
     slope, slope_ahead = _rounded_slope(path, place.s, reach), _rounded_slope(path, s_later, reach)
@@ -367,17 +367,17 @@ def _climb(
     sink = _upwards(error, coordination, gains, state) + coordination.up
 
     accelerating = now.reference[0, 1] / aircraft["g"]
-    drag = pressure * aircraft["cD0"]
+    D = drag(pressure, aircraft)
     thrust = limits["thrust_share_max"] * aircraft["thrust_limit"]
     most = math.sin(limits["climb_max_rad"])
-    high = min(max((thrust - drag) / weight - accelerating, -most), most)
-    low = max(min(-drag / weight - accelerating, most), -most)
-    wanted = (sink + slope_ahead * place.s_dot) / V
-    if low < wanted < high and gain > 0.0 and coordination.up == 0.0:
+    high = min(max((thrust - D) / weight - accelerating, -most), most)
+    low = max(min(-D / weight - accelerating, most), -most)
+    desired = (sink + slope_ahead * place.s_dot) / V
+    if low < desired < high and gain > 0.0 and coordination.up == 0.0:
         limit = _INTEGRAL_SHARE * V / gain
         state["height"] = min(max(state["height"] + error * now.dt, -limit), limit)
     present = (sink + slope * place.s_dot) / V
-    return math.asin(min(max(wanted, low), high)), math.asin(min(max(present, low), high))
+    return math.asin(min(max(desired, low), high)), math.asin(min(max(present, low), high))
 
 
 @compiled

@@ -18,7 +18,7 @@ from mavsdk.plugins.telemetry import FlightMode, Telemetry
 from pymavlink import mavwp
 from standing import Standing
 
-from ftc_autopilot.geography import Origin, place_of
+from ftc_autopilot.common.geography import Origin, place_of
 from gcs.scenario.model import scenario_of
 from mavlink_defs.mission_files import mission_item, waypoints_text
 

@@ -9,7 +9,8 @@ from gcs.scenario.sections import ScenarioFault
 
 def test_the_distance_is_that_from_the_command_in_force(scenario1: Scenario) -> None:
     def seen(stuck_deg: float) -> tuple[float, float | None]:
-        fault = ScenarioFault(uav=2, actuator="rudder", start_s=0.2, stuck_deg=stuck_deg)
+        keys = {"uav": 2, "actuator": "rudder", "start_s": 0.2, "stuck_deg": stuck_deg}
+        fault = ScenarioFault.model_validate(keys)
         return what_there_was(scenario1.model_copy(update={"duration_s": 0.4, "faults": (fault,)}))
 
     (left_deg, _), (right_deg, next_s) = seen(-25.0), seen(25.0)

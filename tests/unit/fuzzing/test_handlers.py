@@ -20,9 +20,9 @@ from fuzzing.targets import (
     records_of_tlog,
 )
 from gcs.scenario.model import Scenario
-from gcs.station.fault_text import describe_fault
 from mavlink_defs import dialect
-from mavlink_defs.faults import FaultLimits, InvalidParam, fault_from_params
+from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults import InvalidParam, fault_from_params
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
@@ -179,7 +179,7 @@ def test_a_fault_of_no_actuator_is_ignored() -> None:
     ack = dialect.MAVLink_command_ack_message(command, 0, 0, 0, 255, 190)
     lister.receive(parse(speaker.pack(ack)), 0.0)  # type: ignore[arg-type]  # it parses
     (listed,) = lister.events()
-    assert [describe_fault(fault).split()[0] for fault in listed.faults] == ["rudder"]
+    assert [fault.actuator_name for fault in listed.faults] == ["rudder"]
 
 
 def hot(target: Target, record: np.ndarray, message_id: int) -> bytes:

@@ -13,20 +13,21 @@ from typing import Any, NamedTuple, get_args
 import pytest
 from pydantic import BaseModel, RootModel
 
-import ftc_autopilot.link
+import ftc_autopilot.hot.link
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
-from ftc_autopilot.guidance.jumps import MAX_VISITS
 from ftc_autopilot.guidance.path import MAX_LEGS
+from ftc_autopilot.guidance.targets import MAX_VISITS
 from gcs.cli import COMMANDS
 from gcs.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
 from gcs.fleet.in_process import fly_in_process
+from gcs.results.export import save_arrays_of
 from gcs.results.recording import Recording
-from gcs.results.run_folder import save_flight
+from gcs.results.run_folder import save_summary
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.constants import MAX_MISSION_ITEMS
-from mavlink_defs.faults import MAX_FAULTS, fault_to_params
+from mavlink_defs.faults import MAX_FAULTS
 from scripts import docs_pages
 
 ROOT = Path(__file__).parents[3]
@@ -116,7 +117,7 @@ def test_example_flies_to_its_end(flight: Recording) -> None:
 def test_example_sets_its_fault(example: Scenario) -> None:
     [(uav, fault)] = example.fault_commands()
     assert uav == 2
-    assert fault_to_params(fault)[:3] == (1.0, 0.8, 0.5)
+    assert fault[:3] == (1.0, 0.8, 0.5)
 
 
 def test_every_scenario_key_is_documented() -> None:
@@ -131,7 +132,8 @@ def test_fault_capacity_is_documented() -> None:
 
 def test_every_result_is_documented(example: Scenario, flight: Recording, tmp_path: Path) -> None:
     report = summarise(flight, example)
-    save_flight(flight, report, tmp_path)
+    save_summary(report, tmp_path)
+    save_arrays_of(flight, tmp_path)
     summary = report.to_json()
     uav = summary["uavs"][0]
     keys = {*summary, *uav, *uav["channels"], *uav["channels"]["rudder"], *uav["iae"]}
@@ -276,12 +278,12 @@ def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
 
 
 def test_the_order_of_a_step_is_that_of_the_code() -> None:
-    source = inspect.getsource(ftc_autopilot.link._work)
+    source = inspect.getsource(ftc_autopilot.hot.link._answer_state)
     step = (
         source.partition("collect_neighbour_states(")[2].partition("elif")[0]
         + source.rpartition("elif")[2]
     )
-    calls = ("keep(", "MessageId.ACTUATORS", "send_own_state(", "MessageId.STEP_DONE")
+    calls = ("save(", "MessageId.ACTUATORS", "send_own_state(", "MessageId.STEP_DONE")
     assert [step.index(call) for call in calls] == sorted(step.index(call) for call in calls)
     documented = (
         (DOCS / "explanation" / "method.md").read_text().partition("## Order of operations")[2]

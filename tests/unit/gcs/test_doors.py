@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 
 from ftc_autopilot import autopilot, process
 from gcs import cli
-from gcs.campaigns.gate import Check
 from gcs.commands.wire import _named_port
 from gcs.errors import BadInput, CommandRefused
-from gcs.reports.gate import gate_markdown, junit
-from gcs.reports.markdown import html_of, save_markdown
+from gcs.lab.campaigns.gate import Check
+from gcs.lab.reports.gate import gate_markdown, junit
+from gcs.lab.reports.markdown import html_of, save_markdown
 from gcs.scenario.model import scenario_of, scenario_tree
 from gcs.scenario.profile_file import load_profile
 from gcs.tui.playback import Playback

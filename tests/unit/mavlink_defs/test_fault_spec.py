@@ -19,12 +19,13 @@ def problems(**keys: Any) -> list[str]:
 
 
 def test_an_open_window_begins_now_and_lasts() -> None:
-    fault = FaultSpec(actuator="rudder", bias_deg=2.0).command()
+    fault = FaultSpec.model_validate({"actuator": "rudder", "bias_deg": 2.0}).command()
     assert repr(fault) == repr(Fault(2, 1.0, 2.0, 0.0, NAN, NAN))
 
 
 def test_an_end_needs_no_start() -> None:
-    fault = FaultSpec(actuator="throttle", stuck_n=2.0, end_s=3.0).command()
+    keys = {"actuator": "throttle", "stuck_n": 2.0, "end_s": 3.0}
+    fault = FaultSpec.model_validate(keys).command()
     assert repr(fault) == repr(Fault(3, 0.0, 2.0, 0.0, NAN, 3.0))
 
 

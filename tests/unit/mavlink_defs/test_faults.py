@@ -1,5 +1,4 @@
 import math
-from dataclasses import astuple, replace
 from typing import Any
 
 import pytest
@@ -10,7 +9,8 @@ from lossy_network import GCS, over_the_wire
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_command_long_message
-from mavlink_defs.faults import Fault, FaultLimits, InvalidParam, fault_from_params, fault_to_params
+from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
 from mavlink_defs.services.command import command_params
 
 LIMITS = FaultLimits(surface_deg=25.0, thrust_n=4000.0)
@@ -18,10 +18,7 @@ NAN, INF = math.nan, math.inf
 
 
 def same(a: Fault, b: Fault) -> bool:
-    return all(
-        x == y or (math.isnan(x) and math.isnan(y))
-        for x, y in zip(astuple(a), astuple(b), strict=True)
-    )
+    return all(x == y or (math.isnan(x) and math.isnan(y)) for x, y in zip(a, b, strict=True))
 
 
 def decimals(low: float, high: float, places: int) -> st.SearchStrategy[float]:
@@ -50,7 +47,7 @@ def faults(draw: st.DrawFn) -> Fault:
 @given(faults())
 def test_fault_crosses_the_wire_unchanged(fault: Fault) -> None:
     command = dialect.MAV_CMD_FTC_SET_FAULT
-    message = MAVLink_command_long_message(1, 1, command, 0, *fault_to_params(fault))
+    message = MAVLink_command_long_message(1, 1, command, 0, *fault)
     received: Any = over_the_wire(message, GCS)
     assert same(fault_from_params(command_params(received), LIMITS), fault)
 
@@ -88,6 +85,7 @@ def test_any_parameters_give_a_fault_within_limits_or_are_refused(params: list[f
         ((0, 1, 1, 0, INF, NAN, 0), 5, "Fault: Start is inf s, must be NaN or at least 0 s"),
         ((0, 1, 1, 0, 5, 5, 0), 6, "Fault: End is 5 s, must be NaN or more than 5 s"),
         ((0, 1, 1, 0, NAN, 0, 0), 6, "Fault: End is 0 s, must be NaN or more than 0 s"),
+        ((0, 1, 1, 0, NAN, NAN, 200), 7, "Fault: Kind is 200, must be 0"),
     ],
 )
 def test_bad_parameter_is_named(params: tuple[float, ...], index: int, text: str) -> None:
@@ -114,13 +112,24 @@ def test_actuators_are_in_the_order_of_the_dialect() -> None:
     assert [getattr(dialect, name) for name in names] == [0, 1, 2, 3]
 
 
-@given(faults())
-def test_a_fault_in_si_units_is_the_same_fault(fault: Fault) -> None:
-    back = Fault.from_si(*fault.to_si())
-    assert back.value == pytest.approx(fault.value, rel=1e-15)
-    assert same(replace(back, value=0.0), replace(fault, value=0.0))
+def test_a_kind_that_is_not_given_is_the_first() -> None:
+    assert fault_from_params((2, 1, 5, 0, NAN, NAN, NAN), LIMITS).code == 0
 
 
-def test_si_units_are_radians_and_newtons() -> None:
-    assert Fault(2, 1.0, 180.0, 0.0, NAN, NAN).to_si()[2] == math.pi
-    assert Fault(3, 1.0, 180.0, 0.0, NAN, NAN).to_si()[2] == 180.0
+@pytest.mark.parametrize(
+    ("fault", "expected"),
+    [
+        (
+            Fault(0, 1.0, -2.0, 0.3, 1.0, math.inf),
+            "aileron at 100 % - 2 deg · cos 2π 0.3 Hz after 1 s, until cleared",
+        ),
+        (
+            Fault(3, 0.0, 1.5, 0.0, math.nan, math.nan),
+            "throttle stuck at 1.5 N from now, until cleared",
+        ),
+        (Fault(1, 0.0, -3.0, 0.0, 1.0, 2.0), "elevator stuck at -3 deg in (1, 2] s"),
+        (Fault(2, 0.5, 1.0, 0.0, math.nan, 22.0), "rudder at 50 % + 1 deg from now, 22] s"),
+    ],
+)
+def test_faults_as_texts(fault: Fault, expected: str) -> None:
+    assert fault.describe() == expected

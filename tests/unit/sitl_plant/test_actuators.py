@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_defs.faults import MAX_FAULTS, Fault
-from sitl_plant.actuators import add_fault, apply_faults, clear_faults, no_faults
+from sitl_plant.actuators import (
+    add_fault,
+    apply_faults,
+    clear_faults,
+    in_wire_units,
+    no_faults,
+)
 
 COMMAND = (0.1, -0.2, 0.3, 150.0)
 NAN = math.nan
@@ -70,6 +76,14 @@ def test_an_overlapping_fault_replaces_the_old_one(nominal: np.void) -> None:
     row = row_with(Fault(RUDDER, 0.9, 0.0, 0.0, NAN, NAN), Fault(RUDDER, 0.5, 0.0, 0.0, NAN, NAN))
     assert np.count_nonzero(row["actuator"] >= 0) == 1
     assert applied(row, 1.0, nominal)[2] == 0.15
+
+
+@given(st.floats(-90.0, 90.0), st.sampled_from(range(4)))
+def test_an_entry_in_wire_units_is_the_fault_that_was_set(value: float, actuator: int) -> None:
+    fault = Fault(actuator, 0.5, value, 2.0, 3.0, 4.0)
+    back = in_wire_units(Fault(*row_with(fault)[0].item()))
+    assert back._replace(value=0.0) == fault._replace(value=0.0)
+    assert back.value == pytest.approx(value, rel=1e-15)
 
 
 def test_faults_of_other_actuators_and_other_times_stay() -> None:

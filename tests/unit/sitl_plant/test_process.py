@@ -1,14 +1,14 @@
 """The plant process around its compiled loop: sockets, wall clock, start and end of a flight."""
 
+import math
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from gcs.scenario.model import Scenario
@@ -20,10 +20,10 @@ from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.runtime.sockaddr import sockaddr
 from sitl_plant import process
 from sitl_plant.config import PlantConfig
-from sitl_plant.link import run
 from sitl_plant.process import Plant, main
 
 ANY_PORT = UdpAddress("127.0.0.1", 0)
+TIMEOUT_S = 60.0  # only a defect takes so long
 ENDED = dialect.FTC_SIM_FLAGS_ENDED
 
 
@@ -38,10 +38,27 @@ class Rig:
     def __init__(self, config: PlantConfig, stack: ExitStack) -> None:
         self.sock = stack.enter_context(bind_udp(ANY_PORT, "test"))
         self.plant = Plant(config, self.sock, None, None)
-        self.link = self.plant._link
         self.peers = {
             uav.id: stack.enter_context(bind_udp(ANY_PORT, "test")) for uav in config.uavs
         }
+
+    def fly_until(self, condition: Callable[[], bool]) -> None:
+        """Let the plant fly until a condition holds, in vain for seconds at most."""
+        held = False
+
+        def watch() -> None:
+            nonlocal held
+            end_s = time.monotonic() + TIMEOUT_S
+            while not held and time.monotonic() < end_s:
+                time.sleep(0.002)
+                held = condition()
+            self.plant.stopping = True
+
+        watcher = threading.Thread(target=watch)
+        watcher.start()
+        assert self.plant.fly() is None
+        watcher.join()
+        assert held
 
     def heartbeat(
         self, sender: socket.socket, system: int, armed: bool, component: int = 1
@@ -52,21 +69,34 @@ class Rig:
         sender.sendto(frame, self.sock.getsockname())
 
     def received(self, system: int) -> list[Any]:
-        messages: list[Any] = []
-        self.peers[system].setblocking(False)
-        while True:
-            try:
-                message = parse(self.peers[system].recv(400))
-            except BlockingIOError:
-                return messages
-            assert message is not None
-            assert message.get_srcComponent() == 25
-            messages.append(message)
+        return received_by(self.peers[system])
+
+
+def received_by(peer: socket.socket) -> list[Any]:
+    """All messages of the plant that wait in a socket."""
+    messages: list[Any] = []
+    peer.setblocking(False)
+    while True:
+        try:
+            message = parse(peer.recv(400))
+        except BlockingIOError:
+            return messages
+        assert message is not None
+        assert message.get_srcComponent() == 25
+        messages.append(message)
+
+
+def has_state(messages: list[Any]) -> bool:
+    return any(message.get_type() == "FTC_SIM_STATE" for message in messages)
+
+
+@pytest.fixture(autouse=True)
+def short_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "_END_TIMEOUT_S", 0.05)
 
 
 @pytest.fixture
-def rig(config: PlantConfig, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
-    monkeypatch.setattr(process, "_END_TIMEOUT_S", 0.05)
+def rig(config: PlantConfig) -> Iterator[Rig]:
     with ExitStack() as stack:
         yield Rig(config, stack)
 
@@ -81,7 +111,7 @@ def test_a_flight_starts_when_all_are_armed_and_ends_when_one_is_silent(
     assert why is not None
     assert why.startswith("the autopilot of UAV 1 has been silent for 0.05 s at 0.000 s")
     assert "all armed, simulated time starts" in capfd.readouterr().err
-    assert rig.plant._state["step"] == 0
+    assert rig.plant.time_s == 0.0
     assert rig.plant.refused() == {}
     for system in rig.peers:
         states = [m for m in rig.received(system) if m.get_type() == "FTC_SIM_STATE"]
@@ -91,35 +121,30 @@ def test_a_flight_starts_when_all_are_armed_and_ends_when_one_is_silent(
 
 def test_states_are_sent_although_heartbeats_come_without_a_pause(rig: Rig) -> None:
     """As those of a hundred autopilots do, ten times a second each, until they hear a state."""
-    heard = False
 
-    def claim() -> None:
-        nonlocal heard
-        end_s = time.monotonic() + 3.0
-        while not heard and time.monotonic() < end_s:
-            rig.heartbeat(rig.peers[1], 1, False)
-            time.sleep(0.002)
-            heard = any(m.get_type() == "FTC_SIM_STATE" for m in rig.received(1))
-        rig.plant.stopping = True
+    def heard() -> bool:
+        rig.heartbeat(rig.peers[1], 1, False)
+        return has_state(rig.received(1))
 
-    autopilot = threading.Thread(target=claim)
-    autopilot.start()
-    assert rig.plant.fly() is None
-    autopilot.join()
-    assert heard
+    rig.fly_until(heard)
 
 
 def test_an_autopilot_that_comes_back_in_flight_is_sent_the_present_state(
-    rig: Rig, capfd: pytest.CaptureFixture[str]
+    config: PlantConfig, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    rig.plant._start()
-    rig.link.sender[:] = sockaddr(UdpAddress(*rig.peers[1].getsockname()))
-    datagram = FramePacker(1, 1).pack(dialect.MAVLink_heartbeat_message(1, 3, 0, 12, 4, 3))
-    rig.link.received[: len(datagram)] = np.frombuffer(datagram, np.uint8)
-    rig.plant._state["received"] = len(datagram)
-    rig.plant._serve()
+    """From another port, as a process that was started again has one."""
+    with ExitStack() as stack, bind_udp(ANY_PORT, "test") as again:
+        rig = Rig(config.model_copy(update={"wait_for_restart": True}), stack)
+        for armed in (False, True):
+            for system, peer in rig.peers.items():
+                rig.heartbeat(peer, system, armed)
+
+        def is_back() -> bool:
+            rig.heartbeat(again, 1, True)
+            return has_state(received_by(again))
+
+        rig.fly_until(is_back)
     assert "the autopilot of UAV 1 is back at 0.000 s" in capfd.readouterr().err
-    assert [m.get_type() for m in rig.received(1)] == ["FTC_SIM_STATE"]
 
 
 @pytest.mark.parametrize(
@@ -130,30 +155,32 @@ def test_messages_of_other_systems_and_components_are_dropped(
     rig: Rig, system: int, component: int, reason: DropReason
 ) -> None:
     rig.heartbeat(rig.peers[1], system, False, component)
-    run(rig.sock.fileno(), rig.link, rig.plant._fleet, 0.0)
-    rig.plant._serve()
+    rig.fly_until(lambda: rig.plant.refused().total() > 0)
     assert rig.plant.refused() == {reason.words: 1}
-    assert not rig.link.known.any()
+    assert rig.received(1) == []  # it is no autopilot of this plant
 
 
 def test_a_second_autopilot_and_damaged_messages_are_dropped(rig: Rig) -> None:
     for sender in (rig.peers[1], rig.peers[2]):
         rig.heartbeat(sender, 1, False)
     rig.peers[1].sendto(b"\xfd" + bytes(11), rig.sock.getsockname())
-    for _ in range(3):
-        run(rig.sock.fileno(), rig.link, rig.plant._fleet, 0.0)
-        rig.plant._serve()
+    rig.fly_until(lambda: rig.plant.refused().total() == 2)
     assert rig.plant.refused()[DropReason.STRANGER.words] == 1
-    assert rig.plant.refused().total() == 2
-    assert rig.link.known.tolist() == [1, 0, 0]
+    assert has_state(rig.received(1))
+    assert rig.received(2) == []
 
 
 def test_a_datagram_that_cannot_be_sent_is_lost_and_nothing_more(rig: Rig) -> None:
-    rig.link.known[0] = 1
-    rig.link.addresses[0] = sockaddr(
-        UdpAddress("255.255.255.255", 9)
-    )  # broadcasting is not allowed
-    rig.plant._report_drops()
+    """The counters of dropped datagrams reach the next autopilot all the same."""
+    link = rig.plant._link  # no claim can come from such an address: broadcasting is not allowed
+    link.known[0], link.heard_s[0] = 1, math.inf
+    link.addresses[0] = sockaddr(UdpAddress("255.255.255.255", 9))
+
+    def has_drops() -> bool:
+        rig.heartbeat(rig.peers[2], 2, False)
+        return any(message.get_type() == "FTC_DROPS" for message in rig.received(2))
+
+    rig.fly_until(has_drops)
 
 
 def test_a_plant_that_is_stopped_ends_without_a_loss(rig: Rig) -> None:
@@ -165,9 +192,18 @@ def test_a_plant_that_is_stopped_ends_without_a_loss(rig: Rig) -> None:
 def test_every_plant_process_is_another_run(config: PlantConfig) -> None:
     runs = set()
     for _ in range(3):
-        with bind_udp(ANY_PORT, "test") as sock:
-            plant = Plant(config, sock, None, None)
-            runs |= {*plant._fleet.messages["run"].tolist()}
+        with ExitStack() as stack:
+            rig = Rig(config, stack)
+            states: list[Any] = []
+
+            def heard(rig: Rig = rig, states: list[Any] = states) -> bool:
+                rig.heartbeat(rig.peers[1], 1, False)
+                states += [m for m in rig.received(1) if m.get_type() == "FTC_SIM_STATE"]
+                return len(states) > 1
+
+            rig.fly_until(heard)
+            (run,) = {state.run for state in states}
+            runs.add(run)
     assert len(runs) == 3
 
 

@@ -87,7 +87,7 @@ def test_R2_inv_is_the_inverse_of_R2(phi: Vec3) -> None:
     assert np.allclose(product, np.eye(3), atol=1e-13)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.tuples(rate, rate, rate), inertias())
 def test_torque_free_tumbling_conserves_energy_and_angular_momentum(
     omega: Vec3,

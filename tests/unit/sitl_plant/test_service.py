@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from mavlink_defs import dialect
-from mavlink_defs.faults import MAX_FAULTS, FaultLimits
+from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults import MAX_FAULTS
 from mavlink_defs.framing.frames import FramePacker, parse
 from sitl_plant.actuators import no_faults
 from sitl_plant.service import AircraftService

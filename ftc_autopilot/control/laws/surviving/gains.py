@@ -13,20 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aerodynamics import carried, lateral, longitudinal
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
-
-__all__ = [
-    "AIRSPEEDS",
-    "LATERAL",
-    "LONGITUDINAL",
-    "Gains",
-    "airspeeds_of",
-    "gain_at",
-    "gains_of",
-    "lateral_gain",
-    "longitudinal_gain",
-]
+from sitl_plant.vec3 import clamp
 
 AIRSPEEDS = 6
 """Airspeeds at which gains are computed."""
@@ -38,8 +28,8 @@ LONGITUDINAL = 5
 _LATERAL_Q, _LATERAL_R = np.diag([0.0, 0.02, 0.0, 4.0]), 1.0
 _LONGITUDINAL_Q, _LONGITUDINAL_R = np.diag([5e-4, 0.0, 0.02, 6.0, 4.0]), 1e-6  # 1 per kN²
 _SLOWEST = 1.25  # times the aircraft's lowest airspeed
-_DIGITS = 9  # significant ones kept; those beyond depend on the linear algebra library
-_ALPHA = (-0.5, 0.7)  # angles of attack among which that of level flight is searched [rad]
+_DIGITS = 9  # significant; further ones depend on the linear algebra library
+_ALPHA = (-0.5, 0.7)  # angles of attack among which level flight is searched [rad]
 
 
 class Gains(NamedTuple):
@@ -52,7 +42,7 @@ class Gains(NamedTuple):
 
 @lru_cache
 def gains_of(aircraft: Aircraft) -> Gains:
-    """Return the gains of an aircraft; those of a formation's like aircraft are computed once."""
+    """Return the gains of an aircraft; a formation of equal aircraft computes them once."""
     airspeeds = airspeeds_of(aircraft)
     lateral = [lateral_gain(aircraft, V) for V in airspeeds]
     longitudinal = [longitudinal_gain(aircraft, V) for V in airspeeds]
@@ -67,17 +57,13 @@ def airspeeds_of(aircraft: Aircraft) -> np.ndarray:
 def lateral_gain(aircraft: Aircraft, V: float) -> np.ndarray:
     """Return the rudder's gains at an airspeed V [m/s], shape (LATERAL,).
 
-    The model is that of straight, level flight without sideslip. Drag acts along the motion, so
-    a sideslip turns it sideways: Y_β = q S (cY_β - cD0)/(m V).
+    The model is straight, level flight without sideslip.
     """
     a = aircraft_record(aircraft)
-    qS = 0.5 * a["rho"] * V * V * a["S"]
-    rates = 1.0 if a["per_rad_s"] else a["b"] / (2.0 * V)
-    rolling = [a["cl_beta"], a["cl_p"] * rates, a["cl_r"] * rates, 0.0, a["cl_dr"]]
-    yawing = [a["cn_beta"], a["cn_p"] * rates, a["cn_r"] * rates, 0.0, a["cn_dr"]]
-    p_dot, _, r_dot = a["J_inv"] @ (qS * a["b"] * np.array([rolling, [0.0] * 5, yawing]))
-    side = qS * (a["cY_beta"] - a["cD0"]) / (a["m"] * V)
-    beta_dot = np.array([side, 0.0, -1.0, a["g"] / V, 0.0])
+    air = lateral(V, a)
+    rolling, yawing = ([c.beta, c.p, c.r, 0.0, c.rudder] for c in (air.rolling, air.yawing))
+    p_dot, _, r_dot = a["J_inv"] @ (air.scale * np.array([rolling, [0.0] * 5, yawing]))
+    beta_dot = np.array([air.side / (a["m"] * V), 0.0, -1.0, a["g"] / V, 0.0])
     phi_dot = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
     model = np.array([beta_dot, p_dot, r_dot, phi_dot])
     return _riccati(model, _LATERAL_Q, _LATERAL_R)
@@ -86,28 +72,25 @@ def lateral_gain(aircraft: Aircraft, V: float) -> np.ndarray:
 def longitudinal_gain(aircraft: Aircraft, V: float) -> np.ndarray:
     """Return the thrust's gains at an airspeed V [m/s], shape (LONGITUDINAL,) [N per unit].
 
-    The model is that of straight, level flight, and the elevator stands where it trims that:
+    The model is straight, level flight, and the elevator stands where it trims that:
 
         V̇ = (T cos α - D)/m - g sin(θ - α)
         α̇ = q - (L + T sin α)/(m V) + g cos(θ - α)/V
-        q̇ = q S c (cm_α α + cm_q q c/2V + ...)/Jyy,   θ̇ = q
+        q̇ = (M_α α + M_q q + ...)/Jyy,   θ̇ = q
     """
     a = aircraft_record(aircraft)
-    m, g = a["m"], a["g"]
-    qS = 0.5 * a["rho"] * V * V * a["S"]
-    alpha = _level_alpha(a, qS)
-    T = qS * a["cD0"] / math.cos(alpha)
-    rates = 1.0 if a["per_rad_s"] else a["c_bar"] / (2.0 * V)
-    turning = qS * a["c_bar"] / a["J"][1, 1]
+    m, g, J = a["m"], a["g"], a["J"][1, 1]
+    air, alpha = longitudinal(V, a), _level_alpha(a, V)
+    T = air.drag / math.cos(alpha)
     along, across = m * V, m * V * V
     V_by_alpha = g - T * math.sin(alpha) / m
     alpha_by_V = -2.0 * (m * g - T * math.sin(alpha)) / across  # L = m g - T sin α
-    alpha_by_alpha = -(qS * a["cL_alpha"] + T * math.cos(alpha)) / along
+    alpha_by_alpha = -(air.lift_by_alpha + T * math.cos(alpha)) / along
     model = np.array(
         [
-            [-2.0 * qS * a["cD0"] / along, V_by_alpha, 0.0, -g, 0.0],
+            [-2.0 * air.drag / along, V_by_alpha, 0.0, -g, 0.0],
             [alpha_by_V, alpha_by_alpha, 1.0, 0.0, 0.0],
-            [0.0, turning * a["cm_alpha"], turning * a["cm_q"] * rates, 0.0, 0.0],
+            [0.0, air.moment_by_alpha / J, air.moment_by_q / J, 0.0, 0.0],
             [0.0, 0.0, 1.0, 0.0, 0.0],
             [0.0, 0.0, 0.0, 1.0, 0.0],
         ]
@@ -116,13 +99,14 @@ def longitudinal_gain(aircraft: Aircraft, V: float) -> np.ndarray:
     return _riccati(np.column_stack([model, by_thrust]), _LONGITUDINAL_Q, _LONGITUDINAL_R)
 
 
-def _level_alpha(a: np.void, qS: float) -> float:
-    """Return α [rad] of level flight: q S (cL0 + cL_α α + cD0 tan α) = m g; the nearest to it."""
+def _level_alpha(a: np.void, V: float) -> float:
+    """Return α [rad] of level flight, whose lift and thrust carry m g; the nearest to it."""
     from scipy.optimize import brentq
 
+    qS = 0.5 * a["rho"] * V * V * a["S"]
+
     def excess(alpha: float) -> float:
-        lift = a["cL0"] + a["cL_alpha"] * alpha + a["cD0"] * math.tan(alpha)
-        return float(qS * lift - a["m"] * a["g"])
+        return float(qS * carried(alpha, a) - a["m"] * a["g"])
 
     low, high = _ALPHA
     if excess(low) >= 0.0:
@@ -152,7 +136,7 @@ def gain_at(airspeeds: np.ndarray, gains: np.ndarray, V: float, i: int) -> float
     """
     last = len(airspeeds) - 1
     place = (V - airspeeds[0]) / (airspeeds[1] - airspeeds[0])
-    place = min(max(place, 0.0), float(last))
+    place = clamp(place, 0.0, float(last))
     k = min(int(place), last - 1)
     share = place - k
     gain: float = (1.0 - share) * gains[k, i] + share * gains[k + 1, i]

@@ -5,16 +5,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import probed
-from ftc_autopilot.control.laws.base import Instant
 from ftc_autopilot.control.laws.surviving.gains import gain_at
-from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, RUDDER
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aerodynamics import lateral
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
-from sitl_plant.vec3 import Vec3, mat3, mul
-
-__all__ = ["LateralTrim", "aileron_for_roll", "driven_aileron", "lateral_trim", "rudder_for_roll"]
+from sitl_plant.vec3 import Vec3, clamp, mat3, mul
 
 _AT_THE_STOP = 0.92  # of the stop
 _STOP_MEMORY_S = 0.7
@@ -30,56 +30,52 @@ class LateralTrim(NamedTuple):
 
 
 @compiled
-def lateral_trim(now: Instant, lost: int, aircraft: np.void, diagnosis: np.void) -> LateralTrim:
+def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.void) -> LateralTrim:
     """Return the trim at the reference's roll angle with the aileron or the rudder stuck.
 
-    It solves for β, the other surface δ and r, with k = b/2V, from the rolling and the yawing
-    moment and the side force without rotation of the velocity:
+    It solves for β, the other surface δ and r from the rolling and the yawing moment and the side
+    force without rotation of the velocity:
 
-        cl0 + cl_β β + cl_r k r + cl_x f + cl_δ (δ + f_δ) = 0,   likewise cn
-        r = g sin φ_r cos θ/v_x + Y_β β,   Y_β = q S (cY_β - cD0)/(m v_x)
+        l_0 + l_β β + l_r r + l_x f + l_δ (δ + f_δ) = 0,   and n in the same way
+        r = g sin φ_r cos θ/v_x + Y_β β/(m v_x)
 
     Args:
         now: The present step.
         lost: AILERON or RUDDER, stuck at f.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         diagnosis: Record of dtype `DIAGNOSIS`; f is `stuck` of the lost surface, f_δ `offset` of
             the other one.
     """
-    motion = now.motion
-    cl_da, cn_da = aircraft["cl_da"], aircraft["cn_da"]
-    cl_dr, cn_dr = aircraft["cl_dr"], aircraft["cn_dr"]
-    actuators = diagnosis["actuators"]
+    motion, actuators = now.motion, diagnosis["actuators"]
+    air = lateral(motion.V, aircraft)
+    l, n = air.rolling, air.yawing  # noqa: E741 - the field's symbol
     if lost == AILERON:
-        cl_lost, cn_lost, cl_delta, cn_delta = cl_da, cn_da, cl_dr, cn_dr
+        l_lost, n_lost, l_delta, n_delta = l.aileron, n.aileron, l.rudder, n.rudder
         stuck, offset = actuators[AILERON]["stuck"], actuators[RUDDER]["offset"]
     else:
-        cl_lost, cn_lost, cl_delta, cn_delta = cl_dr, cn_dr, cl_da, cn_da
+        l_lost, n_lost, l_delta, n_delta = l.rudder, n.rudder, l.aileron, n.aileron
         stuck, offset = actuators[RUDDER]["stuck"], actuators[AILERON]["offset"]
-    rates = 1.0 if aircraft["per_rad_s"] != 0 else aircraft["b"] / (2.0 * motion.V)
-    qS = 0.5 * aircraft["rho"] * motion.V * motion.V * aircraft["S"]
-    side = qS * (aircraft["cY_beta"] - aircraft["cD0"]) / (aircraft["m"] * motion.v[0])
+    side = air.side / (aircraft["m"] * motion.v[0])
     turn = aircraft["g"] * math.sin(now.reference.phi[0]) * math.cos(motion.phi[1]) / motion.v[0]
-    cl_r, cn_r = aircraft["cl_r"] * rates, aircraft["cn_r"] * rates
-    cl_beta, cn_beta = aircraft["cl_beta"] + cl_r * side, aircraft["cn_beta"] + cn_r * side
-    rolling = -(aircraft["cl0"] + cl_lost * stuck + cl_delta * offset + cl_r * turn)
-    yawing = -(aircraft["cn0"] + cn_lost * stuck + cn_delta * offset + cn_r * turn)
-    determinant = cl_beta * cn_delta - cl_delta * cn_beta
-    beta = (rolling * cn_delta - yawing * cl_delta) / determinant
-    delta = (cl_beta * yawing - cn_beta * rolling) / determinant
+    l_beta, n_beta = l.beta + l.r * side, n.beta + n.r * side
+    rolling = -(l.bias + l_lost * stuck + l_delta * offset + l.r * turn)
+    yawing = -(n.bias + n_lost * stuck + n_delta * offset + n.r * turn)
+    determinant = l_beta * n_delta - l_delta * n_beta
+    beta = (rolling * n_delta - yawing * l_delta) / determinant
+    delta = (l_beta * yawing - n_beta * rolling) / determinant
     return LateralTrim(beta, delta, turn + side * beta)
 
 
 @compiled
 def rudder_for_roll(
-    now: Instant, trim: LateralTrim, gains: np.void, state: np.void, stop: float
+    now: Step, trim: LateralTrim, gains: np.void, state: np.void, stop: float
 ) -> float:
     """Return the rudder [rad] with the aileron lost: δ* - K [β - β*, p, r - r*, φ - φ_r].
 
     The mean of it tells whether the rudder alone suffices: see `driven_aileron`.
     """
     motion = now.motion
-    beta = math.asin(min(max(motion.v[1] / motion.V, -1.0), 1.0))
+    beta = math.asin(clamp(motion.v[1] / motion.V, -1.0, 1.0))
     x = (
         beta - trim.beta,
         motion.omega[0],
@@ -90,13 +86,13 @@ def rudder_for_roll(
     for i in range(len(x)):
         rudder -= gain_at(gains["airspeeds"], gains["rudder_gains"], motion.V, i) * x[i]
     rudder /= state["diagnosis"]["actuators"][RUDDER]["effectiveness"]
-    stopped = min(max(rudder, -stop), stop)
+    stopped = clamp(rudder, -stop, stop)
     state["rudder_mean"] += now.dt / _STOP_MEMORY_S * (stopped - state["rudder_mean"])
     return rudder
 
 
 @compiled
-def driven_aileron(now: Instant, gains: np.void, state: np.void, stop: float) -> float:
+def driven_aileron(now: Step, gains: np.void, state: np.void, stop: float) -> float:
     """Return what the lost aileron is sent [rad]: where it stands, a probe, and a drive.
 
     When the rudder has stood at its stop for long, the aileron is driven toward the helping side:
@@ -105,14 +101,16 @@ def driven_aileron(now: Instant, gains: np.void, state: np.void, stop: float) ->
     if abs(state["rudder_mean"]) > _AT_THE_STOP * stop:
         more = math.copysign(now.dt * _DRIVING_RAD_S, state["rudder_mean"])
         driven = state["aileron_driven"] + more
-        state["aileron_driven"] = min(max(driven, -_LARGEST_DRIVE), _LARGEST_DRIVE)
+        state["aileron_driven"] = clamp(driven, -_LARGEST_DRIVE, _LARGEST_DRIVE)
     aileron: float = probed(AILERON, gains["diagnosis"], state["diagnosis"])
     return aileron + float(state["aileron_driven"])
 
 
 @compiled
-def aileron_for_roll(now: Instant, wanted: Vec3, aircraft: np.void, diagnosis: np.void) -> float:
-    """Return the aileron [rad] with the rudder lost: it alone makes the wanted roll acceleration.
+def aileron_for_roll(
+    now: Step, commanded: Vec3, aircraft: AircraftRecord, diagnosis: np.void
+) -> float:
+    """Return the aileron [rad] with the rudder lost, which alone makes the roll acceleration.
 
     Its share is what the rudder, whose deflection is measured, leaves; sideslip is left to the
     aircraft's own weathercock stability.
@@ -122,6 +120,6 @@ def aileron_for_roll(now: Instant, wanted: Vec3, aircraft: np.void, diagnosis: n
     by_aileron = mul(J_inv, (air.C[0][0], 0.0, air.C[2][0]))[0]
     by_rudder = mul(J_inv, (air.C[0][2], 0.0, air.C[2][2]))[0]
     aileron, rudder = diagnosis["actuators"][AILERON], diagnosis["actuators"][RUDDER]
-    needed = (wanted[0] - by_itself - by_rudder * rudder["measured"]) / by_aileron
+    needed = (commanded[0] - by_itself - by_rudder * rudder["measured"]) / by_aileron
     corrected: float = (needed - aileron["offset"]) / aileron["effectiveness"]
     return corrected

@@ -5,13 +5,8 @@ import math
 import numpy as np
 
 from ftc_autopilot.control.diagnosis import diagnose, dithered, probe, probed
-from ftc_autopilot.control.inversion import surfaces_for
-from ftc_autopilot.control.laws.base import Demand, Instant
-from ftc_autopilot.control.laws.surviving.healthy import (
-    thrust_for_speed,
-    wanted_acceleration,
-    wanted_rates,
-)
+from ftc_autopilot.control.inversion import surfaces_for, thrust_for_speed
+from ftc_autopilot.control.laws.surviving.healthy import commanded_acceleration, commanded_rates
 from ftc_autopilot.control.laws.surviving.lateral import (
     aileron_for_roll,
     driven_aileron,
@@ -19,32 +14,41 @@ from ftc_autopilot.control.laws.surviving.lateral import (
     rudder_for_roll,
 )
 from ftc_autopilot.control.laws.surviving.longitudinal import pitch_trim, thrust_for_pitch
+from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import mat3, mul, sub
-
-__all__ = ["at_stop", "surviving_law"]
 
 _LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
 
 
 @compiled
 def surviving_law(
-    now: Instant, aircraft: np.void, gains: np.void, state: np.void, signals: np.void
-) -> Demand:
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
+) -> Command:
     """Invert the nominal model, correct what the diagnosis found, fly on without what is lost.
 
     Args:
         now: The present step.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         gains: Parameters, record made of `Surviving`.
         state: Record of dtype `Surviving.STATE`, updated in place.
-        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; the diagnosis is
-            written.
+        signals: The diagnosis is written.
     """
+    return reaching_stops(
+        reconfigured(now, aircraft, gains, state, signals), now.thresholds, aircraft
+    )
+
+
+@inlined
+def reconfigured(
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
+) -> Command:
+    """Return the law's commands whatever the trigger's thresholds; arguments as of the law."""
     motion, diagnosis, actuators = now.motion, state["diagnosis"], state["diagnosis"]["actuators"]
-    diagnose(now.held, motion, now.dt, now.first, aircraft, gains["diagnosis"], diagnosis, signals)
+    diagnose(now, aircraft, gains["diagnosis"], diagnosis, signals)
     may = gains["reconfigure"] != 0
     no_aileron = may and actuators[AILERON]["lost"] != 0
     no_elevator = may and actuators[ELEVATOR]["lost"] != 0
@@ -52,18 +56,18 @@ def surviving_law(
     no_throttle = may and actuators[THROTTLE]["lost"] != 0
     stop = aircraft["surface_limit"]
 
-    rates = wanted_rates(now, gains, state)
+    rates = commanded_rates(now, gains, state)
     if no_aileron or no_rudder:  # yaw is left to the trim
         trim = lateral_trim(now, AILERON if no_aileron else RUDDER, aircraft, diagnosis)
         rates = rates[0], rates[1], trim.r / max(math.cos(motion.phi[0]), _LEAST_COSINE)
-    wanted = wanted_acceleration(now, rates, gains, state)
+    commanded = commanded_acceleration(now, rates, gains, state)
     J = mat3(aircraft["J"])
     by_itself = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))
-    delta = surfaces_for(mul(J, sub(wanted, by_itself)), motion.air.C)
+    delta = surfaces_for(mul(J, sub(commanded, by_itself)), motion.air.C)
     aileron = _corrected(delta[0], actuators[AILERON])
     elevator = _corrected(delta[1], actuators[ELEVATOR])
     rudder = _corrected(delta[2], actuators[RUDDER])
-    thrust = thrust_for_speed(now, aircraft, gains) - actuators[THROTTLE]["offset"]
+    thrust = thrust_for_speed(now, aircraft, gains["c_v"]) - actuators[THROTTLE]["offset"]
 
     if no_aileron:
         if not no_rudder:
@@ -72,7 +76,7 @@ def surviving_law(
     else:
         state["aileron_driven"], state["rudder_mean"] = 0.0, now.held[RUDDER]
         if no_rudder:
-            aileron = aileron_for_roll(now, wanted, aircraft, diagnosis)
+            aileron = aileron_for_roll(now, commanded, aircraft, diagnosis)
     if no_rudder:
         rudder = probed(RUDDER, gains["diagnosis"], diagnosis)
     if no_elevator:
@@ -86,28 +90,38 @@ def surviving_law(
             thrust = thrust_for_pitch(now, level, gains, state)
     else:
         state["gave_up_speed"], state["pitch_integral"] = 0, 0.0
-    near = now.b[0] * stop + now.b[1]
-    return Demand(
+    return Command(
         (
-            at_stop(dithered(aileron, AILERON, stop, gains["diagnosis"], diagnosis), stop, near),
-            at_stop(dithered(elevator, ELEVATOR, stop, gains["diagnosis"], diagnosis), stop, near),
-            at_stop(dithered(rudder, RUDDER, stop, gains["diagnosis"], diagnosis), stop, near),
+            dithered(aileron, AILERON, stop, gains["diagnosis"], diagnosis),
+            dithered(elevator, ELEVATOR, stop, gains["diagnosis"], diagnosis),
+            dithered(rudder, RUDDER, stop, gains["diagnosis"], diagnosis),
         ),
         thrust,
+        ALL,
     )
 
 
 @compiled
-def at_stop(delta: float, stop: float, near: float) -> float:
-    """Return the stop for a command that is nearer to it than the trigger's threshold.
+def reaching_stops(command: Command, thresholds: Thresholds, aircraft: AircraftRecord) -> Command:
+    """Replace deflections that are nearer to the stop than the trigger's threshold by the stop.
 
     Else a surface that is held there would never be sent the rest: it is less than the threshold.
 
     Args:
-        delta: The command, before saturation [rad].
-        stop: Largest deflection [rad].
-        near: Threshold (29) at the stop [rad].
+        command: Before saturation.
+        thresholds: Of the trigger.
+        aircraft: Nominal aircraft, with its stops.
     """
+    stop, b = aircraft["surface_limit"], thresholds.b
+    near = b[0] * stop + b[1]
+    aileron, elevator, rudder = command.delta
+    delta = at_stop(aileron, stop, near), at_stop(elevator, stop, near), at_stop(rudder, stop, near)
+    return Command(delta, command.thrust, command.channels)
+
+
+@compiled
+def at_stop(delta: float, stop: float, near: float) -> float:
+    """Return a deflection, or the stop if it is nearer to it than `near` [rad]."""
     return math.copysign(stop, delta) if abs(delta) > stop - near else delta
 
 

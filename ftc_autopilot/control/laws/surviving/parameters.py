@@ -1,15 +1,15 @@
 """Parameters and state of the surviving law."""
 
+import warnings
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.diagnosis import DIAGNOSIS, Diagnosis
+from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
 from ftc_autopilot.control.inversion import inversion_problem
-from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.laws.gains import Gains
+from ftc_autopilot.control.laws.base import Gains, LawParameters
 from ftc_autopilot.control.laws.surviving.gains import (
     AIRSPEEDS,
     LATERAL,
@@ -20,13 +20,11 @@ from mavlink_defs.config.quantity import quantity
 from sitl_plant.config import Aircraft
 from sitl_plant.hardware import ActuatorServos
 
-__all__ = ["Surviving"]
-
 _RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
 
 
-class Surviving(LawParameters):
-    """Parameters of the surviving law; triples are roll, pitch, yaw."""
+class FaultTolerant(LawParameters):
+    """Parameters of the surviving law, or of it as a fallback; triples are roll, pitch, yaw."""
 
     STATE: ClassVar[np.dtype] = np.dtype(
         [
@@ -44,8 +42,6 @@ class Surviving(LawParameters):
         ("rudder_gains", "f8", (AIRSPEEDS, LATERAL)),
         ("thrust_gains", "f8", (AIRSPEEDS, LONGITUDINAL)),
     )
-
-    kind: Literal["surviving"] = Field(default="surviving", description="Name of the law.")
 
     neighbour_speed_limit_m_s: float = quantity(
         "m/s", gt=0.0, default=2.0, doc="Largest speed difference to a neighbour that counts."
@@ -69,7 +65,9 @@ class Surviving(LawParameters):
     full_gain_airspeed_m_s: float = quantity(
         "m/s", gt=0.0, default=37.0, doc="Airspeed below which the gains decrease."
     )
-    tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of the wanted rates.")
+    tau_omega_d_s: float = quantity(
+        "s", gt=0.0, default=0.015, doc="Filter of the commanded rates."
+    )
     c_v: float = quantity("1/s", gt=0.0, le=100.0, default=10.5, doc="Gain of the speed error.")
     alpha_limit_deg: float = quantity(
         "deg", gt=0.0, lt=90.0, default=33.0, doc="Angle of attack above which the nose is lowered."
@@ -78,14 +76,16 @@ class Surviving(LawParameters):
         "deg",
         ge=0.0,
         default=3.0,
-        doc="With the elevator lost, the speed is kept up to this error.",
+        doc="With the elevator lost, the speed is held up to this error.",
     )
     reconfigure: bool = Field(
         default=True,
         description="Whether the other actuators take over from a lost one; false only corrects "
         "offset and effectiveness.",
     )
-    diagnosis: Diagnosis = Field(default=Diagnosis(), description="Diagnosis of the actuators.")
+    diagnosis: DiagnosisParameters = Field(
+        default=DiagnosisParameters(), description="Diagnosis of the actuators."
+    )
 
     def misfits(self, aircraft: Aircraft) -> Iterator[str]:
         """Yield why the law cannot fly a nominal aircraft: neither inversion nor gains exist."""
@@ -93,7 +93,8 @@ class Surviving(LawParameters):
             yield problem
             return
         try:
-            gains_of(aircraft)
+            with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
+                gains_of(aircraft)
         except ValueError:  # of the linear algebra, which names neither aircraft nor cause
             yield "rudder or thrust alone cannot hold it, so that the loops without a surface fail"
 
@@ -106,3 +107,9 @@ class Surviving(LawParameters):
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters with a diagnosis that knows the servos."""
         return self.model_copy(update={"diagnosis": self.diagnosis.with_servos(servos)})
+
+
+class Surviving(FaultTolerant):
+    """Parameters of the surviving law."""
+
+    kind: Literal["surviving"] = Field(default="surviving", description="Name of the law.")

@@ -17,14 +17,14 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.laws.base import Instant
-from ftc_autopilot.control.motion import Motion
+from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
-from sitl_plant.vec3 import Vec3, mul
-
-__all__ = ["AXES", "DERIVATIVES", "adapt"]
+from sitl_plant.aerodynamics import correct_derivatives, rate_damping
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import Vec3, clamp, mul
 
 AXES = 2
 """Roll and pitch."""
@@ -39,21 +39,21 @@ _LARGEST_ERROR = 0.4  # relative
 
 
 @inlined
-def adapt(now: Instant, aircraft: np.void, gains: np.void, state: np.void) -> None:
+def adapt(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -> None:
     """Learn from the last check period, and write the adapted aircraft to `state["model"]`.
 
-    Nothing is learnt while a surface is suspect or lost: it does not do what it was told to.
+    Nothing is learnt while a surface is suspect or lost: it does not do what it is commanded.
 
     Args:
         now: The present step.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         gains: Parameters, record made of `Tube`.
         state: Record of dtype `Tube.STATE`, updated in place.
     """
     if now.first:
         copy_record(state["model"], aircraft)
-    diagnosis = state["diagnosis"]
-    settled = diagnosis["age"] - _SETTLED * gains["diagnosis"]["filter_s"]
+    diagnosis = state["fallback"]["diagnosis"]
+    settled = diagnosis["age"] - _SETTLED * gains["fallback"]["diagnosis"]["filter_s"]
     if gains["adapt"] == 0 or settled < 0.0:
         return
     period = gains["check_s"]
@@ -62,7 +62,7 @@ def adapt(now: Instant, aircraft: np.void, gains: np.void, state: np.void) -> No
     _band_pass(signals, state["means"], period, settled < period)
     for j in range(THROTTLE):
         actuator = diagnosis["actuators"][j]
-        if actuator["lost"] != 0 or actuator["suspect"] > 0.0:
+        if actuator["lost"] != 0 or actuator["suspect_s"] > 0.0:
             return
     keep = math.exp(-period / gains["adaptation_memory_s"])
     for i in range(AXES):
@@ -78,12 +78,15 @@ def adapt(now: Instant, aircraft: np.void, gains: np.void, state: np.void) -> No
         determinant = a * c - b * b
         found = (c * g[0] - b * g[1]) / determinant, (a * g[1] - b * g[0]) / determinant
         for k in range(DERIVATIVES):
-            theta[k] = min(max(found[k], -_LARGEST_ERROR), _LARGEST_ERROR)
-    _write(aircraft, state["derivative_error"], state["model"])
+            theta[k] = clamp(found[k], -_LARGEST_ERROR, _LARGEST_ERROR)
+    error = state["derivative_error"]
+    correct_derivatives(aircraft, error[0, 1], error[1, 0], error[1, 1], state["model"])
 
 
 @inlined
-def _explain(motion: Motion, aircraft: np.void, diagnosis: np.void, signals: np.ndarray) -> None:
+def _explain(
+    motion: Motion, aircraft: AircraftRecord, diagnosis: np.void, signals: np.ndarray
+) -> None:
     """Write nominal angular accelerations by damping and by the own surface, and what is left.
 
     All have passed the filter of the diagnosis.
@@ -94,9 +97,8 @@ def _explain(motion: Motion, aircraft: np.void, diagnosis: np.void, signals: np.
         diagnosis: State of the diagnosis.
         signals: Written [rad/s²], shape (2, 3): x_1, x_2, y of roll and pitch.
     """
-    air, V, omega = motion.air, motion.V, diagnosis["omega_filtered"]
-    qS = 0.5 * aircraft["rho"] * V * V * aircraft["S"]
-    lengths, damping = (aircraft["b"], aircraft["c_bar"]), (aircraft["cl_p"], aircraft["cm_q"])
+    C, omega = motion.air.C, diagnosis["omega_filtered"]
+    damping = rate_damping(motion.V, aircraft)
     one, two, three = (
         diagnosis["actuators"][0],
         diagnosis["actuators"][1],
@@ -104,12 +106,11 @@ def _explain(motion: Motion, aircraft: np.void, diagnosis: np.void, signals: np.
     )
     u: Vec3 = one["commanded"], two["commanded"], three["commanded"]
     y: Vec3 = one["measured"], two["measured"], three["measured"]
-    rest = mul(air.C, (y[0] - u[0], y[1] - u[1], y[2] - u[2]))
+    rest = mul(C, (y[0] - u[0], y[1] - u[1], y[2] - u[2]))
     for i in range(AXES):
-        per_rate = 1.0 if aircraft["per_rad_s"] else lengths[i] / (2.0 * V)
         J = aircraft["J"][i, i]
-        signals[i, 0] = qS * lengths[i] * damping[i] * per_rate * omega[i] / J
-        signals[i, 1] = air.C[i][i] * u[i] / J
+        signals[i, 0] = damping[i] * omega[i] / J
+        signals[i, 1] = C[i][i] * u[i] / J
         signals[i, _REST] = rest[i] / J
 
 
@@ -131,11 +132,3 @@ def _band_pass(signals: np.ndarray, means: np.ndarray, period: float, first: boo
                 mean = signals[i, k] if first else mean + share * (signals[i, k] - mean)
                 means[stage, i, k] = mean
                 signals[i, k] = mean if stage == 0 else signals[i, k] - mean
-
-
-@compiled
-def _write(aircraft: np.void, error: np.ndarray, model: np.void) -> None:
-    """Write nominal derivatives with their errors, shape (2, 2), to the model."""
-    model["cl_da"] = aircraft["cl_da"] * (1.0 + error[0, 1])
-    model["cm_q"] = aircraft["cm_q"] * (1.0 + error[1, 0])
-    model["cm_de"] = aircraft["cm_de"] * (1.0 + error[1, 1])

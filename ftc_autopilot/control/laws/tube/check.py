@@ -1,21 +1,20 @@
-"""A check of all channels: predict, and plan anew what is about to leave its tube."""
+"""Prediction check: replan the channels whose outputs are predicted to leave their tubes."""
 
 import math
 
 import numpy as np
 
-from ftc_autopilot.control.inversion import acceleration_without_thrust, surfaces_for
-from ftc_autopilot.control.laws.base import Instant
+from ftc_autopilot.control.inversion import surfaces_for, thrust_for
 from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
-from ftc_autopilot.control.laws.tube.plan import best_change, first_exit
+from ftc_autopilot.control.laws.tube.plan import Plan, best_change, first_exit
 from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
-from ftc_autopilot.control.laws.tube.tube import deviate, lay_tube
+from ftc_autopilot.control.laws.tube.tube import build_tube, to_errors
+from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
-from sitl_plant.vec3 import mat3, mul, scale, vec3
-
-__all__ = ["check", "trim"]
+from sitl_plant.vec3 import clamp, mat3, mul, scale, vec3
 
 _AIRSPEED, _ROLL, _PITCH, _YAW = range(OUTPUTS)
 _ORDER = (_AIRSPEED, _YAW, _ROLL, _PITCH)  # in which outputs are planned
@@ -28,14 +27,12 @@ _CLOCK_SHARE = 0.9  # of a clock's period after which a plan keeps an error in i
 
 @inlined
 def check(
-    now: Instant,
+    now: Step,
     positions: np.ndarray,
     no_rudder: bool,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
     gains: np.void,
     state: np.void,
-    reference: np.ndarray,
-    bandwidth: float,
     commands: np.ndarray,
 ) -> int:
     """Predict under the commands in force; change those whose outputs are about to leave.
@@ -43,48 +40,36 @@ def check(
     A trigger that sends by the clock has its channels planned when they are due instead, and the
     plan begins no earlier than the next transmission.
 
-    The outputs are planned one after the other, each with the commands that those before it got.
-    In the law's first step all are, from commands that balance moments and drag, at which the
-    servos are at rest.
+    The outputs are planned one after the other, each with the commands of those before it. In the
+    law's first step all are, from commands that balance moments and drag, at which the servos are
+    at rest.
 
     Args:
         now: The present step.
         positions: Where the servos stand [rad, rad, rad, N], shape (4,).
         no_rudder: Whether yaw is left alone.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         gains: Parameters, record made of `Tube`.
         state: Record of dtype `Tube.STATE`, updated in place.
-        reference: Filtered reference and its two derivatives, shape (4, 3).
-        bandwidth: Of the reference filter [rad/s].
         commands: In force [rad, rad, rad, N], shape (4,), updated.
 
     Returns:
         Bit mask of the channels that got a new command.
     """
-    diagnosis = gains["diagnosis"]
-    servo = Servo(
-        diagnosis["servo_lag_s"], diagnosis["servo_rate_limit_rad_s"], diagnosis["throttle_lag_s"]
-    )
     if now.first:
-        servo = Servo(0.0, math.inf, 0.0)
         trim(now, aircraft, commands)
-    motion = now.motion
-    start = Start(
-        ((0.0, 0.0, 0.0), motion.v, motion.phi, vec3(state["omega"])),
-        positions,
-        servo,
-        state["disturbance"],
-        state["disturbance_slope"],
-        gains["persistence_s"],
+    start = _start(now, positions, gains, state)
+    lag, h, rows, lead = (
+        start.servo.lag,
+        gains["prediction_step_s"],
+        gains["prediction_steps"],
+        gains["lead_s"],
     )
-    h, rows = gains["prediction_step_s"], gains["prediction_steps"]
-    lead = gains["lead_s"]
-    seen = min(int((max(lead[0], lead[1], lead[2], lead[3]) + servo.lag) / h) + 2, rows)
+    seen = min(int((max(lead[0], lead[1], lead[2], lead[3]) + lag) / h) + 2, rows)
     tables = np.empty((4, OUTPUTS, rows))
-    path, width, error, influence = tables[0], tables[1], tables[2], tables[3]
-    lay_tube(now.errors, now.command, reference, bandwidth, seen, gains, path, width)
-    predict(start, commands, h, seen, aircraft, error)
-    deviate(error, path, seen)
+    path, width, error = tables[0], tables[1], tables[2]
+    build_tube(now, seen, gains, path, width)
+    _predict_errors(start, commands, h, seen, aircraft, path, error)
     mask = 0
     for o in _ORDER:
         j = _CHANNELS[o]
@@ -95,55 +80,113 @@ def check(
         _note_exit(leaves * h, leaves == seen, j, gains, state)
         by_clock = now.clock_s[j] > 0.0
         rested = (state["step"] - state["sent"][j]) * now.dt >= gains["dwell_s"] - _ROUNDING_S
-        turn = leaves * h < lead[o] + servo.lag and rested
+        turn = leaves * h < lead[o] + lag and rested
         if by_clock:
             turn = bool(now.due & (1 << j))
         if not (now.first or turn):
             continue
         if seen < rows:
             seen = rows
-            lay_tube(now.errors, now.command, reference, bandwidth, rows, gains, path, width)
-            predict(start, commands, h, rows, aircraft, error)
-            deviate(error, path, rows)
-        before = commands[j]
-        small = _SMALL_THRUST if j == THROTTLE else _SMALL_ANGLE
-        commands[j] = before + small
-        predict(start, commands, h, rows, aircraft, influence)
-        deviate(influence, path, rows)
-        for k in range(rows):
-            influence[o, k] = (influence[o, k] - error[o, k]) / small
-        highest = aircraft["thrust_limit"] if j == THROTTLE else aircraft["surface_limit"]
-        lowest = 0.0 if j == THROTTLE else -highest
-        plan = best_change(
-            error[o],
-            influence[o],
-            width[o],
-            min(int(max(gains["settle_s"][o], _CLOCK_SHARE * now.clock_s[j]) / h), rows - 1),
-            gains["plan_share"][o],
-            lowest - before,
-            highest - before,
-        )
+            build_tube(now, rows, gains, path, width)
+            _predict_errors(start, commands, h, rows, aircraft, path, error)
+        plan = _plan(now, o, start, commands, aircraft, gains, tables)
         worth = abs(plan.change) > _NO_CHANGE and (plan.leaves - leaves) * h >= gains["gain_s"]
         if not (now.first or by_clock or worth):
-            commands[j] = before
             continue
-        commands[j] = before + plan.change
+        commands[j] += plan.change
         state["exit"][j] = plan.leaves * h
         if not by_clock:
             state["recent"][j] += 1.0
         mask |= 1 << j
-        predict(start, commands, h, rows, aircraft, error)
-        deviate(error, path, rows)
+        _predict_errors(start, commands, h, rows, aircraft, path, error)
     return mask
 
 
+@inlined
+def _start(now: Step, positions: np.ndarray, gains: np.void, state: np.void) -> Start:
+    """Return what the predictions of a step start from."""
+    diagnosis = gains["fallback"]["diagnosis"]
+    servo = Servo(
+        diagnosis["servo_lag_s"], diagnosis["servo_rate_limit_rad_s"], diagnosis["throttle_lag_s"]
+    )
+    if now.first:
+        servo = Servo(0.0, math.inf, 0.0)
+    return Start(
+        ((0.0, 0.0, 0.0), now.motion.v, now.motion.phi, vec3(state["omega"])),
+        positions,
+        servo,
+        state["disturbance"],
+        state["disturbance_slope"],
+        gains["persistence_s"],
+    )
+
+
 @compiled
-def trim(now: Instant, aircraft: np.void, commands: np.ndarray) -> None:
+def _predict_errors(
+    start: Start,
+    commands: np.ndarray,
+    h: float,
+    rows: int,
+    aircraft: AircraftRecord,
+    path: np.ndarray,
+    error: np.ndarray,
+) -> None:
+    """Write the errors against the paths after h, 2h, ... under commands; as `predict`."""
+    predict(start, commands, h, rows, aircraft, error)
+    to_errors(error, path, rows)
+
+
+@inlined
+def _plan(
+    now: Step,
+    o: int,
+    start: Start,
+    commands: np.ndarray,
+    aircraft: AircraftRecord,
+    gains: np.void,
+    tables: np.ndarray,
+) -> Plan:
+    """Plan the change of the command of output o.
+
+    Args:
+        now: The present step.
+        o: The output.
+        start: What the prediction starts from.
+        commands: In force [rad, rad, rad, N], shape (4,).
+        aircraft: Nominal aircraft.
+        gains: Parameters, record made of `Tube`.
+        tables: Path, width, error, and room for another error, shape (4, OUTPUTS, rows).
+    """
+    h, j, rows = gains["prediction_step_s"], _CHANNELS[o], tables.shape[2]
+    path, width, error, influence = tables[0], tables[1], tables[2], tables[3]
+    before = commands[j]
+    small = _SMALL_THRUST if j == THROTTLE else _SMALL_ANGLE
+    commands[j] = before + small
+    _predict_errors(start, commands, h, rows, aircraft, path, influence)
+    commands[j] = before
+    for k in range(rows):
+        influence[o, k] = (influence[o, k] - error[o, k]) / small
+    highest = aircraft["thrust_limit"] if j == THROTTLE else aircraft["surface_limit"]
+    lowest = 0.0 if j == THROTTLE else -highest
+    settled_s = max(gains["settle_s"][o], _CLOCK_SHARE * now.clock_s[j])
+    return best_change(
+        error[o],
+        influence[o],
+        width[o],
+        min(int(settled_s / h), rows - 1),
+        gains["plan_share"][o],
+        lowest - before,
+        highest - before,
+    )
+
+
+@compiled
+def trim(now: Step, aircraft: AircraftRecord, commands: np.ndarray) -> None:
     """Write the commands that balance the nominal moments, and hold the speed's derivative.
 
     Args:
         now: The present step.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         commands: Aileron, elevator, rudder [rad], thrust [N], within the stops, shape (4,).
     """
     motion, J = now.motion, mat3(aircraft["J"])
@@ -151,10 +194,9 @@ def trim(now: Instant, aircraft: np.void, commands: np.ndarray) -> None:
     delta = surfaces_for(scale(-1.0, mul(J, turning)), motion.air.C)
     stop = aircraft["surface_limit"]
     for i in range(3):
-        commands[i] = min(max(delta[i], -stop), stop)
-    missing = now.reference.V_dot - acceleration_without_thrust(motion, aircraft)
-    thrust = aircraft["m"] * missing * motion.V / motion.v[0]
-    commands[THROTTLE] = min(max(thrust, 0.0), aircraft["thrust_limit"])
+        commands[i] = clamp(delta[i], -stop, stop)
+    thrust = thrust_for(now.reference.V_dot, motion, aircraft)
+    commands[THROTTLE] = clamp(thrust, 0.0, aircraft["thrust_limit"])
 
 
 @compiled

@@ -1,78 +1,68 @@
-"""One step of the tube law: diagnosis, observer, and whose turn it is to fly."""
+"""One step of the tube law: diagnosis, observer, and whether the fallback flies."""
 
 import math
 
 import numpy as np
 
-from ftc_autopilot.control.laws.base import Demand, Instant
-from ftc_autopilot.control.laws.surviving import surviving_law
+from ftc_autopilot.control.laws.surviving.law import reaching_stops, reconfigured
 from ftc_autopilot.control.laws.tube.adaptation import adapt
 from ftc_autopilot.control.laws.tube.check import check
-from ftc_autopilot.control.laws.tube.observer import observe
-from ftc_autopilot.control.laws.tube.takeover import (
+from ftc_autopilot.control.laws.tube.fallback import (
+    coarser,
+    fallback_flies,
     only_rudder_lost,
-    take_over,
     triggered,
-    with_coarser_thresholds,
 )
+from ftc_autopilot.control.laws.tube.observer import observe
+from ftc_autopilot.control.step import Command, SignalsRecord, Step
 from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import inlined
-
-__all__ = ["tube_law"]
+from sitl_plant.aircraft import AircraftRecord
 
 
 @inlined
 def tube_law(
-    now: Instant,
-    aircraft: np.void,
-    gains: np.void,
-    state: np.void,
-    reference: np.ndarray,
-    bandwidth: float,
-    signals: np.void,
-) -> tuple[Demand, int]:
-    """Return the commands, and the mask of those that are to be sent.
+    now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
+) -> Command:
+    """Return the commands, and select those that are to be sent.
 
     Args:
         now: The present step.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         gains: Parameters, record made of `Tube`.
         state: Record of dtype `Tube.STATE`, updated in place.
-        reference: Filtered reference and its two derivatives, shape (4, 3).
-        bandwidth: Of the reference filter [rad/s].
-        signals: Record of dtype `ftc_autopilot.control.controller.SIGNALS`; the diagnosis and
-            the predicted exits are written.
+        signals: The diagnosis and the predicted exits are written.
     """
-    now = with_coarser_thresholds(now, gains["takeover_threshold"])
-    surviving = surviving_law(now, aircraft, gains, state, signals)
+    thresholds = coarser(now.thresholds, gains["takeover_threshold"])
+    surviving = reconfigured(now, aircraft, gains["fallback"], state["fallback"], signals)
+    surviving = reaching_stops(surviving, thresholds, aircraft)
     no_rudder = only_rudder_lost(gains, state)
     positions, commands = state["positions"], state["commands"]
+    actuators = state["fallback"]["diagnosis"]["actuators"]
     for j in range(N_CHANNELS):
-        positions[j], commands[j] = state["diagnosis"]["actuators"][j]["position"], now.held[j]
+        positions[j], commands[j] = actuators[j]["position"], now.held[j]
     if no_rudder:
-        positions[RUDDER] = state["diagnosis"]["actuators"][RUDDER]["stuck"]
+        positions[RUDDER] = actuators[RUDDER]["stuck"]
     checked = state["step"] % in_steps(gains["check_s"], now.dt) == 0
     if checked:
         adapt(now, aircraft, gains, state)
     model = state["model"]
     observe(now, positions, model, gains, state)
     mask = 0
-    if take_over(now, gains, state):
+    if fallback_flies(now, gains, state):
         for j in range(N_CHANNELS):
-            if triggered(now, j, surviving, aircraft, commands):
+            if triggered(now, j, surviving, thresholds, aircraft, commands):
                 mask |= 1 << j
             state["exit"][j] = math.nan
     else:
-        if no_rudder and triggered(now, RUDDER, surviving, aircraft, commands):
+        if no_rudder and triggered(now, RUDDER, surviving, thresholds, aircraft, commands):
             mask |= 1 << RUDDER
         if checked if now.clock_s[0] == 0.0 else now.due != 0:
             rudder = commands[RUDDER]
             if no_rudder:
                 commands[RUDDER] = positions[RUDDER]
-            mask |= check(
-                now, positions, no_rudder, model, gains, state, reference, bandwidth, commands
-            )
+            mask |= check(now, positions, no_rudder, model, gains, state, commands)
             if no_rudder:
                 commands[RUDDER] = rudder
     for j in range(N_CHANNELS):
@@ -81,4 +71,4 @@ def tube_law(
         signals["predicted_exit"][j] = state["exit"][j]
     state["step"] += 1
     delta = commands[AILERON], commands[ELEVATOR], commands[RUDDER]
-    return Demand(delta, commands[THROTTLE]), mask
+    return Command(delta, commands[THROTTLE], mask)

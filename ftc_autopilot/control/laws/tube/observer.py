@@ -8,19 +8,18 @@ the gyro, and with it the angular velocity without most of the gyro's noise.
 
 import numpy as np
 
-from ftc_autopilot.control.laws.base import Instant
+from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import inlined
-from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.aerodynamics import aerodynamics, moment
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
-from sitl_plant.vec3 import add, mat3, mul, vec3
-
-__all__ = ["observe"]
+from sitl_plant.vec3 import mat3, vec3
 
 
 @inlined
 def observe(
-    now: Instant, positions: np.ndarray, aircraft: np.void, gains: np.void, state: np.void
+    now: Step, positions: np.ndarray, aircraft: AircraftRecord, gains: np.void, state: np.void
 ) -> None:
     """Advance the estimates of d_v, d_ω, their slopes, and ω by one period.
 
@@ -33,7 +32,7 @@ def observe(
     Args:
         now: The present step.
         positions: Of aileron, elevator, rudder [rad] and throttle [N], shape (4,).
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         gains: Parameters, record made of `Tube`.
         state: Record of dtype `Tube.STATE`, updated in place.
     """
@@ -53,8 +52,8 @@ def observe(
 
     before = vec3(omega)
     air = aerodynamics(vec3(state["v"]), before, aircraft)
-    moment = add(air.N, mul(air.C, vec3(positions)))
-    known = angular_acceleration(before, moment, mat3(aircraft["J"]), mat3(aircraft["J_inv"]))
+    turning = moment(air, vec3(positions))
+    known = angular_acceleration(before, turning, mat3(aircraft["J"]), mat3(aircraft["J_inv"]))
     pole = 1.0 / gains["rates_observer_s"]
     for i in range(3):
         j = 3 + i

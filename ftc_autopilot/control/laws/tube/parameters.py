@@ -5,13 +5,12 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.control.laws.gains import Gains
-from ftc_autopilot.control.laws.surviving import Surviving
+from ftc_autopilot.control.laws.base import Gains, LawParameters
+from ftc_autopilot.control.laws.surviving.parameters import FaultTolerant, Surviving
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import N_CHANNELS
 from sitl_plant.aircraft import AIRCRAFT
-
-__all__ = ["OUTPUTS", "Tube"]
+from sitl_plant.config import Aircraft
 
 OUTPUTS = 4
 """Outputs that have a tube: airspeed [m/s], roll, pitch, yaw [rad]."""
@@ -24,16 +23,18 @@ _Shares = tuple[_Share, _Share, _Share, _Share]
 _Times = tuple[_Time, _Time, _Time, _Time]
 
 
-class Tube(Surviving):
-    """Parameters of the tube law, beside those of the surviving law that takes over.
+class Tube(FaultTolerant):
+    """Parameters of the tube law, beside the ones of the surviving law, its fallback.
 
     Lists of three are roll, pitch, yaw; of four, airspeed, roll, pitch, yaw.
     """
 
-    CHOOSES: ClassVar[bool] = True
+    SELECTS_CHANNELS: ClassVar[bool] = True
+    FALLBACK: ClassVar[type[LawParameters] | None] = Surviving
+    DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = ()
     STATE: ClassVar[np.dtype] = np.dtype(
         [
-            *((name, Surviving.STATE[name]) for name in Surviving.STATE.names or ()),
+            ("fallback", Surviving.STATE),
             # disturbance observer
             ("v", "f8", (3,)),  # velocity through the air a step ago [m/s]
             ("omega", "f8", (3,)),  # estimate of the angular velocity [rad/s]
@@ -45,21 +46,17 @@ class Tube(Surviving):
             ("information", "f8", (2, 2, 2)),  # ∑ x xᵀ dt of every axis [rad²/s³]
             ("evidence", "f8", (2, 2)),  # ∑ x y dt [rad²/s³]
             ("derivative_error", "f8", (2, 2)),  # by the nominal derivative
-            # of one step; kept here, since an array made in each takes time
+            # of one step; here, since an array made in each takes time
             ("positions", "f8", (N_CHANNELS,)),  # of the servos [rad, N]
             ("commands", "f8", (N_CHANNELS,)),  # in force [rad, N]
             # events
             ("step", "i8"),  # steps made
             ("sent", "i8", (N_CHANNELS,)),  # step of a channel's last event
-            (
-                "exit",
-                "f8",
-                (N_CHANNELS,),
-            ),  # time until its output is predicted to leave the tube [s]
-            # the surviving law's turn
-            ("taken_over", "f8"),  # left of it [s]
+            ("exit", "f8", (N_CHANNELS,)),  # time until the output's predicted exit [s]
+            # the fallback
+            ("taken_over", "f8"),  # time for which it still flies [s]
             ("recent", "f8", (N_CHANNELS,)),  # events that are forgotten within a second
-            ("storms", "i8"),  # times that there were too many
+            ("crowded", "i8"),  # times that there were too many
         ]
     )
 
@@ -68,9 +65,11 @@ class Tube(Surviving):
         scales = (self.tube_scale * share for share in (1.0, 0.5, 0.25))
         return tuple(self.model_copy(update={"tube_scale": scale}) for scale in scales)
 
-    kind: Literal["tube"] = Field(  # type: ignore[assignment]  # a name of its own
-        default="tube", description="Name of the law."
-    )
+    def derive(self, aircraft: Aircraft, record: np.void) -> None:
+        """Compute the gains of the fallback's loops."""
+        super().derive(aircraft, record["fallback"])
+
+    kind: Literal["tube"] = Field(default="tube", description="Name of the law.")
 
     K1: Gains = Field(default=(8.0, 8.0, 4.0), description="Gains of the attitude errors [1/s].")
     K2: Gains = Field(default=(20.0, 20.0, 15.0), description="Gains of the rate errors [1/s].")
@@ -147,7 +146,7 @@ class Tube(Surviving):
     adapt: bool = Field(
         default=True,
         description="Whether the strength of aileron and elevator and the damping of pitch are "
-        "identified in flight; false: those of the nominal aircraft.",
+        "identified in flight; false: the nominal ones.",
     )
     adaptation_memory_s: float = quantity(
         "s", gt=0.0, default=20.0, doc="Memory of the identification."

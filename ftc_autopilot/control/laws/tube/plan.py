@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["Plan", "best_change", "first_exit"]
+from sitl_plant.vec3 import clamp
 
 _NO_INFLUENCE = 1e-9  # of a command on an output
 
@@ -45,7 +44,7 @@ def best_change(
 
     Args:
         error: E under the command in force, shape (rows,).
-        influence: S, change of the error by that of the command, shape (rows,).
+        influence: S, change of the error by the change of the command, shape (rows,).
         width: D, half the width of the tube, shape (rows,).
         first: First row that counts.
         share: Of the tube that is used.
@@ -70,4 +69,4 @@ def best_change(
         along -= weight * influence[k] * error[k]
         squared += weight * influence[k] * influence[k]
     change = along / squared if squared > 0.0 else 0.0
-    return Plan(min(max(change, low), high), leaves)
+    return Plan(clamp(change, low, high), leaves)

@@ -7,11 +7,10 @@ import numpy as np
 
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.lag import lagged
 from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
 from sitl_plant.vec3 import Vec3, norm
-
-__all__ = ["Servo", "Start", "predict"]
 
 
 class Servo(NamedTuple):
@@ -39,7 +38,7 @@ def predict(
     commands: np.ndarray,
     h: float,
     rows: int,
-    aircraft: np.void,
+    aircraft: AircraftRecord,
     outputs: np.ndarray,
 ) -> None:
     """Predict airspeed [m/s] and attitude [rad] after h, 2h, ... by the midpoint rule.
@@ -51,7 +50,7 @@ def predict(
         commands: Held from now on: aileron, elevator, rudder [rad], thrust [N], shape (4,).
         h: Step [s].
         rows: Steps.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         outputs: Airspeed, roll, pitch, yaw, shape (4, at least rows), written.
     """
     state, servo = start.state, start.servo

@@ -10,26 +10,15 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.formation import FormationErrors
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
-from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import compiled
-
-__all__ = ["deviate", "lay_tube"]
 
 
 @compiled
-def lay_tube(
-    errors: FormationErrors,
-    command: np.ndarray,
-    reference: np.ndarray,
-    bandwidth: float,
-    rows: int,
-    gains: np.void,
-    path: np.ndarray,
-    width: np.ndarray,
-) -> None:
-    """Lay the tube of every output after h, 2h, ...
+def build_tube(now: Step, rows: int, gains: np.void, path: np.ndarray, width: np.ndarray) -> None:
+    """Write the tube of every output after h, 2h, ...
 
     With z = y_r - c, ω the filter's bandwidth and E the error of (31) or (32) by its weight:
 
@@ -40,15 +29,13 @@ def lay_tube(
     that rate.
 
     Args:
-        errors: Present errors.
-        command: Unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad], shape (4,).
-        reference: Filtered reference and its two derivatives, shape (4, 3).
-        bandwidth: ω [rad/s].
+        now: The present step.
         rows: Steps h of the prediction.
         gains: Parameters, record made of `Tube`.
         path: Written, shape (4, at least rows).
         width: Half the width D, written, shape (4, at least rows).
     """
+    errors, command, reference, bandwidth = now.errors, now.command, now.filtered, now.bandwidth
     own = (errors.V_tilde, errors.e[0], errors.e[1], errors.e[2])
     lam = errors.lambda_omega
     e = errors.e_prime
@@ -80,7 +67,7 @@ def lay_tube(
 
 
 @compiled
-def deviate(outputs: np.ndarray, path: np.ndarray, rows: int) -> None:
+def to_errors(outputs: np.ndarray, path: np.ndarray, rows: int) -> None:
     """Turn outputs into errors against their paths: airspeed [m/s], angles [rad] the short way."""
     for k in range(rows):
         outputs[0, k] -= path[0, k]

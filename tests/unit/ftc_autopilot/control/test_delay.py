@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.control.controllers import Controllers, Source, new_controllers
-from ftc_autopilot.control.delay import (
+from ftc_autopilot.control.reference import profile_record
+from ftc_autopilot.control.state_predictor import (
     DELAY,
     interpolate,
     lost_states,
@@ -16,7 +17,6 @@ from ftc_autopilot.control.delay import (
     note_state,
     predicted,
 )
-from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.control.stepping import controller_step
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree

@@ -8,20 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
+from steps import step_alone, step_of
 
-from ftc_autopilot.control.controller import (
-    SIGNALS,
-    control_step,
-    new_controller,
-    parameter_record,
-)
+from ftc_autopilot.common.motion import motion_of
+from ftc_autopilot.control.controller import new_controller, parameter_record
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.control.inversion import inversion_problem, surfaces_for
 from ftc_autopilot.control.laws import LAWS
-from ftc_autopilot.control.laws.base import Demand
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.motion import motion_of
-from ftc_autopilot.control.trigger import trigger
+from ftc_autopilot.control.step import ALL, Command, Thresholds
+from ftc_autopilot.control.transmit import transmit
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS
@@ -30,7 +26,6 @@ from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.aircraft import COEFFICIENTS, aircraft_record
 from sitl_plant.config import Aircraft
 
-ALL = 2**N_CHANNELS - 1
 NO_RUDDER = {"cl_dr": 0.0, "cn_dr": 0.0}
 INVERTING = {"backstepping", "surviving", "tube"}
 
@@ -39,12 +34,16 @@ factor = st.sampled_from([0.0, 1.0, 1.0, -1.0, 1e-9, 1e3]) | st.floats(-3.0, 3.0
 angle, rate = st.floats(-math.pi, math.pi), st.floats(-100.0, 100.0)
 
 
+_FLYING = np.zeros(1, SIM_STATE)[0]
+_FLYING["velocity"] = (45.0, 0.0, 0.0)
+
+
 def law_tree(scenario: Scenario, kind: str, factors: dict[str, float]) -> dict[str, Any]:
     """The scenario with another law, and an aircraft with some coefficients multiplied."""
     tree: dict[str, Any] = scenario.model_dump()
     for name, by in factors.items():
         tree["aircraft"]["coefficients"][name] *= abs(by) if name == "cD0" else by
-    mode = "consequence" if LAWS[kind].CHOOSES else "per_channel"
+    mode = "consequence" if LAWS[kind].SELECTS_CHANNELS else "per_channel"
     return tree | {"controller": {"kind": kind}, "trigger": {"mode": mode}}
 
 
@@ -62,11 +61,12 @@ def test_a_demand_that_is_not_finite_is_not_sent_and_the_last_command_is_held(
     state, controls = new_controller(), np.zeros(16, np.float32)
     parameters = parameter_record(Proposed(), TRIGGERS[mode](mode=mode))
     failures = np.zeros(N_CHANNELS, int)
-    for k, (asked, chosen) in enumerate(demands):
+    for k, (asked, selected) in enumerate(demands):
         before = controls.copy(), state["held"].copy()
-        demand = Demand(asked[:3], asked[3])
-        limits = (0.01, 0.5), (0.01, 0.02), nominal
-        mask = trigger(demand, 1e-3, k == 0, chosen, *limits, parameters, state, controls)
+        command = Command(asked[:3], asked[3], selected)
+        thresholds = Thresholds((0.01, 0.5), (0.01, 0.02))
+        now = step_of(motion_of(_FLYING, nominal), k == 0, thresholds=thresholds)
+        mask = transmit(command, now, nominal, parameters, state, controls)
         failed = ~np.isfinite(asked)
         failures += failed
         assert not any(mask & (1 << c) for c in np.flatnonzero(failed))
@@ -109,26 +109,15 @@ def test_no_law_sends_what_is_not_finite(
     controllers = new_controllers([scenario.autopilot_config(1)])
     aircraft, parameters = controllers.aircraft[0], controllers.parameters[0]
     state, controls = controllers.states[0], controllers.actuators[0]["controls"]
-    signals = np.zeros(1, SIGNALS)[0]
     for measured in motions:
         message = np.zeros(1, SIM_STATE)[0]
         for name, value in measured.items():
             message[name] = value
         if np.linalg.norm(message["velocity"]) < 3.0:  # where the plant ends
             message["velocity"] = (3.0, 0.0, 0.0)
-        control_step(
-            0.0,
-            1e-3,
-            motion_of(message, aircraft),
-            np.array([45.0, 0.3, -0.1, 1.0]),
-            controllers.neighbour_states[0],
-            controllers.weights[0],
-            aircraft,
-            parameters,
-            state,
-            controls,
-            signals,
-        )
+        command = (45.0, 0.3, -0.1, 1.0)
+        motion_now = motion_of(message, aircraft)
+        signals = step_alone(motion_now, command, aircraft, parameters, state, controls)
         assert np.isfinite(controls).all()
         assert (np.abs(controls) <= 1.0).all()
         assert np.isfinite(state["held"]).all()

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.controller import parameter_record
-from ftc_autopilot.control.formation import FormationErrors, formation_errors
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.motion import Motion
 from ftc_autopilot.control.reference import Reference
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.synchronisation_errors import FormationErrors, formation_errors
+from ftc_autopilot.control.triggers.static import PerChannel
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.framing.codec import NEIGHBOUR
 from sitl_plant.aerodynamics import aerodynamics

@@ -8,27 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
+from steps import step_alone
 
-from ftc_autopilot.control.controller import (
-    CONTROLLER,
-    SIGNALS,
-    control_step,
-    new_controller,
-    parameter_record,
-)
+from ftc_autopilot.common.motion import motion_of
+from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.common.schedule import Schedule, schedule
+from ftc_autopilot.control.controller import CONTROLLER, new_controller, parameter_record
 from ftc_autopilot.control.inversion import surfaces_for
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.backstepping import Backstepping
 from ftc_autopilot.control.laws.pid import Pid
-from ftc_autopilot.control.motion import motion_of
-from ftc_autopilot.control.records import fill, record_dtype
-from ftc_autopilot.control.schedule import Schedule, schedule
 from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.control.triggers.periodic import Periodic
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.models import Model
-from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
+from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration, gravity_body
 from sitl_plant.vec3 import Vec3, mat3
 
@@ -44,7 +39,6 @@ class Pilot:
         self.nominal = nominal
         self.parameters = parameter_record(law, Periodic())
         self.state = new_controller()
-        self.signals = np.zeros(1, SIGNALS)[0]
 
     def step(self, phi: Vec3, omega: Vec3 = (0.0, 0.0, 0.0), V: float = 45.0) -> np.void:
         """One step towards level flight at 45 m/s; gives the signals."""
@@ -53,20 +47,8 @@ class Pilot:
         message["attitude"], message["rates"] = phi, omega
         message["specific_force"] = -np.array(gravity_body(phi, self.nominal["g"]))
         self.motion = motion_of(message, self.nominal)
-        control_step(
-            0.0,
-            DT,
-            self.motion,
-            np.array([45.0, 0.0, 0.0, 0.0]),
-            np.zeros(0, NEIGHBOUR),
-            np.zeros(0),
-            self.nominal,
-            self.parameters,
-            self.state,
-            np.zeros(16, np.float32),
-            self.signals,
-        )
-        return self.signals
+        level, controls = (45.0, 0.0, 0.0, 0.0), np.zeros(16, np.float32)
+        return step_alone(self.motion, level, self.nominal, self.parameters, self.state, controls)
 
 
 @given(st.tuples(rate, rate, rate))

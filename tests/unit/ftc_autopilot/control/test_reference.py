@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ftc_autopilot.common.angles import wrap
+from ftc_autopilot.common.schedule import schedule_table, scheduled
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.reference import (
     filter_reference,
     profile_record,
     profile_value,
     start_filter,
-    wrap,
 )
-from ftc_autopilot.control.schedule import schedule_table, scheduled
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers.static import PerChannel
 from mavlink_defs.profile import Segment
 
 PROFILE = profile_record(

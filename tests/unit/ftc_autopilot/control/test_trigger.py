@@ -1,4 +1,4 @@
-"""From a law's demand to the wire, whatever the trigger."""
+"""From a law's command to the wire, whatever the trigger."""
 
 from dataclasses import dataclass, field
 
@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from steps import step_of
 
+from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.control.controller import new_controller, parameter_record
-from ftc_autopilot.control.laws.base import Demand
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.trigger import trigger
+from ftc_autopilot.control.step import Command, Thresholds
+from ftc_autopilot.control.transmit import transmit
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
+from mavlink_defs.framing.codec import SIM_STATE
 
 A, B = (0.01, 0.5), (0.01, 0.0175)
 ALL = 0b1111
@@ -19,6 +22,10 @@ AILERON, RUDDER, THROTTLE = 1, 4, 8
 
 surface = st.floats(-2.0, 2.0)
 thrust = st.floats(-500.0, 3000.0)
+
+
+_FLYING = np.zeros(1, SIM_STATE)[0]
+_FLYING["velocity"] = (45.0, 0.0, 0.0)
 
 
 @dataclass
@@ -31,6 +38,7 @@ class Sender:
     controls: np.ndarray = field(default_factory=lambda: np.zeros(16, np.float32))
 
     def __post_init__(self) -> None:
+        self.motion = motion_of(_FLYING, self.nominal)
         self.parameters = parameter_record(Proposed(), TRIGGERS[self.mode](mode=self.mode))
 
     @property
@@ -40,9 +48,10 @@ class Sender:
     def step(
         self, *delta: float, T: float, first: bool = False, chosen: int = ALL, dt: float = 1e-3
     ) -> int:
-        demand = Demand((delta[0], delta[1], delta[2]), T)
-        limits, records = self.nominal, (self.parameters, self.state, self.controls)
-        return trigger(demand, dt, first, chosen, A, B, limits, *records)
+        command = Command((delta[0], delta[1], delta[2]), T, chosen)
+        now = step_of(self.motion, first, dt=dt, thresholds=Thresholds(A, B))
+        records = (self.parameters, self.state, self.controls)
+        return transmit(command, now, self.nominal, *records)
 
 
 @pytest.mark.parametrize("mode", MODES)

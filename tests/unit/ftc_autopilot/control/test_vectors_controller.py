@@ -5,15 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ftc_autopilot.common.motion import fill_neighbour_state, motion_of
 from ftc_autopilot.control.controller import (
     SIGNALS,
+    Inputs,
+    Records,
     control_step,
     new_controller,
     parameter_record,
 )
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.motion import fill_neighbour_state, motion_of
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
 from sitl_plant.rigid_body import gravity_body
@@ -85,19 +87,10 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     state["reference"][1:, 1] = reference["attitude_rate_rad_s"]
     state["steps"] = state["started"] = 1  # not the first step: filters stand as given
     signals = np.zeros(1, SIGNALS)[0]
-    control_step(
-        0.0,
-        DT,
-        motions[i],
-        state["reference"][:, 0].copy(),
-        reports,
-        weights,
-        nominal,
-        parameters,
-        state,
-        np.zeros(16, np.float32),
-        signals,
-    )
+    command = state["reference"][:, 0].copy()
+    inputs = Inputs(0.0, DT, motions[i], command, reports, weights)
+    controls = np.zeros(16, np.float32)
+    control_step(inputs, Records(nominal, parameters, state, controls, signals))
     return signals
 
 

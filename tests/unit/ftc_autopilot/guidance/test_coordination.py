@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.diagnosis import LOST as LOST_ACTUATOR
-from ftc_autopilot.control.records import fill, record_dtype
 from ftc_autopilot.guidance.coordination import (
     Coordination,
     Progress,
@@ -21,9 +21,9 @@ from ftc_autopilot.guidance.members import (
     DEGRADED,
     LEAVE,
     LOST,
+    NOMINAL,
     SILENT,
     SLOW,
-    WELL,
     WIDEN,
     cause_of,
     enter,
@@ -52,7 +52,7 @@ class Member:
         self.step = 0
 
     def update(self, xi: float, *others: float, since: float = TICK) -> Coordination:
-        """Make an update with the own ξ and those of the neighbours, told in the step before."""
+        """Make an update with the own ξ and the neighbours', sent in the step before."""
         self.known["path_position"] = np.array(others) - SPEED * DT
         self.known["step"] = self.step - 1 if self.step else 0
         if self.step == 0:
@@ -74,7 +74,7 @@ class Member:
 
 
 @given(*[st.floats(-500.0, 500.0)] * 3)
-def test_the_correction_is_that_of_the_equation(xi: float, first: float, third: float) -> None:
+def test_the_correction_obeys_the_equation(xi: float, first: float, third: float) -> None:
     member = Member()
     ks, limit = member.gains["ks"], member.gains["speed_limit_m_s"]
     expected = min(max(ks * ((first - xi) + (third - xi)) / 2.0, -limit), limit)
@@ -94,7 +94,7 @@ def test_neighbours_on_other_paths_silent_or_gone_do_not_count() -> None:
         assert member.update(0.0, 10.0, 0.0).speed == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_neighbour_has_gone_on_since_it_told() -> None:
+def test_a_neighbour_has_gone_on_since_its_message() -> None:
     member = Member()
     member.step = 100
     member.known["path_position"], member.known["step"] = 0.0, 50
@@ -142,7 +142,7 @@ def test_one_slow_member_slows_all() -> None:
 def test_a_lost_actuator_counts_at_once_and_until_it_is_well_for_a_time() -> None:
     member = Member(on_lost="widen", recovered_s=2.0)
     member.wait(0.1, 0.0, 0.0, 0.0)
-    assert member.own == (WELL, 0)
+    assert member.own == (NOMINAL, 0)
     member.signals["phase"][0] = LOST_ACTUATOR
     member.update(0.0, 0.0, 0.0)
     assert member.own == (LOST, WIDEN)
@@ -150,7 +150,7 @@ def test_a_lost_actuator_counts_at_once_and_until_it_is_well_for_a_time() -> Non
     member.wait(1.9, 0.0, 0.0, 0.0)
     assert member.own == (LOST, WIDEN)
     member.wait(0.2, 0.0, 0.0, 0.0)
-    assert member.own == (WELL, 0)
+    assert member.own == (NOMINAL, 0)
 
 
 def test_a_degraded_actuator_counts_when_it_is_certain_for_a_second() -> None:
@@ -158,10 +158,10 @@ def test_a_degraded_actuator_counts_when_it_is_certain_for_a_second() -> None:
     member.signals["effectiveness"], member.signals["confidence"] = 1.0, 0.95
     member.signals["effectiveness"][2], member.signals["confidence"][2] = 0.4, 0.5
     member.wait(3.0, 0.0, 0.0, 0.0)
-    assert member.own == (WELL, 0)
+    assert member.own == (NOMINAL, 0)
     member.signals["confidence"][2] = 0.9
     member.wait(0.9, 0.0, 0.0, 0.0)
-    assert member.own == (WELL, 0)
+    assert member.own == (NOMINAL, 0)
     member.wait(0.2, 0.0, 0.0, 0.0)
     assert member.own == (DEGRADED, SLOW)
 
@@ -183,7 +183,7 @@ def test_a_neighbour_that_falls_silent_is_entered_by_who_hears_others() -> None:
     member.update(0.0, 0.0, 0.0)
     entry = member.state["table"][0]
     assert (cause_of(entry), policy_of(entry)) == (SILENT, LEAVE)
-    assert member.own == (WELL, 0)
+    assert member.own == (NOMINAL, 0)
 
 
 def test_who_hears_nobody_is_cut_off_itself_and_says_nothing_of_the_others() -> None:

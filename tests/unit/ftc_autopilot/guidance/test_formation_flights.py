@@ -34,7 +34,7 @@ def flown(name: str, **changes: Any) -> tuple[Scenario, Recording]:
 def places(scenario: Scenario, recording: Recording) -> np.ndarray:
     """Path parameter, distance to the right and height of each UAV, shape (samples, n, 3) [m]."""
     planner = scenario.planner()
-    path = planner.path(planner.tasks(scenario.mission_items()))
+    path = planner.path(scenario.mission_items())
     states = recording.states[:: 1000 // PER_S]
     result = np.zeros((*states.shape[:2], 3))
     for i in range(states.shape[1]):
@@ -180,7 +180,7 @@ def test_who_has_lost_an_actuator_leaves_and_the_gap_is_closed() -> None:
     assert place[1, 2] > 40.0
 
 
-def test_a_formation_slows_down_for_who_is_hurt() -> None:
+def test_a_formation_slows_down_for_who_is_degraded() -> None:
     fault = {"uav": 3, "actuator": "aileron", "stuck_deg": 4.0, "start_s": 5.0}
     scenario, recording = flown(
         "missions/hexagon",

@@ -30,7 +30,7 @@ def new_table() -> np.ndarray:
     return np.zeros(MAX_MEMBERS, np.uint8)
 
 
-def told(table: np.ndarray, by: np.ndarray, own: int, heard: tuple[int, ...] = ()) -> bool:
+def reported(table: np.ndarray, by: np.ndarray, own: int, heard: tuple[int, ...] = ()) -> bool:
     hears = np.zeros(MAX_MEMBERS, np.uint8)
     hears[list(heard)] = 1
     return merge(table, by, own, hears, MAX_MEMBERS)
@@ -48,13 +48,13 @@ def test_news_spreads_along_a_chain_and_old_news_does_not() -> None:
     first, second, third = new_table(), new_table(), new_table()
     old = new_table()
     enter(first, 0, LEFT_BY_LOSS)
-    assert told(second, first, own=1)
-    assert told(third, second, own=2)
+    assert reported(second, first, own=1)
+    assert reported(third, second, own=2)
     assert state_of(third[0]) == LEFT_BY_LOSS
-    assert not told(third, old, own=2)
-    assert not told(third, second, own=2)
+    assert not reported(third, old, own=2)
+    assert not reported(third, second, own=2)
     enter(first, 0, 0)
-    assert told(second, first, own=1)
+    assert reported(second, first, own=1)
     assert state_of(second[0]) == 0
 
 
@@ -63,25 +63,25 @@ def test_counts_of_changes_are_compared_modulo() -> None:
     first, second = new_table(), new_table()
     for change in range(40):
         enter(first, 0, LEFT_BY_LOSS if change % 2 == 0 else 0)
-        assert told(second, first, own=1)
+        assert reported(second, first, own=1)
         assert second[0] == first[0]
 
 
 def test_who_is_back_overrules_what_others_said_of_it() -> None:
     lost, keeper = new_table(), new_table()
     enter(keeper, 0, SILENT_AND_LEFT)
-    assert told(lost, keeper, own=0)
+    assert reported(lost, keeper, own=0)
     assert state_of(lost[0]) == 0
-    assert told(keeper, lost, own=1)
+    assert reported(keeper, lost, own=1)
     assert state_of(keeper[0]) == 0
-    assert not told(lost, keeper, own=0)
+    assert not reported(lost, keeper, own=0)
 
 
 def test_silence_of_a_member_is_not_believed_by_who_hears_it() -> None:
     hearing, other = new_table(), new_table()
     enter(other, 0, SILENT_AND_LEFT)
-    assert not told(hearing, other, own=1, heard=(0, 2))
-    assert told(hearing, other, own=1, heard=(2,))
+    assert not reported(hearing, other, own=1, heard=(0, 2))
+    assert reported(hearing, other, own=1, heard=(2,))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 6))
@@ -96,7 +96,7 @@ def test_all_agree_in_the_end_and_each_as_itself_says(seed: int, n: int) -> None
     for _ in range(6 * n):
         for k in random.permutation(len(links)):
             to, by = links[k]
-            told(tables[to], tables[by], own=to)
+            reported(tables[to], tables[by], own=to)
     # each entry comes from its owner as soon as its counter is not half a turn away
     for m, table in enumerate(tables):
         assert state_of(table[m]) == own[m]
@@ -106,7 +106,7 @@ def test_all_agree_in_the_end_and_each_as_itself_says(seed: int, n: int) -> None
             enter(table, m, own[m])
         for _ in range(6 * n):
             for to, by in links:
-                told(tables[to], tables[by], own=to)
+                reported(tables[to], tables[by], own=to)
     for table in tables:
         assert [state_of(entry) for entry in table[:n]] == own
 

@@ -1,27 +1,15 @@
-"""Items of the mission protocol as tasks, and what is refused of them."""
+"""Items of the mission protocol in the world, and what is refused of them."""
 
 import contextlib
 import math
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.geography import Origin, place_of, position_of
+from ftc_autopilot.common.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.limits import FlightLimits
-from ftc_autopilot.guidance.mission_items import (
-    Delay,
-    Jump,
-    Loiter,
-    Return,
-    SetHome,
-    SetSpeed,
-    Takeoff,
-    Task,
-    Waypoint,
-    decode_items,
-)
+from ftc_autopilot.guidance.mission_items import Target, decode_items
 from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
@@ -41,7 +29,7 @@ RELATIVE, ABSOLUTE = (
 )
 
 
-def decoded(*items: MissionItem) -> tuple[Task, ...]:
+def decoded(*items: MissionItem) -> tuple[Target, ...]:
     return decode_items((mission_item(0, 16), *items), ORIGIN, HOME, LIMITS)
 
 
@@ -61,52 +49,48 @@ def test_east_is_near_across_the_date_line() -> None:
     assert east == pytest.approx(222.6, abs=0.1)
 
 
+PLACE = (800.0, -300.0)
+
+
 @pytest.mark.parametrize(
-    ("sent", "expected"),
+    ("sent", "place", "height", "within", "radius"),
     [
-        (item(16, 0.0, 5.0), Waypoint(1, 800.0, -300.0, 120.0, 5.0)),
-        (item(16, math.nan, math.nan, math.nan, math.nan), Waypoint(1, 800.0, -300.0, 120.0)),
-        (item(16, z=700.0, frame=ABSOLUTE), Waypoint(1, 800.0, -300.0, 116.0)),
-        (item(16, 0.0, 0.0, -300.0), Loiter(1, (800.0, -300.0), 120.0, -300.0, turns=0.0)),
-        (item(17, 0.0, 0.0, -300.0), Loiter(1, (800.0, -300.0), 120.0, -300.0)),
-        (item(18, 2.5, 0.0, 300.0), Loiter(1, (800.0, -300.0), 120.0, 300.0, 2.5)),
-        (item(19, 60.0), Loiter(1, (800.0, -300.0), 120.0, 0.0, 0.0, 60.0)),
-        (mission_item(1, 17, (), 0, 0, 100.0), Loiter(1, None, 120.0)),
-        (mission_item(1, 17, (), INT32_MAX, INT32_MAX, 100.0), Loiter(1, None, 120.0)),
-        (item(20), Return(1)),
-        (item(22, z=-500.0), Takeoff(1)),
-        (item(16, z=-10.0), Waypoint(1, 800.0, -300.0, 10.0)),
-        (item(178, 1.0, 45.0, -1.0), SetSpeed(1, 45.0)),
-        (item(177, 1.0, -1.0), Jump(1, 1, -1)),
-        (item(112, 12.5), Delay(1, 12.5)),
-        (item(179, 1.0), SetHome(1, None)),
-        (item(179, z=600.0, frame=ABSOLUTE), SetHome(1, Home(800.0, -300.0, 16.0))),
+        (item(16, 0.0, 5.0), PLACE, 120.0, 5.0, 0.0),
+        (item(16, math.nan, math.nan, math.nan, math.nan), PLACE, 120.0, 0.0, 0.0),
+        (item(16, z=700.0, frame=ABSOLUTE), PLACE, 116.0, 0.0, 0.0),
+        (item(16, 0.0, 0.0, -300.0), PLACE, 120.0, 0.0, -300.0),
+        (item(17, 0.0, 0.0, -300.0), PLACE, 120.0, 0.0, -300.0),
+        (item(18, 2.5, 0.0, 300.0), PLACE, 120.0, 0.0, 300.0),
+        (item(19, 60.0), PLACE, 120.0, 0.0, 0.0),
+        (mission_item(1, 17, (), 0, 0, 100.0), None, 120.0, 0.0, 0.0),
+        (mission_item(1, 17, (), INT32_MAX, INT32_MAX, 100.0), None, 120.0, 0.0, 0.0),
+        (item(20), None, 0.0, 0.0, 0.0),
+        (item(22, z=-500.0), None, 0.0, 0.0, 0.0),
+        (item(16, z=-10.0), PLACE, 10.0, 0.0, 0.0),
+        (item(178, 1.0, 45.0, -1.0), None, 0.0, 0.0, 0.0),
+        (item(177, 1.0, -1.0), None, 0.0, 0.0, 0.0),
+        (item(112, 12.5), None, 0.0, 0.0, 0.0),
+        (item(179, 1.0), None, 0.0, 0.0, 0.0),
+        (item(179, z=600.0, frame=ABSOLUTE), PLACE, 16.0, 0.0, 0.0),
     ],
 )
-def test_each_item_becomes_its_task(sent: MissionItem, expected: Task) -> None:
-    (task,) = decoded(sent)
-    assert type(task) is type(expected)
-    flat, wanted = (flattened(vars(value)) for value in (task, expected))
-    assert flat == pytest.approx(wanted, abs=0.02, nan_ok=True)
-
-
-def flattened(fields: dict[str, Any]) -> list[float]:
-    numbers: list[float] = []
-    for value in fields.values():
-        if isinstance(value, Home):
-            numbers += flattened(vars(value))
-        elif isinstance(value, tuple):
-            numbers += value
-        else:
-            numbers.append(math.nan if value is None else float(value))
-    return numbers
+def test_each_item_is_placed(
+    sent: MissionItem,
+    place: tuple[float, float] | None,
+    height: float,
+    within: float,
+    radius: float,
+) -> None:
+    (target,) = decoded(sent)
+    assert target.item is sent
+    assert target.place == (place and pytest.approx(place, abs=0.02))
+    assert (target.height, target.within, target.radius) == (height, within, radius)
 
 
 def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
     home = mission_item(1, 179, (), *HERE, 634.0, ABSOLUTE)
     _, waypoint = decoded(home, mission_item(2, 16, (), *HERE, 100.0, RELATIVE))
-    assert isinstance(waypoint, Waypoint)
-    assert waypoint.height_m == pytest.approx(150.0)
+    assert waypoint.height == pytest.approx(150.0)
 
 
 @pytest.mark.parametrize(
@@ -164,15 +148,15 @@ def test_no_item_is_too_strange_to_be_refused(
     frame: int, command: int, params: tuple[float, ...], x: int, y: int, z: float
 ) -> None:
     with contextlib.suppress(ItemError):
-        (task,) = decoded(mission_item(1, command, params, x, y, z, frame))
-        if isinstance(task, Waypoint):
-            assert all(math.isfinite(number) for number in flattened(vars(task)))
+        (target,) = decoded(mission_item(1, command, params, x, y, z, frame))
+        place = target.place or (0.0, 0.0)
+        assert all(map(math.isfinite, (*place, target.height, target.radius)))
 
 
 @pytest.mark.parametrize("place", [16, 17, 20])
 def test_a_takeoff_is_taken_as_past_before_the_first_place_only(place: int) -> None:
     speed = mission_item(1, 178, (0.0, 45.0))
     takeoff = mission_item(2, 22, (15.0, 0.0, 0.0, math.nan), 0, 0, 50.0)
-    assert decoded(speed, takeoff, mission_item(3, place, (), *HERE, 100.0))[1] == Takeoff(2)
+    assert decoded(speed, takeoff, mission_item(3, place, (), *HERE, 100.0))[1].item is takeoff
     with pytest.raises(ItemError, match=r"^Item 2: command 22 .* taken as past before the first"):
         decoded(mission_item(1, place, (), *HERE, 100.0), takeoff)

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.guidance.path import NO_LOOP, Leg, locate, path_record, point_at
+from ftc_autopilot.guidance.legs import Leg
+from ftc_autopilot.guidance.path import locate, path_record, point_at
 
 LENGTHS = st.floats(20.0, 2000.0)
 CURVATURES = st.one_of(
@@ -46,14 +47,14 @@ def race_track(loop: int = 0) -> np.void:
         Leg(500.0, 400.0, math.pi, 0.0, 500.0, 100.0, 0.0, 40.0, 3),
         Leg(0.0, 400.0, math.pi, 1 / 200.0, half, 100.0, 0.0, 40.0, 4),
     ]
-    return path_record(legs, 1, loop)
+    return path_record(legs, loop)
 
 
 @given(LEGS, st.floats(0.0, 1.0), st.floats(-60.0, 60.0), st.floats(-15.0, 15.0))
 def test_a_place_beside_the_path_is_found_again(
     pieces: list[tuple[float, float, float]], share: float, right: float, moved: float
 ) -> None:
-    path = path_record(chain(pieces), 1)
+    path = path_record(chain(pieces))
     s = share * float(path["start"][path["count"]])
     point = point_at(path, s)
     north = point.north - right * math.sin(point.course)
@@ -66,7 +67,7 @@ def test_a_place_beside_the_path_is_found_again(
 @given(LEGS)
 def test_a_path_has_no_corner_and_no_step(pieces: list[tuple[float, float, float]]) -> None:
     legs = chain(pieces)
-    path = path_record(legs, 1)
+    path = path_record(legs)
     for k in range(1, len(legs)):
         s = float(path["start"][k])
         before, after = point_at(path, s - 1e-6), point_at(path, s)
@@ -82,7 +83,7 @@ def test_a_path_has_no_corner_and_no_step(pieces: list[tuple[float, float, float
 def test_the_course_is_the_direction_in_which_the_point_moves(
     pieces: list[tuple[float, float, float]], share: float
 ) -> None:
-    path = path_record(chain(pieces), 1)
+    path = path_record(chain(pieces))
     s = share * float(path["start"][path["count"]])
     here, there = point_at(path, s), point_at(path, s + 1e-3)
     if here.leg != there.leg:
@@ -121,7 +122,7 @@ def test_a_loop_may_begin_at_a_later_leg() -> None:
         )
         length = float(track["start"][k + 1] - track["start"][k])
         legs.append(Leg(north, east, course, curvature, length, 100.0, 0.0, 40.0, k + 2))
-    path = path_record(legs, 1, 1)
+    path = path_record(legs, 1)
     lap = float(track["start"][4])
     assert point_at(path, 300.0 + lap + 10.0)[:2] == pytest.approx((10.0, 0.0))
     assert point_at(path, 290.0)[:2] == pytest.approx((-10.0, 0.0))
@@ -130,7 +131,7 @@ def test_a_loop_may_begin_at_a_later_leg() -> None:
 
 def test_before_its_start_and_after_its_end_a_path_goes_on() -> None:
     legs = chain([(100.0, 0.0, 0.1), (300.0, 1 / 200.0, 0.0)], course=0.0)
-    path = path_record(legs, 1, NO_LOOP)
+    path = path_record(legs)
     before = point_at(path, -50.0)
     assert before[:5] == pytest.approx((-43.0, -3.0, 0.0, 0.0, 95.0))
     assert locate(path, -43.0, 2.0, 0.0) == pytest.approx((-50.0, 5.0))
@@ -138,7 +139,7 @@ def test_before_its_start_and_after_its_end_a_path_goes_on() -> None:
 
 
 def test_on_an_endless_circle_the_turn_that_is_flown_counts() -> None:
-    path = path_record([Leg(0.0, 0.0, 0.0, -1 / 150.0, math.inf, 50.0, 0.0, 35.0, 1)], 1)
+    path = path_record([Leg(0.0, 0.0, 0.0, -1 / 150.0, math.inf, 50.0, 0.0, 35.0, 1)])
     s = 0.0
     for expected in np.arange(0.0, 3000.0, 3.0):
         point = point_at(path, expected)

@@ -1,4 +1,4 @@
-"""Flights on paths: as close as the documentation says, and close again with a hurt actuator."""
+"""Flights on paths: as close as the documentation says, and close again after a fault."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,8 @@ import pytest
 from scenario_edits import edit
 
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.figures import FlightSummary
+from gcs.results.summary import summarise
 from gcs.scenario.model import scenario_of, scenario_tree
 
 SCENARIO_1 = Path("scenarios/paper/scenario1.yaml")
@@ -91,7 +92,7 @@ def waypoints(*places: tuple[float, float, float]) -> dict[str, Any]:
     return {"mission": {"items": items}}
 
 
-def test_after_a_turn_a_straight_is_kept() -> None:
+def test_after_a_turn_a_straight_stays() -> None:
     corner = waypoints((800.0, 0.0, 100.0), (800.0, 2500.0, 100.0))
     summary = flown(**alone(), **corner, duration_s=55.0)
     assert worst(summary, "straight_cross_track_m") <= 0.3
@@ -115,13 +116,13 @@ def test_a_climb_is_flown_with_its_corners_rounded() -> None:
     ],
     ids=["half a rudder", "aileron stuck at trim", "half the thrust"],
 )
-def test_a_hurt_aircraft_stays_on_its_path(fault: dict[str, Any], most: float) -> None:
+def test_a_degraded_aircraft_stays_on_its_path(fault: dict[str, Any], most: float) -> None:
     """The fault begins in the first turn and stays."""
     faults: Sequence[dict[str, Any]] = [{"uav": 1, "start_s": 22.0, **fault}]
     healthy = worst(flown(**alone()), "turn_cross_track_m")
-    hurt = worst(flown(**alone(faults=faults)), "turn_cross_track_m")
-    assert hurt <= most
-    assert hurt != healthy
+    degraded = worst(flown(**alone(faults=faults)), "turn_cross_track_m")
+    assert degraded <= most
+    assert degraded != healthy
 
 
 def test_who_starts_beside_the_path_joins_it() -> None:

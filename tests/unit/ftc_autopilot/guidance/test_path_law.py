@@ -1,4 +1,4 @@
-"""The law of path following: its equations, and limits that hold whatever it is told."""
+"""The law of path following: its equations, and limits that hold whatever it is reported."""
 
 import math
 from typing import Any
@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.control.motion import motion_of
+from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.guidance.coordination import Coordination, no_coordination
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guidance_record, guide
 from ftc_autopilot.guidance.laws.base import Situation
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
-from ftc_autopilot.guidance.path import Leg, path_record
+from ftc_autopilot.guidance.legs import Leg
+from ftc_autopilot.guidance.path import path_record
 from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import vec3
@@ -59,12 +60,12 @@ class Flight:
     def update(
         self, now: Situation, coordination: Coordination | None = None
     ) -> tuple[float, float, float, float]:
-        told = coordination or no_coordination()
+        reported = coordination or no_coordination()
         self.s = guide(
             now,
             self.path,
             self.s,
-            told,
+            reported,
             self.nominal,
             self.parameters,
             self.state,

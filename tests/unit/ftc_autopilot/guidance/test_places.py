@@ -41,12 +41,12 @@ class Member:
             1,
             [
                 ("places", PLACE, (64,)),
-                ("told", PLACE, (64,)),
+                ("last_relayed", PLACE, (64,)),
                 ("relayed", "i8", (MAX_RELAYED,)),
                 ("relay_error", "f8"),
             ],
         )[0]
-        self.state["places"]["step"] = self.state["told"]["step"] = NO_PLACE
+        self.state["places"]["step"] = self.state["last_relayed"]["step"] = NO_PLACE
 
     def position(self, step: int) -> np.ndarray:
         angle = 0.1 * step * DT + self.index
@@ -54,7 +54,9 @@ class Member:
 
     def tell(self, step: int) -> np.ndarray:
         state, message = self.state, np.zeros(1, NEIGHBOUR)
-        choose_relayed(step, DT, self.layout, state["places"], state["told"], state["relayed"])
+        choose_relayed(
+            step, DT, self.layout, state["places"], state["last_relayed"], state["relayed"]
+        )
         message["step"], message["path_id"] = step, 7
         message["position"] = self.position(step)
         message["ground_velocity"] = (self.position(step + 1) - self.position(step)) / DT
@@ -85,11 +87,11 @@ def fleet(graph: list[list[int]]) -> list[Member]:
 def fly(members: list[Member], first: int, steps: int, silent: frozenset[int] = frozenset()) -> int:
     """Let members tell and hear, each message one step late; return the next step."""
     for step in range(first, first + steps):
-        told = [member.tell(step) for member in members]
+        reported = [member.tell(step) for member in members]
         for member in members:
             for sender in member.neighbours:
                 if not {sender, member.index} & silent:
-                    member.hear(told[sender], sender)
+                    member.hear(reported[sender], sender)
     return first + steps
 
 
@@ -153,11 +155,11 @@ def test_a_place_is_not_taken_for_newer_than_its_message() -> None:
 def test_a_place_is_due_when_it_is_new_wrong_or_old(step: int, due: bool) -> None:
     member = fleet([[1], [0, 2], [1]])[1]
     state = member.state
-    for place in (state["places"][0], *([state["told"][0]] if step else [])):
+    for place in (state["places"][0], *([state["last_relayed"][0]] if step else [])):
         place["step"], place["velocity"] = 0, (40.0, 0.0, 0.0)
     state["places"][0]["step"] = step
     state["places"][0]["position"] = (40.0 * step * DT, 0.0, 0.0)
-    chosen = (DT, member.layout, state["places"], state["told"], state["relayed"])
+    chosen = (DT, member.layout, state["places"], state["last_relayed"], state["relayed"])
     assert math.isinf(choose_relayed(step, *chosen)) is due
     state["places"][0]["position"] += (0.0, 0.75, 0.0)
     assert choose_relayed(step, *chosen) == pytest.approx(math.inf if due else 0.75)

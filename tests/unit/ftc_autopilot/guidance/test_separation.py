@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ftc_autopilot.guidance.formation import LAYOUT
 from ftc_autopilot.guidance.members import LOST, STAY
 from ftc_autopilot.guidance.places import FORGOTTEN_S, PLACE
-from ftc_autopilot.guidance.separation import kept_apart, nearest
+from ftc_autopilot.guidance.separation import keep_apart, nearest
 
 DT = 0.02
 LEAST_M, RATE = 15.0, 0.3
@@ -27,13 +27,14 @@ def place(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
 
 def seen(others: np.ndarray, own: int = 0) -> tuple[np.ndarray, np.void]:
     """Return places and layout of who is the first member, or the last one, beside others."""
-    layout: np.void = np.zeros(1, LAYOUT)[0]
-    layout["count"], layout["own"] = len(others) + 1, own
-    return np.insert(others, own, np.zeros((), PLACE)), layout
+    places, layout = np.zeros(len(others) + 1, PLACE), np.zeros(1, LAYOUT)[0]
+    layout["count"], layout["own"] = len(places), own
+    places[:own], places[own + 1 :] = others[:own], others[own:]
+    return places, layout
 
 
 def evaded(
-    wanted: Vector,
+    expected: Vector,
     position: Vector,
     velocity: Vector,
     others: np.ndarray,
@@ -44,8 +45,8 @@ def evaded(
 ) -> np.ndarray:
     places, layout = seen(others, own)
     table = np.full(len(places), state, np.uint8)
-    flown = wanted, position, velocity, CALM, SLOWEST_M_S
-    return np.array(kept_apart(*flown, places, layout, table, step, DT, LEAST_M, RATE))
+    flown = expected, position, velocity, CALM, SLOWEST_M_S
+    return np.array(keep_apart(*flown, places, layout, table, step, DT, LEAST_M, RATE))
 
 
 class Uav:
@@ -60,12 +61,12 @@ class Uav:
     def ask(self, others: list["Uav"], own: int, state: int = 0) -> np.ndarray:
         pull = 0.8 * (self.place - self.position)
         pull *= min(1.0, 8.0 / max(float(np.linalg.norm(pull)), 1e-9))
-        wanted = self.velocity + pull
+        expected = self.velocity + pull
         if not self.evades:
-            return np.asarray(wanted)
-        told = np.concatenate([place(other.position, other.lags[-1]) for other in others])
+            return np.asarray(expected)
+        reported = np.concatenate([place(other.position, other.lags[-1]) for other in others])
         flown = tuple(self.position), tuple(self.lags[-1])
-        return evaded(tuple(wanted), *flown, told, own, state=state)
+        return evaded(tuple(expected), *flown, reported, own, state=state)
 
     def move(self, asked: np.ndarray) -> None:
         for k, goal in enumerate([asked, *self.lags[:-1]]):
@@ -89,6 +90,7 @@ MET = 0.9 * LEAST_M
 """What is left of the least distance when the aircraft are late [m]."""
 
 
+@settings(max_examples=settings().max_examples // 2)  # a minute of flight each
 @given(angles, st.floats(0.5, 4.0), st.floats(-20.0, 20.0), st.floats(-5.0, 5.0))
 def test_ways_that_cross_at_whatever_angle(
     angle: float, speed: float, miss: float, higher: float
@@ -118,43 +120,43 @@ def test_without_the_barrier_they_would_meet() -> None:
     st.tuples(*[st.floats(-60.0, 60.0)] * 3),
 )
 def test_the_approach_asked_for_is_within_the_bound(
-    position: Vector, wanted: Vector, velocity: Vector, theirs: Vector
+    position: Vector, expected: Vector, velocity: Vector, theirs: Vector
 ) -> None:
     away = np.array(position)
     distance = float(np.linalg.norm(away))
-    asked = evaded(wanted, position, velocity, place(np.zeros(3), np.array(theirs)))
+    asked = evaded(expected, position, velocity, place(np.zeros(3), np.array(theirs)))
     if distance < 1e-3:
         return
     away = away / distance
     mean = 0.5 * float((np.array(velocity) + np.array(theirs)) @ away)
     bound = mean - 0.5 * RATE * (distance - LEAST_M)
-    if np.array(wanted) @ away >= bound:
-        assert asked == pytest.approx(wanted)
+    if np.array(expected) @ away >= bound:
+        assert asked == pytest.approx(expected)
     else:
-        assert not np.array_equal(asked, wanted)
+        assert not np.array_equal(asked, expected)
         evading = 3.0 * abs(away[2])  # up or down, not always away from the other
         assert asked @ away >= bound - evading - 1e-6
 
 
 def test_those_far_apart_or_forgotten_are_left_alone() -> None:
-    wanted, here = (40.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    expected, here = (40.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     far = place(np.array([100.0, 0.0, 0.0]), np.array([40.0, 0.0, 0.0]))
     near = place(np.array([16.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
-    assert evaded(wanted, here, wanted, far).tolist() == list(wanted)
-    assert evaded(wanted, here, wanted, near)[0] < 39.0
+    assert evaded(expected, here, expected, far).tolist() == list(expected)
+    assert evaded(expected, here, expected, near)[0] < 39.0
     aged = near.copy()
     aged["position"][0, 0] -= (
         30.0 * FORGOTTEN_S
     )  # it is there when its place is about to be forgotten
     last = round(FORGOTTEN_S / DT)
-    assert evaded(wanted, here, wanted, aged, step=last)[0] < 39.0
-    assert evaded(wanted, here, wanted, aged, step=last + 1).tolist() == list(wanted)
+    assert evaded(expected, here, expected, aged, step=last)[0] < 39.0
+    assert evaded(expected, here, expected, aged, step=last + 1).tolist() == list(expected)
     near["step"] = -1
-    assert evaded(wanted, here, wanted, near).tolist() == list(wanted)
+    assert evaded(expected, here, expected, near).tolist() == list(expected)
 
 
 @given(angles, st.floats(2.0, 6.0), st.floats(-8.0, 8.0))
-def test_one_that_is_hurt_is_evaded_by_the_other_alone(
+def test_one_that_is_degraded_is_evaded_by_the_other_alone(
     angle: float, speed: float, miss: float
 ) -> None:
     """It comes nearer where only half of the evasion is left to the other."""
@@ -162,17 +164,20 @@ def test_one_that_is_hurt_is_evaded_by_the_other_alone(
     aside = np.array([-towards[1], towards[0], 0.0])
 
     def least(state: int) -> float:
-        hurt = Uav(np.zeros(3), np.array([40.0, 0.0, 0.0]), evades=False)
-        hurt.place, hurt.velocity = hurt.place - 30.0 * towards, hurt.velocity + speed * towards
-        hurt.position = hurt.place.copy()
-        hurt.lags = [hurt.velocity.copy() for _ in range(3)]
+        degraded = Uav(np.zeros(3), np.array([40.0, 0.0, 0.0]), evades=False)
+        degraded.place, degraded.velocity = (
+            degraded.place - 30.0 * towards,
+            degraded.velocity + speed * towards,
+        )
+        degraded.position = degraded.place.copy()
+        degraded.lags = [degraded.velocity.copy() for _ in range(3)]
         other = Uav(miss * aside, np.array([40.0, 0.0, 0.0]))
         nearest_m = math.inf
         for _ in range(round(15.0 / DT)):
-            asked = hurt.ask([other], 0), other.ask([hurt], 1, state)
-            hurt.move(asked[0])
+            asked = degraded.ask([other], 0), other.ask([degraded], 1, state)
+            degraded.move(asked[0])
             other.move(asked[1])
-            nearest_m = min(nearest_m, float(np.linalg.norm(hurt.position - other.position)))
+            nearest_m = min(nearest_m, float(np.linalg.norm(degraded.position - other.position)))
         return nearest_m
 
     known = least(4 * LOST + STAY)
@@ -181,27 +186,27 @@ def test_one_that_is_hurt_is_evaded_by_the_other_alone(
 
 
 @pytest.mark.parametrize("own", [0, 1])
-def test_one_that_is_hurt_and_too_slow_to_be_followed_is_passed_above(own: int) -> None:
-    wanted, behind = (40.0, 0.0, 0.0), (-20.0, 0.0, 0.0)
+def test_one_that_is_degraded_and_too_slow_to_be_followed_is_passed_above(own: int) -> None:
+    expected, behind = (40.0, 0.0, 0.0), (-20.0, 0.0, 0.0)
 
     def climb(speed: float, state: int) -> float:
         theirs = place(np.zeros(3), np.array([speed, 0.0, 0.0]))
-        return -float(evaded(wanted, behind, wanted, theirs, own, state=state)[2])
+        return -float(evaded(expected, behind, expected, theirs, own, state=state)[2])
 
-    hurt, usual = 4 * LOST + STAY, 3.0 if own == 0 else -3.0
-    assert climb(SLOWEST_M_S - 5.0, hurt) == pytest.approx(8.0)
-    assert climb(SLOWEST_M_S + 1.0, hurt) == pytest.approx(usual)
+    degraded, usual = 4 * LOST + STAY, 3.0 if own == 0 else -3.0
+    assert climb(SLOWEST_M_S - 5.0, degraded) == pytest.approx(8.0)
+    assert climb(SLOWEST_M_S + 1.0, degraded) == pytest.approx(usual)
     assert climb(SLOWEST_M_S - 5.0, 0) == pytest.approx(usual)
 
 
-def test_the_nearest_member_is_where_it_has_gone_since_it_told() -> None:
-    told = np.concatenate(
+def test_the_nearest_member_is_where_it_has_gone_since_its_message() -> None:
+    reported = np.concatenate(
         [
             place(np.array([-50.0, 0.0, 0.0]), np.array([40.0, 0.0, 0.0])),
             place(np.array([0.0, 30.0, 0.0]), np.array([0.0, 0.0, 0.0])),
         ]
     )
-    here, (places, layout) = (0.0, 0.0, 0.0), seen(told)
+    here, (places, layout) = (0.0, 0.0, 0.0), seen(reported)
     assert nearest(here, places, layout, 0, DT) == (2, 30.0)
     m, distance = nearest(here, places, layout, round(1.0 / DT), DT)
     assert m == 1

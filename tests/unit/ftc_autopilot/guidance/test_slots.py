@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from ftc_autopilot.control.records import fill, record_dtype
+from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.guidance.formation import (
     MAX_MEMBERS,
     Formation,

@@ -42,7 +42,7 @@ def said(bench: Bench) -> list[tuple[int, str]]:
 
 
 @pytest.mark.parametrize(
-    ("channel", "stuck", "told"),
+    ("channel", "stuck", "reported"),
     [
         (0, math.radians(0.1), "aileron lost at 19.94 s, held at 0.1 deg, roll by rudder, heading"),
         (1, math.radians(-5), "elevator lost at 19.94 s, held at -5.0 deg, pitch by thrust"),
@@ -51,20 +51,20 @@ def said(bench: Bench) -> list[tuple[int, str]]:
     ],
 )
 def test_a_loss_and_a_return_are_announced_once(
-    bench: Bench, channel: int, stuck: float, told: str
+    bench: Bench, channel: int, stuck: float, reported: str
 ) -> None:
     actuator = diagnosed(bench)["actuators"][channel]
     said(bench)
-    actuator["lost"], actuator["stuck"], actuator["since"] = 1, stuck, 0.06
+    actuator["lost"], actuator["stuck"], actuator["decided_s"] = 1, stuck, 0.06
     ((severity, text),) = said(bench)
     assert severity == dialect.MAV_SEVERITY_CRITICAL
-    assert text.startswith(told)
+    assert text.startswith(reported)
     assert said(bench) == []
-    actuator["lost"], actuator["since"] = 0, 0.25
+    actuator["lost"], actuator["decided_s"] = 0, 0.25
     ((severity, text),) = said(bench)
     assert (severity, text) == (
         dialect.MAV_SEVERITY_NOTICE,
-        f"{told.split(maxsplit=1)[0]} back in service at 19.75 s",
+        f"{reported.split(maxsplit=1)[0]} back in service at 19.75 s",
     )
 
 

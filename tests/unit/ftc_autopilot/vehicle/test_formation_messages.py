@@ -40,7 +40,7 @@ def said(bench: Bench) -> list[str]:
     return texts
 
 
-def told(bench: Bench) -> Any:
+def reported(bench: Bench) -> Any:
     request = dialect.MAVLink_command_long_message(1, 1, REQUEST, 0, FORMATION, 0, 0, 0, 0, 0, 0)
     (message,) = of_type(bench.say(request), "FTC_FORMATION")
     return message
@@ -76,14 +76,14 @@ def test_a_slot_that_cannot_be_is_refused(
 def test_who_is_in_no_formation_takes_no_slot(scenario1: Scenario) -> None:
     alone = Bench(scenario1)
     assert alone.command(SET_SLOT, 0.0, 0.0, 0.0) == DENIED
-    assert told(alone).path_id == 0
+    assert reported(alone).path_id == 0
 
 
 def test_a_member_tells_how_it_sees_the_formation(bench: Bench) -> None:
     state = bench.controllers.formations[0]
     state["error"] = (0.5, -0.25, math.nan)
     enter(state["table"], 0, 4 * LOST + LEAVE)
-    message = told(bench)
+    message = reported(bench)
     assert (message.path_id, message.path_position, message.nearest) == (7, 120.0, 2)
     assert message.slot_error[:2] == [0.5, -0.25]
     assert math.isnan(message.slot_error[2])

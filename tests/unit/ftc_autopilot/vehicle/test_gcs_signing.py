@@ -20,9 +20,9 @@ def setup(initial: int) -> dialect.MAVLink_setup_signing_message:
 @pytest.mark.parametrize("initial", [2**48, 2**64 - 1, 2**48 - 1, 2**47])
 def test_a_key_with_a_time_of_the_far_future_is_refused(initial: int) -> None:
     gcs_signing = GcsSigning(3, None)
-    words = gcs_signing.set_key(setup(initial), "127.0.0.1", armed=False)
-    assert words is not None
-    assert f"initial_timestamp {initial} " in words
+    text = gcs_signing.set_key(setup(initial), "127.0.0.1", armed=False)
+    assert text is not None
+    assert f"initial_timestamp {initial} " in text
     frame = FramePacker(3, 1).pack(dialect.MAVLink_ping_message(0, 0, 0, 0))
     assert gcs_signing.sign(frame) == frame  # no key is in force
 

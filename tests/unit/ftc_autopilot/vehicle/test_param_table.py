@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
+from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, new_controllers
 from ftc_autopilot.control.laws import LAWS
-from ftc_autopilot.control.schedule import scheduled
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.link import new_link
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import new_link
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario
 from gcs.station.param_metadata import known_quantity
@@ -49,7 +49,7 @@ def bench(scenario1: Scenario) -> Bench:
 @pytest.mark.parametrize("kind", LAWS)
 def test_names_fit_and_values_are_the_configurations(scenario1: Scenario, kind: str) -> None:
     tree = scenario1.model_dump() | {"controller": {"kind": kind}}
-    if LAWS[kind].CHOOSES:
+    if LAWS[kind].SELECTS_CHANNELS:
         tree["trigger"] = {"mode": "consequence"}
     bench = Bench(Scenario.model_validate(tree))
     for name, parameter in bench.parameters.items():
@@ -102,7 +102,7 @@ def test_a_value_out_of_range_is_refused(bench: Bench, name: str, value: float, 
 @pytest.mark.parametrize("kind", LAWS)
 def test_every_parameter_has_bounds_that_stations_show(scenario1: Scenario, kind: str) -> None:
     tree = scenario1.model_dump() | {"controller": {"kind": kind}}
-    if LAWS[kind].CHOOSES:
+    if LAWS[kind].SELECTS_CHANNELS:
         tree["trigger"] = {"mode": "consequence"}
     bench = Bench(Scenario.model_validate(tree))
     for name, parameter in bench.parameters.items():

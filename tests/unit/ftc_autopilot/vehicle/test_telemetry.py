@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common
 
+from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.controllers import new_controllers
-from ftc_autopilot.geography import Origin, place_of
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.link import GCS, new_link
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import GCS, new_link
 from ftc_autopilot.vehicle.status_messages import VERSION
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -116,7 +116,7 @@ def test_it_looks_like_a_small_aircraft(bench: Bench) -> None:
     assert 0 < gps.eph < 200
 
 
-def test_dropped_datagrams_of_ground_stations_are_told(bench: Bench) -> None:
+def test_dropped_datagrams_of_ground_stations_are_reported(bench: Bench) -> None:
     bench.hot.drops[GCS, -DropReason.BAD_CRC] = 7
     assert bench.heard("SYS_STATUS").errors_comm == 7
 
@@ -138,11 +138,11 @@ def test_a_vehicle_lives_while_simulated_time_stands_still(bench: Bench) -> None
         bench.hot.measured["time_usec"] = round(simulated_s * 1e6)
         bench.hot.flags = dialect.FTC_SIM_FLAGS_RUNNING if running else 0
         bench.vehicle.handle_timer(now)
-        told = bench.heard("SYSTEM_TIME")
-        times.append(told.time_boot_ms / 1e3)
-        assert bench.heard("ATTITUDE").time_boot_ms == told.time_boot_ms
-        assert bench.heard("GPS_RAW_INT").time_usec == 1000 * told.time_boot_ms
-        assert told.time_unix_usec == round(UNIX_S * 1e6) + 1000 * told.time_boot_ms
+        reported = bench.heard("SYSTEM_TIME")
+        times.append(reported.time_boot_ms / 1e3)
+        assert bench.heard("ATTITUDE").time_boot_ms == reported.time_boot_ms
+        assert bench.heard("GPS_RAW_INT").time_usec == 1000 * reported.time_boot_ms
+        assert reported.time_unix_usec == round(UNIX_S * 1e6) + 1000 * reported.time_boot_ms
         assert bench.heard("FTC_EVENTS").time_boot_ms == round(simulated_s * 1e3)
     assert times == [0.0, 60.0, 60.0, 90.0, 120.0, 120.0, 130.0, 130.0, 131.0]
 
@@ -158,7 +158,7 @@ def test_version(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("value", [0.0, math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9])
-def test_no_state_is_too_strange_to_be_told(value: float, bench: Bench) -> None:
+def test_no_state_is_too_strange_to_be_reported(value: float, bench: Bench) -> None:
     records = (
         bench.hot.measured,
         bench.controllers.signals[0],
@@ -193,7 +193,7 @@ def due(bench: Bench, message_id: int, seconds: float = 2.0) -> int:
     return count
 
 
-def test_intervals_are_set_told_and_restored(bench: Bench) -> None:
+def test_intervals_are_set_reported_and_restored(bench: Bench) -> None:
     assert due(bench, ATTITUDE) == 20
     assert bench.telemetry.set_interval((ATTITUDE, 500_000.0)) == ACCEPTED
     assert due(bench, ATTITUDE) == 4
@@ -293,9 +293,9 @@ def test_no_rate_makes_more_than_a_few_messages_between_two_steps(
     made = gaps(bench, 2.0, step_us)
     assert max(map(len, made)) <= bench.telemetry.most_per_step(step_us)
     assert bench.telemetry.most_per_step(1000) == 2
-    wanted = 2_000_000 // max(step_us, 20_000)
+    expected = 2_000_000 // max(step_us, 20_000)
     for message_id in streams:
-        assert abs(sum(gap.count(message_id) for gap in made) - wanted) <= 1
+        assert abs(sum(gap.count(message_id) for gap in made) - expected) <= 1
 
 
 def test_no_stream_starves_when_there_is_room_for_less_than_all(bench: Bench) -> None:
@@ -306,7 +306,7 @@ def test_no_stream_starves_when_there_is_room_for_less_than_all(bench: Bench) ->
     assert max(counts) - min(counts) <= 0.1 * max(counts)
 
 
-def test_after_a_standstill_all_are_made_in_turn_and_none_is_made_up_for(bench: Bench) -> None:
+def test_after_a_standstill_all_are_made_in_turn_and_none_is_sent_later(bench: Bench) -> None:
     gaps(bench, 1.0)
     made = [
         [m.get_msgId() for m in bench.telemetry.due(10_000_000 + ms * STEP_US, 2)]

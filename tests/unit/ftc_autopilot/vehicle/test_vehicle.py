@@ -139,7 +139,7 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
     )
     assert not heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
     assert bench.controllers.guidance[0]["active"] == 0
-    assert bench.command(START) == ACCEPTED  # the profile is still there, and begins anew
+    assert bench.command(START) == ACCEPTED  # the profile is still there, and begins again
     assert bench.controllers.guidance[0]["start_step"] == 0
 
 
@@ -244,7 +244,9 @@ def test_item_0_is_home_whatever_was_uploaded(scenario1: Scenario) -> None:
     assert home.z == pytest.approx(584.0)
 
 
-def test_a_mission_begins_with_the_current_item_and_then_anew(scenario1: Scenario) -> None:
+def test_a_mission_begins_with_the_current_item_and_then_from_its_start(
+    scenario1: Scenario,
+) -> None:
     bench = Bench(scenario1)
     bench.upload(scenario1)
     assert bench.command(SET_CURRENT, 3.0) == ACCEPTED
@@ -271,7 +273,7 @@ def test_items_that_do_not_exist_cannot_be_current(seq: float, scenario1: Scenar
     assert bench.command(SET_CURRENT, -1.0) == ACCEPTED
 
 
-def test_a_jump_is_told_as_the_item_it_leads_to(scenario1: Scenario) -> None:
+def test_a_jump_is_reported_as_the_item_it_leads_to(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     bench.upload(scenario1)
     bench.command(START)
@@ -279,14 +281,14 @@ def test_a_jump_is_told_as_the_item_it_leads_to(scenario1: Scenario) -> None:
     bench.hot.step = 1000
     bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 2))
     bench.vehicle.handle_timer(bench.now)
-    told = of_type(bench.vehicle.gcs_messages(), "MISSION_CURRENT")
-    assert {m.seq for m in told} <= {2}
+    reported = of_type(bench.vehicle.gcs_messages(), "MISSION_CURRENT")
+    assert {m.seq for m in reported} <= {2}
 
 
 def test_mission_current_tells_the_state_of_the_mission(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
 
-    def told() -> tuple[int, int, int]:
+    def reported() -> tuple[int, int, int]:
         number = dialect.MAVLINK_MSG_ID_MISSION_CURRENT
         message = dialect.MAVLink_command_long_message(
             UAV, 1, dialect.MAV_CMD_REQUEST_MESSAGE, 0, number, 0, 0, 0, 0, 0, 0
@@ -295,16 +297,16 @@ def test_mission_current_tells_the_state_of_the_mission(scenario1: Scenario) -> 
         m = of_type(bench.say(message), "MISSION_CURRENT")[-1]
         return m.mission_state, m.mission_mode, m.total
 
-    assert told() == (dialect.MISSION_STATE_NO_MISSION, 2, 65535)
+    assert reported() == (dialect.MISSION_STATE_NO_MISSION, 2, 65535)
     bench.upload(scenario1)
-    assert told() == (dialect.MISSION_STATE_NOT_STARTED, 2, 3)
+    assert reported() == (dialect.MISSION_STATE_NOT_STARTED, 2, 3)
     bench.command(START)
     bench.run()
-    assert told() == (dialect.MISSION_STATE_ACTIVE, 1, 3)
+    assert reported() == (dialect.MISSION_STATE_ACTIVE, 1, 3)
     bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, LOITER)
-    assert told() == (dialect.MISSION_STATE_PAUSED, 2, 3)
+    assert reported() == (dialect.MISSION_STATE_PAUSED, 2, 3)
     bench.hot.step = 20_000
-    assert told()[0] == dialect.MISSION_STATE_COMPLETE
+    assert reported()[0] == dialect.MISSION_STATE_COMPLETE
 
 
 def test_a_parameter_acts_between_two_steps_and_is_announced(scenario1: Scenario) -> None:

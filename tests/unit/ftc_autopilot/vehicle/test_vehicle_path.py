@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, UAV, Bench, of_type
 
+from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.controllers import Source
-from ftc_autopilot.geography import Origin, place_of
 from ftc_autopilot.guidance.path import point_at
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
@@ -95,12 +95,12 @@ def test_items_are_reached_in_their_turn_and_the_mission_completes(bench: PathBe
     bench.upload_items(items)
     bench.fly()
     bench.command(START)
-    path, told, states = bench.path.record, list[Any](), list[int]()
+    path, reported, states = bench.path.record, list[Any](), list[int]()
     for k in range(int(path["count"])):
-        told += bench.go_to(float(path["start"][k]) + 0.1)
+        reported += bench.go_to(float(path["start"][k]) + 0.1)
         states.append(bench.mission_state())
-    assert [m.seq for m in of_type(told, "MISSION_ITEM_REACHED")] == [1, 3]
-    currents = [m.seq for m in of_type(told, "MISSION_CURRENT")]
+    assert [m.seq for m in of_type(reported, "MISSION_ITEM_REACHED")] == [1, 3]
+    currents = [m.seq for m in of_type(reported, "MISSION_CURRENT")]
     assert [seq for k, seq in enumerate(currents) if currents[k - 1] != seq or k == 0] == [1, 3]
     active, complete = dialect.MISSION_STATE_ACTIVE, dialect.MISSION_STATE_COMPLETE
     assert states == [active] * (len(states) - 1) + [complete]
@@ -113,12 +113,12 @@ def test_a_loop_reaches_its_items_again_and_again(bench: PathBench) -> None:
     bench.command(START)
     path = bench.path.record
     end, again = float(path["start"][path["count"]]), float(path["start"][path["loop"]])
-    told: list[Any] = []
+    reported: list[Any] = []
     s = 0.0
     while s < again + 2.0 * (end - again):
-        told += bench.go_to(s)
+        reported += bench.go_to(s)
         s += 100.0
-    reached = [m.seq for m in of_type(told, "MISSION_ITEM_REACHED")]
+    reached = [m.seq for m in of_type(reported, "MISSION_ITEM_REACHED")]
     assert reached[:7] == [1, 2, 3, 1, 2, 3, 1]
     assert bench.mission_state() == dialect.MISSION_STATE_ACTIVE
 
@@ -233,9 +233,9 @@ def test_position_targets_are_for_guided(bench: PathBench) -> None:
     bench.command(SET_MODE, 1.0, GUIDED)
     bench.say(target)
     assert bench.circle()[:2] == pytest.approx((4000.0, 100.0), abs=0.02)
-    told: Any = bench.vehicle.telemetry[0].make(dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
-    assert told.wp_dist > 3000
-    assert told.alt_error == pytest.approx(0.0, abs=1e-3)
+    reported: Any = bench.vehicle.telemetry[0].make(dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
+    assert reported.wp_dist > 3000
+    assert reported.alt_error == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_single_item_of_ardupilots_clients_is_a_target(bench: PathBench) -> None:
@@ -252,10 +252,14 @@ def test_a_target_message_tells_where_the_path_leads(bench: PathBench) -> None:
     bench.upload_items((HOME, *TRIANGLE))
     bench.fly()
     bench.command(START)
-    told: Any = bench.vehicle.telemetry[0].make(dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT)
+    reported: Any = bench.vehicle.telemetry[0].make(
+        dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
+    )
     near = place_of(ORIGIN, 3000.0, 0.0, 0.0)
-    assert (told.lat_int, told.lon_int) == pytest.approx(near[:2], abs=2e4)  # inside the corner
-    assert told.alt == pytest.approx(684.0)
+    assert (reported.lat_int, reported.lon_int) == pytest.approx(
+        near[:2], abs=2e4
+    )  # inside the corner
+    assert reported.alt == pytest.approx(684.0)
 
 
 def test_another_speed_is_flown_if_the_turns_allow_it(bench: PathBench) -> None:
@@ -330,8 +334,8 @@ def test_a_takeoff_at_the_head_is_passed(bench: PathBench, first: int) -> None:
     assert bench.command(START) == ACCEPTED
     assert bench.path.item() == 2
     path = bench.path.record
-    told = [m for s in path["start"][: path["count"]] for m in bench.go_to(float(s) + 0.1)]
-    assert [m.seq for m in of_type(told, "MISSION_ITEM_REACHED")] == [2, 3]
+    reported = [m for s in path["start"][: path["count"]] for m in bench.go_to(float(s) + 0.1)]
+    assert [m.seq for m in of_type(reported, "MISSION_ITEM_REACHED")] == [2, 3]
 
 
 @pytest.mark.parametrize(

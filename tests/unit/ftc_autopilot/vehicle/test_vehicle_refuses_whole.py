@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from vehicle_bench import Bench
 from vehicle_requests import Request, requests, start_flight, state_of
 
-from ftc_autopilot.geography import Origin, place_of
+from ftc_autopilot.common.geography import Origin, place_of
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
@@ -24,7 +24,7 @@ def formation() -> Scenario:
     return load_scenario("scenarios/missions/hexagon.yaml")
 
 
-@settings(max_examples=100, phases=(Phase.explicit, Phase.generate))  # shrinking takes minutes
+@settings(phases=(Phase.explicit, Phase.generate))  # shrinking takes minutes
 @given(st.lists(requests(), min_size=4, max_size=12), st.booleans())
 def test_what_is_not_accepted_changes_nothing(
     scenario1: Scenario, formation: Scenario, asked: list[Request], in_formation: bool

@@ -1,4 +1,4 @@
-"""A vehicle whose process was started again takes up what it kept."""
+"""A vehicle whose process was started again resumes from its checkpoint."""
 
 import math
 from pathlib import Path
@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from vehicle_bench import ACCEPTED, ARM, START, UAV, Bench, of_type
 
 from ftc_autopilot.control.reference import profile_record, profile_segments
-from ftc_autopilot.kept_state import VEHICLE, keep, open_kept_state, take_up
-from ftc_autopilot.link import records_to_keep
+from ftc_autopilot.hot.checkpoint import VEHICLE, open_checkpoint, restore, save
+from ftc_autopilot.hot.link import checkpoint_records
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO
@@ -44,14 +44,14 @@ def float32(low: float, high: float) -> st.SearchStrategy[float]:
 )
 def test_a_kept_profile_is_the_mission_that_was_uploaded(segments: list[Segment]) -> None:
     kept = profile_segments(profile_record(tuple(segments)))
-    uploaded, told = (
+    uploaded, reported = (
         [
             (*map(np.float32, (i.param1, i.param2, i.param3, i.param4)), i.x, i.y)
             for i in segments_to_items(profile, UAV, 1)
         ]
         for profile in (segments, kept)
     )
-    assert told == uploaded
+    assert reported == uploaded
     again = profile_record(kept)
     assert math.isclose(
         float(np.abs(again["value"] - profile_record(tuple(segments))["value"]).max()),
@@ -60,22 +60,22 @@ def test_a_kept_profile_is_the_mission_that_was_uploaded(segments: list[Segment]
     )
 
 
-class Life(Bench):
-    """One life of a vehicle with a file."""
+class Process(Bench):
+    """One process of a vehicle with a file."""
 
     def __init__(self, scenario: Scenario, path: Path) -> None:
         super().__init__(scenario)
         self.vehicle_record = np.zeros(1, VEHICLE)
-        records = records_to_keep(self.hot._both, self.controllers, self.vehicle_record)
-        self.kept = open_kept_state(path, records, "uav 1")
-        if take_up(self.kept):
+        records = checkpoint_records(self.hot._both, self.controllers, self.vehicle_record)
+        self.checkpoint = open_checkpoint(path, records, "uav 1")
+        if restore(self.checkpoint):
             self.vehicle.resume(self.vehicle_record[0])
 
-    def keep(self) -> None:
-        self.vehicle.note(self.vehicle_record[0])
-        keep(self.kept)
+    def save(self) -> None:
+        self.vehicle.save(self.vehicle_record[0])
+        save(self.checkpoint)
 
-    def told(self) -> list[str]:
+    def reported(self) -> list[str]:
         self.now += 1.0
         self.vehicle.handle_timer(self.now)
         return [text.text for text in of_type(self.vehicle.gcs_messages(), "STATUSTEXT")]
@@ -93,7 +93,7 @@ class Life(Bench):
 
 
 def test_profile_mode_arming_and_parameters_come_back(scenario1: Scenario, tmp_path: Path) -> None:
-    first = Life(scenario1, tmp_path / "kept")
+    first = Process(scenario1, tmp_path / "checkpoint")
     assert first.upload(scenario1) == dialect.MAV_MISSION_ACCEPTED
     first.say(dialect.MAVLink_param_set_message(UAV, 1, b"K1_ROLL", 42.5, 9))
     assert first.command(START) == ACCEPTED
@@ -102,10 +102,10 @@ def test_profile_mode_arming_and_parameters_come_back(scenario1: Scenario, tmp_p
     first.hot.step = 9_000
     first.hot.measured["time_usec"] = 9_000_000
     first.controllers.states["events"] = (5, 6, 7, 8)
-    first.told()
-    first.keep()
+    first.reported()
+    first.save()
 
-    second = Life(scenario1, tmp_path / "kept")
+    second = Process(scenario1, tmp_path / "checkpoint")
     assert (second.vehicle.modes.mode, second.vehicle.modes.armed) == (AUTO, True)
     assert second.downloaded() == first.downloaded()
     assert second.vehicle._mission.server.current == first.vehicle._mission.server.current
@@ -119,36 +119,36 @@ def test_profile_mode_arming_and_parameters_come_back(scenario1: Scenario, tmp_p
 
     second.run()
     second.hot.measured["time_usec"] = 9_400_000
-    text = "".join(second.told())
+    text = "".join(second.reported())
     assert "autopilot restarted" in text
     assert "the flight of 9.000 s, 0.400 s old" in text
-    assert "restarted" not in "".join(second.told())
+    assert "restarted" not in "".join(second.reported())
 
 
-def test_before_the_start_there_is_no_flight_to_take_up(
+def test_before_the_start_there_is_no_flight_to_restore(
     scenario1: Scenario, tmp_path: Path
 ) -> None:
-    first = Life(scenario1, tmp_path / "kept")
+    first = Process(scenario1, tmp_path / "checkpoint")
     first.upload(scenario1)
-    first.keep()
-    second = Life(scenario1, tmp_path / "kept")
+    first.save()
+    second = Process(scenario1, tmp_path / "checkpoint")
     assert not second.vehicle.modes.armed
-    text = "".join(second.told())
-    assert "taken up" in text
+    text = "".join(second.reported())
+    assert "restored" in text
     assert "flight of" not in text
 
 
 def test_with_another_plant_only_the_profile_stays(scenario1: Scenario, tmp_path: Path) -> None:
-    first = Life(scenario1, tmp_path / "kept")
+    first = Process(scenario1, tmp_path / "checkpoint")
     first.upload(scenario1)
     first.command(ARM, 1.0)
     first.run()
-    first.keep()
-    second = Life(scenario1, tmp_path / "kept")
+    first.save()
+    second = Process(scenario1, tmp_path / "checkpoint")
     assert second.vehicle.modes.armed
     second.vehicle.restart()  # as the process does when the plant's run differs from the kept one
     assert not second.vehicle.modes.armed
-    text = "".join(second.told())
+    text = "".join(second.reported())
     assert len(second.downloaded()) == len(scenario1.segments()) + 1
     assert "plant restarted" in text
-    assert "taken up" not in text
+    assert "restored" not in text

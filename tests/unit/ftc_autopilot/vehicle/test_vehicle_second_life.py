@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from vehicle_bench import Bench
-from vehicle_requests import Request, requests, second_life, start_flight, state_of
+from vehicle_requests import Request, requests, second_process, start_flight, state_of
 
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
@@ -23,16 +23,15 @@ def formation() -> Scenario:
 
 
 def flown(bench: Bench) -> dict[str, Any]:
-    """Return what does not only concern stations: their intervals are those of the boot."""
+    """Return what does not only concern stations: their intervals are as at the boot."""
     state = state_of(bench)
     del state["intervals"]
     return state
 
 
 @settings(
-    max_examples=100,
     phases=(Phase.explicit, Phase.generate),  # shrinking takes minutes
-    suppress_health_check=[HealthCheck.function_scoped_fixture],  # the file is written anew
+    suppress_health_check=[HealthCheck.function_scoped_fixture],  # the file is written again
 )
 @given(
     st.lists(requests(), min_size=2, max_size=12),
@@ -53,11 +52,11 @@ def test_a_vehicle_flies_on_as_before_its_death(
     start_flight(first, [mission_item(k, 16, (), *p, 100.0) for k, p in enumerate(places, 1)])
     for request in asked:
         request(first)
-    second = second_life(first, scenario, tmp_path)
+    second = second_process(first, scenario, tmp_path)
     assert flown(second) == flown(first)
-    for life in (first, second):
+    for process in (first, second):
         for mode in (LOITER, AUTO):
-            life.command(SET_MODE, 1.0, mode)
+            process.command(SET_MODE, 1.0, mode)
     assert flown(second) == flown(first)
     for request in then:
         assert request(first) == request(second)

@@ -16,17 +16,17 @@ REQUEST, SET_INTERVAL = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MES
 def test_private_messages_go_to_the_station_that_asks_for_them(scenario1: Scenario) -> None:
     bench = Bench(scenario1, stations=2)
 
-    def told(station: int) -> set[str]:
+    def reported(station: int) -> set[str]:
         for _ in range(2):  # streams begin one after the other, within 20 ms
             bench.now += 0.5
             bench.vehicle.handle_timer(bench.now)
         return {message.get_type() for message in bench.vehicle.gcs_messages(station)}
 
-    assert not any(name.startswith("FTC_") for name in told(0) | told(1))
+    assert not any(name.startswith("FTC_") for name in reported(0) | reported(1))
     assert bench.command(SET_INTERVAL, EVENTS, 2e5, station=1) == ACCEPTED
     for _ in range(3):
-        assert "FTC_EVENTS" in told(1)
-    assert told(0) >= {"HEARTBEAT", "ATTITUDE"}
+        assert "FTC_EVENTS" in reported(1)
+    assert reported(0) >= {"HEARTBEAT", "ATTITUDE"}
     request = (UAV, 1, REQUEST, 0, EVENTS, 0, 0, 0, 0, 0, 0)
     assert of_type(bench.say(dialect.MAVLink_command_long_message(*request), 1), "FTC_EVENTS")
     bench.vehicle.farewell("over")
@@ -64,7 +64,7 @@ def test_an_interval_that_is_too_short_is_said_to_be(scenario1: Scenario) -> Non
 
 
 def test_one_of_two_stations_with_one_id_uploads(scenario1: Scenario) -> None:
-    """Each hears only what it is answered; the one that came second is told to wait."""
+    """Each hears only what it is answered; the one that came second is answered to wait."""
     bench = Bench(scenario1, stations=2)
     items = segments_to_items(scenario1.segments(), UAV, 1)
     count = dialect.MAVLink_mission_count_message(UAV, 1, len(items), 0)

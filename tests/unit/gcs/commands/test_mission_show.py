@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ftc_autopilot.geography import Origin, place_of
+from ftc_autopilot.common.geography import Origin, place_of
 from gcs.cli import app
-from gcs.results.mission_path import paths_of
+from gcs.results.path_following import paths_of
 from gcs.scenario.itinerary import dry_run, load_mission, outline
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect

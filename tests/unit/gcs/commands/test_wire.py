@@ -11,7 +11,7 @@ import pytest
 from capture_writer import pcap, pcapng, udp_packet
 
 from gcs.cli import main
-from gcs.wire.dissector import lua_dissector
+from gcs.commands.wireshark import lua_dissector
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap import DEFAULT_PORTS
 from mavlink_defs.framing.frames import FramePacker

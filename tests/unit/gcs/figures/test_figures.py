@@ -18,12 +18,14 @@ from matplotlib.patches import Rectangle
 from ftc_autopilot.control.controller import no_signals
 from gcs.figures.flown import PlottedFlight, fault_windows
 from gcs.figures.overview import draw_flight
-from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import STYLES, decimated, draw_curve, frame, new_figure, save
+from gcs.figures.tracking import fig6, fig10, fig11
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.events import events_of
+from gcs.lab.figures.events import fig7, fig8, fig9
+from gcs.lab.figures.trajectories import fig5
 from gcs.results.preview import Preview
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
+from gcs.results.recording import events_of
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 
@@ -286,12 +288,18 @@ def test_missing_steps_are_gaps_except_in_the_true_response(flight: PlottedFligh
         assert np.isfinite(shown[(t < 0.995) | (t > 1.505)]).all()
 
 
-def test_a_flight_without_any_signal_is_drawn(flight: PlottedFlight, tmp_path: Path) -> None:
+def test_a_flight_without_any_signal_is_drawn(
+    flight: PlottedFlight, drawn: dict[str, Figure], tmp_path: Path
+) -> None:
     signals = np.stack([no_signals(len(flight.recording.states))] * 3, axis=1)
     recording = replace(flight.recording, signals=signals)
-    for draw in DRAW.values():
-        draw(replace(flight, recording=recording))
+    for name, draw in DRAW.items():
+        found, full = panels(draw(replace(flight, recording=recording))), panels(drawn[name])
+        assert [axis.get_title("left") for axis in found] == [
+            axis.get_title("left") for axis in full
+        ]
     draw_overview(replace(flight, recording=recording), tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"flight.png", "flight.svg"}
 
 
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(np.nan), min_size=1, max_size=200))

@@ -21,13 +21,8 @@ from sweeping import swept
 
 import gcs
 from ftc_autopilot.control.laws import KINDS
-from gcs.campaigns.findings import Findings, findings_of
-from gcs.combinations import AIRCRAFT, Combination
-from gcs.figures import mission, overview, sweep
-from gcs.figures.campaign import distributions, importance, sobol_indices, two_factors
-from gcs.figures.combinations import draw_combinations
+from gcs.figures import mission, overview
 from gcs.figures.flown import PlottedFlight
-from gcs.figures.paper import fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from gcs.figures.style import (
     REFERENCE,
     SINGLE,
@@ -38,11 +33,18 @@ from gcs.figures.style import (
     style,
     usual_range,
 )
+from gcs.figures.tracking import fig6, fig10, fig11
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.events import events_of
-from gcs.results.mission_path import leaders_of, paths_of
+from gcs.lab.baselines.combinations import AIRCRAFT, Combination
+from gcs.lab.campaigns.findings import Findings, findings_of
+from gcs.lab.figures import sweep
+from gcs.lab.figures.campaign import distributions, importance, sobol_indices, two_factors
+from gcs.lab.figures.combinations import draw_combinations
+from gcs.lab.figures.events import fig7, fig8, fig9
+from gcs.lab.figures.trajectories import fig5
+from gcs.results.path_following import leaders_of, paths_of
 from gcs.results.preview import Preview
-from gcs.results.recording import Recording
+from gcs.results.recording import Recording, events_of
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 

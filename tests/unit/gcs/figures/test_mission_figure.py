@@ -11,13 +11,12 @@ from rich.console import Console
 from gcs.figures.mission import draw_mission
 from gcs.fleet.in_process import fly_in_steps
 from gcs.reports.flight import flight_tables
-from gcs.results.convert import convert
-from gcs.results.format import Format
-from gcs.results.mission_path import leaders_of, paths_of
-from gcs.results.record import Record
+from gcs.results.choices import Format, Record
+from gcs.results.export import convert
+from gcs.results.figures import FlightSummary
+from gcs.results.path_following import leaders_of, paths_of
 from gcs.results.recorder import FlightRecorder
 from gcs.results.recording import Recording
-from gcs.results.summary import FlightSummary
 from gcs.scenario.model import Scenario, load_scenario
 
 pytestmark = pytest.mark.slow

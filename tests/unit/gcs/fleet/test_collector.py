@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.control.controller import SIGNALS, no_signals
-from ftc_autopilot.link import RECORD
+from ftc_autopilot.hot.link import RECORD
 from gcs.errors import FlightLost
 from gcs.fleet.collector import Collector
-from gcs.results.steps import Steps
+from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.spool import Spool
 

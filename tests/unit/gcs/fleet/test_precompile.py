@@ -2,6 +2,7 @@
 
 import ctypes
 import signal
+import sys
 import time
 from collections.abc import Callable
 
@@ -36,10 +37,12 @@ def interrupted_between_two_calls() -> None:
         pytest.fail("not interrupted at once")
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_an_interrupt_in_a_call_back_is_lost() -> None:
+def test_an_interrupt_in_a_call_back_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the test below would do without the context."""
+    lost: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda what: lost.append(what.exc_type))
     called_back(ctrl_c)
+    assert lost == [KeyboardInterrupt]
 
 
 @pytest.mark.parametrize("moment", [interrupted_while_compiling, interrupted_between_two_calls])

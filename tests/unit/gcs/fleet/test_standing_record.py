@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ftc_autopilot.link import RECORD
+from ftc_autopilot.hot.link import RECORD
 from gcs.fleet.standing_record import LOG, PREVIOUS, StandingRecord
-from gcs.results.stored import EVENTS, TRAJECTORY, batches
+from gcs.results.store import EVENTS, TRAJECTORY, batches
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import read_tlog

@@ -9,15 +9,15 @@ from types import SimpleNamespace
 import pytest
 
 from gcs import cli
-from gcs.baselines.senders import periodic_base
 from gcs.figures.overview import draw_flight
 from gcs.fleet.flight import fly_over_udp
 from gcs.fleet.in_process import fly_in_steps
 from gcs.fleet.processes import on_free_ports
+from gcs.lab.baselines.senders import periodic_base
+from gcs.results.choices import Record
 from gcs.results.disk_space import folder_bytes
-from gcs.results.record import Record
 from gcs.results.recorder import FlightRecorder
-from gcs.results.steps import Ending, Steps
+from gcs.results.recording import Ending, Steps
 from gcs.scenario.model import Scenario
 
 SLACK = 4e6  # for figures, and for what waits of each aircraft to be put together

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.campaigns.flights import figures_of, outcome_of
-from gcs.campaigns.outcomes import happened
 from gcs.fleet.in_process import fly_in_process, fly_in_steps
+from gcs.lab.campaigns.conditions import happened
+from gcs.lab.campaigns.flights import figures_of, outcome_of
 from gcs.reports.flight import flight_tables
-from gcs.results.summary import FlightSummary, summarise, summary_of
+from gcs.results.figures import FlightSummary
+from gcs.results.summary import summarise, summary_of
 from gcs.results.tally import Tally
 from gcs.scenario.model import Scenario
 from gcs.testing.results import FlightResult

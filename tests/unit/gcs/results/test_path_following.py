@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.guidance.path import Leg, path_record, point_at
+from ftc_autopilot.guidance.legs import Leg
+from ftc_autopilot.guidance.path import path_record, point_at
 from gcs.results.path_following import SETTLING_S, PathErrors, PathFollowing
+from gcs.results.recording import Steps
 from gcs.results.separation import Separation
-from gcs.results.steps import Steps
 
 STEP_US, SPEED = 100_000, 40.0
 SETTLING = round(SETTLING_S * 1e6 / STEP_US)
@@ -26,7 +27,7 @@ def corner() -> np.void:
         Leg(STRAIGHT_M, 0.0, 0.0, 1.0 / RADIUS_M, TURN_M, 580.0, 0.0, 40.0, 1),
         Leg(STRAIGHT_M + RADIUS_M, RADIUS_M, math.pi / 2.0, 0.0, math.inf, 580.0, 0.0, 40.0, 2),
     )
-    return path_record(legs, 7)
+    return path_record(legs)
 
 
 def flight(

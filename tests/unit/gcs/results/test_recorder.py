@@ -12,16 +12,14 @@ from hypothesis import strategies as st
 
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process, fly_in_steps
+from gcs.lab.theory import check_theory
+from gcs.results.choices import Record
 from gcs.results.columns import LIGHT
-from gcs.results.record import Record
 from gcs.results.recorder import FlightRecorder, trajectory_bytes
-from gcs.results.recording import Recording
-from gcs.results.steps import Steps
-from gcs.results.stored import batches, is_complete, read_recording
-from gcs.results.stream import TrajectoryStream
-from gcs.results.summary import event_table, summarise
+from gcs.results.recording import Recording, Steps, event_table
+from gcs.results.store import TrajectoryStream, batches, is_complete, read_recording
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
-from gcs.theory import check_theory
 
 DURATION_S = 1.23
 

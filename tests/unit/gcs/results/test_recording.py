@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ftc_autopilot.control.reference import wrap
+from ftc_autopilot.common.angles import wrap
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import wrap_all
 from gcs.results.summary import summarise

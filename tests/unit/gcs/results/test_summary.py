@@ -12,8 +12,9 @@ from rich.console import Console
 
 from ftc_autopilot.control.controller import SIGNALS, no_signals
 from gcs.reports.flight import flight_tables
+from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording
-from gcs.results.summary import FlightSummary, summarise
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import ScenarioFault
 

@@ -8,8 +8,7 @@ from numpy.testing import assert_array_equal
 from ftc_autopilot.control.controller import SIGNALS, no_signals
 from ftc_autopilot.control.diagnosis import LOST
 from gcs.results.quantities import integrated_error
-from gcs.results.recording import Recording
-from gcs.results.steps import Ending, Steps
+from gcs.results.recording import Ending, Recording, Steps
 from gcs.results.tally import Tally
 from gcs.scenario.bundled import SCENARIOS
 from gcs.scenario.model import load_scenario

@@ -48,7 +48,7 @@ def test_a_folder_of_that_name_is_not_meant(tmp_path: Path) -> None:
     (tmp_path / "tube").mkdir()
     (tmp_path / "mine").mkdir()
     assert find_scenario("tube") == SCENARIOS / "tube.yaml"
-    assert find_scenario("mine") == Path("mine")  # which cannot be read, as is told then
+    assert find_scenario("mine") == Path("mine")  # which cannot be read, as is reported then
 
 
 def test_a_file_that_exists_is_meant_first(tmp_path: Path) -> None:

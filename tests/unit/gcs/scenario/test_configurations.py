@@ -9,7 +9,7 @@ from scenario_edits import DELETE, edit
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.laws.surviving import Surviving
-from ftc_autopilot.control.triggers.per_channel import PerChannel
+from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.files import dump, load
 from mavlink_defs.config.models import ConfigError, Model

@@ -78,7 +78,7 @@ def test_a_mission_file_beside_the_scenario(
     assert contents(again) == contents(scenario)
 
 
-def test_a_mission_file_is_that_of_the_file_that_names_it(tree: Any, tmp_path: Path) -> None:
+def test_a_mission_file_belongs_to_the_file_that_names_it(tree: Any, tmp_path: Path) -> None:
     """It replaces the items of what the file extends, and lies beside it, not beside others."""
     far = tmp_path / "far"
     far.mkdir()

@@ -100,7 +100,7 @@ def test_a_scenario_says_only_in_what_it_differs(tmp_path: Path, scenario1: Scen
     assert mine.uavs == scenario1.uavs
 
 
-def test_every_problem_is_told_of_the_file_that_was_loaded(tmp_path: Path) -> None:
+def test_every_problem_is_reported_of_the_file_that_was_loaded(tmp_path: Path) -> None:
     path = extending(tmp_path, "aircraft: {mass_kg: -1, mass_g:  3}\nextend: other.yaml")
     with pytest.raises(ConfigError) as caught:
         load_scenario(path)
@@ -111,7 +111,7 @@ def test_every_problem_is_told_of_the_file_that_was_loaded(tmp_path: Path) -> No
     ]
 
 
-def test_a_problem_is_told_of_the_file_that_has_the_value(tmp_path: Path) -> None:
+def test_a_problem_is_reported_of_the_file_that_has_the_value(tmp_path: Path) -> None:
     base = extending(tmp_path, "seed: 1\naircraft:\n  mass_kg: -1\n").rename(tmp_path / "base.yaml")
     path = tmp_path / "mine.yaml"
     path.write_text(f"extends: {base}\ntrigger: {{b2_deg: -1}}\n")

@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from gcs.campaigns.model import Campaign, load_campaign
+from gcs.lab.campaigns.model import Campaign, load_campaign
 from gcs.scenario.model import Scenario, load_scenario
 from gcs.scenario.profile_file import ProfileFile, load_profile
 from mavlink_defs.config.models import AtMost, ConfigError
@@ -74,8 +74,8 @@ def test_a_list_that_is_too_long_is_one_problem(
     path.write_text(text.format("[" + ",".join([entry] * (most + 1)) + "]"))
     with pytest.raises(ConfigError) as caught:
         load_scenario(path)
-    told = f"{path}:2: {place}: expected at most {most} entries, got {most + 1}"
-    assert told in str(caught.value).splitlines()
+    reported = f"{path}:2: {place}: expected at most {most} entries, got {most + 1}"
+    assert reported in str(caught.value).splitlines()
     assert sum(place in str(problem) for problem in caught.value.problems) == 1
 
 
@@ -86,8 +86,8 @@ def test_a_campaign_with_too_many_parts_is_refused(tmp_path: Path, key: str) -> 
     path.write_text(yaml_of(tree))
     with pytest.raises(ConfigError) as caught:
         load_campaign(path)
-    told = f"{path}:4: {key}: expected at most 1000 entries, got 3000"
-    assert told in str(caught.value).splitlines()
+    reported = f"{path}:4: {key}: expected at most 1000 entries, got 3000"
+    assert reported in str(caught.value).splitlines()
     assert len(caught.value.problems) < 3
 
 

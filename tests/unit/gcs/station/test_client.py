@@ -11,7 +11,8 @@ import pytest
 from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.client import Client
 from gcs.station.notifications import Notification
-from gcs.station.vehicle import PRIVATE_INTERVALS_S, Vehicle
+from gcs.station.telemetry import REQUESTED_S
+from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogWriter
 from mavlink_defs.dialect import MAVLink_message
@@ -217,12 +218,12 @@ def test_private_messages_are_asked_for_at_first_and_after_a_restart() -> None:
             assert vehicle.state.tells_private
             assert fake.intervals is not None
             assert await client.until(
-                lambda: len(fake.intervals or ()) == len(PRIVATE_INTERVALS_S), PATIENCE_S
+                lambda: len(fake.intervals or ()) == len(REQUESTED_S), PATIENCE_S
             )
-            assert set(fake.intervals) == set(PRIVATE_INTERVALS_S)
+            assert set(fake.intervals) == set(REQUESTED_S)
             fake.beat(dialect.MAV_STATE_BOOT)
             assert await client.until(
-                lambda: len(fake.intervals or ()) == 2 * len(PRIVATE_INTERVALS_S), PATIENCE_S
+                lambda: len(fake.intervals or ()) == 2 * len(REQUESTED_S), PATIENCE_S
             )
 
     run(test)

@@ -34,8 +34,8 @@ def test_drops_have_one_line_for_each_who_dropped() -> None:
 
 
 def test_drops_are_data_by_link_and_reason() -> None:
-    link = vehicle_status(state(1, [2, *NONE[1:]], NONE), 0.0).link
-    assert link.drops == {"gcs": {"truncated": 2}, "formation": {}, "simulator": {}, "plant": {}}
+    link = vehicle_status(state(1, [2, *NONE[1:]], NONE), 0.0)["link"]
+    assert link["drops"] == {"gcs": {"truncated": 2}, "formation": {}, "simulator": {}, "plant": {}}
 
 
 def test_there_are_as_many_reasons_as_the_message_has_room_for() -> None:

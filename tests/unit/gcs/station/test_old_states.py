@@ -36,13 +36,13 @@ def test_a_state_older_than_a_tenth_of_a_second_is_shown_in_place_of_the_link(
     with console.capture() as shown:
         console.print(fleet_table(states, station.now()))
     assert f" {told} " in shown.get()
-    link = vehicle_status(states[0], station.now()).link
-    assert link.oldest_state_s == oldest_state_us / 1e6
+    link = vehicle_status(states[0], station.now())["link"]
+    assert link["oldest_state_s"] == oldest_state_us / 1e6
 
 
 def test_an_age_that_was_not_told_is_unknown() -> None:
     station = Station(1)
-    assert vehicle_status(station.fleet.vehicles[1], 0.0).link.oldest_state_s is None
+    assert vehicle_status(station.fleet.vehicles[1], 0.0)["link"]["oldest_state_s"] is None
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.station.param_file import READ_ONLY, differing, read_param_file, text_of
-from gcs.station.param_metadata import _TOLD, permitted
+from gcs.station.param_metadata import _FIXED, permitted
 from mavlink_defs import dialect
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.services.param import Param
@@ -56,6 +56,6 @@ def test_a_file_without_parameters_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_is_read_only_is_what_the_metadata_say() -> None:
-    assert frozenset(_TOLD) == READ_ONLY
+    assert frozenset(_FIXED) == READ_ONLY
     assert {permitted(name) for name in READ_ONLY} == {"read only"}
     assert permitted("TRIG_B2_DEG") == "[0, 10]"

@@ -11,8 +11,8 @@ from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES
-from ftc_autopilot.hot_state import HotState
-from ftc_autopilot.link import new_link
+from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.hot.link import new_link
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario
 from gcs.station.param_file import READ_ONLY
@@ -52,7 +52,7 @@ def test_of_a_scenario_that_says_nothing_only_what_it_has_to_say_differs(
 
 @pytest.mark.parametrize("law", LAWS)
 def test_whatever_is_changed_differs(scenario1: Scenario, law: str) -> None:
-    mode = "consequence" if LAWS[law].CHOOSES else "per_channel"
+    mode = "consequence" if LAWS[law].SELECTS_CHANNELS else "per_channel"
     params = held_by(scenario1, controller={"kind": law}, trigger={"mode": mode})
     defaults = defaults_of(params)
     assert len(defaults) > 40

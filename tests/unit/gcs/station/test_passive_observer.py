@@ -14,7 +14,7 @@ from gcs.station.vehicle_state import VehicleState
 from gcs.tui.fault_history import FaultHistory
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import MAX_FAULTS, Fault, fault_to_params
+from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
@@ -75,7 +75,7 @@ class Log:
         self.play(dialect.MAVLink_command_ack_message(command, 0, 0, 0, *STATION), VEHICLE)
 
     def set(self, fault: Fault) -> None:
-        self.command(dialect.MAV_CMD_FTC_SET_FAULT, fault_to_params(fault))
+        self.command(dialect.MAV_CMD_FTC_SET_FAULT, fault)
 
     def list(self, faults: Sequence[Fault]) -> None:
         for message in listing(faults):

@@ -127,7 +127,7 @@ def test_while_disarmed_the_measured_motion_is_shown_without_a_reference() -> No
     row = bench.state().history.rows()[-1]
     assert row["actual"] == pytest.approx([31.0, *map(math.degrees, (0.1, 0.2, 0.3))], rel=1e-6)
     assert all(map(math.isnan, row["reference"]))
-    told = vehicle_status(bench.state(), 0.1).to_json()
+    told = vehicle_status(bench.state(), 0.1)
     assert told["actual"]["airspeed_m_s"] == 31.0
     for key in ("reference", "error", "sync_error"):
         assert set(told[key].values()) == {None}

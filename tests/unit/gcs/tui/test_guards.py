@@ -28,6 +28,7 @@ from gcs.tui.parameters import ParametersPanel
 from gcs.tui.plots import Chart
 from gcs.tui.status_bar import StatusBar
 from mavlink_defs import dialect
+from mavlink_defs.fault_kinds import CODES
 from mavlink_defs.faults import Fault
 from mavlink_defs.framing.frames import parse
 from mavlink_defs.services.param import Param
@@ -170,7 +171,8 @@ ARRIVALS = st.lists(
     ),
     max_size=25,
 )
-FAULTS = st.lists(st.builds(Fault, st.integers(0, 3), *[EXTREME] * 5), max_size=3)
+CODED = st.sampled_from(sorted(CODES))
+FAULTS = st.lists(st.builds(Fault, st.integers(0, 3), *[EXTREME] * 5, CODED), max_size=3)
 
 
 @dataclass

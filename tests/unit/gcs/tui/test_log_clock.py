@@ -76,7 +76,6 @@ def flights(draw: st.DrawFn) -> tuple[Records, list[int], list[int]]:
     return recorded(*said), times_ms, systems
 
 
-@settings(max_examples=60, deadline=None)
 @given(flights(), st.data())
 def test_a_time_that_is_sought_shows_the_fleet_at_that_simulated_time(
     flight: tuple[Records, list[int], list[int]], data: st.DataObject
@@ -99,7 +98,7 @@ def test_a_time_that_is_sought_shows_the_fleet_at_that_simulated_time(
         assert records[0][0] / 1e6 <= player.now() <= records[-1][0] / 1e6
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(flights())
 def test_ages_are_those_of_the_log(flight: tuple[Records, list[int], list[int]]) -> None:
     records, *_ = flight

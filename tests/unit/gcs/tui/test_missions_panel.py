@@ -15,7 +15,7 @@ from textual.widgets import Input
 from tui_bench import Station, at_screen, live, sent
 from waiting import answer, until, until_focused
 
-from ftc_autopilot.geography import Origin, place_of
+from ftc_autopilot.common.geography import Origin, place_of
 from gcs.errors import CommandRefused
 from gcs.station.mission import Mission, is_same
 from gcs.station.navigation import Home, home_of

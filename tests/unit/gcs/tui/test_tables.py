@@ -9,10 +9,9 @@ from rich.cells import cell_len
 from textual.pilot import Pilot
 from tui_bench import Station, at_screen, live, sent
 
-from gcs.station.fault_text import describe_fault
 from gcs.tui.app import Dashboard
 from gcs.tui.events import EventLog
-from gcs.tui.fleet_table import _GROUP_WIDTH, _LEAST_FAULTS, FleetTable
+from gcs.tui.fleet_table import _GROUP_WIDTH, _LEAST_FAULTS, FleetTable, diagnosis_text
 from gcs.tui.grid import Column, Row, _fit
 from gcs.tui.key_bar import KeyBar
 from gcs.tui.wire_panel import WirePanel
@@ -74,6 +73,18 @@ def test_a_number_too_long_loses_digits_behind_the_point_only(
     assert fitted == "…" or float(fitted) == pytest.approx(value, rel=0.5, abs=0.5)
 
 
+@pytest.mark.parametrize(
+    ("phases", "expected"),
+    [
+        ((0, 0, 0, 0), ("healthy", 0)),
+        ((0, 1, 0, 1), ("elevator throttle?", 1)),
+        ((2, 1, 0, 0), ("aileron lost", 2)),
+    ],
+)
+def test_diagnoses_as_texts(phases: tuple[int, ...], expected: tuple[str, int]) -> None:
+    assert diagnosis_text(phases) == expected
+
+
 def faults_of(station: Station, count: int) -> tuple[str, ...]:
     """Let a vehicle on a path have active faults; return their texts."""
     tracking = dialect.MAVLink_ftc_tracking_message(50_000, [40.0, 0, 0, 0], [0] * 4, [0] * 4)
@@ -84,7 +95,7 @@ def faults_of(station: Station, count: int) -> tuple[str, ...]:
         station.fleet.receive(sent(message, 1), station.time_s)
     faults = tuple(Fault(i, 0.93, 0.5, 0.0, 39.082 + i, 539.064) for i in range(count))
     station.fleet.vehicles[1].learn_faults(faults, station.time_s)
-    return tuple(map(describe_fault, faults))
+    return tuple(fault.describe() for fault in faults)
 
 
 @pytest.mark.parametrize("width", [120, 150, 175, 200, 240])

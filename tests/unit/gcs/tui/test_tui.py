@@ -21,6 +21,8 @@ from gcs.tui.playback import Playback
 from gcs.tui.profile_views import differences, polyline
 from gcs.tui.view import SILENT_S, FleetView
 from mavlink_defs import dialect
+from mavlink_defs.constants import Actuator
+from mavlink_defs.fault_kinds import FAULT_KINDS
 from mavlink_defs.faults import Fault
 from mavlink_defs.services.machine import SystemId
 
@@ -76,8 +78,8 @@ def test_words(shown: str, expected: str) -> None:
         ),
     ],
 )
-def test_a_form_is_read(actuator: str, kind: str, texts: dict[str, str], fault: Fault) -> None:
-    read = read_fault(actuator, kind, texts)
+def test_a_form_is_read(actuator: Actuator, kind: str, texts: dict[str, str], fault: Fault) -> None:
+    read = read_fault(actuator, FAULT_KINDS[kind], texts)
     assert repr(read.fault) == repr(fault)  # NaN is not equal to itself
     assert read.problems == ()
 
@@ -97,7 +99,7 @@ def test_a_form_is_read(actuator: str, kind: str, texts: dict[str, str], fault: 
 def test_a_form_that_cannot_be_sent_says_why(
     kind: str, texts: dict[str, str], problem: str
 ) -> None:
-    read = read_fault("rudder", kind, texts)
+    read = read_fault("rudder", FAULT_KINDS[kind], texts)
     assert read.fault is None
     assert problem in "\n".join(read.problems)
 
@@ -137,7 +139,7 @@ def test_the_fault_history_knows_who_acknowledged_what_and_when() -> None:
     ]
 
     fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_FAULT, (255, 190)), 60.0)
-    state.faults = (replace(RUDDER, effectiveness=0.1),)
+    state.faults = (RUDDER._replace(effectiveness=0.1),)
     fault_history.update(state, 61.0)
     assert record.phase(15.0) == "replaced"
     assert fault_history.last is not None

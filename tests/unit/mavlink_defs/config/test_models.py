@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field, model_validator
 
@@ -211,7 +211,6 @@ def test_merged_mapping_may_override_its_anchor(file: Path) -> None:
     )
 
 
-@settings(deadline=None)  # it writes files
 @given(
     mass=st.floats(0.0, exclude_min=True, allow_infinity=False, allow_nan=False),
     name=st.text(st.characters(codec="utf-8"), min_size=1),

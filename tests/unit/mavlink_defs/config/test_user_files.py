@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from gcs.campaigns.mark import mark_of
-from gcs.campaigns.until import noted_conditions
 from gcs.errors import BadInput
-from gcs.results.stored import batches, read_summary
+from gcs.lab.campaigns.mark import mark_of
+from gcs.lab.campaigns.until import noted_conditions
+from gcs.results.run_folder import read_summary
+from gcs.results.store import batches
 from gcs.scenario.model import load_scenario
 from gcs.scenario.profile_file import load_profile
 from gcs.station.param_file import read_param_file

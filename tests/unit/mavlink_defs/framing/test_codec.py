@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mavlink_defs import dialect
@@ -81,7 +81,6 @@ def test_layout_is_that_of_the_dialect(message_id: int) -> None:
 @given(hot_messages(), st.integers(1, 255), st.integers(0, 255), st.integers(0, 255))
 @example((codec.MessageId.ACTUATORS, np.zeros(1, codec.ACTUATORS)), 1, 1, 255)
 @example((codec.MessageId.SIM_STATE, np.zeros(1, codec.SIM_STATE)), 1, 1, 0)
-@settings(deadline=None, max_examples=300)
 def test_bytes_are_those_of_pymavlink_and_read_back(hot, system_id, component_id, sequence) -> None:
     message_id, payload = hot
     before = payload.tobytes()
@@ -128,7 +127,6 @@ def test_every_cut_is_detected(message_id: int) -> None:
 
 
 @given(st.sampled_from(sorted(HOT)), st.data())
-@settings(deadline=None)
 def test_damaged_frames_are_accepted_only_where_pymavlink_accepts_them(message_id, data) -> None:
     frame = bytearray(sample(message_id))
     for _ in range(data.draw(st.integers(1, 4))):
@@ -140,7 +138,6 @@ def test_damaged_frames_are_accepted_only_where_pymavlink_accepts_them(message_i
 
 
 @given(st.binary(max_size=codec.BUFFER_SIZE), st.booleans())
-@settings(deadline=None)
 def test_random_bytes_are_refused(data: bytes, with_magic: bool) -> None:
     data = b"\xfd" + data[1:] if with_magic else data
     _, answer = received(data)

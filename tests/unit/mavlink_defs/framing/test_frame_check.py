@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mavlink_defs import dialect
-from mavlink_defs.framing.frame_check import checked_size
+from mavlink_defs.framing.codec import checked_size
 from mavlink_defs.framing.frames import FramePacker, frame_size
 
 MESSAGES = [

@@ -11,7 +11,13 @@ from mavlink_defs import dialect
 from mavlink_defs.framing import codec, key_file
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker
-from mavlink_defs.framing.hot_signing import LinkSigner, sign_bytes, verify_frame
+from mavlink_defs.framing.hot_signing import (
+    LinkSigner,
+    load_link_signer,
+    refresh,
+    sign_bytes,
+    verify_frame,
+)
 from mavlink_defs.framing.key_file import (
     ANNOUNCED_S,
     GRACE_S,
@@ -19,7 +25,6 @@ from mavlink_defs.framing.key_file import (
     load_signer,
     replace_key,
 )
-from mavlink_defs.framing.link_signer import load_link_signer, refresh
 from mavlink_defs.framing.signing import (
     Keys,
     Signer,

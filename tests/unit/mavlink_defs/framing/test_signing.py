@@ -17,13 +17,13 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.framing.hot_signing import (
     LinkSigner,
+    load_link_signer,
     new_link_signer,
     sign_bytes,
     sign_frame,
     verify_frame,
 )
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.link_signer import load_link_signer
 from mavlink_defs.framing.sha256 import signature
 from mavlink_defs.framing.signing import (
     EPOCH_S,

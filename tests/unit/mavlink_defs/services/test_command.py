@@ -10,7 +10,7 @@ from command_messages import (
     int_,
     long,
 )
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import (
     GCS,
@@ -43,7 +43,6 @@ def test_params_of_both_forms() -> None:
     assert params[6] == 7
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     seed=st.integers(0, 2**32),
     loss=st.floats(0.0, 0.4),

@@ -12,7 +12,7 @@ from command_messages import (
     int_,
     long,
 )
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_GCS, VEHICLE, LossyNetwork
 
@@ -119,7 +119,6 @@ ORDERS = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     seed=st.integers(0, 2**32),
     loss=st.floats(0.0, 0.4),

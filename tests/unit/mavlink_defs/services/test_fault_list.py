@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import GCS, VEHICLE, LossyNetwork, over_the_wire, sent_by
 
@@ -114,7 +114,6 @@ def test_a_list_that_changes_meanwhile_is_no_mixture() -> None:
     assert lister.events() == [FaultsListed(ACCEPTED, other)]
 
 
-@settings(max_examples=60)
 @given(
     st.builds(
         LossyNetwork,

@@ -1,7 +1,7 @@
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import (
     GCS,
@@ -154,7 +154,6 @@ def clean_network_or_failure(finished: MissionFinished, network: LossyNetwork) -
         assert finished.result == ACCEPTED
 
 
-@settings(max_examples=100, deadline=None)
 @given(networks, st.integers(0, 12), st.booleans())
 def test_upload_arrives_whole_or_fails(network: LossyNetwork, segments: int, good: bool) -> None:
     server = MissionServer(VEHICLE, validate)
@@ -175,7 +174,6 @@ def test_upload_arrives_whole_or_fails(network: LossyNetwork, segments: int, goo
     assert bool(accepted) == bool(server.items)
 
 
-@settings(max_examples=100, deadline=None)
 @given(networks, st.integers(0, 12))
 def test_download_is_whole_or_fails(network: LossyNetwork, segments: int) -> None:
     server, downloader = Vehicle(segments).server, MissionDownloader(GCS, VEHICLE)
@@ -190,7 +188,6 @@ def test_download_is_whole_or_fails(network: LossyNetwork, segments: int) -> Non
     clean_network_or_failure(finished, network)
 
 
-@settings(max_examples=50, deadline=None)
 @given(networks)
 def test_clear_is_done_or_fails(network: LossyNetwork) -> None:
     server, clearer = Vehicle(3).server, MissionClearer(GCS, VEHICLE)
@@ -205,7 +202,6 @@ def test_clear_is_done_or_fails(network: LossyNetwork) -> None:
     clean_network_or_failure(finished, network)
 
 
-@settings(max_examples=50, deadline=None)
 @given(networks, st.floats(0.0, 2.0))
 def test_two_uploads_and_a_download_never_mix(network: LossyNetwork, second_at: float) -> None:
     server = MissionServer(VEHICLE, validate)
@@ -232,7 +228,6 @@ def test_two_uploads_and_a_download_never_mix(network: LossyNetwork, second_at: 
         assert contents(finished.items) in [[], *missions]
 
 
-@settings(max_examples=60, deadline=None)
 @given(networks, st.sampled_from([FENCE, RALLY]), st.sampled_from(["up", "empty", "down", "clear"]))
 def test_geofence_and_rally_points_are_empty_and_stay_so(
     network: LossyNetwork, mission_type: int, operation: str

@@ -60,10 +60,10 @@ def test_a_stuck_client_makes_way_for_another() -> None:
     vehicle.sent()
     vehicle.server.receive(over_the_wire(count(2), OTHER_GCS), 3.0)
     message: Any
-    told = []
+    reported = []
     for message in vehicle.server.messages_to_send():
-        told.append((message.get_type(), message.target_system))
-    assert told == [("MISSION_ACK", GCS.system), ("MISSION_REQUEST_INT", OTHER_GCS.system)]
+        reported.append((message.get_type(), message.target_system))
+    assert reported == [("MISSION_ACK", GCS.system), ("MISSION_REQUEST_INT", OTHER_GCS.system)]
 
 
 def test_patience_is_for_each_item() -> None:

@@ -85,7 +85,7 @@ class TestServerUpload:
 
     @pytest.mark.parametrize("items", [1, 2, 3])
     @pytest.mark.parametrize("sent", [0, 1, 2])
-    def test_count_again_begins_anew(self, items: int, sent: int) -> None:
+    def test_count_again_begins_again(self, items: int, sent: int) -> None:
         vehicle = Vehicle()
         vehicle.answers(count(3))
         for seq in range(sent):
@@ -334,7 +334,7 @@ def test_validation_is_by_profile_error_only() -> None:
         server.receive(over_the_wire(item(0), GCS), 0.0)
 
 
-@settings(deadline=None)
+@settings(max_examples=100)
 @given(
     moves=st.lists(st.sampled_from([0, 1]), max_size=60),
     sizes=st.tuples(st.integers(1, 4), st.integers(1, 4)),
@@ -357,3 +357,9 @@ def test_uploads_of_two_stations_with_one_address_never_mix(
                 elif said == CANCELLED or last[k] == len(items) - 1:
                     items.clear()
         assert contents(vehicle.server.items) in ([], *held)
+
+
+@pytest.mark.xfail(reason="the first two items of three are taken for the mission of two")
+def test_a_shorter_mission_of_another_station_with_the_address_does_not_mix() -> None:
+    uploads: Any = test_uploads_of_two_stations_with_one_address_never_mix
+    uploads.hypothesis.inner_test(moves=[0, 1, 0, 0, 0], sizes=(2, 1))

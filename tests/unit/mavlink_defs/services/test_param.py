@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_VEHICLE, VEHICLE, LossyNetwork, Node, over_the_wire, sent_by
 
@@ -217,7 +217,6 @@ lossy = st.builds(
 )
 
 
-@settings(max_examples=60)
 @given(lossy, st.integers(1, 60))
 def test_a_list_over_a_lossy_link_is_complete_or_given_up(network: LossyNetwork, n: int) -> None:
     params = tuple(Param(f"P{i}", float(i), REAL) for i in range(n))
@@ -227,7 +226,6 @@ def test_a_list_over_a_lossy_link_is_complete_or_given_up(network: LossyNetwork,
         assert finished.error == OK
 
 
-@settings(max_examples=60)
 @given(lossy, st.floats(-50.0, 150.0, width=16))
 def test_a_setting_over_a_lossy_link_says_what_holds(network: LossyNetwork, value: float) -> None:
     vehicle = Vehicle(PARAMS)

@@ -3,7 +3,7 @@ import struct
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_GCS, OTHER_VEHICLE, VEHICLE, LossyNetwork, over_the_wire
 
@@ -194,7 +194,6 @@ networks = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(networks, st.integers(1, 60))
 def test_a_list_arrives_whole_or_fails(network: LossyNetwork, gains: int) -> None:
     vehicle, lister = Vehicle(gains), param.ParamLister(GCS, VEHICLE)
@@ -212,7 +211,6 @@ def test_a_list_arrives_whole_or_fails(network: LossyNetwork, gains: int) -> Non
         assert network.loss > 0.0
 
 
-@settings(max_examples=60, deadline=None)
 @given(networks, st.sampled_from([("GAIN1", 0.75), ("GAIN1", -1.0), ("ID", 3.0), ("NOPE", 1.0)]))
 def test_a_value_is_set_or_refused_or_it_fails(
     network: LossyNetwork, wanted: tuple[str, float]
@@ -234,7 +232,6 @@ def test_a_value_is_set_or_refused_or_it_fails(
         assert network.loss > 0.0
 
 
-@settings(max_examples=40, deadline=None)
 @given(networks, st.sampled_from(["GAIN1", "NOPE"]))
 def test_a_value_is_read_or_refused_or_it_fails(network: LossyNetwork, name: str) -> None:
     vehicle, reader = Vehicle(), param.ParamReader(GCS, VEHICLE, name)

@@ -5,20 +5,20 @@ import math
 import numpy as np
 import pytest
 
+from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
+from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.diagnosis.decisions import (
-    HEALTHY,
-    LOST,
-    SUSPECT,
     decide,
+    monitor,
     phase_of,
-    watch,
 )
-from ftc_autopilot.control.diagnosis.parameters import Thresholds
+from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters, Limits
 from ftc_autopilot.control.diagnosis.state import ACTUATOR
+from sitl_plant.hardware import ActuatorServos
 
-DT, FILTER_S, SIGMAS, SMOOTH_SIGMAS = 0.001, 0.01, 5.0, 4.2
+DT, FILTER_S = 0.001, 0.01
 DEGREE = math.radians(1.0)
-LIMITS = Thresholds(
+LIMITS = Limits(
     jump=2.0 * DEGREE,
     smooth_jump=0.15 * DEGREE,
     excitation=1.2 * DEGREE,
@@ -30,6 +30,8 @@ LIMITS = Thresholds(
     ahead=0.005,
     quiet=0.52,
 )
+GAINS = np.zeros(1, record_dtype(DiagnosisParameters))[0]
+fill(GAINS, DiagnosisParameters(smooth_jump_sigma=4.2).with_servos(ActuatorServos()))
 
 
 def noise(steps: int) -> np.ndarray:
@@ -43,14 +45,14 @@ def noise(steps: int) -> np.ndarray:
 
 
 def diagnosed(u: np.ndarray, y: np.ndarray) -> list[int]:
-    """Phases of an actuator that is told u and does y."""
+    """Phases of an actuator that is commanded u and does y."""
     actuator = np.zeros(1, ACTUATOR)[0]
     phases = []
     for k in range(len(u)):
         actuator["commanded"], actuator["measured"] = u[k], y[k]
         age = (k + 1) * DT
-        watch(actuator, LIMITS, age, DT, FILTER_S, SIGMAS, SMOOTH_SIGMAS)
-        decide(actuator, LIMITS, age, DT, FILTER_S, 0.2, False)
+        monitor(actuator, LIMITS, age, DT, GAINS)
+        decide(actuator, LIMITS, age, DT, GAINS, False)
         phases.append(int(phase_of(actuator)))
     return phases
 
@@ -86,10 +88,10 @@ def first_moved(y: np.ndarray) -> tuple[int, int]:
     suspect = -1
     for k in range(len(y)):
         actuator["measured"] = y[k]
-        watch(actuator, LIMITS, (k + 1) * DT, DT, FILTER_S, SIGMAS, SMOOTH_SIGMAS)
+        monitor(actuator, LIMITS, (k + 1) * DT, DT, GAINS)
         if phase_of(actuator) == SUSPECT:
             suspect = k if suspect < 0 else suspect
-            if actuator["moving"] > 0.0:
+            if actuator["dither_s"] > 0.0:
                 return suspect, k
     return suspect, -1
 

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import signal
+from steps import step_of
 
-from ftc_autopilot.control.diagnosis import DIAGNOSIS, Diagnosis
+from ftc_autopilot.common.motion import motion_of
+from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
 from ftc_autopilot.control.diagnosis.measurement import measure, servo_step
-from ftc_autopilot.control.motion import motion_of
-from ftc_autopilot.control.records import fill, record_dtype
 from gcs.scenario.model import Scenario
 from mavlink_defs.faults import Fault
 from sitl_plant.actuators import add_fault
@@ -27,15 +28,15 @@ def flown(scenario: Scenario, commands: np.ndarray, fault: Fault | None = None) 
     plant = new_plant_state(Scenario.model_validate(tree).plant_config())
     if fault is not None:
         add_fault(plant.faults[0], fault, now_s=0.0)
-    gains = np.zeros(1, record_dtype(Diagnosis))[0]
-    fill(gains, Diagnosis().with_servos(ActuatorServos()))
+    gains = np.zeros(1, record_dtype(DiagnosisParameters))[0]
+    fill(gains, DiagnosisParameters().with_servos(ActuatorServos()))
     state = np.zeros(1, DIAGNOSIS)[0]
     commanded, measured = np.zeros((2, len(commands), 4))
     for step, command in enumerate(commands):
         observe(plant, 0, step, STEP_US)
         motion = motion_of(plant.messages[0], plant.aircraft[0])
-        held = plant.controls[0].copy()
-        measure(held, motion, DT, step == 0, plant.aircraft[0], gains, state)
+        now = step_of(motion, step == 0, held=plant.controls[0].copy())
+        measure(now, plant.aircraft[0], gains, state)
         commanded[step] = state["actuators"]["commanded"]
         measured[step] = state["actuators"]["measured"]
         plant.controls[0] = command
@@ -57,7 +58,7 @@ def staircase() -> np.ndarray:
 def test_measured_is_commanded_while_all_is_well(scenario1: Scenario) -> None:
     commands = staircase()
     commanded, measured = flown(scenario1, commands)
-    share = DT / Diagnosis().filter_s
+    share = DT / DiagnosisParameters().filter_s
     held = np.vstack([np.zeros(4), commands[:-1]])  # in force before each step
     held = signal.lfilter([share], [1.0, share - 1.0], held, axis=0)
     assert np.allclose(commanded[1:], held[1:], atol=1e-9)

@@ -59,7 +59,7 @@ def test_effectiveness_is_found_whatever_the_offset(effectiveness: float) -> Non
 def test_without_excitation_the_actuator_counts_as_healthy_and_nothing_is_certain() -> None:
     rng = np.random.default_rng(1)
     actuator = learned(np.full(50, 0.1), 0.1 + 1e-3 * rng.standard_normal(50))
-    actuator["noise"] = 0.005**2
+    actuator["variance"] = 0.005**2
     effectiveness, error = estimate(actuator, 0.005, WINDOW, FILTER, DT)
     assert effectiveness == pytest.approx(1.0)
     assert error == pytest.approx(1.0)  # as much noise as the prior weighs, one sample
@@ -74,7 +74,7 @@ def test_the_standard_error_is_that_of_the_regression() -> None:
     found = []
     for _ in range(2000):
         actuator = learned(u, 0.4 * u + noise * rng.standard_normal(len(u)))
-        actuator["noise"] = noise**2
+        actuator["variance"] = noise**2
         effectiveness, error = estimate(actuator, prior, WINDOW, tiny, DT)
         found.append(effectiveness)
     w = weights(len(u))

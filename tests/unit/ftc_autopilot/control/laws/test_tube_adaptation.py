@@ -6,18 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from steps import step_of
 
+from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.control.controller import parameter_record
-from ftc_autopilot.control.formation import FormationErrors
-from ftc_autopilot.control.laws.base import Instant
 from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.laws.tube.adaptation import adapt
-from ftc_autopilot.control.motion import motion_of
-from ftc_autopilot.control.reference import Reference
-from ftc_autopilot.control.triggers.consequence import Consequence
-from gcs.campaigns.model import load_campaign
-from gcs.campaigns.plan import plan, rows_of
+from ftc_autopilot.control.triggers.static import Consequence
 from gcs.fleet.in_process import fly_in_process
+from gcs.lab.campaigns.model import load_campaign
+from gcs.lab.campaigns.plan import plan, rows_of
 from gcs.results.summary import summarise
 from gcs.scenario.model import scenario_of
 from mavlink_defs.config.inherit import merged
@@ -25,7 +23,6 @@ from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.hardware import ActuatorServos
 
 CAMPAIGN = Path(__file__).parents[5] / "scenarios" / "campaigns" / "tube.yaml"
-NOTHING = (0.0, 0.0, 0.0)
 PERIOD = 0.004
 TRUE = np.array([[0.15, -0.18], [-0.1, 0.2], [-0.15, 0.12]])  # relative errors of the derivatives
 DAMPING = ("cl_p", "cm_q", "cn_r")
@@ -42,15 +39,12 @@ def learnt(
     message = np.zeros(1, SIM_STATE)[0]
     message["velocity"] = (45.0, 0.5, 2.5)
     motion = motion_of(message, nominal)
-    errors = FormationErrors(0.0, NOTHING, 0.0, NOTHING, 1.0, 1.0, 0.0, NOTHING)
-    reference = Reference(45.0, 0.0, NOTHING, NOTHING)
-    limits = (0.0, 0.0)
     rng = np.random.default_rng(1)
     C, J = np.array(motion.air.C), nominal["J"].diagonal()
     lengths = np.array([nominal["b"], nominal["c_bar"], nominal["b"]])
     qS = 0.5 * nominal["rho"] * motion.V**2 * nominal["S"]
     damping = np.array([nominal[name] for name in DAMPING]) * qS * lengths**2 / (2.0 * motion.V) / J
-    omega, u, diagnosis = np.zeros(3), np.zeros(3), state["diagnosis"]
+    omega, u, diagnosis = np.zeros(3), np.zeros(3), state["fallback"]["diagnosis"]
     for step in range(2500):
         if step % 50 == 0:
             u = rng.uniform(-0.02, 0.02, 3)
@@ -64,24 +58,8 @@ def learnt(
         for j in range(3):
             diagnosis["actuators"][j]["commanded"] = u[j]
             diagnosis["actuators"][j]["measured"] = u[j] + residual[j]
-            diagnosis["actuators"][j]["suspect"] = float(j == suspect)
-        command = np.array([45.0, 0.0, 0.0, 0.0])
-        held = np.array([*u, 900.0])
-        no_clock = (0.0, 0.0, 0.0, 0.0)
-        now = Instant(
-            0.0,
-            1e-3,
-            step == 0,
-            motion,
-            command,
-            reference,
-            errors,
-            held,
-            limits,
-            limits,
-            0,
-            no_clock,
-        )
+            diagnosis["actuators"][j]["suspect_s"] = float(j == suspect)
+        now = step_of(motion, first=step == 0, held=np.array([*u, 900.0]))
         adapt(now, nominal, gains, state)
     return state
 

@@ -8,34 +8,33 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from steps import COMMANDS, NOTHING, step_of
 
+from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.control.controller import parameter_record
-from ftc_autopilot.control.formation import FormationErrors
-from ftc_autopilot.control.laws.base import Demand, Instant
 from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.laws.tube.check import trim
+from ftc_autopilot.control.laws.tube.fallback import (
+    coarser,
+    fallback_flies,
+    only_rudder_lost,
+    triggered,
+)
 from ftc_autopilot.control.laws.tube.observer import observe
 from ftc_autopilot.control.laws.tube.plan import best_change, first_exit
 from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
-from ftc_autopilot.control.laws.tube.takeover import (
-    only_rudder_lost,
-    take_over,
-    triggered,
-    with_coarser_thresholds,
-)
-from ftc_autopilot.control.laws.tube.tube import deviate, lay_tube
-from ftc_autopilot.control.motion import motion_of
-from ftc_autopilot.control.reference import Reference, filter_reference
-from ftc_autopilot.control.triggers.consequence import Consequence
+from ftc_autopilot.control.laws.tube.tube import build_tube, to_errors
+from ftc_autopilot.control.reference import filter_reference
+from ftc_autopilot.control.step import ALL, Command, Step
+from ftc_autopilot.control.synchronisation_errors import FormationErrors
+from ftc_autopilot.control.triggers.static import Consequence
 from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.hardware import ActuatorServos
 from sitl_plant.lag import lagged
 from sitl_plant.rigid_body import STILL_AIR, load_state, state_derivative
 
 DT = 1e-3
-NOTHING = (0.0, 0.0, 0.0)
 STATE = (NOTHING, (45.0, 0.5, 2.5), (0.05, 0.1, 0.3), (0.02, -0.03, 0.01))
-COMMANDS = np.array([0.05, 0.08, 0.3, 900.0])
 IDEAL = Servo(0.0, math.inf, 0.0)
 
 
@@ -61,26 +60,6 @@ def measured(
     message["velocity"], message["attitude"], message["rates"] = v, phi, omega
     message["specific_force"] = force
     return motion_of(message, nominal)
-
-
-def instant(motion: Any, first: bool = False, **keys: Any) -> Instant:
-    """A step without errors, with the reference at 45 m/s."""
-    errors = FormationErrors(0.0, NOTHING, 0.0, NOTHING, 1.0, 1.0, 0.0, NOTHING)
-    known = {
-        "t": 0.0,
-        "dt": DT,
-        "first": first,
-        "motion": motion,
-        "command": np.array([45.0, 0.0, 0.0, 0.0]),
-        "reference": Reference(45.0, 0.0, NOTHING, NOTHING),
-        "errors": errors,
-        "held": COMMANDS.copy(),
-        "a": (0.01, 1.0),
-        "b": (0.01, math.radians(1.0)),
-        "due": 0,
-        "clock_s": (0.0, 0.0, 0.0, 0.0),
-    }
-    return Instant(**(known | keys))
 
 
 # the lag
@@ -163,12 +142,17 @@ def errors_with(V_tilde: float, yaw: float, weighted_yaw: float) -> FormationErr
     )
 
 
+def on_the_way(errors: FormationErrors, command: np.ndarray, filtered: np.ndarray) -> Step:
+    """A step with these errors, a command, and the filtered reference on its way to it."""
+    return step_of(None, errors=errors, command=command, filtered=filtered)
+
+
 def test_the_path_is_the_reference_that_will_be() -> None:
     gains = gains_of()
     command = np.array([50.0, 0.1, -0.05, 3.1])
     reference = np.array([[40.0, 3.0, 1.0], [0.0, 0.1, 0.0], [0.1, 0.0, -0.1], [-3.1, 0.2, 0.1]])
     path, width = np.empty((4, 40)), np.empty((4, 40))
-    lay_tube(errors_with(0.0, 0.0, 0.0), command, reference, 2.5, 40, gains, path, width)
+    build_tube(on_the_way(errors_with(0.0, 0.0, 0.0), command, reference), 40, gains, path, width)
     fine = 1e-5
     filtered, rows = reference.copy(), []
     for _ in range(40):
@@ -187,7 +171,7 @@ def test_the_width_of_the_tube_by_hand() -> None:
     reference = np.zeros((4, 3))
     reference[:, 0] = (45.0, 0.0, 0.2, 0.0)
     path, width = np.empty((4, 40)), np.empty((4, 40))
-    lay_tube(errors_with(1.0, 0.0, 0.0), command, reference, 2.5, 40, gains, path, width)
+    build_tube(on_the_way(errors_with(1.0, 0.0, 0.0), command, reference), 40, gains, path, width)
     s = 0.015 * np.arange(1, 41)
     assert width[0] == pytest.approx(0.11 + (1.0 - 0.11) * np.exp(-s / 0.34))
     assert width[1] == pytest.approx(np.full(40, math.radians(0.2)))
@@ -201,7 +185,7 @@ def test_a_large_error_returns_no_faster_than_it_may() -> None:
     reference, command = np.zeros((4, 3)), np.zeros(4)
     path, width = np.empty((4, 40)), np.empty((4, 40))
     gains = gains_of(funnel_s=0.34, width_deg=(0.4, 0.13, 1.2))
-    lay_tube(errors_with(0.0, 0.6, 0.6), command, reference, 2.5, 40, gains, path, width)
+    build_tube(on_the_way(errors_with(0.0, 0.6, 0.6), command, reference), 40, gains, path, width)
     rate = math.radians(12.0)
     s = 0.015 * np.arange(1, 41)
     assert path[3] == pytest.approx(0.6 - rate * 0.34 - rate * s)
@@ -214,9 +198,10 @@ def test_what_the_neighbours_ask_for_moves_the_path() -> None:
     """The present output is off its path by e'/λ', not by the error against the reference."""
     path, width = np.empty((4, 40)), np.empty((4, 40))
     errors = errors_with(0.0, 0.05, 0.02)
-    lay_tube(errors, np.zeros(4), np.zeros((4, 3)), 2.5, 40, gains_of(), path, width)
+    now = on_the_way(errors, np.zeros(4), np.zeros((4, 3)))
+    build_tube(now, 40, gains_of(), path, width)
     outputs = np.full((4, 40), 0.05)
-    deviate(outputs, path, 40)
+    to_errors(outputs, path, 40)
     assert outputs[3] == pytest.approx(np.full(40, 0.02))
 
 
@@ -282,7 +267,7 @@ def test_the_observer_finds_a_disturbance_and_its_slope(nominal: np.void) -> Non
         air = measured(nominal, omega=tuple(omega)).air
         force = np.add(air.F, (900.0, 0.0, 0.0)) / nominal["m"] + (0.3, 0.0, -0.1)
         motion = measured(nominal, omega=tuple(omega), force=tuple(force))
-        observe(instant(motion, first=k == 0), COMMANDS, nominal, gains, state)
+        observe(step_of(motion, first=k == 0), COMMANDS, nominal, gains, state)
         omega = omega + DT * (np.array(derivative[3]) + d + slope * t)
     assert state["disturbance"][:3] == pytest.approx([0.3, 0.0, -0.1], abs=1e-6)
     assert state["disturbance"][3:] == pytest.approx(d + slope * 0.998, abs=2e-3)
@@ -292,7 +277,7 @@ def test_the_observer_finds_a_disturbance_and_its_slope(nominal: np.void) -> Non
 
 def test_the_trim_turns_and_accelerates_nothing(nominal: np.void) -> None:
     commands = np.zeros(4)
-    trim(instant(measured(nominal), first=True), nominal, commands)
+    trim(step_of(measured(nominal), first=True), nominal, commands)
     derivative = state_derivative(
         STATE, commands[3], tuple(commands[:3]), NOTHING, NOTHING, STILL_AIR, nominal
     )
@@ -305,36 +290,36 @@ def test_the_trim_turns_and_accelerates_nothing(nominal: np.void) -> None:
 
 
 def test_the_surviving_law_takes_over_for_as_long_as_needed(nominal: np.void) -> None:
-    gains, state, now = gains_of(), new_state(), instant(measured(nominal))
-    actuators = state["diagnosis"]["actuators"]
-    assert not take_over(now, gains, state)
+    gains, state, now = gains_of(), new_state(), step_of(measured(nominal))
+    actuators = state["fallback"]["diagnosis"]["actuators"]
+    assert not fallback_flies(now, gains, state)
     actuators[1]["lost"] = 1
-    assert take_over(now, gains, state)
+    assert fallback_flies(now, gains, state)
     assert state["taken_over"] == 0.5
     actuators[1]["lost"] = 0
-    assert sum(take_over(now, gains, state) for _ in range(1000)) in {499, 500}
-    assert not take_over(now, gains_of(survive=False), state)
+    assert sum(fallback_flies(now, gains, state) for _ in range(1000)) in {499, 500}
+    assert not fallback_flies(now, gains_of(survive=False), state)
 
 
 def test_without_rudder_the_tube_law_flies_on(nominal: np.void) -> None:
-    gains, state, now = gains_of(), new_state(), instant(measured(nominal))
-    actuators = state["diagnosis"]["actuators"]
+    gains, state, now = gains_of(), new_state(), step_of(measured(nominal))
+    actuators = state["fallback"]["diagnosis"]["actuators"]
     actuators[2]["lost"] = 1
     assert only_rudder_lost(gains, state)
-    assert not take_over(now, gains, state)
+    assert not fallback_flies(now, gains, state)
     actuators[0]["lost"] = 1
     assert not only_rudder_lost(gains, state)
-    assert take_over(now, gains, state)
+    assert fallback_flies(now, gains, state)
 
 
 def test_a_large_error_and_a_storm_of_events_are_reasons_too(nominal: np.void) -> None:
     gains, motion = gains_of(), measured(nominal)
     off = FormationErrors(0.0, (0.0, math.radians(15.1), 0.0), 0.0, NOTHING, 1.0, 1.0, 0.0, NOTHING)
-    assert take_over(instant(motion, errors=off), gains, new_state())
+    assert fallback_flies(step_of(motion, errors=off), gains, new_state())
     state = new_state()
     for longer in (5.0, 10.0, 20.0):
         state["recent"][2], state["taken_over"] = 17.1, 0.0
-        assert take_over(instant(motion), gains, state)
+        assert fallback_flies(step_of(motion), gains, state)
         assert state["taken_over"] == longer
 
 
@@ -342,14 +327,15 @@ def test_a_large_error_and_a_storm_of_events_are_reasons_too(nominal: np.void) -
 def test_its_commands_are_sent_by_the_papers_triggers(
     rudder: float, thrust: float, factor: float, nominal: np.void
 ) -> None:
-    now = with_coarser_thresholds(instant(measured(nominal)), factor)
-    demand, commands = Demand((0.0, 0.0, rudder), thrust), COMMANDS.copy()
+    now = step_of(measured(nominal))
+    thresholds, commands = coarser(now.thresholds, factor), COMMANDS.copy()
+    command = Command((0.0, 0.0, rudder), thrust, ALL)
     stop = nominal["surface_limit"]
     wanted = min(max(rudder, -stop), stop)
     due = abs(wanted - 0.3) >= factor * (0.01 * 0.3 + math.radians(1.0))
-    assert triggered(now, 2, demand, nominal, commands) == due
+    assert triggered(now, 2, command, thresholds, nominal, commands) == due
     assert commands[2] == (wanted if due else 0.3)
     wanted = min(max(thrust, 0.0), nominal["thrust_limit"])
     due = abs(wanted - 900.0) >= factor * (0.01 * 900.0 + 1.0)
-    assert triggered(now, 3, demand, nominal, commands) == due
+    assert triggered(now, 3, command, thresholds, nominal, commands) == due
     assert commands[3] == (wanted if due else 900.0)

@@ -1,0 +1,1 @@
+"""What control, guidance and services share: records, schedule, motion, geography."""

@@ -1,0 +1,72 @@
+"""The own aircraft's motion, as measured and as the nominal model sees it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_ABSOLUTE
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.rigid_body import R2_inv, gravity_body
+from sitl_plant.vec3 import Vec3, add, dot, mul, sub, vec3
+
+
+class Motion(NamedTuple):
+    """Measured motion, and the nominal model's view of the air."""
+
+    v: Vec3  # velocity through the air, body axes [m/s]
+    phi: Vec3  # roll, pitch, yaw [rad]
+    omega: Vec3  # angular velocity, body axes [rad/s]
+    V: float  # airspeed [m/s]
+    V_dot: float  # from the accelerometer [m/s²]
+    specific_force: Vec3  # body axes [m/s²]
+    gravity: Vec3  # R1ᵀ g, body axes [m/s²]
+    air: Aerodynamics  # nominal force F0, moment N0, control matrix C0
+
+
+@compiled
+def motion_of(measured: np.void, aircraft: AircraftRecord) -> Motion:
+    """Read an FTC_SIM_STATE payload.
+
+    Args:
+        measured: Payload of dtype `mavlink_defs.framing.codec.SIM_STATE`.
+        aircraft: Nominal aircraft.
+    """
+    v = sub(vec3(measured["velocity"]), vec3(measured["wind"]))
+    phi = vec3(measured["attitude"])
+    omega = vec3(measured["rates"])
+    air = aerodynamics(v, omega, aircraft)
+    gravity = gravity_body(phi, aircraft["g"])
+    force = vec3(measured["specific_force"])
+    V_dot = dot(v, add(force, gravity)) / air.V
+    return Motion(v, phi, omega, air.V, V_dot, force, gravity, air)
+
+
+@compiled
+def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
+    """Fill an FTC_NEIGHBOUR payload with the own motion; it tells no place.
+
+    Args:
+        motion: Own motion.
+        step: Step number that it belongs to.
+        message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`.
+    """
+    rates = mul(R2_inv(motion.phi), motion.omega)
+    message["step"] = step
+    message["frame"] = FTC_NEIGHBOUR_FRAME_ABSOLUTE
+    message["airspeed"] = motion.V
+    message["airspeed_rate"] = motion.V_dot
+    for i in range(3):
+        message["attitude"][i] = motion.phi[i]
+        message["attitude_rate"][i] = rates[i]
+    if np.int64(message["path_id"]) != 0:
+        message["path_id"], message["path_position"], message["path_rate"] = 0, 0.0, 0.0
+        for i in range(3):
+            message["position"][i], message["ground_velocity"][i] = 0.0, 0.0
+        for m in range(len(message["report"])):
+            message["report"][m] = 0
+        for r in range(len(message["relayed"])):
+            message["relayed"][r], message["relayed_step"][r] = 0, 0
+        for k in range(len(message["relayed_position"])):
+            message["relayed_position"][k], message["relayed_velocity"][k] = 0.0, 0.0

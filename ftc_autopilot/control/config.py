@@ -1,0 +1,140 @@
+"""Configuration of a controller: nominal aircraft, laws, triggers, place in the formation.
+
+Names are the paper's, in ASCII; defaults are the values of Table III, or where the paper gives
+none, a set that flies well with Table III to the letter. Angles inside the laws are rad.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from ftc_autopilot.control.laws import LAWS, Controller
+from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.triggers import MODES, Trigger
+from ftc_autopilot.control.triggers.static import PerChannel
+from ftc_autopilot.guidance.formation import Formation
+from ftc_autopilot.guidance.laws import Guidance
+from ftc_autopilot.guidance.laws.path_following import PathFollowing
+from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
+from mavlink_defs.config.quantity import quantity, whole
+from sitl_plant.config import Aircraft
+from sitl_plant.hardware import ActuatorServos
+
+
+def trigger_problems(
+    controller: Controller, trigger: Trigger, step_us: int
+) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text if law, trigger and control period [µs] do not go together."""
+    yield from ((("trigger", *loc), text) for loc, text in trigger.misfits(step_us))
+    if type(controller).goes_with(trigger.mode):
+        return
+    if controller.SELECTS_CHANNELS:
+        able = " or ".join(map(repr, sorted(filter(controller.goes_with, MODES))))
+        text = f"expected {able}, as the law {controller.kind!r} chooses what is sent"
+        yield ("trigger", "mode"), f"{text}, got {trigger.mode!r}"
+    else:
+        able = ", ".join(kind for kind, law in LAWS.items() if law.SELECTS_CHANNELS)
+        text = f"{trigger.mode!r} needs a law that chooses what is sent ({able})"
+        yield ("trigger", "mode"), f"{text}, got the law {controller.kind!r}"
+
+
+def law_problems(controller: Controller, aircraft: Aircraft) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text if a law cannot fly a nominal aircraft."""
+    for reason in controller.misfits(aircraft):
+        able = [kind for kind, law in LAWS.items() if not any(law(kind=kind).misfits(aircraft))]
+        text = f"expected one of {', '.join(able)}, as {reason}"
+        yield ("controller", "kind"), f"{text}; got {controller.kind!r}"
+
+
+class FormationTrigger(Model):
+    """When an autopilot sends a neighbour message; the paper sends one in every period.
+
+    It compares its tracking errors with what its neighbours extrapolate from its last message.
+    """
+
+    airspeed_m_s: float = quantity(
+        "m/s", ge=0.0, default=0.02, doc="Absolute threshold of the airspeed."
+    )
+    airspeed_relative: float = quantity(
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the airspeed's tracking error."
+    )
+    attitude_deg: float = quantity(
+        "deg", ge=0.0, default=0.05, doc="Absolute threshold of roll, pitch and yaw."
+    )
+    attitude_relative: float = quantity(
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the angle's tracking error."
+    )
+    path_position_m: float = quantity(
+        "m", ge=0.0, default=0.05, doc="Threshold of the place on the path."
+    )
+    position_m: float = quantity(
+        "m", ge=0.0, default=0.5, doc="Threshold of north, east and down, on a path."
+    )
+    longest_silence_s: float = quantity(
+        "s", gt=0.0, default=0.2, doc="Time after which a message is sent in any case."
+    )
+
+    @property
+    def neighbour_timeout_s(self) -> float:
+        """Silence after which a neighbour's edge is dropped: five messages in a row lost [s]."""
+        return 5.0 * self.longest_silence_s
+
+
+def _with_ideal_servos(controller: Controller) -> Controller:
+    """Return the parameters, complete: who gives none of the servos has ideal ones."""
+    return controller.with_servos(ActuatorServos())
+
+
+class Neighbour(Model):
+    """One edge of the graph, seen from one of its ends."""
+
+    id: SystemId
+    weight: float = quantity("", gt=0.0, doc="Weight a_ij.")
+    address: HostPort = Field(description="Where its formation link is received.")
+
+
+class ControllerConfig(Model):
+    """All that the controller of one UAV needs."""
+
+    id: SystemId
+    step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
+    aircraft: Aircraft = Field(description="The nominal aircraft.")
+    controller: Annotated[Controller, AfterValidator(_with_ideal_servos)] = Field(
+        default=Proposed(), description="Control law and its parameters."
+    )
+    trigger: Trigger = Field(default=PerChannel(), description="Event triggers.")
+    formation_trigger: FormationTrigger | None = Field(
+        default=None, description="Trigger of the neighbour messages; none: every period."
+    )
+    guidance: Guidance = Field(
+        default=PathFollowing(), description="Guidance law for paths, and its parameters."
+    )
+    formation: Formation | None = Field(
+        default=None, description="Formation on paths; none: it flies on the path itself."
+    )
+    leader_access: float = quantity("", ge=0.0, default=0.0, doc="Leader access h_i.")
+    neighbours: tuple[Neighbour, ...] = Field(
+        default=(), description="Neighbours in the communication graph."
+    )
+
+    @model_validator(mode="after")
+    def _neighbours_distinct(self) -> Self:
+        ids = [neighbour.id for neighbour in self.neighbours]
+        problems = repeated(ids)
+        problems += [(i, f"UAV {n} is this UAV itself") for i, n in enumerate(ids) if n == self.id]
+        Problems.check((("neighbours", i, "id"), text) for i, text in problems)
+        return self
+
+    @model_validator(mode="after")
+    def _is_member(self) -> Self:
+        if self.formation is not None and self.id not in self.formation.slots:
+            text = f"expected a slot of UAV {self.id}, which this autopilot flies"
+            raise Problems([(("formation", "slots"), text)])
+        return self
+
+    @model_validator(mode="after")
+    def _law_and_trigger_fit(self) -> Self:
+        Problems.check(trigger_problems(self.controller, self.trigger, self.step_us))
+        Problems.check(law_problems(self.controller, self.aircraft))
+        return self

@@ -1,0 +1,92 @@
+"""Fallback: the surviving law flies after the loss of an actuator, with a large error, or events.
+
+That is, after the loss of more than the rudder, with a large error of roll or pitch, or while a
+channel has more events than the tube law should need.
+"""
+
+import numpy as np
+
+from ftc_autopilot.control.step import Command, Step, Thresholds
+from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
+from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import clamp
+
+_MOST_DOUBLINGS = 4
+
+
+@inlined
+def only_rudder_lost(gains: np.void, state: np.void) -> bool:
+    """Return whether the rudder alone is lost: the tube law flies on without yaw."""
+    if gains["survive"] == 0:
+        return False
+    actuators = state["fallback"]["diagnosis"]["actuators"]
+    others = actuators[AILERON]["lost"] + actuators[ELEVATOR]["lost"] + actuators[THROTTLE]["lost"]
+    return bool(actuators[RUDDER]["lost"] != 0 and others == 0)
+
+
+@inlined
+def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
+    """Return whether the surviving law flies in this step; advance the time that it has left."""
+    if gains["survive"] == 0:
+        return False
+    state["taken_over"] = max(state["taken_over"] - now.dt, 0.0)
+    lost, actuators = False, state["fallback"]["diagnosis"]["actuators"]
+    for j in range(N_CHANNELS):
+        lost = lost or actuators[j]["lost"] != 0
+    large = max(abs(now.errors.e[0]), abs(now.errors.e[1])) > gains["rescue_rad"]
+    if large or (lost and not only_rudder_lost(gains, state)):
+        state["taken_over"] = max(state["taken_over"], gains["takeover_s"])
+    recent = state["recent"]
+    for j in range(N_CHANNELS):
+        recent[j] *= 1.0 - now.dt
+        if recent[j] > gains["storm_events"]:
+            longer = gains["storm_s"] * 2.0 ** min(state["crowded"], _MOST_DOUBLINGS)
+            state["taken_over"] = max(state["taken_over"], longer)
+            state["crowded"] += 1
+            for i in range(N_CHANNELS):
+                recent[i] = 0.0
+    return bool(state["taken_over"] > 0.0 and not now.first)
+
+
+@inlined
+def triggered(
+    now: Step,
+    j: int,
+    command: Command,
+    thresholds: Thresholds,
+    aircraft: AircraftRecord,
+    commands: np.ndarray,
+) -> bool:
+    """Return whether the surviving law's command of channel j is sent, which is in force then.
+
+    The clock decides that if the trigger has one, else (25) or (29).
+
+    Args:
+        now: The present step.
+        j: The channel, number as FTC_ACTUATOR.
+        command: Commands of the surviving law.
+        thresholds: Of (25) and (29).
+        aircraft: Nominal aircraft, whose limits saturate the command.
+        commands: In force [rad, rad, rad, N], shape (4,), updated.
+    """
+    if j == THROTTLE:
+        saturated = clamp(command.thrust, 0.0, aircraft["thrust_limit"])
+        least = thresholds.a[0] * abs(commands[j]) + thresholds.a[1]
+    else:
+        stop = aircraft["surface_limit"]
+        saturated = clamp(command.delta[j], -stop, stop)
+        least = thresholds.b[0] * abs(commands[j]) + thresholds.b[1]
+    fired = bool(abs(saturated - commands[j]) >= least)
+    if now.clock_s[j] > 0.0:
+        fired = bool(now.due & (1 << j))
+    if fired:
+        commands[j] = saturated
+    return fired
+
+
+@compiled
+def coarser(thresholds: Thresholds, factor: float) -> Thresholds:
+    """Return the thresholds of (25) and (29) multiplied by a factor."""
+    a, b = thresholds.a, thresholds.b
+    return Thresholds((factor * a[0], factor * a[1]), (factor * b[0], factor * b[1]))

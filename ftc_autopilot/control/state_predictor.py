@@ -1,0 +1,175 @@
+"""State predictor: compensates a known delay and bridges lost samples with the nominal model.
+
+A law that is given the present state commands what acts only later. With a known delay it is given
+the state at that time instead: the measured one, predicted over the delay under the commands that
+are on their way. And a state that was lost is replaced, once the next one is there, by one between
+its neighbours, so that filters, estimates and diagnosis advance by every control period.
+"""
+
+import math
+
+import numpy as np
+
+from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
+from mavlink_defs.framing.codec import SIM_STATE
+from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import copy_record
+from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.rigid_body import STILL_AIR, State, advance, specific_force, state_derivative
+from sitl_plant.vec3 import Vec3, add, sub, vec3
+
+LONGEST_S = 0.1
+"""Longest delay that is predicted over, and longest gap that is made up for [s]."""
+_HISTORY = 128  # periods whose commands are remembered
+
+DELAY = np.dtype(
+    [
+        ("periods", "i8"),  # delay of the links [control periods]
+        ("step", "i8"),  # last step whose commands are noted
+        ("started", "i8"),  # 0: nothing is noted yet
+        ("commands", "f8", (_HISTORY, N_CHANNELS)),  # in force after each of the last steps
+        ("measured", SIM_STATE),  # last state received
+        ("between", SIM_STATE),  # in place of a lost one
+        ("predicted", SIM_STATE),
+    ]
+)
+"""What is remembered of the link between an autopilot and its aircraft."""
+
+
+@compiled
+def lost_states(delay: np.void, measured: np.void, step_us: int) -> int:
+    """Return how many states before this one are to be made up for; none if they are too many.
+
+    Args:
+        delay: Record of dtype `DELAY`.
+        measured: FTC_SIM_STATE payload.
+        step_us: Control period [µs].
+    """
+    if delay["started"] == 0:
+        return 0
+    lost = np.int64(measured["step"]) - delay["step"] - 1
+    return lost if lost <= _periods(LONGEST_S, step_us) else 0
+
+
+@compiled
+def interpolate(delay: np.void, measured: np.void) -> np.void:
+    """Return a state for the step after the last one, in place of that which was lost.
+
+    Args:
+        delay: Record of dtype `DELAY`; its field `between` is written and returned.
+        measured: FTC_SIM_STATE payload, the first one after the gap.
+    """
+    before = delay["measured"]
+    between: np.void = delay["between"]
+    first, step = np.int64(before["step"]), delay["step"] + 1
+    share = (step - first) / (np.int64(measured["step"]) - first)
+    copy_record(between, measured)
+    between["step"] = step
+    _mix(before["velocity"], measured["velocity"], share, between["velocity"])
+    _mix(before["attitude"], measured["attitude"], share, between["attitude"])
+    _mix(before["rates"], measured["rates"], share, between["rates"])
+    force = between["specific_force"]
+    _mix(before["specific_force"], measured["specific_force"], share, force)
+    _mix(before["wind"], measured["wind"], share, between["wind"])
+    return between
+
+
+@compiled
+def _mix(before: np.ndarray, after: np.ndarray, share: float, result: np.ndarray) -> None:
+    for k in range(3):
+        result[k] = before[k] + share * (after[k] - before[k])
+
+
+@compiled
+def note_state(delay: np.void, measured: np.void) -> None:
+    """Note the last state received.
+
+    Args:
+        delay: Record of dtype `DELAY`, updated in place.
+        measured: FTC_SIM_STATE payload.
+    """
+    copy_record(delay["measured"], measured)
+
+
+@compiled
+def note_commands(delay: np.void, step: int, held: np.ndarray) -> None:
+    """Note the commands in force after a step; before it, the ones of the last step noted.
+
+    Before the first step noted, its own were: after a restart the aircraft holds them.
+
+    Args:
+        delay: Record of dtype `DELAY`, updated in place.
+        step: The step.
+        held: Aileron, elevator, rudder [rad], thrust [N], shape (4,).
+    """
+    commands = delay["commands"]
+    since = delay["step"] if delay["started"] != 0 else step - _HISTORY
+    for s in range(max(since + 1, step - _HISTORY + 1), step):
+        for c in range(N_CHANNELS):
+            before = commands[since % _HISTORY, c] if delay["started"] != 0 else held[c]
+            commands[s % _HISTORY, c] = before
+    for c in range(N_CHANNELS):
+        commands[step % _HISTORY, c] = held[c]
+    delay["step"], delay["started"] = step, 1
+
+
+@compiled
+def predicted(
+    delay: np.void, measured: np.void, known_s: float, step_us: int, aircraft: AircraftRecord
+) -> np.void:
+    """Return the state at which the commands of this step will act; the measured one if at once.
+
+    What the nominal model does not explain of the specific force is taken to stay.
+
+    Args:
+        delay: Record of dtype `DELAY`; its field `predicted` is written.
+        measured: FTC_SIM_STATE payload.
+        known_s: Delay besides the delay of the links [s].
+        step_us: Control period [µs].
+        aircraft: Nominal aircraft.
+    """
+    longest = min(_periods(LONGEST_S, step_us), _HISTORY - 1)
+    ahead = min(delay["periods"] + _periods(known_s, step_us), longest)
+    if ahead <= 0 or delay["started"] == 0:
+        return measured
+    step, dt = int(np.int64(measured["step"])), step_us / 1e6
+    wind = vec3(measured["wind"])
+    v, omega = sub(vec3(measured["velocity"]), wind), vec3(measured["rates"])
+    state: State = (vec3(measured["position"]), v, vec3(measured["attitude"]), omega)
+    thrust, _ = _acting(delay, step - ahead - 1)
+    air = aerodynamics(v, omega, aircraft)
+    d_v = sub(vec3(measured["specific_force"]), specific_force(air, thrust, aircraft))
+    for k in range(ahead):
+        thrust, delta = _acting(delay, step - ahead + k)
+        derivative = state_derivative(
+            state, thrust, delta, d_v, (0.0, 0.0, 0.0), STILL_AIR, aircraft
+        )
+        middle = advance(state, 0.5 * dt, derivative)
+        derivative = state_derivative(
+            middle, thrust, delta, d_v, (0.0, 0.0, 0.0), STILL_AIR, aircraft
+        )
+        state = advance(state, dt, derivative)
+    result: np.void = delay["predicted"]
+    copy_record(result, measured)
+    velocity = add(state[1], wind)
+    air = aerodynamics(state[1], state[3], aircraft)
+    force = add(specific_force(air, thrust, aircraft), d_v)
+    for i in range(3):
+        result["velocity"][i] = velocity[i]
+        result["attitude"][i] = state[2][i]
+        result["rates"][i] = state[3][i]
+        result["specific_force"][i] = force[i]
+    return result
+
+
+@compiled
+def _acting(delay: np.void, step: int) -> tuple[float, Vec3]:
+    """Return thrust [N] and surfaces [rad] that were sent last at a step."""
+    row = delay["commands"][step % _HISTORY]
+    return row[THROTTLE], (row[AILERON], row[ELEVATOR], row[RUDDER])
+
+
+@compiled
+def _periods(time_s: float, step_us: int) -> int:
+    return math.floor(time_s * 1e6 / step_us + 0.5)

@@ -1,0 +1,54 @@
+"""What a control law is given in one control step, and what it returns."""
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.synchronisation_errors import FormationErrors
+from mavlink_defs.constants import N_CHANNELS
+from sitl_plant.vec3 import Vec3
+
+ALL = 2**N_CHANNELS - 1
+"""Mask of all channels; masks have bit numbers as FTC_ACTUATOR."""
+
+ParametersRecord: TypeAlias = np.void
+"""Record of dtype `ftc_autopilot.control.controller.PARAMETERS`: of all that a UAV can choose."""
+ControllerRecord: TypeAlias = np.void
+"""Record of dtype `ftc_autopilot.control.controller.CONTROLLER`, updated in place."""
+SignalsRecord: TypeAlias = np.void
+"""Record of dtype `ftc_autopilot.control.controller.SIGNALS`: what a step computed, written."""
+
+
+class Thresholds(NamedTuple):
+    """Thresholds of the paper's triggers, as they are at one time."""
+
+    a: tuple[float, float]  # a1 [-], a2 [N] of (25)
+    b: tuple[float, float]  # b1 [-], b2 [rad] of (29)
+
+
+class Step(NamedTuple):
+    """One control step, the same for every law."""
+
+    t: float  # time that schedules run on [s]
+    dt: float  # control period [s]
+    first: bool  # whether this is the law's first step
+    motion: Motion  # own motion
+    command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad]
+    reference: Reference  # filtered reference
+    filtered: np.ndarray  # the same and its two derivatives [m/s, rad], shape (4, 3); read only
+    bandwidth: float  # of the reference filter [rad/s]
+    errors: FormationErrors  # errors against reference and neighbours, (31), (32)
+    held: np.ndarray  # commands in force: aileron, elevator, rudder [rad], thrust [N]; read only
+    thresholds: Thresholds
+    due: int  # mask of the channels that the trigger sends now by the clock
+    clock_s: tuple[float, float, float, float]  # its period by channel [s]; 0: no clock
+
+
+class Command(NamedTuple):
+    """Commands of a law, before saturation and trigger."""
+
+    delta: Vec3  # aileron, elevator, rudder [rad]
+    thrust: float  # N
+    channels: int  # mask of those that may be sent; ALL unless the law selects them

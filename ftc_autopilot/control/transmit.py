@@ -1,0 +1,93 @@
+"""From a law's command to the wire: saturation, the trigger's decision, what is held.
+
+Commands are compared after saturation: an actuator at its stop needs no further command. The
+held value is the one on the wire, a float32 share of the limit, so controller, plant and
+captures agree on it to the last bit. A command that is not finite is never sent, whatever law and
+trigger say: its channel holds the last one.
+"""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.control.step import Command, ControllerRecord, ParametersRecord, Step
+from ftc_autopilot.control.triggers import decide
+from ftc_autopilot.control.triggers.base import Candidates
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import clamp
+
+
+@compiled
+def on_wire(command: float, lowest: float, highest: float) -> np.float32:
+    """Return the command as HIL_ACTUATOR_CONTROLS has it: saturated, a share of the limit."""
+    return np.float32(clamp(command, lowest, highest) / highest)
+
+
+@compiled
+def not_finite(command: Command) -> int:
+    """Return the mask of the channels whose command is infinite or no number."""
+    mask = 0
+    for i in range(THROTTLE):
+        if not math.isfinite(command.delta[i]):
+            mask |= 1 << i
+    if not math.isfinite(command.thrust):
+        mask |= 1 << THROTTLE
+    return mask
+
+
+@compiled
+def _saturated(commanded: float, lowest: float, highest: float, held: float) -> float:
+    """Return a command within its limits; the one in force in place of one that is not finite."""
+    return clamp(commanded, lowest, highest) if math.isfinite(commanded) else held
+
+
+@inlined
+def transmit(
+    command: Command,
+    now: Step,
+    aircraft: AircraftRecord,
+    parameters: ParametersRecord,
+    state: ControllerRecord,
+    controls: np.ndarray,
+) -> int:
+    """Decide which channels transmit, and put their new values on the wire.
+
+    Args:
+        command: What the law commands.
+        now: The present step; in the law's first one all channels transmit.
+        aircraft: Nominal aircraft, whose limits saturate the command.
+        parameters: Of the controller.
+        state: `held` is updated
+            where a channel transmits, and so is the trigger's memory; commands that are not finite
+            are counted.
+        controls: HIL_ACTUATOR_CONTROLS.controls, updated where a channel transmits.
+
+    Returns:
+        Bit mask of the channels that transmit, bit numbers as FTC_ACTUATOR.
+    """
+    stop, T_max, held = aircraft["surface_limit"], aircraft["thrust_limit"], state["held"]
+    saturated = (
+        _saturated(command.delta[0], -stop, stop, held[0]),
+        _saturated(command.delta[1], -stop, stop, held[1]),
+        _saturated(command.delta[2], -stop, stop, held[2]),
+        _saturated(command.thrust, 0.0, T_max, held[THROTTLE]),
+    )
+    a, b = now.thresholds.a, now.thresholds.b
+    relative, absolute = (b[0], b[0], b[0], a[0]), (b[1], b[1], b[1], a[1])
+    candidates = Candidates(
+        now.dt, now.first, saturated, held, command.channels, relative, absolute
+    )
+    mask = decide(candidates, parameters["mode"], parameters["trigger"], state["trigger"])
+    failed = not_finite(command)
+    if failed != 0:
+        mask &= ~failed
+        for i in range(N_CHANNELS):
+            state["not_finite"][i] += (failed >> i) & 1
+    for i in range(N_CHANNELS):
+        if mask & (1 << i):
+            lowest, highest = (0.0, T_max) if i == THROTTLE else (-stop, stop)
+            controls[i] = on_wire(saturated[i], lowest, highest)
+            held[i] = controls[i] * highest
+    return mask

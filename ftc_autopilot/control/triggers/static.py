@@ -1,0 +1,61 @@
+"""Triggers without memory: the paper's two, and the law's own choice.
+
+- `per_channel`: each channel by its own threshold, as the paper counts events.
+- `joint`: any surface's threshold updates all three, (29) as printed.
+- `consequence`: the law selects what is sent, by what follows from not sending it.
+"""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from ftc_autopilot.control.step import ALL
+from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, fires
+from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.runtime.jit import compiled
+
+_SURFACES = (1 << THROTTLE) - 1
+
+
+class PerChannel(TriggerParameters):
+    """Thresholds of the trigger `per_channel`."""
+
+    mode: Literal["per_channel"] = Field(default="per_channel", description="Name of the trigger.")
+
+
+class Joint(TriggerParameters):
+    """Thresholds of the trigger `joint`."""
+
+    mode: Literal["joint"] = Field(default="joint", description="Name of the trigger.")
+
+
+class Consequence(TriggerParameters):
+    """The trigger `consequence`; the law may use the thresholds, in a part of its own."""
+
+    BY_THRESHOLD: ClassVar[bool] = False
+    LAW_SELECTS: ClassVar[bool] = True
+
+    mode: Literal["consequence"] = Field(default="consequence", description="Name of the trigger.")
+
+
+@compiled
+def per_channel(now: Candidates) -> int:
+    """Return the mask of the channels that (25), or (29) by surface, asks to transmit."""
+    mask = 0
+    for i in range(N_CHANNELS):
+        if now.first or fires(now, i):
+            mask |= 1 << i
+    return mask
+
+
+@compiled
+def joint(now: Candidates) -> int:
+    """Return the mask of the channels that (25) and (29) ask to transmit."""
+    mask = per_channel(now)
+    return mask | _SURFACES if mask & _SURFACES else mask
+
+
+@compiled
+def consequence(now: Candidates) -> int:
+    """Return the mask of the channels that the law has selected; in the first step all."""
+    return ALL if now.first else now.selected

@@ -1,0 +1,1 @@
+"""The hot loop: links to plant and neighbours, control steps, checkpoint."""

@@ -1,0 +1,376 @@
+"""The autopilot's hot path, compiled: from a received state to the datagrams it causes.
+
+In lockstep every state is handled. In real time the newest that has come is, and those before it
+are passed over: an autopilot that was kept waiting for the processor misses steps, but is not late.
+
+For each running state: take the neighbour states of the step before, make the control step, send
+an actuator message if a trigger fired (or if the plant has not acknowledged one), send the own
+state to the neighbours if it is due, and in lockstep report the step done.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_autopilot.control.config import Neighbour
+from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.controllers import Controllers
+from ftc_autopilot.control.stepping import (
+    broadcast_if_triggered,
+    controller_step,
+    publish_own_state,
+)
+from ftc_autopilot.hot.acknowledgement import ACKNOWLEDGEMENT, NONE, note_delay, note_events
+from ftc_autopilot.hot.checkpoint import Checkpoint, no_checkpoint, save
+from ftc_autopilot.hot.formation_link import (
+    FormationLink,
+    collect_neighbour_states,
+    new_formation_link,
+    note_plant,
+    note_silent_neighbours,
+    receive_neighbour_states,
+    reset_formation_link,
+    send_own_state,
+)
+from ftc_autopilot.hot.state_age import STATE_AGE, forget_age, note_age
+from mavlink_defs.dialect import (
+    FTC_SIM_FLAGS_ENDED,
+    FTC_SIM_FLAGS_LOCKSTEP,
+    FTC_SIM_FLAGS_RUNNING,
+    MAV_COMP_ID_AUTOPILOT1,
+)
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.codec import (
+    SIM_STATE_SIZE,
+    MessageId,
+    expand,
+    pack,
+    system_of,
+)
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
+from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
+from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
+from mavlink_defs.runtime.jit import inlined
+from mavlink_defs.runtime.memory import copy_record
+from mavlink_defs.runtime.native import monotonic_s, receive_now, send, waits
+
+# rows of `AutopilotLink.drops`; the last holds the plant's own counts, as it reports them
+GCS, FORMATION, SIMULATOR, PLANT = range(4)
+
+_EDGE_FADE_S = 0.5
+"""Simulated time in which a dropped neighbour's weight goes to 0, and back [s]."""
+
+LINK_STATE = np.dtype(
+    [
+        ("step", "i8"),  # last running step handled, -1: none
+        ("step_us", "i8"),
+        ("flags", "i8"),  # FTC_SIM_FLAGS of the last state
+        ("heard_s", "f8"),  # wall-clock time of the last state [s], 0: none
+        ("run", "i8"),  # the plant's, -1: no state yet
+        ("due", "i8"),  # 1: the last state is not handled yet
+        *ACKNOWLEDGEMENT,
+        *STATE_AGE,
+        ("sequence", "i8"),  # frames sent to the plant
+        ("received", "i8"),  # length of the datagram in `SimulatorLink.received`
+        ("away", "i8"),  # lockstep: steps to let pass before control resumes
+        ("recorded", "i8"),  # rows of the record in use
+    ]
+)
+
+
+class SimulatorLink(NamedTuple):
+    """Buffers of the link to the plant."""
+
+    system: int
+    measured: np.ndarray  # (1,), dtype SIM_STATE: the last state
+    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
+    sent: np.ndarray  # datagram buffer
+    received: np.ndarray  # datagram buffer
+    sim_state: np.ndarray  # view of `received`
+    step_done: np.ndarray  # (1,), payload
+    signer: LinkSigner
+
+
+RECORD = np.dtype([("step", "i8"), ("signals", SIGNALS)])
+"""What is recorded of a step."""
+
+
+class AutopilotLink(NamedTuple):
+    """Both hot links of one autopilot, and what is recorded of its steps."""
+
+    state: np.ndarray  # (1,), dtype LINK_STATE
+    simulator: SimulatorLink
+    formation: FormationLink
+    drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated `DropReason`
+    record: np.ndarray  # dtype RECORD; empty if nothing is recorded. Python empties it
+    checkpoint: Checkpoint
+
+
+def new_link(
+    system: int,
+    neighbours: Sequence[Neighbour],
+    step_us: int,
+    neighbour_timeout_s: float,
+    record_rows: int,
+    plant_signer: LinkSigner | None = None,
+    formation_signer: LinkSigner | None = None,
+) -> AutopilotLink:
+    """Return the links of an autopilot that has received nothing from the plant.
+
+    Args:
+        system: Own system id.
+        neighbours: Neighbours with addresses and weights.
+        step_us: Control period [µs].
+        neighbour_timeout_s: Simulated silence after which a neighbour is dropped [s].
+        record_rows: Steps whose record there is room for; 0 to record nothing.
+        plant_signer: Signs the simulator link.
+        formation_signer: Signs the formation link.
+    """
+    state = np.zeros(1, LINK_STATE)
+    state["run"] = NONE
+    state["step_us"] = step_us
+    drops = np.zeros((4, codec.DROPS_SIZE), np.int64)
+    received = codec.new_buffer()
+    simulator = SimulatorLink(
+        system=system,
+        measured=np.zeros(1, codec.SIM_STATE),
+        drops=drops[SIMULATOR],
+        sent=codec.new_buffer(),
+        received=received,
+        sim_state=codec.payload_view(received, codec.SIM_STATE),
+        step_done=np.zeros(1, codec.STEP_DONE),
+        signer=plant_signer or new_link_signer(b"", PLANT_LINK),
+    )
+    formation = new_formation_link(
+        system,
+        neighbours,
+        timeout_steps=round(neighbour_timeout_s * 1e6 / step_us),
+        fade_steps=max(round(_EDGE_FADE_S * 1e6 / step_us), 1),
+        steps_per_s=1e6 / step_us,
+        drops=drops[FORMATION],
+        signer=formation_signer or new_link_signer(b"", FORMATION_LINK),
+    )
+    link = AutopilotLink(
+        state=state,
+        simulator=simulator,
+        formation=formation,
+        drops=drops,
+        record=np.zeros(record_rows, RECORD),
+        checkpoint=no_checkpoint(),
+    )
+    reset_link(link)
+    return link
+
+
+def checkpoint_records(
+    link: AutopilotLink, controllers: Controllers, vehicle: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Return what a checkpoint saves of an autopilot, the record of its vehicle last."""
+    return (
+        link.state,
+        link.formation.state,
+        controllers.parameters,
+        controllers.states,
+        controllers.guidance,
+        controllers.formations,
+        controllers.profiles,
+        controllers.actuators,
+        controllers.neighbour_states,
+        controllers.weights,
+        controllers.last_broadcast,
+        vehicle,
+    )
+
+
+def reset_link(link: AutopilotLink) -> None:
+    """Forget the flight: steps, unacknowledged events, neighbour states, the record.
+
+    Frames and drops are counted on, and the last state stays.
+    """
+    state = link.state
+    state["step"] = state["pending_usec"] = state["applied_usec"] = state["delay"] = NONE
+    state["pending_step"] = state["repeated"] = state["deviation"] = state["recorded"] = 0
+    state["gap_usec"] = state["due"] = 0
+    forget_age(state)
+    reset_formation_link(link.formation)
+
+
+@inlined
+def handle_plant_datagram(
+    length: int, fds: tuple[int, int], link: AutopilotLink, controllers: Controllers
+) -> Outcome:
+    """Handle a datagram of the plant, which lies in `SimulatorLink.received`.
+
+    In real time the newest state of all datagrams that wait in the socket.
+
+    Args:
+        length: Its length [bytes].
+        fds: Socket connected to the plant; socket bound to the own formation port, with a short
+            receive timeout.
+        link: The link.
+        controllers: The controllers of one UAV.
+
+    Returns:
+        NONE; SERVICE, OVER or RESTARTED if Python is needed.
+    """
+    state, simulator = link.state[0], link.simulator
+    outcome = _receive(length, link)
+    while outcome == Outcome.NONE and _is_real_time(state):
+        length = receive_now(fds[0], simulator.received)
+        if length < 0:
+            break
+        outcome = _receive(length, link)
+    if outcome == Outcome.RESTARTED or state["due"] == 0:
+        return outcome
+    if outcome == Outcome.SERVICE and waits(fds[0], simulator.sent):
+        return outcome  # and there may be a newer state behind
+    state["due"] = 0
+    _answer_state(fds[0], fds[1], link, controllers)
+    return Outcome.OVER if state["flags"] & FTC_SIM_FLAGS_ENDED else outcome
+
+
+@inlined
+def _is_real_time(state: np.void) -> bool:
+    """Return whether states pass without waiting for this autopilot, and another may follow."""
+    waiting_or_over = FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED
+    return bool(state["run"] >= 0 and state["flags"] & waiting_or_over == 0)
+
+
+@inlined
+def _receive(length: int, link: AutopilotLink) -> Outcome:
+    """Take the state that lies in `SimulatorLink.received`, if it is one; it is due then.
+
+    Args:
+        length: Length of the datagram [bytes].
+        link: The link.
+
+    Returns:
+        NONE, SERVICE or RESTARTED.
+    """
+    state, simulator = link.state[0], link.simulator
+    message_id = take(simulator.signer, simulator.received, length, simulator.drops)
+    if message_id == DROPPED:
+        return Outcome.NONE
+    if message_id == NOT_HOT:
+        state["received"] = length
+        return Outcome.SERVICE
+    problem: int = DropReason.UNEXPECTED
+    if message_id == MessageId.SIM_STATE:
+        problem = _check_state(simulator)
+    if problem != 0:
+        simulator.drops[-problem] += 1
+        return Outcome.NONE
+    return Outcome.RESTARTED if _is_of_another_run(link) else Outcome.NONE
+
+
+@inlined
+def _check_state(link: SimulatorLink) -> int:
+    """Return 0 if the received state is valid, otherwise a `DropReason`.
+
+    One NaN would spread through controller and formation. A number whose square is too large for
+    a float is refused, too.
+    """
+    expand(link.received, SIM_STATE_SIZE)
+    if system_of(link.received) != link.system:
+        return DropReason.STRANGER
+    sim_state = link.sim_state[0]
+    total = 0.0
+    for i in range(3):
+        total += sim_state["position"][i] ** 2 + sim_state["velocity"][i] ** 2
+        total += sim_state["attitude"][i] ** 2 + sim_state["rates"][i] ** 2
+        total += sim_state["specific_force"][i] ** 2 + sim_state["wind"][i] ** 2
+    return 0 if np.isfinite(total) else DropReason.OUT_OF_RANGE
+
+
+@inlined
+def _is_of_another_run(link: AutopilotLink) -> bool:
+    """Store the received state; return whether another plant process than before has sent it.
+
+    In real time one that was overtaken on its way is not stored.
+    """
+    state, measured = link.state[0], link.simulator.measured[0]
+    sim_state = link.simulator.sim_state[0]
+    before, run = state["run"], int(sim_state["run"])
+    state["heard_s"] = monotonic_s()
+    overtaken = before == run and int(sim_state["step"]) < int(measured["step"])
+    if overtaken and not int(sim_state["flags"]) & FTC_SIM_FLAGS_LOCKSTEP:
+        return False
+    state["flags"] = int(sim_state["flags"])
+    state["run"], state["due"] = run, 1
+    copy_record(measured, sim_state)
+    return bool(before >= 0 and before != run)
+
+
+@inlined
+def _answer_state(
+    plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers
+) -> None:
+    """Answer the state that is due; in lockstep nothing is left to send after FTC_STEP_DONE.
+
+    So when the next state comes, every neighbour has been sent the message of this step, if there
+    is one; whether there is, the plant hears with FTC_STEP_DONE and passes on with the next state.
+    A step that was not flown is never reported done.
+    """
+    state, sim_state = link.state[0], link.simulator.measured[0]
+    formation, step, flags = link.formation, int(sim_state["step"]), int(sim_state["flags"])
+    running, ended = flags & FTC_SIM_FLAGS_RUNNING, flags & FTC_SIM_FLAGS_ENDED
+    lockstep = (flags & FTC_SIM_FLAGS_LOCKSTEP) != 0
+    if running and state["step"] < 0:  # the first step needs neighbour states of step 0
+        publish_own_state(controllers, 0, sim_state)
+        send_own_state(formation_fd, formation, controllers)
+    fresh = running and step > state["step"]
+    ahead = passed_over = 0
+    if fresh and not lockstep:
+        ahead = note_age(state, plant_fd, step, 1_000_000 // state["step_us"])
+        passed_over = step - state["step"] - 1 if state["step"] >= 0 else 0
+    note_plant(formation, lockstep, passed_over, step + ahead, state["heard_s"])
+    if fresh and lockstep and state["away"] > 0:
+        state["away"] -= 1
+        state["step"] = step
+        note_silent_neighbours(formation, sim_state["silent"])
+        receive_neighbour_states(formation_fd, formation, controllers, step - 1)
+        link.simulator.step_done[0]["silent"] = 1
+    elif fresh:
+        note_silent_neighbours(formation, sim_state["silent"])
+        collect_neighbour_states(formation_fd, formation, controllers, step, lockstep)
+        if not lockstep:
+            controllers.delays[0]["periods"] = note_delay(state, sim_state)
+        mask = controller_step(controllers, 0, sim_state, state["step_us"])
+        broadcasts = broadcast_if_triggered(controllers, 0, step, state["step_us"])
+        state["step"] = step
+        row = state["recorded"]
+        if row < len(link.record):
+            link.record[row]["step"] = step
+            copy_record(link.record[row]["signals"], controllers.signals[0])
+            state["recorded"] = row + 1
+        due = note_events(state, sim_state, controllers, mask, lockstep)
+        save(link.checkpoint)
+        if due:
+            _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)
+        if broadcasts:
+            send_own_state(formation_fd, formation, controllers)
+        link.simulator.step_done[0]["silent"] = 0 if broadcasts else 1
+    elif not running and not ended:  # frozen: neighbours learn of each other
+        publish_own_state(controllers, 0, sim_state)
+        send_own_state(formation_fd, formation, controllers)
+        receive_neighbour_states(formation_fd, formation, controllers, 0)
+    if ended or (running and lockstep and step == state["step"]):
+        link.simulator.step_done[0]["step"] = step
+        _send(plant_fd, link, link.simulator.step_done, MessageId.STEP_DONE)
+
+
+@inlined
+def _send(plant_fd: int, link: AutopilotLink, payload: np.ndarray, message_id: int) -> None:
+    state, simulator = link.state[0], link.simulator
+    length = pack(
+        simulator.sent,
+        payload,
+        message_id,
+        simulator.system,
+        MAV_COMP_ID_AUTOPILOT1,
+        state["sequence"],
+    )
+    state["sequence"] += 1
+    send(plant_fd, simulator.sent, sign_frame(simulator.signer, simulator.sent, length))

@@ -1,0 +1,44 @@
+"""What an autopilot records: the signals of each step that it received a state of."""
+
+from pathlib import Path
+
+from ftc_autopilot.hot.link import AutopilotLink
+from mavlink_defs.runtime.spool import Spool
+
+RECORD_ROWS = 1000
+"""Steps written at a time."""
+
+
+class Recorder:
+    """Empties the record of a link into a folder."""
+
+    def __init__(self, link: AutopilotLink, folder: Path, resume: bool) -> None:
+        """Make the folder, or go on with it; OSError if it cannot be made, which it names."""
+        self._link = link
+        self._spool = Spool(folder, resume)
+        self._given_up = False
+
+    def give_up(self) -> None:
+        """Write nothing any more, as what follows a gap would not be what it seems."""
+        self._given_up = True
+
+    def write(self, at_least: int = RECORD_ROWS) -> None:
+        """Write the record if it has so many rows; OSError with a file's name if it cannot."""
+        if self._given_up:
+            self._link.state["recorded"] = 0
+        count = int(self._link.state[0]["recorded"])
+        if count >= at_least:
+            rows = self._link.record[:count]
+            self._spool.write(int(rows["step"][0]), rows)
+            self._link.state["recorded"] = 0  # not if it failed: nothing may be left out
+
+    def restart(self) -> None:
+        """Forget the flight; a new one begins."""
+        if not self._given_up:
+            self._spool.restart()
+
+    def finish(self, loss: str | None, repeats: list[int], heard_end: bool) -> None:
+        """Write the rest and how the flight ended; OSError with a file's name if it cannot."""
+        self.write(at_least=1)
+        if not self._given_up:
+            self._spool.finish(loss=loss, repeats=repeats, heard_end=heard_end)

@@ -1,0 +1,27 @@
+"""Loading of `gcs.lab`, whose packages are an extra: operators and vehicles do without."""
+
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from gcs.errors import BadInput
+
+LAB_PACKAGES = ("SALib", "distributed", "jinja2")
+"""What `gcs.lab` imports besides the dependencies of the core; extra `lab` in pyproject.toml."""
+
+
+def load_lab(module: str) -> Any:
+    """Import a module of `gcs.lab`, by its name there.
+
+    Nothing else of `gcs` may import what lies in `gcs.lab`.
+
+    Raises:
+        BadInput: A package that it needs is not installed.
+    """
+    missing = [package for package in LAB_PACKAGES if find_spec(package) is None]
+    if missing:
+        raise BadInput(
+            f"campaigns, sweeps and baselines need {', '.join(missing)}, not installed here",
+            "pip install 'ftc-sitl[lab]'",
+        )
+    return import_module(f"gcs.lab.{module}")

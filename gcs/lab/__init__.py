@@ -1,0 +1,1 @@
+"""What serves research: campaigns, sweeps, baselines, theory; needs `ftc-sitl[lab]`."""

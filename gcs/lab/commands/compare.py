@@ -1,0 +1,109 @@
+"""``gcs compare``: whether a campaign is worse than another one, for CI."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcs.terminal import console_of
+
+if TYPE_CHECKING:
+    from gcs.lab.campaigns.findings import Findings
+
+EPILOG = """
+Examples:
+
+- gcs compare runs/yesterday runs/today
+- gcs compare old new --fail-if 'worse p(success) at 99 %' --fail-if 'worse iae_roll at 99 %'
+- gcs compare old new --fail-if 'p(attitude_lost) > 0.02 at 95 %' --junit gate.xml
+
+Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad input.
+"""
+
+
+def compare(
+    old: Annotated[
+        Path, typer.Argument(help="Folder of the campaign to compare with.", metavar="OLD")
+    ],
+    new: Annotated[Path, typer.Argument(help="Folder of the campaign in question.", metavar="NEW")],
+    fail_if: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Condition under which NEW fails; repeatable. 'worse p(success) at 95 %' by "
+            "default; also 'worse FIGURE at 99 %', 'p(attitude_lost) > 0.05 at 95 %'.",
+            metavar="CONDITION",
+            show_default=False,
+        ),
+    ] = None,
+    junit: Annotated[
+        Path | None, typer.Option(help="Write a JUnit file, a case for each check.", metavar="FILE")
+    ] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(help="Write a summary for the page of a CI job.", metavar="FILE")
+    ] = None,
+) -> None:
+    """Test whether a campaign is worse than another one.
+
+    If both flew the same draws, flights are compared in pairs (McNemar's exact test, the sign
+    test), else as two samples (Fisher's exact test, the Mann-Whitney test). A test that finds
+    nothing does not prove that both are equal; the interval beside it, at the level of the
+    condition, shows what could have escaped it.
+    """
+    from gcs.lab.campaigns.findings import findings_of
+    from gcs.lab.campaigns.gate import DEFAULT, gate, parse_rules
+    from gcs.lab.reports import gate as reports
+    from gcs.lab.reports.markdown import save_markdown
+    from mavlink_defs.config.output_files import write_text
+
+    both = findings_of(old), findings_of(new)
+    notes = _checked(*both)
+    before, after = both[0].counted, both[1].counted
+    rules = parse_rules(fail_if or [DEFAULT], [*before.values(), *after.values()])
+    checks = gate(before, after, rules)
+    if markdown is not None:
+        save_markdown(markdown, reports.gate_markdown(str(old), str(new), checks, notes))
+    if junit is not None:
+        write_text(junit, reports.junit(str(old), str(new), checks, notes))
+    console = console_of(stderr=False)
+    for line in reports.gate_lines(checks, notes):
+        console.print(line, soft_wrap=True)
+    if any(check.violated for check in checks):
+        raise typer.Exit(1)
+
+
+def _checked(old: "Findings", new: "Findings") -> list[str]:
+    """Return what the reader of a comparison should know.
+
+    Raises:
+        BadInput: A campaign is unfinished, or the new one lacks a variant: either would hide
+            flights.
+    """
+    from gcs.errors import BadInput
+
+    problems = []
+    for each in (old, new):
+        ended = sum(map(len, each.ended.values()))
+        if ended == 0 or (ended < each.planned and not each.until):
+            problems.append(f"{each.folder} has {ended} of {each.planned} planned flights")
+    if problems:
+        hint = "the command that began a campaign continues it"
+        raise BadInput(f"unfinished campaigns cannot be compared: {'; '.join(problems)}", hint)
+    if lacking := [name for name in old.ended if name not in new.ended]:
+        raise BadInput(
+            f"{new.folder} has no flights of {', '.join(lacking)}, which {old.folder} has",
+            "compare campaigns with the same variants",
+        )
+    notes = [
+        f"{name} is new and has nothing to compare with"
+        for name in new.ended
+        if name not in old.ended
+    ]
+    for each in (old, new):
+        if len(each.codes) > 1:
+            notes.append(f"{each.folder} was flown by {len(each.codes)} different codes")
+        if not each.is_sample:
+            design = each.mark.campaign.design
+            notes.append(f"{each.folder} is a {design} design: tests take its points for draws")
+    if old.codes == new.codes:
+        notes.append("both were flown by the same code")
+    return notes

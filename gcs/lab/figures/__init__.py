@@ -1,0 +1,1 @@
+"""Figures of many flights, and of the paper."""

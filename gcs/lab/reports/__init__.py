@@ -1,0 +1,1 @@
+"""Reports of many flights, and of the paper."""

@@ -1,0 +1,54 @@
+"""A campaign from Python: what ``gcs campaign`` does, without the terminal.
+
+Worker processes import the program that starts them, so a script needs the usual guard::
+
+    if __name__ == "__main__":
+        page = run_campaign(load_plan(Path("my.yaml")), Path("runs/mine"))
+        table = read_results(Path("runs/mine")).to_pandas()
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from gcs.lab.campaigns.again import keep_flights
+from gcs.lab.campaigns.engine import fly_missing
+from gcs.lab.campaigns.plan import Plan
+from gcs.lab.campaigns.until import begin_campaign
+from gcs.lab.campaigns.workers import Flown
+from gcs.lab.reports.campaign import write_report
+
+
+def run_campaign(
+    planned: Plan,
+    folder: Path,
+    scheduler: str | None = None,
+    jobs: int | None = None,
+    until: str | None = None,
+    on_flown: Callable[[Flown], None] = lambda _: None,
+) -> Path:
+    """Fly what a campaign's folder lacks, keep the chosen trajectories, and write the report.
+
+    Args:
+        planned: The campaign, as `gcs.lab.campaigns.plan.load_plan` returns it.
+        folder: Its folder, new or to continue.
+        scheduler: Address of a dask scheduler whose workers fly; None for workers here.
+        jobs: Worker processes here; None for as many as there are cores.
+        until: Condition that ends the campaign as soon as it is decided for every variant, as in
+            "p(attitude_lost) < 0.05 at 95 %"; None to fly every draw.
+        on_flown: Called with each batch that ended.
+
+    Returns:
+        The path of report.html. The table is read by `gcs.lab.campaigns.store.read_results`.
+
+    Raises:
+        BadInput: The folder is another campaign's, or the condition, the scheduler or a worker
+            cannot be used.
+        GcsError: The scheduler was lost; what was flown is stored.
+        OSError: A file cannot be written; it is named.
+    """
+    enough = begin_campaign(planned, folder, until)
+    if not enough():
+        fly_missing(planned, folder, scheduler, jobs, on_flown, enough)
+    for _ in keep_flights(folder, planned.flights):
+        pass
+    return write_report(folder)

@@ -1,0 +1,209 @@
+"""What the architecture's table says one has to change to add something is enough.
+
+Each addition is made in a copy of the packages that hold it, and flown there as plain Python.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+LAWS = "ftc_autopilot/control/laws"
+FLIGHT = """
+from pathlib import Path
+from gcs.fleet.in_process import fly_in_process
+from gcs.scenario.model import scenario_of, scenario_tree
+path = Path("scenarios/{scenario}.yaml").resolve()
+flown = fly_in_process(scenario_of(path, scenario_tree(path) | {tree}))
+print(flown.loss, flown.states[-1, 0, 3:6].tolist())
+"""
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """A copy of the model and the autopilot, beside links to all else."""
+    for name in ("ftc_autopilot", "sitl_plant"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    for name in ("mavlink_defs", "gcs", "scenarios"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    return tmp_path
+
+
+def fly(copy: Path, tree: str, scenario: str = "paper/scenario1") -> str:
+    """Fly 20 ms of a scenario with other keys, and return how it ended."""
+    script = FLIGHT.format(tree=f"{{'duration_s': 0.02, {tree}}}", scenario=scenario)
+    env = os.environ | {"PYTHONPATH": str(copy), "NUMBA_DISABLE_JIT": "1"}
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=copy, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def patched(text: str, diff: str) -> str:
+    """A text with the added lines of a diff without line numbers behind the lines before them."""
+    lines, at = text.splitlines(), 0
+    for line in diff.splitlines():
+        if line.startswith("+"):
+            lines.insert(at, line[1:])
+            at += 1
+        elif line != "@@":
+            at = lines.index(line[1:], at) + 1
+    return "\n".join(lines) + "\n"
+
+
+def test_a_law_is_one_file_and_its_registration(copy: Path) -> None:
+    """The law of the tutorial, word for word."""
+    page = (ROOT / "docs" / "tutorial" / "law.md").read_text()
+    (law,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (diff,) = re.findall(r"```diff\n(.*?)```", page, re.DOTALL)
+    (copy / LAWS / "proportional.py").write_text(law)
+    registry = copy / LAWS / "__init__.py"
+    registry.write_text(patched(registry.read_text(), diff))
+    own = fly(copy, "'controller': {'kind': 'proportional', 'attitude_gain': 3.0}")
+    assert own.startswith("None")
+    assert own != fly(copy, "'controller': {'kind': 'pid'}")
+
+
+def test_another_aerodynamic_model_is_two_files(copy: Path) -> None:
+    """Drag that grows with the square of the lift, by a coefficient of its own."""
+    before = fly(copy, "")
+    config = copy / "sitl_plant" / "config.py"
+    drag = '    cD0: float = quantity("", ge=0.0, doc="Drag.")\n'
+    induced = '    cD_induced: float = quantity("", default=0.05, doc="Drag by lift squared.")\n'
+    assert drag in config.read_text()
+    config.write_text(config.read_text().replace(drag, drag + induced))
+    model = copy / "sitl_plant" / "aerodynamics.py"
+    force = "    F = scale(qS"
+    assert force in model.read_text()
+    more = '    C_D = C_D + aircraft["cD_induced"] * C_L * C_L\n'
+    model.write_text(model.read_text().replace(force, more + force))
+    after = fly(copy, "")
+    assert after.startswith("None")
+    assert after != before
+
+
+def replaced(path: Path, *changes: tuple[str, str]) -> None:
+    """Replace texts of a file that must be there."""
+    text = path.read_text()
+    for before, after in changes:
+        assert text.count(before) == 1, before
+        text = text.replace(before, after)
+    path.write_text(text)
+
+
+TRIGGER = """
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
+from mavlink_defs.config.quantity import whole
+from mavlink_defs.runtime.jit import compiled
+
+
+class EveryNth(TriggerParameters):
+    STATE: ClassVar[np.dtype] = np.dtype([("steps", "i8")])
+    mode: Literal["every_nth"] = "every_nth"
+    nth: int = whole("", ge=1, default=7, doc="Steps between two messages.")
+
+
+@compiled
+def every_nth(now: Candidates, parameters: np.void, state: np.void) -> int:
+    state["steps"] += 1
+    return 15 if state["steps"] % parameters["nth"] == 1 else 0
+"""
+
+
+def test_a_trigger_is_one_file_and_its_registration(copy: Path) -> None:
+    triggers = copy / "ftc_autopilot" / "control" / "triggers"
+    (triggers / "every_nth.py").write_text(TRIGGER)
+    replaced(
+        triggers / "__init__.py",
+        (
+            "from ftc_autopilot.control.triggers.periodic import",
+            "from ftc_autopilot.control.triggers.every_nth import EveryNth, every_nth\n"
+            "from ftc_autopilot.control.triggers.periodic import",
+        ),
+        (
+            "    Discriminator(_mode),",
+            '    | Annotated[EveryNth, Tag("every_nth")],\n    Discriminator(_mode),',
+        ),
+        ('Tag("consequence")],', 'Tag("consequence")]'),
+        (
+            "    return static.per_channel(now)",
+            '    if mode == MODES.index("every_nth"):\n'
+            '        return every_nth(now, parameters["every_nth"], states["every_nth"])\n'
+            "    return static.per_channel(now)",
+        ),
+    )
+    often, seldom = (fly(copy, f"'trigger': {{'mode': 'every_nth', 'nth': {n}}}") for n in (3, 10))
+    assert often.startswith("None")
+    assert often != seldom
+
+
+GUIDANCE = """
+from typing import Literal
+
+from ftc_autopilot.guidance.laws.path_following import PathFollowing, path_law
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.runtime.jit import compiled
+
+
+class Gentle(PathFollowing):
+    kind: Literal["gentle"] = "gentle"
+    faster_m_s: float = quantity("m/s", default=5.0, doc="Added to the airspeed.")
+
+
+@compiled
+def gentle_law(now, path, near, coordination, aircraft, limits, gains, state, command):
+    s = path_law(now, path, near, coordination, aircraft, limits, gains, state, command)
+    command[0] += gains["faster_m_s"]
+    return s
+"""
+
+
+def test_a_guidance_law_is_one_file_and_its_registration(copy: Path) -> None:
+    laws = copy / "ftc_autopilot" / "guidance" / "laws"
+    (laws / "gentle.py").write_text(GUIDANCE)
+    replaced(
+        laws / "__init__.py",
+        ("from typing import TypeAlias\n", "from typing import Annotated, TypeAlias\n"),
+        (
+            "from ftc_autopilot.guidance.laws.path_following import (",
+            "from pydantic import Discriminator, Tag\n"
+            "from ftc_autopilot.guidance.laws.gentle import Gentle, gentle_law\n"
+            "from ftc_autopilot.guidance.laws.path_following import (",
+        ),
+        (
+            "Guidance: TypeAlias = PathFollowing\n",
+            "def _kind(value):\n"
+            '    own = getattr(value, "kind", "path")\n'
+            '    return value.get("kind", "path") if isinstance(value, dict) else own\n'
+            "Guidance: TypeAlias = Annotated[\n"
+            '    Annotated[PathFollowing, Tag("path")] | Annotated[Gentle, Tag("gentle")],\n'
+            "    Discriminator(_kind),\n"
+            "]\n",
+        ),
+        ('{"path": PathFollowing}', '{"path": PathFollowing, "gentle": Gentle}'),
+        (
+            '    limits = parameters["common"]\n',
+            '    limits = parameters["common"]\n'
+            '    if parameters["law"] == KINDS.index("gentle"):\n'
+            "        return gentle_law(\n"
+            "            now, path, near, coordination, aircraft, limits,\n"
+            '            parameters["gentle"], state["gentle"], command,\n'
+            "        )\n",
+        ),
+    )
+    flights = {
+        own: fly(copy, f"'duration_s': 0.1, 'guidance': {{{own}}}", "missions/race_track")
+        for own in ("'kind': 'gentle'", "'kind': 'gentle', 'faster_m_s': 0.0", "'kind': 'path'")
+    }
+    gentle, same, path = flights.values()
+    assert path.startswith("None")
+    assert same == path != gentle

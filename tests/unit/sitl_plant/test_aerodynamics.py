@@ -1,0 +1,98 @@
+"""The aerodynamic model: one file knows its coefficients, and its linearisations are its slopes."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sitl_plant.aerodynamics import (
+    Aerodynamics,
+    aerodynamics,
+    balanced_alpha,
+    carried,
+    carried_linearly,
+    drag,
+    lateral,
+    longitudinal,
+    moment,
+    rate_damping,
+)
+from sitl_plant.aircraft import COEFFICIENTS
+from sitl_plant.vec3 import Vec3
+
+ROOT = Path(__file__).parents[3]
+PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "benchmarks")
+KNOWING = {"sitl_plant/aerodynamics.py", "sitl_plant/config.py"}
+"""The model itself, and the configuration that declares its keys."""
+V, H = 45.0, 1e-6
+
+
+def flown(
+    nominal: np.void, beta: float = 0.0, alpha: float = 0.0, omega: Vec3 = (0.0, 0.0, 0.0)
+) -> Aerodynamics:
+    """The model at 45 m/s."""
+    along, side, down = math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha)
+    return aerodynamics((V * along, V * side, V * down * math.cos(beta)), omega, nominal)
+
+
+def slopes(nominal: np.void, name: str, axis: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of force and moment by one argument, by central differences."""
+    ends = []
+    for step in (H, -H):
+        value: Any = tuple((step * np.eye(3)[axis]).tolist()) if name == "omega" else step
+        ends.append(flown(nominal, **{name: value}))
+    F, N = (np.subtract(getattr(ends[0], what), getattr(ends[1], what)) for what in "FN")
+    return F / (2.0 * H), N / (2.0 * H)
+
+
+@pytest.mark.parametrize("name", COEFFICIENTS)
+def test_no_other_module_names_a_coefficient(name: str) -> None:
+    word = re.compile(rf"""["'.]{name}\b""")
+    files = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    naming = {str(path.relative_to(ROOT)) for path in files if word.search(path.read_text())}
+    assert len(files) > 250
+    assert naming <= KNOWING
+
+
+def test_the_lateral_model_is_the_models_slope(nominal: np.void) -> None:
+    air, still = lateral(V, nominal), flown(nominal)
+    side, by_beta = slopes(nominal, "beta")
+    _, by_p = slopes(nominal, "omega", 0)
+    _, by_r = slopes(nominal, "omega", 2)
+    assert air.side == pytest.approx(side[1], rel=1e-5)
+    for axis, part in ((0, air.rolling), (2, air.yawing)):
+        found = [by_beta[axis], by_p[axis], by_r[axis], still.C[axis][0], still.C[axis][2]]
+        assert air.scale * np.array(part[1:]) == pytest.approx(found, rel=1e-5)
+        assert air.scale * part.bias == pytest.approx(still.N[axis], abs=1e-9)
+
+
+def test_the_longitudinal_model_is_the_models_slope(nominal: np.void) -> None:
+    air = longitudinal(V, nominal)
+    force, by_alpha = slopes(nominal, "alpha")
+    _, by_p = slopes(nominal, "omega", 0)
+    _, by_q = slopes(nominal, "omega", 1)
+    assert air.drag == pytest.approx(-flown(nominal).F[0])
+    assert -air.lift_by_alpha - air.drag == pytest.approx(force[2], rel=1e-5)
+    assert air.moment_by_alpha == pytest.approx(by_alpha[1], rel=1e-5)
+    assert air.moment_by_q == pytest.approx(by_q[1], rel=1e-5)
+    assert rate_damping(V, nominal) == pytest.approx((by_p[0], by_q[1]), rel=1e-5)
+
+
+def test_an_elevator_has_its_balanced_angle_of_attack(nominal: np.void) -> None:
+    air = flown(nominal, alpha=balanced_alpha(0.05, nominal))
+    assert moment(air, (0.0, 0.05, 0.0))[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_lift_and_thrust_carry_together(nominal: np.void) -> None:
+    """The thrust, along the body, balances the drag; what both make across is `carried`."""
+    alpha, qS = 0.2, 0.5 * nominal["rho"] * V**2 * nominal["S"]
+    ca, sa, air = math.cos(alpha), math.sin(alpha), flown(nominal, alpha=alpha)
+    force = np.array([air.F[0] + drag(qS, nominal) / ca, air.F[2]])
+    assert force @ (ca, sa) == pytest.approx(0.0, abs=1e-9)
+    assert force @ (sa, -ca) == pytest.approx(qS * carried(alpha, nominal))
+    at_zero, by_alpha = carried_linearly(nominal)
+    assert at_zero == carried(0.0, nominal)
+    assert by_alpha == pytest.approx((carried(H, nominal) - carried(-H, nominal)) / (2.0 * H))

@@ -1,0 +1,87 @@
+"""A kind of fault is added in the files that the architecture page lists, and flown."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scratch_tree import ScratchTree, listed_files
+
+EDITS = {
+    "mavlink_defs/ftc.xml": [
+        (
+            '    </enum>\n    <enum name="FTC_SIM_FLAGS"',
+            '      <entry value="1" name="FTC_FAULT_KIND_DRIFT">\n'
+            "        <description>It adds value * (t - start).</description>\n      </entry>\n",
+        )
+    ],
+    "mavlink_defs/fault_kinds.py": [
+        ("\nFAULT_KINDS: Mapping", "from mavlink_defs.dialect import FTC_FAULT_KIND_DRIFT\n"),
+        (
+            "\nFAULT_KINDS: Mapping",
+            'DRIFT = FaultKind("drift", FTC_FAULT_KIND_DRIFT, "Drift of a surface.",'
+            ' "Drift of the throttle.", choice="drift", label="drift",'
+            ' template="drifting by {minus}{size}", per="/s")\n',
+        ),
+        (")}\n", ", DRIFT"),
+    ],
+    "sitl_plant/actuators.py": [
+        ("\n@compiled\ndef offset", "from mavlink_defs.dialect import FTC_FAULT_KIND_DRIFT\n"),
+        (
+            "    wave: float",
+            '    if fault["code"] == FTC_FAULT_KIND_DRIFT:\n'
+            '        drift: float = fault["value"] * since\n        return drift\n',
+        ),
+    ],
+}
+SCENARIO = """
+extends: paper/scenario1
+duration_s: 0.5
+faults:
+  - {uav: 3, actuator: rudder, drift_deg_s: 4.0, start_s: 0.1}
+"""
+USES = """
+from gcs.lab.campaigns.model import DrawnFault
+from gcs.tui.fault_form import read_fault
+from mavlink_defs.dialect import MAVLink_ftc_fault_message
+from mavlink_defs.fault_kinds import FAULT_KINDS, FaultLimits
+from mavlink_defs.faults import Fault, fault_from_params
+
+texts = {"value": "-2", "effectiveness": "0.5", "start_s": "3"}
+fault = read_fault("throttle", FAULT_KINDS["drift"], texts).fault
+assert fault_from_params(fault, FaultLimits(25.0, 4000.0))[:5] == fault[:5]
+listed = MAVLink_ftc_fault_message(0.5, -2.0, 0.0, 3.0, float("inf"), 0, 1, 3, 1, fault.code)
+print(Fault.from_message(listed).describe())
+print(Fault.from_message(listed).as_dict(None)["drift_n_s"])
+one = {"kind": "uniform", "low": 0.1, "high": 0.2}
+DrawnFault.model_validate({"kinds": {"drift": one}, "start_s": one})
+"""
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> ScratchTree:
+    return ScratchTree(tmp_path_factory.mktemp("tree"), EDITS)
+
+
+def test_the_page_lists_the_files() -> None:
+    assert listed_files("a kind of fault") == set(EDITS)
+
+
+def test_the_kind_flies(tree: ScratchTree, tmp_path: Path) -> None:
+    (tmp_path / "drift.yaml").write_text(SCENARIO)
+    out = tmp_path / "run"
+    options = ("--in-process", "--record", "npz", "--json", "--out", str(out))
+    summary = json.loads(tree.run("-m", "gcs", "fly", str(tmp_path / "drift.yaml"), *options))
+    assert summary["loss"] is None
+    with np.load(out / "trajectory.npz") as flown:
+        drift = flown["applied"][:, 2, 2] - flown["held"][:, 2, 2]
+        expected = np.radians(4.0) * np.maximum(flown["time_s"] - 0.1, 0.0)
+    assert drift == pytest.approx(expected, abs=1e-6)
+
+
+def test_forms_commands_texts_and_campaigns_know_it(tree: ScratchTree) -> None:
+    assert tree.run("-c", USES).splitlines() == [
+        "throttle at 50 % drifting by -2 N/s after 3 s, until cleared",
+        "-2.0",
+    ]
+    assert "--drift-deg-s" in tree.run("-m", "gcs", "fault", "set", "--help")
