@@ -1,6 +1,5 @@
 """``gcs``: starts what a flight needs while the command line is still being imported."""
 
-import gc
 import signal
 import sys
 
@@ -13,9 +12,11 @@ def main() -> None:
 
     Until it is imported, Ctrl-C ends the program as a signal does, without a word.
     """
-    gc.set_threshold(20_000)  # imports make many objects, of which few are garbage
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as a shell has it in the background
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    import gc
+
+    gc.set_threshold(20_000)  # imports make many objects, of which few are garbage
     if sys.argv[1:2] and sys.argv[1] in _FLIES and not _STARTS_NOTHING & set(sys.argv):
         from gcs.fleet.forked import start_server_ahead
 

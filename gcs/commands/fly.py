@@ -78,6 +78,13 @@ class FlyOptions(FleetOptions):
             "as .npz (in memory until the end), or nothing."
         ),
     ] = Record.LIGHT
+    figures: Annotated[
+        bool,
+        typer.Option(
+            envvar="FTC_SITL_FIGURES",
+            help="Whether flight.png and the other figures are drawn, which takes about a second.",
+        ),
+    ] = True
     as_json: Annotated[
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
     ] = False
@@ -255,18 +262,12 @@ def _report(
     console: Console,
     options: FlyOptions,
 ) -> None:
-    from gcs.figures.mission import draw_mission
-    from gcs.figures.overview import draw_flight
     from gcs.reports.flight import flight_tables
-    from gcs.results.path_following import leaders_of, paths_of
 
     summary = recorder.finish(ending)
-    with working(console, "drawing the flight"):
-        preview = recorder.preview
-        shown = preview.recording(ending)
-        draw_flight(shown, scenario, preview.gaps(), folder)
-        if (paths := paths_of(scenario)) is not None:
-            draw_mission(shown, scenario, paths, leaders_of(scenario), folder)
+    if options.figures:
+        with working(console, "drawing the flight"):
+            _draw(recorder, ending, scenario, folder)
     output = console_of(stderr=options.as_json, quiet=console.quiet)  # --json leaves no room for it
     if options.as_json:
         print_json(summary.to_json(), indent=2)
@@ -277,6 +278,18 @@ def _report(
         _compare(options.campaign, options.row or 0, summary, output)
     if summary.loss is not None:
         raise FlightLost(summary.loss)
+
+
+def _draw(recorder: "FlightRecorder", ending: "Ending", scenario: Scenario, folder: Path) -> None:
+    from gcs.figures.mission import draw_mission
+    from gcs.figures.overview import draw_flight
+    from gcs.results.path_following import leaders_of, paths_of
+
+    preview = recorder.preview
+    shown = preview.recording(ending)
+    draw_flight(shown, scenario, preview.gaps(), folder)
+    if (paths := paths_of(scenario)) is not None:
+        draw_mission(shown, scenario, paths, leaders_of(scenario), folder)
 
 
 def _compare(campaign: Path, row: int, summary: "FlightSummary", console: Console) -> None:

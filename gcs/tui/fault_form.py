@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from pydantic import ValidationError
 from textual.app import ComposeResult
@@ -175,8 +175,7 @@ class FaultForm(Guarded, Vertical):
 
     @property
     def _actuator(self) -> Actuator:
-        chosen: Actuator = self.query_one("#actuator", Select).value  # type: ignore[assignment]
-        return chosen
+        return cast(Actuator, self.query_one("#actuator", Select).value)
 
     @property
     def _kind(self) -> FaultKind:

@@ -27,10 +27,8 @@ SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml
 TIMEOUT_S = 300.0  # only a defect takes so long, on whatever machine
 CHANNELS = ("throttle", "aileron", "elevator", "rudder")
 _PORT_BLOCKS = itertools.count(random.randrange(60))
-RESULTS = {
-    *("summary.json", "flight.tlog", "events.arrows", "trajectory.arrows"),
-    *("flight.png", "flight.svg"),
-}
+RESULTS = {"summary.json", "flight.tlog", "events.arrows", "trajectory.arrows"}
+FIGURES = {"flight.png", "flight.svg"}
 
 
 def scenario_tree(**changes: Any) -> dict[str, Any]:
@@ -76,7 +74,8 @@ def free_links(uavs: int = 3) -> dict[str, Any]:
 
 
 def environment(**changes: str) -> dict[str, str]:
-    return os.environ | {"COLUMNS": "1000", "NO_COLOR": "1"} | changes
+    """The environment of a command: without figures, which take as long as many a flight."""
+    return os.environ | {"COLUMNS": "1000", "NO_COLOR": "1", "FTC_SITL_FIGURES": "0"} | changes
 
 
 def run(

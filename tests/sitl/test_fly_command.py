@@ -15,6 +15,7 @@ import pytest
 from flying import (
     BIN,
     CHANNELS,
+    FIGURES,
     RESULTS,
     SCENARIO_1,
     TIMEOUT_S,
@@ -86,7 +87,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """Run folder and standard output of a short flight with --json."""
     folder = tmp_path_factory.mktemp("flown")
     scenario = write_scenario(folder, duration_s=2.0)
-    done = fly_well(scenario, "--json", "--free-ports", "--out", folder / "run")
+    arguments = ("--json", "--free-ports", "--out", folder / "run")
+    done = fly_well(scenario, *arguments, FTC_SITL_FIGURES="1")
     assert "Traceback" not in done.stderr
     return folder / "run", done.stdout
 
@@ -132,7 +134,7 @@ def test_summary_agrees_with_the_event_file(flown: tuple[Path, str]) -> None:
 
 def test_run_folder_holds_the_results(flown: tuple[Path, str]) -> None:
     folder, _ = flown
-    assert {entry.name for entry in folder.iterdir()} >= RESULTS
+    assert {entry.name for entry in folder.iterdir()} >= RESULTS | FIGURES
     assert (folder / "flight.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     assert (folder / "flight.svg").read_text().startswith("<?xml")
     trajectory = table_of(folder / "trajectory.arrows")
@@ -162,10 +164,11 @@ def test_results_go_to_standard_output_and_quiet_says_nothing(tmp_path: Path) ->
 
 def test_default_run_folder(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path, duration_s=0.1)
-    done = run("gcs", "fly", scenario, "--in-process", "--quiet", cwd=tmp_path)
+    arguments = ("--in-process", "--quiet", "--no-figures")
+    done = run("gcs", "fly", scenario, *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (folder,) = (tmp_path / "runs").iterdir()
-    assert {entry.name for entry in folder.iterdir()} >= RESULTS - {"flight.tlog"}
+    assert {entry.name for entry in folder.iterdir()} == RESULTS - {"flight.tlog"}
 
 
 def test_one_uav_alone(tmp_path: Path) -> None:
