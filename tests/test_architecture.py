@@ -94,7 +94,7 @@ def test_a_missing_package_is_one_line(
     assert hint == "hint: pip install 'ftc-sitl[lab]'"
 
 
-def test_the_packages_are_those_of_the_extra() -> None:
+def test_the_packages_match_the_extra() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     names = {re.split(r"[>\[=]", name)[0] for name in project["optional-dependencies"]["lab"]}
     assert names - {"markdown-it-py"} == {

@@ -61,7 +61,7 @@ def write_scenario(folder: Path, tree: dict[str, Any] | None = None, **changes: 
 def free_links(uavs: int = 3) -> dict[str, Any]:
     """Return the links section of a scenario on free ports that no other test is given.
 
-    They lie below those of `--free-ports`. Each worker of pytest-xdist has its own.
+    They lie below the ports that `--free-ports` takes. Each worker of pytest-xdist has its own.
     """
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 8
     while True:

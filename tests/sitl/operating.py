@@ -42,11 +42,11 @@ class Operator:
             assert time.monotonic() < end, f"not seen: {what}\n{self.log}"
             await self.pilot.pause(0.05)
 
-    async def sees_event(self, *words: str) -> None:
+    async def sees_event(self, *parts: str) -> None:
         def there() -> bool:
-            return any(all(w in line for w in words) for line in self.log.splitlines())
+            return any(all(part in line for part in parts) for line in self.log.splitlines())
 
-        await self.sees(there, " ".join(words))
+        await self.sees(there, " ".join(parts))
 
     async def write(self, field: str, text: str) -> None:
         self.app.query_one(f"#{field}", Input).value = text

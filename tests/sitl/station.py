@@ -53,7 +53,7 @@ class Up:
     def begin(
         self, *arguments: str | Path, connect: str | None = None, output: Path | None = None
     ) -> subprocess.Popen[str]:
-        """Start a command that goes on until it is told to stop."""
+        """Start a command that runs until it is stopped."""
         with output.open("w") if output else contextlib.nullcontext() as file:
             return subprocess.Popen(
                 [BIN / "gcs", *arguments],
@@ -65,7 +65,7 @@ class Up:
             )
 
     def stop(self, number: int = signal.SIGINT) -> tuple[int, str]:
-        """Tell `gcs up` to stop; its exit status and last words."""
+        """Stop `gcs up`; its exit status and standard error."""
         self.popen.send_signal(number)
         _, stderr = self.popen.communicate(timeout=TIMEOUT_S)
         return self.popen.returncode, stderr

@@ -31,18 +31,18 @@ def test_baselines_are_found_and_written(scenario: Path, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "reason"),
     [
         (("--longest", "300"), "expected from 1 ms, the control period, to 200 ms, the flight"),
         (("--against", "trigger.period_s=1,2"), "--against trigger.period_s has 2 values"),
         (("--aircraft", "2", "--campaign", "nothing"), "no bundled scenario of that name"),
     ],
 )
-def test_bad_input_is_told_before_anything_is_flown(
-    options: tuple[str, ...], words: str, scenario: Path, tmp_path: Path
+def test_bad_input_is_refused_before_anything_is_flown(
+    options: tuple[str, ...], reason: str, scenario: Path, tmp_path: Path
 ) -> None:
     done = run("gcs", "baseline", scenario, *options, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert_one_message(done.stderr)
-    assert words in done.stderr.replace("\n", " ")
+    assert reason in done.stderr.replace("\n", " ")
     assert not (tmp_path / "out").exists()

@@ -65,7 +65,7 @@ def flying(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[st
 
 
 def test_rows_are_flights_that_fly_again_bit_for_bit(tmp_path: Path) -> None:
-    """Over the wire and in process; those of all outcomes, and those that are kept."""
+    """Over the wire and in process; rows of every outcome, and those with a folder of their own."""
     stuck = {"kinds": {"stuck": {"kind": "choice", "values": [0.9]}}}
     fault = {**stuck, "uavs": [2], "actuators": ["aileron"]}
     start = {"start_s": {"kind": "uniform", "low": 0.1, "high": 0.2}}
@@ -129,12 +129,12 @@ def test_the_same_command_continues_after_any_end(tmp_path: Path, end: signal.Si
     with flying(folder, path, "--jobs", "2") as popen:
         send = os.killpg if end == signal.SIGINT else os.kill
         send(popen.pid, end)
-        _, words = popen.communicate(timeout=TIMEOUT_S)
+        _, text = popen.communicate(timeout=TIMEOUT_S)
     before = results(folder)
     if end == signal.SIGINT:
         assert popen.returncode == 130
-        assert_one_message(words)
-        assert f"{len(before)} of 30 flights in {folder}" in words
+        assert_one_message(text)
+        assert f"{len(before)} of 30 flights in {folder}" in text
     kept = {path: path.read_bytes() for path in parts(folder)}
     done = campaign(path, "--out", folder, "--jobs", "1")
     assert done.returncode == 0, done.stderr
@@ -180,10 +180,10 @@ def test_a_cluster_elsewhere(tmp_path: Path) -> None:
         with flying(folder, path, "--scheduler", address) as popen:
             processes[1].kill()
             processes[0].kill()
-            _, words = popen.communicate(timeout=TIMEOUT_S)
-        assert popen.returncode == 1, words
-        assert_one_message(words)
-        assert "the connection to the scheduler was lost" in words
+            _, text = popen.communicate(timeout=TIMEOUT_S)
+        assert popen.returncode == 1, text
+        assert_one_message(text)
+        assert "the connection to the scheduler was lost" in text
     before = results(folder)
     assert before
     assert campaign(path, "--out", folder).returncode == 0
@@ -210,7 +210,7 @@ def test_workers_of_other_code_are_refused_with_both_digests(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "reason"),
     [
         (["--scheduler", "here"], "expected tcp://HOST:PORT"),
         (["--scheduler", "tcp://127.0.0.1:9", "--jobs", "1"], "leave one out"),
@@ -218,11 +218,11 @@ def test_workers_of_other_code_are_refused_with_both_digests(tmp_path: Path) -> 
         (["--seed", "1"], "--seed"),
     ],
 )
-def test_mistake_is_refused(tmp_path: Path, arguments: list[str], words: str) -> None:
+def test_mistake_is_refused(tmp_path: Path, arguments: list[str], reason: str) -> None:
     done = campaign(write_campaign(tmp_path), *arguments, "--out", tmp_path / "out")
     assert done.returncode == 2, done.stderr
     assert_one_message(done.stderr)
-    assert words in done.stderr
+    assert reason in done.stderr
 
 
 def test_folder_of_something_else(tmp_path: Path) -> None:
@@ -234,14 +234,14 @@ def test_folder_of_something_else(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "reason"),
     [
         ([], "either a SCENARIO, or --campaign"),
         (["paper/scenario1", "--row", "1"], "either a SCENARIO, or --campaign"),
         (["--campaign", ".", "--row", "1"], "not the folder of a campaign"),
     ],
 )
-def test_flying_again_needs_a_campaign_and_a_row(arguments: list[str], words: str) -> None:
+def test_flying_again_needs_a_campaign_and_a_row(arguments: list[str], reason: str) -> None:
     done = run("gcs", "fly", *arguments)
     assert done.returncode == 2
-    assert words in done.stderr
+    assert reason in done.stderr

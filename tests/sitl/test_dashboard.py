@@ -80,8 +80,8 @@ def test_a_fault_goes_from_the_form_to_the_plant_and_is_cleared(fleet: Up) -> No
             await someone.sees_event("2 action", "set: elevator stuck at 3 deg")
             faults = someone.app.query_one(FaultList)
             await someone.sees(lambda: "active" in faults.text, "an active fault")
-            told = await asyncio.to_thread(fleet.gcs_json, "fault", "list", "--uav", "2")
-            ((fault,),) = [vehicle["faults"] for vehicle in told]
+            vehicles = await asyncio.to_thread(fleet.gcs_json, "fault", "list", "--uav", "2")
+            ((fault,),) = [vehicle["faults"] for vehicle in vehicles]
             assert (fault["actuator"], fault["active"]) == ("elevator", True)
             await someone.sees(
                 lambda: abs((someone.state(2).error or (0.0,) * 4)[2]) > before + 0.5,

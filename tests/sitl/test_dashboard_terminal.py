@@ -45,9 +45,9 @@ class Tmux:
     def screen(self) -> str:
         return self._run("capture-pane", "-p")
 
-    def shows(self, *words: str) -> None:
+    def shows(self, *texts: str) -> None:
         end = time.monotonic() + TIMEOUT_S
-        while missing := [word for word in words if word not in (screen := self.screen)]:
+        while missing := [text for text in texts if text not in (screen := self.screen)]:
             assert time.monotonic() < end, f"{missing} not on the screen:\n{screen}"
             time.sleep(0.05)
 

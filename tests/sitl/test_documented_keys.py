@@ -145,14 +145,14 @@ def test_a_mission_is_changed_by_the_keys_of_the_documentation(tmp_path: Path) -
             await someone.sees(lambda: "N 10 E 20 130" in items.text, "another place")
             await someone.press("end", "up", "d")
             await someone.sees(lambda: len(items.rows) == 7, "one less")
-            wanted = panel.draft
-            assert wanted is not None
+            expected = panel.draft
+            assert expected is not None
             await someone.press("u")
             await someone.answer("enter")
             await someone.sees_event("1 action", "mission of 7 items uploaded")
             await someone.sees(lambda: panel.draft is None, "it is the vehicle's")
-            assert is_same(someone.state(1).mission or (), wanted)
-            assert not is_same(someone.state(2).mission or (), wanted)
+            assert is_same(someone.state(1).mission or (), expected)
+            assert not is_same(someone.state(2).mission or (), expected)
 
     with up(tmp_path, tree=hexagon_tree()) as fleet:
         drive(work())

@@ -58,7 +58,7 @@ def test_an_aircraft_that_hits_the_ground_is_lost_and_says_so(tmp_path: Path) ->
     )
 
 
-def test_a_law_that_fails_is_told_and_the_flight_is_no_success(tmp_path: Path) -> None:
+def test_a_law_that_fails_is_reported_and_the_flight_is_no_success(tmp_path: Path) -> None:
     tree = scenario_tree(duration_s=0.3, faults=[])
     tree["controller"] = {"kind": "pid", "speed_p_n_s_m": 1e308}
     tree["uavs"][2]["initial"]["airspeed_m_s"] = 45.0

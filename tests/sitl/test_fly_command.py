@@ -214,7 +214,7 @@ def test_lost_flight(tmp_path: Path, how: str) -> None:
 
 
 def assert_refused(folder: Path, *arguments: str | Path) -> str:
-    """Exit status 2, words for people, and nothing started; gives the words."""
+    """Exit status 2, one message, and nothing started; gives the message."""
     done = fly(*arguments)
     assert done.returncode == 2, done.stderr
     assert_one_message(done.stderr)
@@ -241,9 +241,9 @@ def test_occupied_run_folder_is_left_alone(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / "mine").write_text("keep")
-    words = assert_refused(tmp_path, SCENARIO_1, "--free-ports", "--out", folder)
-    assert str(folder) in words
-    assert "not empty" in words
+    message = assert_refused(tmp_path, SCENARIO_1, "--free-ports", "--out", folder)
+    assert str(folder) in message
+    assert "not empty" in message
     assert [entry.name for entry in folder.iterdir()] == ["mine"]
 
 
@@ -256,22 +256,22 @@ def test_run_folder_that_is_a_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("speed", ["0", "-1", "nan", "inf", "fast"])
 def test_bad_speed(tmp_path: Path, speed: str) -> None:
-    words = assert_refused(tmp_path, SCENARIO_1, f"--speed={speed}", "--out", tmp_path / "run")
-    assert "--speed" in words
+    message = assert_refused(tmp_path, SCENARIO_1, f"--speed={speed}", "--out", tmp_path / "run")
+    assert "--speed" in message
     assert not (tmp_path / "run").exists()
 
 
 def test_speed_without_processes(tmp_path: Path) -> None:
-    words = assert_refused(
+    message = assert_refused(
         tmp_path, SCENARIO_1, "--speed", "2", "--in-process", "--out", tmp_path / "run"
     )
-    assert "--speed" in words
-    assert "--in-process" in words
+    assert "--speed" in message
+    assert "--in-process" in message
 
 
 def test_unknown_option(tmp_path: Path) -> None:
-    words = assert_refused(tmp_path, SCENARIO_1, "--sped", "2", "--out", tmp_path / "run")
-    assert "--sped" in words
+    message = assert_refused(tmp_path, SCENARIO_1, "--sped", "2", "--out", tmp_path / "run")
+    assert "--sped" in message
 
 
 @pytest.mark.parametrize("key", ["gcs_port", "plant_port", "formation_base_port"])
@@ -280,17 +280,17 @@ def test_port_in_use(tmp_path: Path, key: str) -> None:
     with port_taken() as port:
         links[key] = port - 2 if key == "formation_base_port" else port
         scenario = write_scenario(tmp_path, duration_s=0.5, links=links)
-        words = assert_refused(tmp_path, scenario, "--out", tmp_path / "run")
-    assert str(port) in words
-    assert "in use" in words
+        message = assert_refused(tmp_path, scenario, "--out", tmp_path / "run")
+    assert str(port) in message
+    assert "in use" in message
 
 
 def test_disconnected_graph(tmp_path: Path) -> None:
     tree = scenario_tree()
     del tree["network"]["edges"][1]
-    words = assert_refused(tmp_path, write_scenario(tmp_path, tree), "--out", tmp_path / "run")
-    assert "network" in words
-    assert "3" in words
+    message = assert_refused(tmp_path, write_scenario(tmp_path, tree), "--out", tmp_path / "run")
+    assert "network" in message
+    assert "3" in message
 
 
 def test_all_problems_of_a_file_are_named_at_once(tmp_path: Path) -> None:
@@ -301,9 +301,9 @@ def test_all_problems_of_a_file_are_named_at_once(tmp_path: Path) -> None:
     tree["uavs"][1]["initial"]["airspeed_m_s"] = float("nan")
     del tree["trigger"]["a1"]
     tree["trigger"]["b1"] = -1.0
-    words = assert_refused(tmp_path, write_scenario(tmp_path, tree), "--out", tmp_path / "run")
+    message = assert_refused(tmp_path, write_scenario(tmp_path, tree), "--out", tmp_path / "run")
     for key in ("duration_s", "colour", "mass_kg", "uavs[1].initial.airspeed_m_s", "trigger.b1"):
-        assert key in words
+        assert key in message
 
 
 def test_sections_that_do_not_fit_are_named_at_once(tmp_path: Path) -> None:
@@ -311,9 +311,9 @@ def test_sections_that_do_not_fit_are_named_at_once(tmp_path: Path) -> None:
     tree["faults"][0]["uav"] = 7
     tree["profile"][1]["start_s"] = 20.0
     tree["uavs"][0]["initial"]["airspeed_m_s"] = 100.0
-    words = assert_refused(tmp_path, write_scenario(tmp_path, tree), "--out", tmp_path / "run")
+    message = assert_refused(tmp_path, write_scenario(tmp_path, tree), "--out", tmp_path / "run")
     for key in ("faults[0].uav", "profile[2]", "uavs[0].initial.airspeed_m_s", "links.plant_port"):
-        assert key in words
+        assert key in message
 
 
 def test_reader_that_goes_away(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
 
 
 def shown(fleet: Up) -> dict[int, dict[str, Any]]:
-    return {told["uav"]: told for told in fleet.gcs_json("formation", "show", *ALL)}
+    return {vehicle["uav"]: vehicle for vehicle in fleet.gcs_json("formation", "show", *ALL)}
 
 
 def is_slot(fleet: Up, uav: int, *slot: float) -> bool:
@@ -36,8 +36,8 @@ def test_the_formation_is_shown_and_a_slot_is_changed(fleet: Up) -> None:
     assert 25.0 < before[1]["distance_m"] < 30.0
     assert (before[3]["cause"], before[3]["policy"]) == ("well", "stay")
 
-    words = fleet.gcs("formation", "slot", "--uav", "3", "-50", "-20", "8").stdout
-    assert words == "UAV 3 takes slot -50 m ahead, -20 m right, 8 m up\n"
+    text = fleet.gcs("formation", "slot", "--uav", "3", "-50", "-20", "8").stdout
+    assert text == "UAV 3 takes slot -50 m ahead, -20 m right, 8 m up\n"
     wait_until(lambda: is_slot(fleet, 3, -50.0, -20.0, 8.0), "the slot that was ordered")
     assert is_slot(fleet, 2, -20.0, 20.0, 0.0)
     assert fleet.gcs("formation", "slot", "--uav", "3", "--planned").returncode == 0
@@ -45,7 +45,7 @@ def test_the_formation_is_shown_and_a_slot_is_changed(fleet: Up) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reason"),
     [
         (("--uav", "3", "-50", "-20"), "expected three distances AHEAD RIGHT UP [m], or --planned"),
         (("--uav", "3"), "expected three distances"),
@@ -54,9 +54,9 @@ def test_the_formation_is_shown_and_a_slot_is_changed(fleet: Up) -> None:
     ],
 )
 def test_a_slot_that_is_not_understood_is_refused(
-    fleet: Up, arguments: tuple[str, ...], told: str
+    fleet: Up, arguments: tuple[str, ...], reason: str
 ) -> None:
-    assert told in failed(fleet.gcs("formation", "slot", *arguments), BAD_INPUT)
+    assert reason in failed(fleet.gcs("formation", "slot", *arguments), BAD_INPUT)
 
 
 def test_a_slot_that_is_too_far_is_refused_by_the_vehicle(fleet: Up) -> None:

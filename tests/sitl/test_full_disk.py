@@ -191,6 +191,6 @@ def _assert_full(arguments: list[str | Path], env: dict[str, str]) -> None:
             check=False,
         )
     assert done.returncode == 1, done.stderr
-    words = "error: cannot write the standard output: No space left on device"
-    assert words in done.stderr
+    message = "error: cannot write the standard output: No space left on device"
+    assert message in done.stderr
     assert_one_message(done.stderr)

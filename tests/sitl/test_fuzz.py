@@ -117,13 +117,15 @@ def test_a_lockstep_flight_is_the_same_bit_for_bit(tmp_path: Path) -> None:
         assert np.array_equal(flown[name], values), name
 
 
-def test_status_tells_what_was_dropped_and_why(tmp_path: Path) -> None:
+def test_status_shows_what_was_dropped_and_why(tmp_path: Path) -> None:
     with up(tmp_path, "--start") as fleet:
         (plant_port,) = udp_ports(process_of(fleet.folder, "plant"))
         hub_port = int(fleet.hub.rpartition(":")[2])
         with Hail({*ports_of(fleet.folder), hub_port}, plant_port) as hail:
             wait_until(lambda: min(hail.sent.values()) > 300, "enough is sent")
-        wait_until(lambda: _all_tell(fleet.gcs_json("status")["vehicles"]), "all is told")
+        wait_until(
+            lambda: _all_report(fleet.gcs_json("status")["vehicles"]), "every drop is reported"
+        )
         lines = ("dropped by UAV 1: gcs link ", "dropped by the plant: ", "wrong checksum")
 
         def shown() -> bool:
@@ -139,11 +141,11 @@ def test_status_tells_what_was_dropped_and_why(tmp_path: Path) -> None:
         assert all(line.startswith("hub: dropped ") for line in stderr.splitlines())
 
 
-def _all_tell(states: list[dict[str, Any]]) -> bool:
-    told = [state["link"]["drops"] or {} for state in states]
-    return len(told) == 3 and all(
+def _all_report(states: list[dict[str, Any]]) -> bool:
+    reported = [state["link"]["drops"] or {} for state in states]
+    return len(reported) == 3 and all(
         drops.get("gcs", {}).get("wrong sender", 0) > 0
         and drops.get("formation", {}).get("truncated", 0) > 0
         and drops.get("plant", {}).get("wrong sender", 0) > 0
-        for drops in told
+        for drops in reported
     )

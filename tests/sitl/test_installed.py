@@ -85,7 +85,7 @@ def programs(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         check=True,
         timeout=TIMEOUT_S,
     )
-    # the dependencies are those of this environment; its own .pth files, and with them the
+    # this environment gives the dependencies; its own .pth files, and with them the
     # project itself, are not read on the way
     (packages,) = folder.glob("lib/python*/site-packages")
     dependencies = (path for path in sys.path if path.endswith("-packages"))

@@ -20,7 +20,7 @@ def test_a_fleet_in_flight_goes_over_to_a_new_key(tmp_path: Path) -> None:
     with up(tmp_path / "fleet", "--start", "--speed", "0.1", *options) as fleet:
 
         def hears(file: Path) -> bool:
-            """Whether a station that has only this key is told the state of every vehicle."""
+            """Whether a station that has only this key receives the state of every vehicle."""
             done = fleet.gcs("status", *ALL, "--json", "--signing-key", file)
             assert done.returncode in {0, NO_ANSWER}, done.stderr
             return bool(done.returncode == 0)

@@ -1,4 +1,4 @@
-"""Missions in space by real processes: the same as in one process, and taken up after a crash."""
+"""Missions in space by real processes: the same as in one process, and resumed after a crash."""
 
 import asyncio
 from pathlib import Path

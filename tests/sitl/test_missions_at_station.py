@@ -34,8 +34,8 @@ def test_a_mission_is_downloaded_and_uploaded_again(fleet: Up, tmp_path: Path) -
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.splitlines()[0] == "UAV 1 holds 7 items"
     assert is_same(read_mission_file(plan), read_mission_file(table))
-    told = fleet.gcs("mission", "download", "--uav", "2")
-    assert told.stdout.splitlines()[-1].split() == ["7", "jump", "to", "1,", "always"]
+    download = fleet.gcs("mission", "download", "--uav", "2")
+    assert download.stdout.splitlines()[-1].split() == ["7", "jump", "to", "1,", "always"]
     answer = fleet.gcs_json("mission", "upload", table)
     assert answer == [{"uav": i, "outcome": "accepted", "items": 7} for i in (1, 2, 3)]
     again = tmp_path / "again.plan"

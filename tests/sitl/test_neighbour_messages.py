@@ -94,14 +94,14 @@ def fly_sniffed(
     return on_free_ports(scenario, fly), sniffers[-1]
 
 
-def assert_told_is_what_was_sniffed(summary: FlightSummary, sniffer: Sniffer) -> None:
+def assert_counts_are_what_was_sniffed(summary: FlightSummary, sniffer: Sniffer) -> None:
     for uav in summary.uavs:
-        told = {
+        reported = {
             "states": summary.steps,
             "actuator_messages": uav.actuator_messages,
             "neighbour_messages": uav.neighbour_messages,
         }
-        for kind, messages in told.items():
+        for kind, messages in reported.items():
             assert sniffer.messages[kind, uav.id] == messages, (kind, uav.id)
             assert sniffer.bytes[kind, uav.id] == uav.link_bytes[kind], (kind, uav.id)
 
@@ -124,7 +124,7 @@ def test_messages_of_a_formation_are_those_on_the_wire(
     assert np.isfinite(computed.signals["path_position"]).all()
     assert flown.signals.tobytes() == computed.signals.tobytes()
     assert np.array_equal(flown.states, computed.states)
-    assert_told_is_what_was_sniffed(summarise(computed, scenario), sniffer)
+    assert_counts_are_what_was_sniffed(summarise(computed, scenario), sniffer)
 
 
 @pytest.mark.parametrize("case", ["triggered", "every step", "signed in a gust"])
@@ -143,7 +143,7 @@ def test_messages_and_bytes_are_those_on_the_wire(
     assert flown.signals.tobytes() == computed.signals.tobytes()
     assert np.array_equal(flown.states, computed.states)
     summary = summarise(computed, scenario)
-    assert_told_is_what_was_sniffed(summary, sniffer)
+    assert_counts_are_what_was_sniffed(summary, sniffer)
     assert summarise(flown, scenario).uavs == summary.uavs
     if case == "every step":
         assert [uav.neighbour_messages for uav in summary.uavs] == [2 * 799, 799, 799]

@@ -57,9 +57,9 @@ def test_all_problems_are_named_at_once(tmp_path: Path, program: str) -> None:
     tree["colour"] = "red"
     bad = tmp_path / "bad.yaml"
     bad.write_text(yaml.safe_dump(tree))
-    words = refused(program, bad)
+    message = refused(program, bad)
     for key in (str(bad), "step_us", "colour"):
-        assert key in words
+        assert key in message
 
 
 @pytest.mark.parametrize(
@@ -72,9 +72,9 @@ def test_port_in_use(tmp_path: Path, program: str, key: str) -> None:
         sock.bind(("127.0.0.1", 0))
         tree[key] = f"127.0.0.1:{sock.getsockname()[1]}"
         config.write_text(yaml.safe_dump(tree))
-        words = refused(program, config)
-    assert str(tree[key].split(":")[1]) in words
-    assert key in words
+        message = refused(program, config)
+    assert str(tree[key].split(":")[1]) in message
+    assert key in message
 
 
 def test_recording_needs_an_end(tmp_path: Path) -> None:
@@ -82,16 +82,16 @@ def test_recording_needs_an_end(tmp_path: Path) -> None:
     tree["duration_s"] = None
     config = tmp_path / "config.yaml"
     config.write_text(yaml.safe_dump(tree))
-    words = refused("sitl-plant", config, "--record", tmp_path / "plant.npz")
-    assert "duration_s" in words
+    message = refused("sitl-plant", config, "--record", tmp_path / "plant.npz")
+    assert "duration_s" in message
     assert not (tmp_path / "plant.npz").exists()
 
 
 @pytest.mark.parametrize(
-    ("option", "words"),
+    ("option", "reason"),
     [("--record", "1 --record for 2 CONFIGs"), ("--checkpoint", "--checkpoint is of one UAV")],
 )
-def test_several_autopilots_in_a_process(tmp_path: Path, option: str, words: str) -> None:
+def test_several_autopilots_in_a_process(tmp_path: Path, option: str, reason: str) -> None:
     files = tmp_path / "uav1.yaml", tmp_path / "uav2.yaml"
-    assert words in refused("ftc-autopilot", *files, option, tmp_path / "there")
+    assert reason in refused("ftc-autopilot", *files, option, tmp_path / "there")
     assert not (tmp_path / "there").exists()

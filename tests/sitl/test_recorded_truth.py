@@ -59,7 +59,7 @@ def assert_airspeeds_are_of_the_next_tenth_of_a_second(true: np.ndarray, used: n
 
 
 def assert_nothing_is_made_up(folder: Path) -> None:
-    """Missing steps are NaN and counted; errors are those of the true state at every step."""
+    """Missing steps are NaN and counted; errors are taken from the true state at every step."""
     summary, arrays = summary_of(folder), arrays_of(folder / "trajectory.npz")
     steps = summary["steps"]
     assert len(arrays["time_s"]) == len(arrays["state"]) == steps
@@ -77,12 +77,12 @@ def assert_nothing_is_made_up(folder: Path) -> None:
         assert uav["active_steps"] == steps - uav["missing_steps"]
         sent = sum(uav["channels"][name]["events"] for name in CHANNELS)
         assert uav["saving"] == pytest.approx(1.0 - sent / (4 * uav["active_steps"]))
-        wanted = np.interp(  # the commands of these flights do not change
+        commanded = np.interp(  # the commands of these flights do not change
             np.arange(steps),
             np.flatnonzero(~missing[:, i]),
             arrays["command"][~missing[:, i], i, 0],
         )
-        iae = np.abs(airspeed[:, i] - wanted).sum() * STEP_S
+        iae = np.abs(airspeed[:, i] - commanded).sum() * STEP_S
         assert uav["iae"]["airspeed"] == pytest.approx(iae, rel=1e-9)
 
 
@@ -95,12 +95,12 @@ def test_lost_states_are_missing_steps_and_not_zeros(tmp_path: Path) -> None:
     assert_nothing_is_made_up(folder)
     for uav in summary["uavs"]:
         assert f"UAV {uav['id']} missed {uav['missing_steps']} of 1000 steps" in done.stdout
-    told = {
+    reported = {
         m.get_srcSystem(): m.steps
         for _, m in read_tlog(folder / "flight.tlog")
         if isinstance(m, dialect.MAVLink_ftc_events_message)
     }
-    assert told == {uav["id"]: uav["active_steps"] for uav in summary["uavs"]}
+    assert reported == {uav["id"]: uav["active_steps"] for uav in summary["uavs"]}
 
 
 def test_a_flight_whose_end_the_autopilots_do_not_see_is_not_completed(tmp_path: Path) -> None:
@@ -136,12 +136,12 @@ def rearmed(
         flight = fleet.run_to_end()
     finally:
         fleet.close()
-    [*_, told] = (
+    [*_, reported] = (
         m
         for _, m in read_tlog(fleet.folder / "flight.tlog")
         if m.get_type() == "FTC_EVENTS" and m.get_srcSystem() == 2
     )
-    return flight, told
+    return flight, reported
 
 
 def test_while_disarmed_the_measured_state_is_recorded(rearmed: tuple[FlightResult, Any]) -> None:
@@ -162,14 +162,14 @@ def test_while_disarmed_the_measured_state_is_recorded(rearmed: tuple[FlightResu
 
 
 def test_summary_and_telemetry_count_the_same_periods(rearmed: tuple[FlightResult, Any]) -> None:
-    flight, told = rearmed
+    flight, reported = rearmed
     uav = flight.uav(2).summary
-    assert (uav["active_steps"], uav["missing_steps"]) == (5000, 0) == (told.steps, 0)
+    assert (uav["active_steps"], uav["missing_steps"]) == (5000, 0) == (reported.steps, 0)
     claimed = [uav["channels"][name] for name in ("aileron", "elevator", "rudder", "throttle")]
-    assert [c["events"] for c in claimed] == list(told.events)
-    assert [round(1e6 * c["min_interval_s"]) for c in claimed] == list(told.min_interval_us)
-    assert uav["actuator_messages"] == told.messages
-    assert uav["saving"] == pytest.approx(1.0 - sum(told.events) / (4 * told.steps))
+    assert [c["events"] for c in claimed] == list(reported.events)
+    assert [round(1e6 * c["min_interval_s"]) for c in claimed] == list(reported.min_interval_us)
+    assert uav["actuator_messages"] == reported.messages
+    assert uav["saving"] == pytest.approx(1.0 - sum(reported.events) / (4 * reported.steps))
     assert flight.uav(2).saving == pytest.approx(uav["saving"])  # of the tap's count
     assert flight.saving == pytest.approx(flight.summary["saving"])
 

@@ -77,17 +77,17 @@ def test_the_report_shows_what_was_flown(out: Path) -> None:
     row = next(line for line in report.splitlines() if line.startswith("| proposed | 2146"))
     assert f"2575 / {follower['channels']['rudder']['events']} /" in row
     assert "**Lost flights: Paper, scenario 3, fault mode 4: UAV 3 was lost" in report
-    for words in (
+    for text in (
         "Where ours differs",
         "Smallest interval",
         "Residual sets",
         "(53), (69)",
         "What each inequality gives away",
     ):
-        assert words in report
+        assert text in report
 
 
-def test_laws_and_triggers_are_those_of_the_files(out: Path) -> None:
+def test_laws_and_triggers_come_from_the_files(out: Path) -> None:
     with (out / "data" / "summary.csv").open() as file:
         rows = {row["scenario"]: row for row in csv.DictReader(file) if row["uav"] == "3"}
     assert set(rows) == set(FILES)

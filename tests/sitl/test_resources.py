@@ -57,7 +57,7 @@ def test_a_flight_needs_few_open_files(tmp_path: Path) -> None:
     assert summary_of(folder)["completed"]
 
 
-def test_a_restart_that_cannot_be_prepared_for_is_told_before_the_flight(tmp_path: Path) -> None:
+def test_a_restart_that_cannot_be_prepared_for_is_refused_before_the_flight(tmp_path: Path) -> None:
     """The space for what is kept is taken at the start: a disk full in flight does no harm."""
     folder = tmp_path / "run"
     scenario = write_scenario(tmp_path, duration_s=0.1)

@@ -99,8 +99,8 @@ def simulated_ms(client: Client, uav: int) -> int:
     return round(1e3 * (client.vehicle(uav).state.time_s or 0.0))
 
 
-def is_told(vehicle: Vehicle, words: str) -> bool:
-    return any(words in text.text for text in vehicle.state.texts)
+def has_text(vehicle: Vehicle, part: str) -> bool:
+    return any(part in text.text for text in vehicle.state.texts)
 
 
 async def until(condition: Callable[[], bool]) -> None:
@@ -169,7 +169,7 @@ def test_a_plant_that_was_started_again_flies_only_when_all_are_armed_again(
             processes.start_plant(speed=speed)
             await until(lambda: not any(v.state.armed for v in vehicles))
             for vehicle in vehicles:
-                await until(partial(is_told, vehicle, "plant restarted"))
+                await until(partial(has_text, vehicle, "plant restarted"))
                 await vehicle.start_mission()
             for vehicle in vehicles[1:]:
                 await vehicle.arm()

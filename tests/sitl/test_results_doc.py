@@ -45,7 +45,7 @@ def tables_of(text: str) -> dict[tuple[str, ...], Rows]:
 
 
 def assert_alike(ours: list[str], shown: list[str], head: list[str]) -> None:
-    """Equal words; numbers within what another machine's arithmetic may change."""
+    """Equal texts; numbers within what another machine's arithmetic may change."""
     tumbled = not {"completed", "heading lost"} & set(shown)
     for key, value, expected in zip(head, ours, shown, strict=True):
         if key == "reason" or (tumbled and key.startswith(("IAE", "saving", "events", "small"))):
@@ -62,11 +62,11 @@ def assert_alike(ours: list[str], shown: list[str], head: list[str]) -> None:
 
 
 def assert_cells_alike(ours: list[str], shown: list[str], rel: float) -> None:
-    """Equal words; numbers within what another machine's arithmetic may change."""
+    """Equal texts; numbers within what another machine's arithmetic may change."""
     for value, expected in zip(ours, shown, strict=True):
         assert NUMBER.sub("#", value) == NUMBER.sub("#", expected), (ours, shown)
-        wanted = [pytest.approx(float(n), rel=rel, abs=0.03) for n in NUMBER.findall(expected)]
-        assert [float(n) for n in NUMBER.findall(value)] == wanted, (ours, shown)
+        close = [pytest.approx(float(n), rel=rel, abs=0.03) for n in NUMBER.findall(expected)]
+        assert [float(n) for n in NUMBER.findall(value)] == close, (ours, shown)
 
 
 def section(text: str, heading: str) -> str:
@@ -80,9 +80,9 @@ def test_there_are_tables() -> None:
 
 @pytest.mark.parametrize(("command", "shown"), SWEEPS, ids=lambda text: text[-12:])
 def test_a_table_is_what_its_command_gives(command: str, shown: str, tmp_path: Path) -> None:
-    _, *words = shlex.split(command)
-    words = words[: words.index("--out")]
-    arguments = [name for word in words for name in sorted(map(str, ROOT.glob(word))) or [word]]
+    _, *given = shlex.split(command)
+    given = given[: given.index("--out")]
+    arguments = [name for word in given for name in sorted(map(str, ROOT.glob(word))) or [word]]
     done = run("gcs", *arguments, "--out", tmp_path / "out", "--quiet")
     assert done.returncode == 0, done.stderr
     table = (tmp_path / "out" / "table.md").read_text().partition("\n\n")[2]
@@ -94,7 +94,7 @@ def test_a_table_is_what_its_command_gives(command: str, shown: str, tmp_path: P
         assert_alike(ours, expected, head)
 
 
-def test_the_papers_tables_are_those_of_gcs_reproduce(tmp_path: Path) -> None:
+def test_the_papers_tables_come_from_gcs_reproduce(tmp_path: Path) -> None:
     """One run for all: results.md, the README's table, and what the first flight prints."""
     arguments = ("--out", tmp_path / "out", "--quiet")
     done = run("gcs", "reproduce", *arguments, cwd=ROOT, timeout_s=1800.0)
@@ -106,17 +106,19 @@ def test_the_papers_tables_are_those_of_gcs_reproduce(tmp_path: Path) -> None:
     for head, rows in shown.items():
         for row, expected in zip(ours[head], rows, strict=True):
             assert_cells_alike(row, expected, rel=0.005 if "IAE" in head[0] else 0.01)
-    told = re.findall(r"^- .*", section(report, "## Where ours differs, and why"), re.MULTILINE)
+    reported = re.findall(r"^- .*", section(report, "## Where ours differs, and why"), re.MULTILINE)
     listed = re.findall(r"^- .*", core, re.MULTILINE)
-    assert [NUMBER.sub("#", line) for line in listed] == [NUMBER.sub("#", line) for line in told]
+    assert [NUMBER.sub("#", line) for line in listed] == [
+        NUMBER.sub("#", line) for line in reported
+    ]
 
     tracking, transmissions = list(ours.values())[:2]
     saved = {row[0]: row[-1] for row in transmissions}
     (rows,) = (rows for head, rows in tables_of(README).items() if head[0] == next(iter(shown))[0])
     names = {cells[0] for cells in rows}
     flown = [[*cells, saved[cells[0]]] for cells in tracking if cells[0] in names]
-    for cells, wanted in zip(flown, rows, strict=True):
-        assert_cells_alike(cells, wanted, rel=0.005)
+    for cells, expected in zip(flown, rows, strict=True):
+        assert_cells_alike(cells, expected, rel=0.005)
     summary = FlightSummary.from_json(summary_of(tmp_path / "out" / "data" / "scenario1"))
     printed = io.StringIO()
     console = Console(file=printed, width=80, markup=False)
@@ -125,8 +127,8 @@ def test_the_papers_tables_are_those_of_gcs_reproduce(tmp_path: Path) -> None:
     flown, copied = printed_rows(printed.getvalue()), printed_rows(FIRST_FLIGHT)
     assert len(flown) == 15 + 9 + 12  # transmissions, links and tracking of three UAVs
     assert headings(printed.getvalue()) == headings(FIRST_FLIGHT)
-    for row, wanted in zip(flown, copied, strict=True):
-        assert_cells_alike(row, wanted, rel=0.005 if "IAE" in row[1] else 0.01)
+    for row, expected in zip(flown, copied, strict=True):
+        assert_cells_alike(row, expected, rel=0.005 if "IAE" in row[1] else 0.01)
 
 
 def printed_rows(text: str) -> Rows:

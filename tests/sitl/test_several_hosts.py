@@ -119,9 +119,9 @@ def test_a_fleet_on_two_hosts_flies_as_on_one(hosts: tuple[Host, Host], tmp_path
                 _, problem = command.communicate(timeout=TIMEOUT_S)
                 assert command.returncode == 0, problem
         for process in processes:
-            _, words = process.communicate(timeout=TIMEOUT_S)
-            assert process.returncode == 0, words
-            assert "dropped" not in words
+            _, text = process.communicate(timeout=TIMEOUT_S)
+            assert process.returncode == 0, text
+            assert "dropped" not in text
 
     expected = fly_in_process(load_scenario(path))
     assert np.array_equal(recorded_by(fleet / "plant")["states"], expected.states)

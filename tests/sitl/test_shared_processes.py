@@ -60,8 +60,8 @@ def test_signed_messages_through_relays_are_counted_as_with_a_process_each(tmp_p
         folder = tmp_path / processes
         fly_well(scenario, f"--autopilot-processes={processes}", "--quiet", "--out", folder)
         summary = json.loads((folder / "summary.json").read_text())
-        told = [uav["neighbour_messages"] for uav in summary["uavs"]]
-        assert told == [998, 499, 499]
+        sent = [uav["neighbour_messages"] for uav in summary["uavs"]]
+        assert sent == [998, 499, 499]
         counts.append([(uav["link_bytes"], uav["channels"]) for uav in summary["uavs"]])
     assert counts[0] == counts[1]
 
@@ -71,14 +71,12 @@ def test_when_a_process_dies_the_flight_is_lost_and_says_whose(tmp_path: Path) -
     folder = tmp_path / "run"
     with flying(folder, scenario, "--autopilot-processes=2", "--record=none") as popen:
         os.kill(process_of(folder, "uav2"), signal.SIGKILL)
-        _, words = popen.communicate(timeout=TIMEOUT_S)
+        _, text = popen.communicate(timeout=TIMEOUT_S)
     assert popen.returncode == 1
-    assert "uav2-uav3: ended by signal 9" in words
+    assert "uav2-uav3: ended by signal 9" in text
 
 
-def test_all_autopilots_of_a_process_stop_when_it_is_told_to(
-    scenario1: Scenario, tmp_path: Path
-) -> None:
+def test_all_autopilots_of_a_process_stop_with_it(scenario1: Scenario, tmp_path: Path) -> None:
     with standing(scenario1, tmp_path, speed=None, autopilot_processes=1):
         assert len(processes_of(tmp_path)) == 2
     assert (tmp_path / "uav1-uav3.log").read_text() == ""
@@ -96,7 +94,7 @@ def test_only_lockstep_over_udp_can_share_processes(tmp_path: Path, others: list
     assert not (tmp_path / "run").exists()
 
 
-def test_a_large_fleet_is_told_how_it_flies_faster(tmp_path: Path) -> None:
+def test_a_large_fleet_gets_a_hint_how_it_flies_faster(tmp_path: Path) -> None:
     cores = os.cpu_count() or 1
     tree = star_tree(4 * cores, duration_s=0.1, links=free_links(4 * cores))
     scenario = write_scenario(tmp_path, tree)

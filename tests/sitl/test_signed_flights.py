@@ -60,10 +60,10 @@ class Stranger:
                 return found
         return None
 
-    def said(self, words: str) -> bool:
-        """Wait for a STATUSTEXT of UAV 1 with these words; False if none comes."""
+    def said(self, part: str) -> bool:
+        """Wait for a STATUSTEXT of UAV 1 that contains `part`; False if none comes."""
         while (text := self.hear("STATUSTEXT")) is not None:
-            if words in text.text:
+            if part in text.text:
                 return True
         return False
 
@@ -117,9 +117,9 @@ def test_signed_and_unsigned_flights_are_equal_bit_for_bit(tmp_path: Path) -> No
     assert tlog[8] == 0xFD
     assert tlog[10] == dialect.MAVLINK_IFLAG_SIGNED
     secret = (tmp_path / "key").read_bytes()
-    words = [path.read_bytes() for path in (tmp_path / "signed").rglob("*") if path.is_file()]
-    assert not any(secret in text or secret.hex().encode() in text for text in words)
-    assert not any(b"frames dropped" in text for text in words)
+    files = [path.read_bytes() for path in (tmp_path / "signed").rglob("*") if path.is_file()]
+    assert not any(secret in content or secret.hex().encode() in content for content in files)
+    assert not any(b"frames dropped" in content for content in files)
 
 
 @signed
@@ -174,7 +174,7 @@ def test_pymavlink_with_the_key_is_heard_and_a_replay_is_not(station: Stranger) 
 def test_a_ground_station_sets_a_key_changes_it_and_takes_it_away(station: Stranger) -> None:
     assert station.hear("HEARTBEAT", system_status=dialect.MAV_STATE_STANDBY)
     interval = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
-    for key in (hashlib.sha256(b"words").digest(), KEY):  # as MAVProxy's `signing setup words`
+    for key in (hashlib.sha256(b"phrase").digest(), KEY):  # as MAVProxy's `signing setup phrase`
         station.set_key(key)
         station.sign(key)
         assert station.hear("HEARTBEAT").get_signed()
@@ -210,4 +210,4 @@ def _stop_autopilot(folder: Path) -> None:
         if f"{folder / 'uav1'}.yaml" in command:
             os.kill(pid, signal.SIGTERM)
     log = folder / "uav1.log"
-    wait_until(lambda: "frames dropped" in log.read_text(), "last words")
+    wait_until(lambda: "frames dropped" in log.read_text(), "the log at the end")

@@ -78,10 +78,10 @@ def test_a_lost_run_folder_costs_the_recording_and_no_aircraft(tmp_path: Path) -
         os.kill(second, signal.SIGKILL)
         flies_on(fleet, 1, 3)
         status_when(fleet, lambda states: len(states) == 3)  # uav2 was started again
-        status, words = fleet.stop()
-        assert status == 0, words
-        assert words.count("recording ended: cannot write") == 1
-        assert "started again, without its checkpoint" in words.replace("\n", " ")
+        status, text = fleet.stop()
+        assert status == 0, text
+        assert text.count("recording ended: cannot write") == 1
+        assert "started again, without its checkpoint" in text.replace("\n", " ")
 
 
 def test_a_full_disk_costs_the_recording_and_no_aircraft(tmp_path: Path) -> None:
@@ -90,6 +90,6 @@ def test_a_full_disk_costs_the_recording_and_no_aircraft(tmp_path: Path) -> None
         for process in (fleet.popen.pid, *processes_of(fleet.folder)):
             resource.prlimit(process, resource.RLIMIT_FSIZE, (0, 0))
         flies_on(fleet, 1, 2, 3)
-        status, words = fleet.stop()
-        assert status == 0, words
-        assert words.count("recording ended: cannot write") == 1
+        status, text = fleet.stop()
+        assert status == 0, text
+        assert text.count("recording ended: cannot write") == 1

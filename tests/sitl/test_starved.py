@@ -85,7 +85,7 @@ def starving(pid: int) -> Iterator[None]:
             loop.kill()
         for loop in loops:
             loop.wait()
-        with contextlib.suppress(ProcessLookupError):  # its end is told elsewhere
+        with contextlib.suppress(ProcessLookupError):  # its end is reported elsewhere
             os.sched_setaffinity(pid, cores)
 
 

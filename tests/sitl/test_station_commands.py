@@ -175,8 +175,8 @@ def test_profiles(fleet: Up, tmp_path: Path) -> None:
 def test_parameters(fleet: Up) -> None:
     listed = fleet.gcs("param", "list", "--uav", "1")
     assert listed.returncode == ACCEPTED, listed.stderr
-    told = "UAV 1: TRIG_B2_DEG = 1 deg, range [0, 10] deg; Absolute threshold of a surface"
-    assert told in listed.stdout
+    line = "UAV 1: TRIG_B2_DEG = 1 deg, range [0, 10] deg; Absolute threshold of a surface"
+    assert line in listed.stdout
     (answer,) = fleet.gcs_json("param", "set", "TRIG_B2_DEG", "0.75", "--uav", "2")
     assert (answer["name"], answer["value"]) == ("TRIG_B2_DEG", 0.75)
     (answer,) = fleet.gcs_json("param", "get", "TRIG_B2_DEG", "--uav", "2")
@@ -202,9 +202,9 @@ def test_parameters_in_files(fleet: Up, tmp_path: Path) -> None:
     assert [answer["set"] for answer in answers] == [{"TRIG_B2_DEG": 1.0}] * 2
     (tmp_path / "bad.parm").write_text("TRIG_B2_DEG -1\nNO_SUCH_THING 1\nTRIG_B2_RATIO 0.11\n")
     done = fleet.gcs("param", "load", str(tmp_path / "bad.parm"), "--uav", "1", "--yes")
-    told = failed(done, REFUSED)
-    assert "TRIG_B2_DEG" in told
-    assert "NO_SUCH_THING" in told
+    message = failed(done, REFUSED)
+    assert "TRIG_B2_DEG" in message
+    assert "NO_SUCH_THING" in message
     assert fleet.gcs("param", "load", file, "--uav", "1", "--yes").returncode == ACCEPTED
     assert fleet.gcs_json("param", "diff", file, "--uav", "1") == []
 
@@ -250,14 +250,16 @@ def test_record_for_some_time(fleet: Up, tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_record_until_it_is_stopped(fleet: Up, tmp_path: Path, number: signal.Signals) -> None:
     log = tmp_path / "b.tlog"
-    wanted = {(uav, name) for uav in (1, 2, 3) for name in ("ATTITUDE", "FTC_EVENTS", "HEARTBEAT")}
+    expected = {
+        (uav, name) for uav in (1, 2, 3) for name in ("ATTITUDE", "FTC_EVENTS", "HEARTBEAT")
+    }
     record = fleet.begin("record", log, "--json")
     try:
 
         def enough() -> bool:
             assert record.poll() is None, record.communicate()
             counts = received(log) if log.exists() else Counter()
-            return all(counts[key] > 3 for key in wanted)
+            return all(counts[key] > 3 for key in expected)
 
         wait_until(enough, "frames of all UAVs in the log")
         record.send_signal(number)

@@ -1,4 +1,4 @@
-"""Lockstep events are those of the flight in one process, whatever becomes of ground stations."""
+"""Lockstep events are the same as in one process, whatever becomes of ground stations."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def reference(scenario1: Scenario) -> dict[str, np.ndarray]:
 def test_stopped_and_killed_ground_stations_change_nothing(
     tmp_path: Path, reference: dict[str, np.ndarray]
 ) -> None:
-    """Lockstep events are those of the flight in one process, whatever becomes of stations."""
+    """Lockstep events are the same as in one process, whatever becomes of stations."""
     with up(tmp_path, "--lockstep", "--set", "links.telemetry_clock=simulated") as fleet:
         log = tmp_path / "events.tlog"
         direct = f"udpin:127.0.0.1:{fleet.gcs_port}"

@@ -84,7 +84,7 @@ def test_commands_over_a_lossy_link(fleet: Up, tmp_path: Path) -> None:
             done = fleet.gcs(*arguments, connect=relay.connect)
             assert done.returncode == ACCEPTED, done.stderr
 
-        def told() -> bool:
+        def received() -> bool:
             ask = ("status", "--uav", "3", "--json")
             held = json.loads(fleet.gcs(*ask, connect=relay.connect).stdout)["vehicles"][0]
             return (
@@ -93,7 +93,7 @@ def test_commands_over_a_lossy_link(fleet: Up, tmp_path: Path) -> None:
                 and relay.lost > 10
             )
 
-        wait_until(told, "profile and fault over the lossy link")
+        wait_until(received, "profile and fault over the lossy link")
     assert fleet.gcs("profile", "upload", SCENARIO_1, "--uav", "3").returncode == ACCEPTED
     assert fleet.gcs("fault", "clear", "--uav", "3", "--actuator", "throttle").returncode == 0
 

@@ -31,7 +31,7 @@ from flying import (
 pytestmark = pytest.mark.sitl
 
 
-def words_at_end(popen: subprocess.Popen[str], exit_status: int) -> str:
+def message_at_end(popen: subprocess.Popen[str], exit_status: int) -> str:
     _, stderr = popen.communicate(timeout=TIMEOUT_S)
     assert popen.returncode == exit_status, stderr
     assert_one_message(stderr)
@@ -55,8 +55,8 @@ def test_interrupt(tmp_path: Path, number: signal.Signals) -> None:
     with flying(folder, write_scenario(tmp_path), "--quiet", "--speed", "1") as popen:
         assert len(processes_of(folder)) == 5  # the ground station, the plant, three autopilots
         os.kill(popen.pid, number)
-        words = words_at_end(popen, 128 + number)
-        assert str(folder) in words
+        message = message_at_end(popen, 128 + number)
+        assert str(folder) in message
         assert not processes_of(folder)
     assert_readable_log(folder)
     plant = json.loads((folder / "processes" / "plant" / "end.json").read_text())
@@ -153,8 +153,8 @@ def test_death_of_an_autopilot(tmp_path: Path, mode: tuple[str, ...]) -> None:
     scenario = write_scenario(tmp_path, duration_s=600.0)
     with flying(folder, scenario, "--quiet", *mode) as popen:
         os.kill(process_of(folder, "uav2"), signal.SIGKILL)
-        words = words_at_end(popen, 1)
-        assert set(re.findall(r"uav ?(\d+)", words.lower())) == {"2"}
+        message = message_at_end(popen, 1)
+        assert set(re.findall(r"uav ?(\d+)", message.lower())) == {"2"}
         assert not processes_of(folder)
     assert_readable_log(folder)
 
@@ -165,14 +165,14 @@ def test_death_of_the_plant(tmp_path: Path, mode: tuple[str, ...]) -> None:
     scenario = write_scenario(tmp_path, duration_s=600.0)
     with flying(folder, scenario, "--quiet", *mode) as popen:
         os.kill(process_of(folder, "plant"), signal.SIGKILL)
-        words = words_at_end(popen, 1)
-        assert "plant" in words
+        message = message_at_end(popen, 1)
+        assert "plant" in message
         assert not processes_of(folder)
     assert_readable_log(folder)
 
 
 def test_what_was_flown_before_the_death_of_the_plant_is_kept_and_joined(tmp_path: Path) -> None:
-    """States of the plant and signals of the autopilots, step by step those of that flight."""
+    """States of the plant and signals of the autopilots, step by step as they were flown."""
     folder = tmp_path / "run"
     scenario = write_scenario(tmp_path, duration_s=600.0)
     with flying(folder, scenario, "--quiet") as popen:
@@ -180,7 +180,7 @@ def test_what_was_flown_before_the_death_of_the_plant_is_kept_and_joined(tmp_pat
         begun = recording.stat().st_size if recording.exists() else 0
         wait_until(lambda: recording.stat().st_size > max(begun, 50_000), "steps are recorded")
         os.kill(process_of(folder, "plant"), signal.SIGKILL)
-        words_at_end(popen, 1)
+        message_at_end(popen, 1)
     kept = table_of(folder / "trajectory.arrows")
     flown_s = float(kept["time_s"][-1])
     assert flown_s > 0.5

@@ -1,4 +1,4 @@
-"""Autopilots that die are started again and take up their flight."""
+"""Autopilots that die are started again and resume their flight."""
 
 import asyncio
 import itertools
@@ -72,16 +72,16 @@ def test_in_lockstep_a_restart_is_the_same_in_every_run(
 
 def count_events_of_both_lives(flight: Recording, scenario: Scenario, folder: Path) -> None:
     """The autopilots' own counters, as a ground station hears them, agree with the recording."""
-    told, texts = {}, {1: "", 2: "", 3: ""}
+    reported, texts = {}, {1: "", 2: "", 3: ""}
     for _, message in read_tlog(folder / "flight.tlog"):
         if isinstance(message, dialect.MAVLink_ftc_events_message):
-            told[message.get_srcSystem()] = message
+            reported[message.get_srcSystem()] = message
         if isinstance(message, dialect.MAVLink_statustext_message):
             texts[message.get_srcSystem()] += message.text
     for uav in summarise(flight, scenario).uavs:
-        assert told[uav.id].steps == uav.active_steps
-        assert list(told[uav.id].events) == [uav.channels[name].events for name in ACTUATORS]
-        assert told[uav.id].messages == uav.actuator_messages
+        assert reported[uav.id].steps == uav.active_steps
+        assert list(reported[uav.id].events) == [uav.channels[name].events for name in ACTUATORS]
+        assert reported[uav.id].messages == uav.actuator_messages
         assert uav.restarts == int(uav.id == 2)
     assert "the flight of 0.400 s" in texts[2]
     assert "silent, edge dropped" in texts[1]

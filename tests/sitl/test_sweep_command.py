@@ -117,7 +117,7 @@ def test_every_point_is_in_the_tables(tmp_path: Path) -> None:
     assert flown.returncode == 0, flown.stderr
 
 
-def test_flights_are_those_of_fly(tmp_path: Path) -> None:
+def test_flights_equal_gcs_fly(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path, duration_s=4.5)  # the first step of the profile is at 4 s
     done = sweep(scenario, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
@@ -156,12 +156,12 @@ def test_interrupt(tmp_path: Path) -> None:
     scenario, folder = write_scenario(tmp_path), tmp_path / "out"
     with sweeping(folder, scenario, *MANY, "--quiet", "--jobs", "1") as popen:
         os.kill(popen.pid, signal.SIGINT)
-        _, words = popen.communicate(timeout=TIMEOUT_S)
+        _, text = popen.communicate(timeout=TIMEOUT_S)
     assert popen.returncode == 130
-    assert_one_message(words)
+    assert_one_message(text)
     before = kept(folder)
-    assert f"{len(before)} of 15 flights in {folder}" in words
-    assert "same command" in words
+    assert f"{len(before)} of 15 flights in {folder}" in text
+    assert "same command" in text
     assert sweep(scenario, *MANY, "--out", folder).returncode == 0
     after = kept(folder)
     assert len(after) == 15
@@ -185,7 +185,7 @@ def test_default_folder_is_found_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "reason"),
     [
         (["--set", "trigger.b2_deq=1,2"], "did you mean 'b2_deg'"),
         (["--set", "trigger.b2_deg"], "KEY=VALUE"),
@@ -195,12 +195,12 @@ def test_default_folder_is_found_again(tmp_path: Path) -> None:
     ],
 )
 def test_mistake_is_refused_before_any_flight(
-    tmp_path: Path, arguments: list[str], words: str
+    tmp_path: Path, arguments: list[str], reason: str
 ) -> None:
     done = sweep(write_scenario(tmp_path), *arguments, "--out", tmp_path / "out")
     assert done.returncode == 2, done.stderr
     assert_one_message(done.stderr)
-    assert words in done.stderr
+    assert reason in done.stderr
     assert not (tmp_path / "out").exists()
 
 

@@ -95,9 +95,9 @@ def test_the_tap_counts_what_the_summary_says(clean: Path) -> None:
     wire, summary = wire_of(clean), summary_of(clean)
     assert_counts_agree(wire, summary)
     assert [uav["repeats"] for uav in wire["uavs"]] == [0, 0, 0]
-    words = [m for m in wire["messages"] if m["message"] == "FTC_NEIGHBOUR"]
-    assert {m["link"] for m in words} == {"formation"}
-    assert sum(m["frames"] for m in words) >= 4 * summary["steps"]
+    to_neighbours = [m for m in wire["messages"] if m["message"] == "FTC_NEIGHBOUR"]
+    assert {m["link"] for m in to_neighbours} == {"formation"}
+    assert sum(m["frames"] for m in to_neighbours) >= 4 * summary["steps"]
     assert not any(link["dropped"] for link in wire["links"])
 
 
@@ -285,9 +285,9 @@ def test_gcs_wire_relays_impairs_and_counts_until_it_is_stopped(tmp_path: Path) 
         )
     finally:
         popen.terminate()
-        out, words = popen.communicate(timeout=TIMEOUT_S)
-    assert popen.returncode == 0, words
-    assert f"plant: relaying 127.0.0.1:{front} to" in words
+        out, text = popen.communicate(timeout=TIMEOUT_S)
+    assert popen.returncode == 0, text
+    assert f"plant: relaying 127.0.0.1:{front} to" in text
     report = json.loads(out)
     assert_counts_agree(report, summary_of(tmp_path / "run"))
     assert sum(fate["lost"] for fate in report["fates"]) > 0

@@ -58,7 +58,7 @@ class MavProxy:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End it; it often ignores every wish to stop, but not SIGKILL."""
+        """End it; it often ignores every request to stop, but not SIGKILL."""
         with contextlib.suppress(OSError):
             self._type("set requireexit True")
             self._type("exit")

@@ -42,7 +42,7 @@ def test_mavlogdump(tlog: Path) -> None:
 
 def test_mavtomfile(tlog: Path) -> None:
     tool("mavtomfile.py", "--dialect", "ftc", tlog)
-    written = tlog.with_suffix(".m").read_text()  # it writes there, whatever it is told
+    written = tlog.with_suffix(".m").read_text()  # it writes there, whatever the arguments
     for name in ("ATTITUDE", "FTC_EVENTS", "STATUSTEXT"):
         assert f"{name}.columns = " in written
 

@@ -173,7 +173,7 @@ def test_6_no_camera_and_no_gimbal(qgc: QGroundControl) -> None:
 
 
 def test_7_time_and_link(qgc: QGroundControl) -> None:
-    qgc.send(dialect.MAVLink_system_time_message(1, 1))  # told, not asked
+    qgc.send(dialect.MAVLink_system_time_message(1, 1))  # sent, not requested
     qgc.send(dialect.MAVLink_ping_message(5, 1, 0, 0))
     assert qgc.wait_for("PING", target_component=190).seq == 1
     qgc.send(dialect.MAVLink_timesync_message(0, 99))

@@ -263,21 +263,21 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_what_is_missing_is_told_in_one_place(page: Path) -> None:
+def test_what_is_missing_is_in_one_place(page: Path) -> None:
     assert "not yet" not in page.read_text()
 
 
 @pytest.mark.parametrize("page", [DOCS / "reference/scenario.md", DOCS / "how-to/station.md"])
-def test_exit_statuses_are_those_of_the_errors(page: Path) -> None:
+def test_exit_statuses_match_the_errors(page: Path) -> None:
     table = page.read_text().partition("## Exit status\n")[2].partition("\n#")[0]
     meaning = dict(re.findall(r"^\| (\d+) \| (.*) \|$", table, re.MULTILINE))
     errors = (FlightLost, BadInput, CommandRefused, NoAnswer, Interrupted)
     assert {str(error.exit_status) for error in errors} <= meaning.keys()
     for error, word in ((CommandRefused, "refused"), (NoAnswer, "not answer")):
-        assert [n for n, words in meaning.items() if word in words] == [str(error.exit_status)]
+        assert [n for n, text in meaning.items() if word in text] == [str(error.exit_status)]
 
 
-def test_the_order_of_a_step_is_that_of_the_code() -> None:
+def test_the_order_of_a_step_matches_the_code() -> None:
     source = inspect.getsource(ftc_autopilot.hot.link._answer_state)
     step = (
         source.partition("collect_neighbour_states(")[2].partition("elif")[0]
@@ -288,8 +288,8 @@ def test_the_order_of_a_step_is_that_of_the_code() -> None:
     documented = (
         (DOCS / "explanation" / "method.md").read_text().partition("## Order of operations")[2]
     )
-    words = ("actuator message", "to the neighbours", "step done")
-    places = [documented.index(word) for word in words]
+    parts = ("actuator message", "to the neighbours", "step done")
+    places = [documented.index(part) for part in parts]
     assert places == sorted(places)
 
 
@@ -303,7 +303,7 @@ def test_functions_named_in_the_equation_table_exist() -> None:
             assert f"def {function}(" in source, f"{path}: {function}"
 
 
-def test_limits_of_missions_in_the_docs_are_those_of_the_code() -> None:
+def test_limits_of_missions_in_the_docs_match_the_code() -> None:
     missions = (DOCS / "reference" / "missions.md").read_text()
     for text in (f"{MAX_MISSION_ITEMS} items", f"{MAX_LEGS} legs", f"{MAX_VISITS} visits"):
         assert f" {text}" in missions

@@ -193,11 +193,11 @@ def test_a_list_that_lacks_a_name_or_has_another_is_found(
     assert complaint(text, others).startswith("has")
 
 
-def test_the_number_of_fault_files_is_that_of_the_folder() -> None:
+def test_the_number_of_fault_files_matches_the_folder() -> None:
     count = len(list((ROOT / "scenarios/faults").glob("*.yaml")))
-    told = re.compile(
+    count_in_page = re.compile(
         r"\b(\d+)\s+(?:more actuator faults|\[?fault files|files of `scenarios/faults)"
     )
-    numbers = [number for path in PAGES for number in told.findall(path.read_text())]
+    numbers = [number for path in PAGES for number in count_in_page.findall(path.read_text())]
     assert len(numbers) >= 3
     assert set(numbers) == {str(count)}

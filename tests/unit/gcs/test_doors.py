@@ -194,7 +194,7 @@ def test_files_on_the_command_line(
         ("campaign", "campaigns/faults", "--until", PATH),
     ],
 )
-def test_words_on_the_command_line(
+def test_arguments_on_the_command_line(
     arguments: tuple[str, ...],
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

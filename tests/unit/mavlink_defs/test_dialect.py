@@ -60,7 +60,7 @@ def test_nothing_is_taken_twice() -> None:
     assert len(ours) == len(set(ours))
 
 
-def test_generated_dialect_is_that_of_the_xml() -> None:
+def test_generated_dialect_matches_the_xml() -> None:
     root = ElementTree.parse(FTC).getroot()
     for message in root.iterfind("messages/message"):
         generated = dialect.mavlink_map[int(message.attrib["id"])]

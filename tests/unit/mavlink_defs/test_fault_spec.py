@@ -29,7 +29,7 @@ def test_an_end_needs_no_start() -> None:
     assert repr(fault) == repr(Fault(3, 0.0, 2.0, 0.0, NAN, 3.0))
 
 
-def test_keys_are_told_by_other_names() -> None:
+def test_keys_are_reported_under_other_names() -> None:
     assert problems(actuator="rudder", bias_deg=1.0, stuck_deg=1.0) == [
         "--bias: cannot stand together with '--stuck'"
     ]

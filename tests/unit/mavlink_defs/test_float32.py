@@ -39,7 +39,7 @@ def test_no_float32_is_changed(x: float) -> None:
 
 
 @pytest.mark.parametrize("x", [math.inf, -math.inf])
-def test_infinity_is_kept(x: float) -> None:
+def test_infinity_is_preserved(x: float) -> None:
     assert decimal_of_float32(x) == x
 
 
@@ -48,7 +48,7 @@ def test_beyond_float32_is_infinite() -> None:
     assert decimal_of_float32(1e-300) == 0.0
 
 
-def test_sign_of_zero_is_kept() -> None:
+def test_sign_of_zero_is_preserved() -> None:
     assert math.copysign(1.0, decimal_of_float32(-0.0)) == -1.0
 
 

@@ -19,7 +19,7 @@ def test_every_control_character_becomes_visible() -> None:
         assert shown.encode().startswith(b"a\\"), shown
 
 
-def test_escapes_are_those_of_python() -> None:
+def test_escapes_match_python() -> None:
     assert visible("\x1b]0;X\x07\x9b\r\n\u202e\udc80\U000e0001") == (
         r"\x1b]0;X\x07\x9b\r\n\u202e\udc80\U000e0001"
     )

@@ -19,15 +19,15 @@ ANSWERS = [  # kat_vectors of Random123 1.14, philox4x32 10: counter, key, resul
 N = 20_000
 
 
-def words(text: str) -> tuple[np.uint64, ...]:
-    return tuple(np.uint64(int(word, 16)) for word in text.split())
+def uint64s(text: str) -> tuple[np.uint64, ...]:
+    return tuple(np.uint64(int(number, 16)) for number in text.split())
 
 
 @pytest.mark.parametrize(("counter", "key", "result"), ANSWERS)
 def test_the_generator_gives_the_published_answers(counter: str, key: str, result: str) -> None:
-    c0, c1, c2, c3 = words(counter)
-    k0, k1 = words(key)
-    assert philox((c0, c1, c2, c3), (k0, k1)) == words(result)
+    c0, c1, c2, c3 = uint64s(counter)
+    k0, k1 = uint64s(key)
+    assert philox((c0, c1, c2, c3), (k0, k1)) == uint64s(result)
 
 
 def numbers(seed: int, aircraft: int, channel: int) -> np.ndarray:

@@ -120,7 +120,7 @@ def test_a_flight_starts_when_all_are_armed_and_ends_when_one_is_silent(
 
 
 def test_states_are_sent_although_heartbeats_come_without_a_pause(rig: Rig) -> None:
-    """As those of a hundred autopilots do, ten times a second each, until they hear a state."""
+    """A hundred autopilots send them, ten times a second each, until they hear a state."""
 
     def heard() -> bool:
         rig.heartbeat(rig.peers[1], 1, False)

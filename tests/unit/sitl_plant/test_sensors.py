@@ -31,13 +31,13 @@ def measured(config: PlantConfig, field: str, steps: int, i: int = 1) -> np.ndar
 
 def true_flight(fleet: PlantState, step_us: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
     """True and measured angular velocity of a flight without commands, each (steps, 3)."""
-    true, told = [], []
+    true, reported = [], []
     for step in range(steps):
         observe(fleet, 0, step, step_us)
         true.append(fleet.states[0, 9:12].copy())
-        told.append(fleet.messages[0]["rates"].copy())
+        reported.append(fleet.messages[0]["rates"].copy())
         fly(fleet, step, step_us)
-    return np.array(true), np.array(told)
+    return np.array(true), np.array(reported)
 
 
 @pytest.mark.parametrize("sensor", FIELDS)
@@ -66,11 +66,11 @@ def test_the_bias_walks_as_the_root_of_time(scenario1: Scenario) -> None:
 def test_samples_are_rounded_held_and_late(scenario1: Scenario) -> None:
     sensor = {"resolution": 0.25, "rate_hz": 100.0, "latency_s": 0.02}
     config = config_of(scenario1, {"gyro_deg_s": sensor})
-    true, told = true_flight(new_plant_state(config), config.step_us, 200)
+    true, reported = true_flight(new_plant_state(config), config.step_us, 200)
     taken = np.maximum(np.arange(200) // 10 * 10 - 20, 0)
     expected = np.round(np.degrees(true[taken]) / 0.25) * 0.25
-    assert np.degrees(told) == pytest.approx(expected, abs=1e-9)
-    assert np.ptp(told, axis=0).max() > 0.0
+    assert np.degrees(reported) == pytest.approx(expected, abs=1e-9)
+    assert np.ptp(reported, axis=0).max() > 0.0
 
 
 def test_airspeed_has_its_own_error(scenario1: Scenario) -> None:
@@ -79,11 +79,11 @@ def test_airspeed_has_its_own_error(scenario1: Scenario) -> None:
     config = config_of(scenario1, {"airspeed_m_s": {"bias": 1.5, "resolution": 0.25}}, wind=wind)
     fleet = new_plant_state(config)
     observe(fleet, 1, 0, config.step_us)
-    v, told = fleet.states[1, 3:6], fleet.messages[1]
+    v, reported = fleet.states[1, 3:6], fleet.messages[1]
     through = v - fleet.air[1, :3]
     assert np.linalg.norm(through) == pytest.approx(40.5)
-    assert np.array_equal(told["velocity"], v)
-    assert told["velocity"] - told["wind"] == pytest.approx(through / 40.5 * 42.0)
+    assert np.array_equal(reported["velocity"], v)
+    assert reported["velocity"] - reported["wind"] == pytest.approx(through / 40.5 * 42.0)
 
 
 def test_an_instant_is_measured_once(scenario1: Scenario) -> None:

@@ -69,7 +69,7 @@ def transfer_functions() -> list[tuple[list[float], list[float]]]:
 
 
 @pytest.mark.parametrize("k", range(6), ids="uvwpqr")
-def test_spectra_are_those_of_the_transfer_functions(k: int) -> None:
+def test_spectra_follow_from_the_transfer_functions(k: int) -> None:
     dt = 0.01
     f, measured = signal.welch(flown(dt, 2**17)[:, k], 1.0 / dt, nperseg=4096)
     _, response = signal.freqs(*transfer_functions()[k], worN=2.0 * math.pi * f[1:])

@@ -57,7 +57,7 @@ def test_steady_wind_carries_the_same_flight_along(scenario1: Scenario) -> None:
     assert drift == pytest.approx(carried, abs=1e-6)
 
 
-def test_forces_are_those_of_the_motion_through_the_air(scenario1: Scenario) -> None:
+def test_forces_follow_from_the_motion_through_the_air(scenario1: Scenario) -> None:
     """Of an aircraft without commands that has just met the wind; (2) and (7) by hand."""
     tree = scenario1.model_dump() | {"disturbance": {}, "wind": BREEZE}
     config = scenario_of("wind", tree).plant_config()

@@ -34,11 +34,11 @@ def test_one_event_more_or_less_anywhere_is_found() -> None:
     drawn = replace(chapter(3, 1, 2, 0.2), crashes={}, lossy=False)
     flight = fly_in_process(drawn.scenario)
     summary = summarise(flight, drawn.scenario)
-    told: dict[int, Any] = {}
+    reported: dict[int, Any] = {}
     captured = []
     for uav in summary.uavs:
         events = [uav.channels[name].events for name in ACTUATORS]
-        told[uav.id] = MAVLink_ftc_events_message(
+        reported[uav.id] = MAVLink_ftc_events_message(
             200, uav.active_steps, events, [0] * 4, uav.actuator_messages, [0] * 4, 0
         )
         channels = {
@@ -48,22 +48,21 @@ def test_one_event_more_or_less_anywhere_is_found() -> None:
             UavReport("plant", uav.id, False, 200, None, uav.actuator_messages, 0, channels)
         )
     wire = TapReport(0.2, (), (), tuple(captured), None)
-    assert differences(drawn, flight, summary, wire, told) == []
+    assert differences(drawn, flight, summary, wire, reported) == []
 
-    told[1].events[2] += 1
-    (words,) = differences(drawn, flight, summary, wire, told)
-    assert words.startswith("UAV 1: events of the rudder")
-    told[1].events[2] -= 1
-    told[2].steps -= 1
-    assert "steps" in differences(drawn, flight, summary, wire, told)[0]
-    told[2].steps += 1
-    assert (
-        "restarts" in differences(replace(drawn, crashes={1: [5]}), flight, summary, wire, told)[0]
-    )
+    reported[1].events[2] += 1
+    (difference,) = differences(drawn, flight, summary, wire, reported)
+    assert difference.startswith("UAV 1: events of the rudder")
+    reported[1].events[2] -= 1
+    reported[2].steps -= 1
+    assert "steps" in differences(drawn, flight, summary, wire, reported)[0]
+    reported[2].steps += 1
+    crashed = replace(drawn, crashes={1: [5]})
+    assert "restarts" in differences(crashed, flight, summary, wire, reported)[0]
     faulty = {(fault.uav, fault.actuator) for fault in drawn.scenario.faults}
     c = next(c for c, name in enumerate(ACTUATORS) if (2, name) not in faulty)
     applied = flight.applied.copy()
     applied[100, 1, c] = np.nextafter(applied[100, 1, c], 1.0)
     wrong = replace(flight, applied=applied)
-    (words,) = differences(drawn, wrong, summary, wire, told)
-    assert "step 100" in words
+    (difference,) = differences(drawn, wrong, summary, wire, reported)
+    assert "step 100" in difference

@@ -107,7 +107,7 @@ def test_lost_states_lie_on_the_line_between_their_neighbours(
 
 
 @pytest.mark.parametrize(("step", "lost"), [(1, 0), (101, 100), (102, 0), (0, 0)])
-def test_a_long_gap_is_not_made_up_for(step: int, lost: int) -> None:
+def test_a_long_gap_is_not_compensated(step: int, lost: int) -> None:
     memory, measured = np.zeros(1, DELAY)[0], np.zeros(1, SIM_STATE)[0]
     note_commands(memory, 0, np.zeros(4))
     measured["step"] = step

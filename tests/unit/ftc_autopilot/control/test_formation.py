@@ -77,11 +77,11 @@ def test_whole_turns_change_no_error(
     other_turns: tuple[int, int, int],
     nominal: np.void,
 ) -> None:
-    wanted = errors(nominal, own, [other])
+    before = errors(nominal, own, [other])
     after = errors(nominal, turned(own, own_turns), [turned(other, other_turns)])
-    assert after.e == pytest.approx(wanted.e, abs=1e-12)
+    assert after.e == pytest.approx(before.e, abs=1e-12)
     half = math.pi * LAW.lambda4
-    for ours, theirs, e in zip(after.e_prime, wanted.e_prime, wanted.e, strict=True):
+    for ours, theirs, e in zip(after.e_prime, before.e_prime, before.e, strict=True):
         if abs(abs(theirs - LAW.lambda3 * e) - half) > 1e-9:  # at half a turn either way is right
             assert ours == pytest.approx(theirs, abs=1e-11)
 

@@ -52,7 +52,7 @@ class Pilot:
 
 
 @given(st.tuples(rate, rate, rate))
-def test_surfaces_make_the_moment_that_is_wanted(
+def test_surfaces_make_the_desired_moment(
     nominal: np.void, moment: tuple[float, float, float]
 ) -> None:
     C = motion_of(_straight(), nominal).air.C
@@ -79,9 +79,9 @@ def test_backstepping_inverts_the_nominal_model(
     omega_d = np.array(R2(phi)) @ (-np.array([3.0, 4.0, 5.0]) * e_prime / law.lambda3)
     moment = np.array(air.N) + np.array(air.C) @ signals["demand"][:3]
     omega_dot = np.array(angular_acceleration(omega, tuple(moment), J, J_inv))
-    wanted = -np.array([6.0, 7.0, 8.0]) * (np.array(omega) - omega_d)
-    wanted -= law.lambda3 * np.array(R2_inv(phi)).T @ e_prime  # ω̇_d = 0 in the first step
-    assert np.allclose(omega_dot, wanted, atol=1e-9)
+    desired = -np.array([6.0, 7.0, 8.0]) * (np.array(omega) - omega_d)
+    desired -= law.lambda3 * np.array(R2_inv(phi)).T @ e_prime  # ω̇_d = 0 in the first step
+    assert np.allclose(omega_dot, desired, atol=1e-9)
 
     force = np.add(air.F, (signals["demand"][3], 0.0, 0.0))
     gravity = np.array(pilot.motion.gravity)

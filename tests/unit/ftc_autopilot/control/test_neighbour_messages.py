@@ -33,9 +33,9 @@ def message(step: int, airspeed: float, roll: float, rate: float = 0.0) -> np.vo
     return record
 
 
-def later(told: np.void, step: int) -> np.void:
+def later(broadcast: np.void, step: int) -> np.void:
     result: np.void = np.zeros(1, NEIGHBOUR)[0]
-    extrapolate(told, step, DT, result)
+    extrapolate(broadcast, step, DT, result)
     return result
 
 
@@ -43,23 +43,24 @@ def later(told: np.void, step: int) -> np.void:
 def test_at_its_own_step_a_message_says_exactly_what_it_said(
     airspeed: float, roll: float, rate: float
 ) -> None:
-    told = message(7, airspeed, roll, rate)
-    now = later(told, 7)
+    broadcast = message(7, airspeed, roll, rate)
+    now = later(broadcast, 7)
     for name in NEIGHBOUR.names or ():
-        assert np.array_equal(now[name], told[name]), name
+        assert np.array_equal(now[name], broadcast[name]), name
 
 
 @given(numbers, numbers, st.integers(0, 3000), st.integers(0, 3000))
-def test_extrapolation_is_that_of_a_decaying_rate(
+def test_extrapolation_assumes_a_decaying_rate(
     roll: float, rate: float, first: int, second: int
 ) -> None:
     """In one stride or in two; and it never goes further than the rate for 0.1 s."""
-    told = message(0, 0.0, roll, rate)
-    at_once, in_two = later(told, first + second), later(later(told, first), first + second)
+    broadcast = message(0, 0.0, roll, rate)
+    at_once = later(broadcast, first + second)
+    in_two = later(later(broadcast, first), first + second)
     for name in ("attitude", "attitude_rate"):
         assert in_two[name][0] == pytest.approx(at_once[name][0], rel=1e-9, abs=1e-9)
     assert abs(at_once["attitude"][0] - roll) <= 0.1 * abs(rate) + 1e-12
-    assert later(told, 1)["attitude"][0] == pytest.approx(roll + DT * rate, abs=1e-4)
+    assert later(broadcast, 1)["attitude"][0] == pytest.approx(roll + DT * rate, abs=1e-4)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.5))
@@ -69,19 +70,19 @@ def test_receivers_are_wrong_by_no_more_than_the_thresholds(seed: int, lost: flo
     Sender and receiver start from the same message, as after the exchange before the start.
     """
     random = np.random.default_rng(seed)
-    told = heard = message(0, 0.1, 3.1)
+    broadcast = heard = message(0, 0.1, 3.1)
     roll, airspeed, complete = 3.1, 0.1, True
     for step in range(1, 400):
         roll += random.normal(0.0, 3e-4)
         airspeed += random.normal(0.0, 3e-3)
         angle = math.remainder(roll, 2.0 * math.pi)  # as an error is: it jumps at half a turn
         own = message(step, airspeed, angle, random.normal(0.0, 0.1))
-        if is_message_due(own, told, later(told, step), DT, RECORD):
-            told = own
+        if is_message_due(own, broadcast, later(broadcast, step), DT, RECORD):
+            broadcast = own
             complete = random.random() >= lost
             if complete:
                 heard = own
-        assert step - told["step"] < TRIGGER.longest_silence_s / DT
+        assert step - broadcast["step"] < TRIGGER.longest_silence_s / DT
         if complete:
             wrong = later(heard, step)
             limit = TRIGGER.airspeed_relative * abs(airspeed) + TRIGGER.airspeed_m_s
@@ -92,10 +93,10 @@ def test_receivers_are_wrong_by_no_more_than_the_thresholds(seed: int, lost: flo
 
 
 def test_a_message_is_due_when_something_is_off_or_after_the_longest_silence() -> None:
-    told = message(10, 0.0, 0.0)
+    broadcast = message(10, 0.0, 0.0)
 
     def due(own: np.void) -> bool:
-        return is_message_due(own, told, later(told, int(own["step"])), DT, RECORD)
+        return is_message_due(own, broadcast, later(broadcast, int(own["step"])), DT, RECORD)
 
     assert not due(message(11, 0.0, 0.0))
     assert due(message(11, 0.03, 0.0))
@@ -110,11 +111,11 @@ def test_a_message_is_due_when_something_is_off_or_after_the_longest_silence() -
 
 
 def test_half_a_turn_is_passed_without_a_message() -> None:
-    told, own = message(1, 0.0, math.pi - 1e-4), message(2, 0.0, 1e-4 - math.pi)
-    assert not is_message_due(own, told, later(told, 2), DT, RECORD)
+    broadcast, own = message(1, 0.0, math.pi - 1e-4), message(2, 0.0, 1e-4 - math.pi)
+    assert not is_message_due(own, broadcast, later(broadcast, 2), DT, RECORD)
 
 
-def test_own_errors_are_those_of_the_step() -> None:
+def test_own_errors_are_taken_from_the_step() -> None:
     own = message(3, 41.0, 0.5, rate=2.0)
     signals = np.zeros(1, SIGNALS)[0]
     signals["error"] = (1.0, 0.1, 0.2, 0.3)
@@ -134,7 +135,7 @@ def on_path(step: int, xi: float = 100.0, north: float = 50.0) -> np.void:
     return record
 
 
-def test_places_go_on_at_the_rates_told_and_the_report_stays() -> None:
+def test_places_go_on_at_the_reported_rates_and_the_report_stays() -> None:
     now = later(on_path(10), 60)
     assert now["path_position"] == pytest.approx(102.0)
     assert now["position"] == pytest.approx((52.0, -3.0, -99.975))
@@ -142,10 +143,10 @@ def test_places_go_on_at_the_rates_told_and_the_report_stays() -> None:
 
 
 def test_a_message_is_due_when_a_place_or_the_report_is_off() -> None:
-    told = on_path(10)
+    broadcast = on_path(10)
 
     def due(own: np.void) -> bool:
-        return is_message_due(own, told, later(told, int(own["step"])), DT, RECORD)
+        return is_message_due(own, broadcast, later(broadcast, int(own["step"])), DT, RECORD)
 
     assert not due(on_path(35, 101.0, 51.0))
     assert due(on_path(35, 101.06, 51.0))

@@ -114,7 +114,7 @@ def test_what_was_just_sent_does_not_fire_again(
     T: float,
     nominal: np.void,
 ) -> None:
-    """Also at the stops: a saturated actuator has nothing new to be told."""
+    """Also at the stops: the command to a saturated actuator does not change."""
     sender = Sender(nominal)
     sender.step(*delta, T=T, first=True)
     assert sender.step(*delta, T=T) == 0

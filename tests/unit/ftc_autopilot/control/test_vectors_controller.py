@@ -46,7 +46,7 @@ def close(ours: object, expected: object) -> bool:
 
 
 def measured(state: list[float], V_dot: float, nominal: np.void) -> np.void:
-    """The FTC_SIM_STATE whose accelerometer gives the wanted V̇."""
+    """The FTC_SIM_STATE whose accelerometer gives this V̇."""
     message = np.zeros(1, SIM_STATE)[0]
     x = np.array(state)
     message["velocity"], message["attitude"], message["rates"] = x[3:6], x[6:9], x[9:12]
@@ -110,7 +110,7 @@ def test_control_step_agrees_with_the_worked_values(
         assert close(signals[ours], expected[theirs]), theirs
 
 
-def test_default_parameters_are_those_of_the_worked_values(vectors: dict[str, Any]) -> None:
+def test_default_parameters_equal_the_worked_values(vectors: dict[str, Any]) -> None:
     p = vectors["controller_parameters"]
     record = parameter_record(Proposed(), PerChannel())
     renamed = {

@@ -213,7 +213,7 @@ def test_trim_prints_steady_flights_as_tables_and_as_json() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reason"),
     [
         (("arm", "--timeout", "soon"), "--timeout: expected a number, got 'soon'"),
         (("arm", "--timeout", "0"), "--timeout: expected at least 0.1, got '0'"),
@@ -225,7 +225,7 @@ def test_trim_prints_steady_flights_as_tables_and_as_json() -> None:
 )
 def test_a_wrong_value_is_named_with_what_is_expected(
     arguments: tuple[str, ...],
-    told: str,
+    reason: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -233,4 +233,4 @@ def test_a_wrong_value_is_named_with_what_is_expected(
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == 2
-    assert capsys.readouterr().err.startswith(f"error: {told}")
+    assert capsys.readouterr().err.startswith(f"error: {reason}")

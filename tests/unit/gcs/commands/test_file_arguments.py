@@ -91,8 +91,8 @@ def test_it_is_refused(
     monkeypatch.chdir(tmp_path)
     path = make(kind, tmp_path / "thing")
     before = sorted(tmp_path.iterdir())
-    words = [str(path) if word == "@" else word for word in READ[argument]]
-    result = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, words)
+    given = [str(path) if word == "@" else word for word in READ[argument]]
+    result = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, given)
     problem = result.exception
     assert isinstance(problem, BadInput | ConfigError), (problem, result.output)
     first = str(problem).splitlines()[0]
@@ -112,8 +112,8 @@ def test_every_argument_that_is_a_file_is_read_here_or_written() -> None:
 
     known = set(READ) | {("compare", "new")}
     for command, parameter in walk(whole_command()):
-        told = getattr(parameter, "type_descriptor", None)
-        if "Path" not in str(getattr(told, "annotation", "")):
+        descriptor = getattr(parameter, "type_descriptor", None)
+        if "Path" not in str(getattr(descriptor, "annotation", "")):
             continue
         if parameter.name in WRITTEN or f"{command} {parameter.name}" in WRITTEN:
             continue

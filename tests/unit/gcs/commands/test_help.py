@@ -1,4 +1,4 @@
-"""Help of every program and command on a narrow terminal: whole words, and no types of Python."""
+"""Help of every program and command on a narrow terminal: no broken word, no type of Python."""
 
 import re
 import sys

@@ -46,16 +46,16 @@ def test_lengths_turns_and_times(suffix: str, tmp_path: Path) -> None:
     path.write_text(plan_text(mission) if suffix == ".plan" else waypoints_text(mission))
     status, text = show(path, "--json")
     assert status == 0
-    told = json.loads(text)
-    first, second = told["stages"]
+    shown = json.loads(text)
+    first, second = shown["stages"]
     radius = 40.0**2 / (9.8 * math.tan(math.radians(20.0)))  # 20° of bank
     assert first["turn_radius_m"] == pytest.approx(radius)
     corner = radius * (1.0 - math.pi / 4.0)  # saved by half the turn inside the corner
     assert first["length_m"] == pytest.approx(2000.0 - corner, abs=0.1)
     assert first["time_s"] == pytest.approx(first["length_m"] / 40.0)
     assert second["length_m"] == pytest.approx(3000.0 - corner, abs=0.1)
-    assert told["repeats"] is None
-    assert told["length_m"] == pytest.approx(first["length_m"] + second["length_m"])
+    assert shown["repeats"] is None
+    assert shown["length_m"] == pytest.approx(first["length_m"] + second["length_m"])
     status, text = show(path)
     assert "2000" not in text.splitlines()[1].split()[2:4]  # the turn is inside the corner
     assert text.splitlines()[-1].endswith("circles around the last place")
@@ -82,9 +82,9 @@ def test_a_plan_that_begins_with_a_takeoff_is_shown_without_a_way_to_it(tmp_path
         item.seq += 1
     path = tmp_path / "survey.plan"
     path.write_text(plan_text([home, takeoff, *places]))
-    told = json.loads(show(path, "--json")[1])
-    assert [stage["item"] for stage in told["stages"]] == [2, 3]
-    assert told["items"][0] == {"item": 1, "text": "takeoff, taken as past"}
+    shown = json.loads(show(path, "--json")[1])
+    assert [stage["item"] for stage in shown["stages"]] == [2, 3]
+    assert shown["items"][0] == {"item": 1, "text": "takeoff, taken as past"}
     assert "takeoff, taken as past" in show(path)[1]
 
 

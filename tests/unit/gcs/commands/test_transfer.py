@@ -63,7 +63,7 @@ def test_home_alone_is_no_mission_to_write(tmp_path: Path) -> None:
         ("NO_SUCH", "UAV 3 refused NO_SUCH = 7"),
     ],
 )
-def test_a_value_out_of_range_is_told_the_range(name: str, expected: str) -> None:
+def test_a_value_out_of_range_is_refused_with_the_range(name: str, expected: str) -> None:
     with pytest.raises(CommandRefused) as refusal:
         inspect.unwrap(param.set_)(station=OneVehicle(), name=name, value=7.0)
     assert str(refusal.value) == expected

@@ -106,7 +106,7 @@ def test_a_capture_cut_off_is_counted_as_far_as_it_goes(gcs, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "reason"),
     [
         ([], "expected either a FILE or --relay"),
         (["a.pcap", *RELAY], "expected either a FILE or --relay"),
@@ -125,7 +125,7 @@ def test_a_capture_cut_off_is_counted_as_far_as_it_goes(gcs, tmp_path: Path) -> 
         (["a.pcap", "--csv", "nowhere/a.csv"], "cannot write nowhere/a.csv"),
     ],
 )
-def test_bad_input_is_named(gcs, tmp_path, monkeypatch, arguments: list[str], words: str) -> None:
+def test_bad_input_is_named(gcs, tmp_path, monkeypatch, arguments: list[str], reason: str) -> None:
     monkeypatch.chdir(tmp_path)
     some_flight(tmp_path / "a.pcap")
     (tmp_path / "text").write_text("neither this nor that")
@@ -134,7 +134,7 @@ def test_bad_input_is_named(gcs, tmp_path, monkeypatch, arguments: list[str], wo
     (tmp_path / "damaged.json").write_text(json.dumps(damaged))
     status, out, err = gcs("wire", *arguments)
     assert (status, out) == (2, "")
-    assert words in err
+    assert reason in err
 
 
 def test_a_capture_without_mavlink_says_so(gcs, tmp_path: Path) -> None:
@@ -166,8 +166,8 @@ def test_the_dissector_knows_the_default_ports() -> None:
 
 
 def test_messages_to_neighbours_stand_beside_the_events(gcs, tmp_path: Path) -> None:
-    told = dialect.MAVLink_ftc_neighbour_message(50.0, 0.0, (0.0,) * 3, (0.0,) * 3, 1)
-    packet = udp_packet(AUTOPILOT, ("127.0.0.1", 14608), FramePacker(7, 1).pack(told))
+    neighbour = dialect.MAVLink_ftc_neighbour_message(50.0, 0.0, (0.0,) * 3, (0.0,) * 3, 1)
+    packet = udp_packet(AUTOPILOT, ("127.0.0.1", 14608), FramePacker(7, 1).pack(neighbour))
     path = tmp_path / "a.pcap"
     path.write_bytes(
         pcap([(100.0, actuators(0, 0.1)), (100.1, packet), (100.2, packet)], "ethernet")

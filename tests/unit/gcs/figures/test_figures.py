@@ -333,7 +333,7 @@ def test_what_leaves_a_panel_is_noted() -> None:
         ),
     ],
 )
-def test_faults_in_words(flight: PlottedFlight, fault: dict[str, object], text: str) -> None:
+def test_faults_as_text(flight: PlottedFlight, fault: dict[str, object], text: str) -> None:
     found = ScenarioFault.model_validate({"uav": 1, "start_s": 1.0, **fault})
     late = found.model_copy(update={"start_s": 10.0})
     scenario = flight.scenario.model_copy(update={"faults": (found, late)})

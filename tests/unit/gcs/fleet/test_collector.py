@@ -1,4 +1,4 @@
-"""Recordings of processes become those of a flight, whenever they are looked at."""
+"""Recordings of processes become the recording of a flight, whenever they are read."""
 
 from pathlib import Path
 
@@ -96,7 +96,7 @@ def test_steps_come_in_order_and_missing_ones_are_nan(
 
 
 @pytest.mark.parametrize("torn", names)
-def test_a_torn_recording_is_told(short: Scenario, tmp_path: Path, torn: str) -> None:
+def test_a_torn_recording_is_reported(short: Scenario, tmp_path: Path, torn: str) -> None:
     spools = {name: Spool(tmp_path / name) for name in names}
     for name, spool in spools.items():
         spool.write(0, plant_rows(0, 5) if name == "plant" else autopilot_rows(list(range(5))))
@@ -109,7 +109,7 @@ def test_a_torn_recording_is_told(short: Scenario, tmp_path: Path, torn: str) ->
         collector.ending("lockstep")
 
 
-def test_steps_of_the_plant_that_are_gone_are_told(short: Scenario, tmp_path: Path) -> None:
+def test_steps_of_the_plant_that_are_gone_are_reported(short: Scenario, tmp_path: Path) -> None:
     spools = {name: Spool(tmp_path / name) for name in names}
     spools["plant"].write(0, plant_rows(0, 5))
     finish(spools)

@@ -70,7 +70,7 @@ def command_line(forked: Forked) -> list[str]:
     return Path(f"/proc/{forked.pid}/cmdline").read_bytes().decode().rstrip("\0").split("\0")
 
 
-def test_status_and_log_are_those_of_the_process(server: ForkServer, tmp_path: Path) -> None:
+def test_status_and_log_come_from_the_process(server: ForkServer, tmp_path: Path) -> None:
     logs = [tmp_path / "a.log", tmp_path / "b.log"]
     forked = [server.start("ftc-autopilot", [str(tmp_path / "none.yaml")], log) for log in logs]
     with pytest.raises(subprocess.TimeoutExpired):

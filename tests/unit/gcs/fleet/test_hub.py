@@ -83,7 +83,7 @@ def test_stations_beyond_the_limit_are_turned_away_and_counted() -> None:
     assert hub.route(telemetry(1), ONE, PATIENCE_S + 0.2) == [crowd[0], GCS]
 
 
-def test_vehicles_are_those_of_this_machine() -> None:
+def test_vehicles_of_other_machines_are_refused() -> None:
     hub = Hub([1, 2], host="192.0.2.7")
     for own in (ONE, ("192.0.2.7", 1003)):
         hub.route(telemetry(1), own, 0.0)

@@ -1,4 +1,4 @@
-"""Which relays a scenario asks for, and how autopilots are told to use them."""
+"""Which relays a scenario asks for, and how autopilots are configured to use them."""
 
 import pytest
 

@@ -26,7 +26,7 @@ def test_at_once_then_with_growing_pauses_and_not_for_ever() -> None:
     assert len(pauses) == MOST_IN_A_ROW == restarts.counts["uav1"]
 
 
-def test_a_long_life_makes_up_for_early_deaths() -> None:
+def test_after_a_long_run_there_is_no_pause() -> None:
     restarts = Restarts()
     restarts.started("uav1", 0.0)
     for k in range(20):

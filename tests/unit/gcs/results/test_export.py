@@ -63,8 +63,8 @@ def arrays_of(path: Path) -> dict[str, np.ndarray]:
         return dict(arrays)
 
 
-def test_npz_of_a_full_recording_is_that_of_record_npz(scenario1: Scenario, tmp_path: Path) -> None:
-    """The same keys, types and bits; as those of a whole flight in memory."""
+def test_npz_of_a_full_recording_equals_record_npz(scenario1: Scenario, tmp_path: Path) -> None:
+    """The same keys, types and bits as a whole flight in memory gives."""
     scenario = scenario1.model_copy(update={"duration_s": 0.2})
     folders = {record: tmp_path / record.value for record in (Record.FULL, Record.NPZ)}
     for record, folder in folders.items():
@@ -132,7 +132,7 @@ def test_mcap_has_states_places_and_events(run: Path, tmp_path: Path) -> None:
 KINDS = ("state", "location", "event")
 
 
-def test_a_torn_recording_is_exported_and_told(run: Path, tmp_path: Path) -> None:
+def test_a_torn_recording_is_exported_and_reported(run: Path, tmp_path: Path) -> None:
     for name in ("trajectory.arrows", "events.arrows"):
         (tmp_path / name).write_bytes((run / name).read_bytes())
     torn = tmp_path / "events.arrows"

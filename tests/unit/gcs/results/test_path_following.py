@@ -181,7 +181,7 @@ def test_errors_step_by_step_are_those_that_are_summed_up() -> None:
     assert found["slot"][:, 1] == pytest.approx(np.full(200, math.hypot(2.0, 1.0)), abs=1e-6)
 
 
-def test_the_least_separation_is_that_of_the_nearest_two() -> None:
+def test_the_least_separation_is_between_the_nearest_two() -> None:
     states = np.zeros((3, 4, 12))
     states[:, :, 0] = [0.0, 100.0, 250.0, 400.0]
     states[1, 2, :3] = (103.0, 4.0, -12.0)

@@ -46,7 +46,7 @@ def figures_of(folder: Path) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("record", Record)
-def test_the_figures_are_those_of_every_step(
+def test_the_figures_cover_every_step(
     scenario: Scenario, flight: Recording, tmp_path: Path, record: Record
 ) -> None:
     recorded(scenario, tmp_path, record)

@@ -69,8 +69,8 @@ def test_synchronisation_errors_are_between_the_true_states(scenario1: Scenario)
     assert second.iae_sync["airspeed"] == pytest.approx(
         (2.0 * law.lambda1 + 3.0 * law.lambda2) * seconds
     )
-    wanted = law.lambda3 * 175.0 - law.lambda4 * 10.0
-    assert first.iae_sync["yaw"] == pytest.approx(wanted * seconds)
+    expected = law.lambda3 * 175.0 - law.lambda4 * 10.0
+    assert first.iae_sync["yaw"] == pytest.approx(expected * seconds)
     assert first.iae_sync["roll"] == 0.0
 
 
@@ -99,8 +99,8 @@ def test_over_missing_steps_the_last_command_holds(missing: set[int]) -> None:
     assert flight.missing.sum(axis=0).tolist() == [len(missing), 0]
     flown = sorted(set(range(STEPS)) - missing)
     held = [max((k for k in flown if k <= step), default=flown[0]) for step in range(STEPS)]
-    for wanted in ("command", "reference"):
-        error = flight.error(wanted)
+    for target in ("command", "reference"):
+        error = flight.error(target)
         assert (error[:, 0, 0] == 40.0 - np.array(held)).all()
         assert (error[:, 1, 0] == 40.0 - np.arange(STEPS)).all()
 
@@ -129,7 +129,7 @@ def test_an_autopilot_that_heard_nothing_has_no_figures(scenario1: Scenario) -> 
         assert set(errors.values()) == {None}
 
 
-def test_while_disarmed_nothing_is_wanted(scenario1: Scenario) -> None:
+def test_while_disarmed_nothing_is_commanded(scenario1: Scenario) -> None:
     flight = straight()
     disarmed = no_signals(20)
     disarmed["V"] = 40.0

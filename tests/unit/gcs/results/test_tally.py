@@ -1,4 +1,4 @@
-"""Figures taken while a flight is flown are those of its whole recording, to the last bit."""
+"""Figures taken while a flight is flown equal the whole recording's, to the last bit."""
 
 import numpy as np
 from hypothesis import given

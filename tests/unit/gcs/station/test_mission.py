@@ -136,5 +136,5 @@ def test_a_mission_is_a_profile_or_not() -> None:
         (item(dialect.MAV_CMD_NAV_LAND), "command 21"),
     ],
 )
-def test_words_for_items(one: MissionItem, text: str) -> None:
+def test_texts_of_items(one: MissionItem, text: str) -> None:
     assert item_text(one) == text

@@ -24,33 +24,34 @@ def station_that_hears(oldest_state_us: int) -> Station:
 
 
 @pytest.mark.parametrize(
-    ("oldest_state_us", "told"),
+    ("oldest_state_us", "text"),
     [(0, "up"), (1000, "up"), (100_000, "up"), (101_000, "old 0.1 s"), (2**32 - 1, "old 4295.0 s")],
 )
 def test_a_state_older_than_a_tenth_of_a_second_is_shown_in_place_of_the_link(
-    oldest_state_us: int, told: str
+    oldest_state_us: int, text: str
 ) -> None:
     station = station_that_hears(oldest_state_us)
     states = list(station.fleet.vehicles.values())
     console = Console(width=80)
     with console.capture() as shown:
         console.print(fleet_table(states, station.now()))
-    assert f" {told} " in shown.get()
+    assert f" {text} " in shown.get()
     link = vehicle_status(states[0], station.now())["link"]
     assert link["oldest_state_s"] == oldest_state_us / 1e6
 
 
-def test_an_age_that_was_not_told_is_unknown() -> None:
+def test_an_age_that_was_not_reported_is_unknown() -> None:
     station = Station(1)
     assert vehicle_status(station.fleet.vehicles[1], 0.0)["link"]["oldest_state_s"] is None
 
 
 @pytest.mark.parametrize(
-    ("oldest_state_us", "told"), [(100_000, "● 0.0 s"), (430_000, "old 0.4s"), (2**32 - 1, "old")]
+    ("oldest_state_us", "expected"),
+    [(100_000, "● 0.0 s"), (430_000, "old 0.4s"), (2**32 - 1, "old")],
 )
-def test_the_dashboard_shows_it(oldest_state_us: int, told: str) -> None:
+def test_the_dashboard_shows_it(oldest_state_us: int, expected: str) -> None:
     async def work(app: Any, _: Any) -> None:
         row = app.query_one(FleetTable).rows[0]
-        assert told in [text for text, _ in row.cells]
+        assert expected in [text for text, _ in row.cells]
 
     at_screen(live(station_that_hears(oldest_state_us)), work)

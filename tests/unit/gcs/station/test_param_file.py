@@ -41,9 +41,9 @@ def test_every_wrong_line_is_named_and_shows_no_control_character(tmp_path: Path
     path.write_text(
         "# fine\nA 1\nA 2\nB\nC nan\nD x\x1b[2J\nE,5 # fine\nF 1e39\n" + "G" * 17 + " 1\n"
     )
-    with pytest.raises(ConfigError) as told:
+    with pytest.raises(ConfigError) as error:
         read_param_file(path)
-    text = str(told.value)
+    text = str(error.value)
     assert [f"line {n}" in text for n in range(1, 10)] == [n not in (1, 2, 7) for n in range(1, 10)]
     assert "\x1b" not in text
 

@@ -1,4 +1,4 @@
-"""Defaults of parameters: those of a vehicle whose scenario says nothing, and what differs."""
+"""Defaults of parameters: what a vehicle has whose scenario says nothing, and what differs."""
 
 from dataclasses import replace
 from typing import Any

@@ -23,7 +23,7 @@ from sitl_plant.actuators import add_fault, clear_faults, no_faults
 
 STATION, VEHICLE = SystemId(255, 77), SystemId(3, 1)
 NAN, INF = math.nan, math.inf
-NOW_S = 5.5  # what the vehicle last told of its simulated time [s]
+NOW_S = 5.5  # simulated time that the vehicle last reported [s]
 
 float32s = st.floats(width=32, allow_nan=False, allow_infinity=False)
 anything = st.builds(
@@ -191,5 +191,5 @@ def test_windows_follow_the_plants_rule(steps: list[tuple[int, Fault | int]]) ->
             log.set(step)
             add_fault(row, step, time_s)
     there = [(f["actuator"], f["rho"], f["start"], f["end"]) for f in row if f["actuator"] >= 0]
-    told = log.state.faults or ()
-    assert [(f.actuator, f.effectiveness, f.start_s, f.end_s) for f in told] == there
+    known = log.state.faults or ()
+    assert [(f.actuator, f.effectiveness, f.start_s, f.end_s) for f in known] == there

@@ -65,7 +65,7 @@ class Bench:
         return self.fleet.vehicles[system]
 
 
-def words(notifications: list[Notification]) -> list[tuple[str, str]]:
+def texts(notifications: list[Notification]) -> list[tuple[str, str]]:
     return [(one.kind, one.text) for one in notifications]
 
 
@@ -74,7 +74,7 @@ def test_vehicles_appear_by_their_heartbeats() -> None:
     assert bench.say(tracking(1.0), 0.0, system=7) == []
     assert bench.fleet.vehicles == {}
     assert bench.fleet.unconfirmed == {7}
-    assert words(bench.say(heartbeat(), 0.1, system=7)) == [("link", "vehicle found")]
+    assert texts(bench.say(heartbeat(), 0.1, system=7)) == [("link", "vehicle found")]
     assert bench.fleet.unconfirmed == set()
     gcs = dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
     bench.say(gcs, 0.1, system=254)
@@ -102,7 +102,7 @@ def test_heartbeat_tells_arming_and_mode() -> None:
     state = bench.state()
     assert (state.armed, state.mode, state.is_ready) == (False, "LOITER", True)
     notifications = bench.say(heartbeat(ACTIVE, armed=True, mode=10), 0.5)
-    assert words(notifications) == [("mode", "armed"), ("mode", "mode LOITER → AUTO")]
+    assert texts(notifications) == [("mode", "armed"), ("mode", "mode LOITER → AUTO")]
     assert (state.armed, state.mode) == (True, "AUTO")
     assert bench.say(heartbeat(ACTIVE, armed=True, mode=10), 1.5) == []
     bench.say(heartbeat(BOOT, mode=3), 2.0)
@@ -127,14 +127,14 @@ def test_while_disarmed_the_measured_motion_is_shown_without_a_reference() -> No
     row = bench.state().history.rows()[-1]
     assert row["actual"] == pytest.approx([31.0, *map(math.degrees, (0.1, 0.2, 0.3))], rel=1e-6)
     assert all(map(math.isnan, row["reference"]))
-    told = vehicle_status(bench.state(), 0.1)
-    assert told["actual"]["airspeed_m_s"] == 31.0
+    status = vehicle_status(bench.state(), 0.1)
+    assert status["actual"]["airspeed_m_s"] == 31.0
     for key in ("reference", "error", "sync_error"):
-        assert set(told[key].values()) == {None}
-    json.dumps(told, allow_nan=False)
+        assert set(status[key].values()) == {None}
+    json.dumps(status, allow_nan=False)
 
 
-def test_what_tracking_tells() -> None:
+def test_what_tracking_reports() -> None:
     bench = Bench(1)
     assert bench.state().reference is None
     assert bench.state().time_s is None
@@ -163,22 +163,22 @@ def test_a_restart_is_noticed(late: bool) -> None:
     bench.say(events(30.0, 30_000, 100), 0.1)
     bench.state().learn_faults((FAULT,), 0.1)
     bench.state().learn_mission((), 0.1)
-    if late:  # its first words were lost: time went back and stays there
+    if late:  # its first messages were lost: time went back and stays there
         assert bench.say(events(0.0, 0), 1.0) == []
         notifications = bench.say(events(0.0, 0), 2.1)
     else:
         notifications = bench.say(heartbeat(BOOT), 0.5)
-    assert words(notifications) == [("link", "vehicle was restarted")]
+    assert texts(notifications) == [("link", "vehicle was restarted")]
     state = bench.state()
     assert state.restarts == 1
     assert (state.faults, state.profile, state.counts.total) == (None, None, 0)
     assert state.is_asking_due(2.2)
 
 
-def test_an_autopilot_restarted_in_flight_counts_anew() -> None:
+def test_an_autopilot_restarted_in_flight_counts_from_zero() -> None:
     bench = Bench(1)
     bench.say(events(30.0, 30_000, 100), 0.1)
-    assert words(bench.say(events(31.0, 200, 5), 0.2)) == [("link", "vehicle was restarted")]
+    assert texts(bench.say(events(31.0, 200, 5), 0.2)) == [("link", "vehicle was restarted")]
     assert bench.state().counts.total == 5
 
 
@@ -224,7 +224,7 @@ def test_acks_are_logged_whoever_they_are_for() -> None:
     assert notifications.about.target_system == 254
     assert bench.say(ack(dialect.MAV_CMD_REQUEST_MESSAGE), 0.1) == []
     refused = dialect.MAVLink_mission_ack_message(255, 190, dialect.MAV_MISSION_DENIED, 0)
-    assert words(bench.say(refused, 0.1)) == [("ack", "mission: DENIED")]
+    assert texts(bench.say(refused, 0.1)) == [("ack", "mission: DENIED")]
 
 
 def test_faults_are_asked_for_at_first_and_whenever_they_may_have_changed() -> None:
@@ -237,9 +237,9 @@ def test_faults_are_asked_for_at_first_and_whenever_they_may_have_changed() -> N
     bench.say(ack(dialect.MAV_CMD_FTC_SET_FAULT), 1.0)
     assert state.is_asking_due(1.0)
     (notifications,) = state.learn_faults((FAULT,), 1.1)
-    assert words([notifications]) == [("faults", "faults: rudder at 90 % in (19, 22] s")]
+    assert texts([notifications]) == [("faults", "faults: rudder at 90 % in (19, 22] s")]
     assert state.learn_faults((FAULT,), 1.2) == []
-    assert words(state.learn_faults((), 1.3)) == [("faults", "faults: none")]
+    assert texts(state.learn_faults((), 1.3)) == [("faults", "faults: none")]
     assert not state.is_asking_due(1.5)
     assert state.is_asking_due(7.0)  # whoever set one, its ack may have been lost
     assert state.learn_faults(None, 7.0) == []
@@ -253,7 +253,7 @@ def test_the_profile_is_asked_for_again_when_someone_uploaded_one() -> None:
     state = bench.state()
     state.learn_faults((), 0.0)
     segment = Segment(0.0, 40.0, 0.0, 0.0, 0.0, ramp=False)
-    assert words(state.learn_mission(tuple(segments_to_items([segment], 1, 1)), 0.0)) == [
+    assert texts(state.learn_mission(tuple(segments_to_items([segment], 1, 1)), 0.0)) == [
         ("profile", "holds profile of 1 segments")
     ]
     assert not state.is_asking_due(1.0)

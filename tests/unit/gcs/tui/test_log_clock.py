@@ -100,7 +100,7 @@ def test_a_time_that_is_sought_shows_the_fleet_at_that_simulated_time(
 
 @settings(max_examples=20)
 @given(flights())
-def test_ages_are_those_of_the_log(flight: tuple[Records, list[int], list[int]]) -> None:
+def test_ages_follow_the_log(flight: tuple[Records, list[int], list[int]]) -> None:
     records, *_ = flight
     player = paused(records)
     heard, position_s = player.now(), player.begin_s

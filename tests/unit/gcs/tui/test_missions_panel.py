@@ -211,7 +211,7 @@ def test_the_map_zooms_pans_and_follows() -> None:
     drive(work, fleet())
 
 
-def test_the_scene_has_all_that_was_told() -> None:
+def test_the_scene_has_all_that_was_reported() -> None:
     station = fleet()
     states = [station.fleet.vehicles[i] for i in (1, 2)]
     scene = scene_of(states, 1, triangle(), 100)

@@ -66,7 +66,7 @@ def said(app: Dashboard) -> str:
 
 
 async def parameters(app: Dashboard, pilot: Pilot[None]) -> Grid:
-    """Go to the panel, and wait until the vehicle has told its parameters."""
+    """Go to the panel, and wait until the vehicle has sent its parameters."""
     await pilot.press("5")
     grid = app.query_one("#params", Grid)
     await until(pilot, lambda: len(grid.rows) == len(HELD), "parameters")
@@ -200,7 +200,7 @@ def test_a_file_is_compared_and_loaded_after_a_question(
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
         await pilot.press("asterisk")
         await parameters(app, pilot)
-        wanted = [
+        expected = [
             "Set 5 parameters of UAV 1, 2 as in a.parm?",
             "UAV 1: TRIG_B1_M_S = 0.5, file 0.25",
             "UAV 1: NONE = not held, file 4",
@@ -209,7 +209,7 @@ def test_a_file_is_compared_and_loaded_after_a_question(
             "UAV 2: NONE = not held, file 4",
         ]
         await write(pilot, "o", "a.parm")
-        await until(pilot, lambda: question(app).splitlines() == wanted)
+        await until(pilot, lambda: question(app).splitlines() == expected)
         await answer(pilot, "escape")
         assert [vehicle.asked for vehicle in vehicles.values()] == [[], []]
         await write(pilot, "o", "a.parm")
@@ -243,7 +243,7 @@ def test_a_file_that_every_vehicle_holds_is_said_to_be_so(
 
 
 @pytest.mark.parametrize("text", ["missing.parm", "bad.parm", "."])
-def test_a_file_that_cannot_be_used_is_told_and_the_field_stays(
+def test_a_file_that_cannot_be_used_is_reported_and_the_field_stays(
     station: Station, vehicles: dict[int, FakeVehicle], folder: Path, text: str
 ) -> None:
     (folder / "bad.parm").write_text("TRIG_B2_DEG one\n")
@@ -253,7 +253,7 @@ def test_a_file_that_cannot_be_used_is_told_and_the_field_stays(
         await write(pilot, "o", text)
 
         def errors() -> list[str]:
-            return [told.message for told in app._notifications if told.severity == "error"]
+            return [one.message for one in app._notifications if one.severity == "error"]
 
         await until(pilot, lambda: len(errors()) == 1)
         assert text in errors()[0]

@@ -48,7 +48,7 @@ def test_no_number_in_a_text_is_cut(parts: list[str], width: int) -> None:
 
 def test_a_scroll_bar_hides_no_text() -> None:
     station = Station(1)
-    text = "words " * 50
+    text = "texts " * 50
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
         grid = app.query_one(EventLog)
@@ -101,7 +101,7 @@ def faults_of(station: Station, count: int) -> tuple[str, ...]:
 @pytest.mark.parametrize("width", [120, 150, 175, 200, 240])
 @pytest.mark.parametrize("diagnoses", [False, True])
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_active_faults_are_told_in_full_and_groups_take_the_room_that_is_left(
+def test_active_faults_are_shown_in_full_and_groups_take_the_room_that_is_left(
     count: int, diagnoses: bool, width: int
 ) -> None:
     station = Station(1, 2)

@@ -30,7 +30,7 @@ SCENARIO_1 = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml
 RUDDER = Fault(2, 0.5, 0.0, 0.0, 10.0, 20.0)
 
 
-# words
+# texts
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ RUDDER = Fault(2, 0.5, 0.0, 0.0, 10.0, 20.0)
         (sparkline([8.0, 0.0, 8.0], 2), " █"),
     ],
 )
-def test_words(shown: str, expected: str) -> None:
+def test_texts(shown: str, expected: str) -> None:
     assert shown == expected
 
 

@@ -36,7 +36,7 @@ class DeafVehicle:
         raise NoAnswer("UAV 1 did not answer MAV_CMD_COMPONENT_ARM_DISARM")
 
 
-def test_every_failure_is_told() -> None:
+def test_every_failure_is_reported() -> None:
     station = Station(1, 2)
     station.vehicles[1] = DeafVehicle()
 

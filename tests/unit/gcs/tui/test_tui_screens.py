@@ -1,8 +1,9 @@
 """Screens against stored pictures.
 
 A telemetry log of scenario 1 stands still at one moment, so that the same is shown on every
-machine. After a wanted change: ``UPDATE_SCREENS=1 pytest tests/unit/gcs/tui/test_tui_screens.py``,
-then look at what has changed in ``tests/data/dashboard/*.svg``.
+machine. After an intended change:
+``UPDATE_SCREENS=1 pytest tests/unit/gcs/tui/test_tui_screens.py``, then look at what has
+changed in ``tests/data/dashboard/*.svg``.
 """
 
 import asyncio
@@ -88,11 +89,11 @@ def compare(
             for name, pressed in keys.items():
                 await pilot.press(*pressed)
                 stored = DATA / f"{name}-{suffix}.svg"
-                wanted = stored.read_text() if stored.exists() else None
+                expected = stored.read_text() if stored.exists() else None
                 picture, end = "", time.monotonic() + _PATIENCE_S
-                while picture != wanted and time.monotonic() < end:
+                while picture != expected and time.monotonic() < end:
                     picture = await settle(app, pilot)
-                if picture == wanted:
+                if picture == expected:
                     continue
                 new = stored if os.environ.get("UPDATE_SCREENS") else folder / stored.name
                 new.write_text(picture)
@@ -127,5 +128,5 @@ def test_wide_screen(tmp_path: Path) -> None:
     compare((200, 50), {"fleet": ["down"]}, "200x50", tmp_path)
 
 
-def test_a_small_terminal_is_told(tmp_path: Path) -> None:
+def test_a_small_terminal_is_reported(tmp_path: Path) -> None:
     compare((60, 15), {"small": []}, "60x15", tmp_path)

@@ -70,7 +70,7 @@ def is_in_outage(relay: Relay) -> bool:
     return bool(fate_of(relay)["outage"] == 1)
 
 
-def test_both_ways_and_who_is_who_is_kept() -> None:
+def test_datagrams_go_both_ways_between_the_right_peers() -> None:
     with (
         udp() as end,
         udp() as a,

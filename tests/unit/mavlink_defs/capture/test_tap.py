@@ -196,8 +196,8 @@ def test_what_is_no_frame_is_counted_by_reason() -> None:
         size, why = frame_size(datagram)
         assert size == 0
         assert why is not None
-        words = {"empty": "truncated", "MAVLink 1": "not MAVLink 2"}.get(reason, reason)
-        assert why.words == words
+        expected = {"empty": "truncated", "MAVLink 1": "not MAVLink 2"}.get(reason, reason)
+        assert why.words == expected
     (link,) = tap.report().to_json()["links"]
     assert link["dropped"] == dict.fromkeys(wrong, 1)
     assert (link["datagrams"], tap.frames()) == (len(wrong), 0)
@@ -250,7 +250,7 @@ def test_memory_does_not_grow_with_the_number_of_frames() -> None:
     st.lists(st.tuples(st.floats(0.0, 3.0), ways, senders, messages), max_size=60),
     st.lists(st.floats(0.0, 4.0), min_size=1, max_size=4),
 )
-def test_rates_are_those_of_the_datagrams_within_the_window(sent, asked) -> None:
+def test_rates_count_the_datagrams_within_the_window(sent, asked) -> None:
     sent.sort(key=lambda entry: entry[0])
     tap, sizes = Tap(window_s=0.5), []
     for time_s, (link, direction), sender, message in sent:

@@ -257,7 +257,7 @@ def test_declaration_can_be_read_back() -> None:
         (2, "entry", "2 entries"),
     ],
 )
-def test_things_are_counted_in_words(count: float, noun: str, text: str) -> None:
+def test_things_are_counted_with_their_noun(count: float, noun: str, text: str) -> None:
     assert counted(count, noun) == text
 
 

@@ -70,7 +70,7 @@ def sample(message_id: int) -> bytes:
 
 
 @pytest.mark.parametrize("message_id", HOT)
-def test_layout_is_that_of_the_dialect(message_id: int) -> None:
+def test_layout_matches_the_dialect(message_id: int) -> None:
     dtype: np.dtype
     message_class: Any
     dtype, message_class = HOT[message_id]
@@ -81,7 +81,7 @@ def test_layout_is_that_of_the_dialect(message_id: int) -> None:
 @given(hot_messages(), st.integers(1, 255), st.integers(0, 255), st.integers(0, 255))
 @example((codec.MessageId.ACTUATORS, np.zeros(1, codec.ACTUATORS)), 1, 1, 255)
 @example((codec.MessageId.SIM_STATE, np.zeros(1, codec.SIM_STATE)), 1, 1, 0)
-def test_bytes_are_those_of_pymavlink_and_read_back(hot, system_id, component_id, sequence) -> None:
+def test_bytes_match_pymavlink_and_read_back(hot, system_id, component_id, sequence) -> None:
     message_id, payload = hot
     before = payload.tobytes()
     ours = packed(message_id, payload, system_id, component_id, sequence)
@@ -146,7 +146,7 @@ def test_random_bytes_are_refused(data: bytes, with_magic: bool) -> None:
         assert answer == (DropReason.BAD_MAGIC if data else DropReason.TRUNCATED)
 
 
-def test_reasons_are_told_apart() -> None:
+def test_reasons_are_distinguished() -> None:
     frame = sample(codec.MessageId.STEP_DONE)
     assert received(frame[:-1] + bytes([frame[-1] ^ 1]))[1] == DropReason.BAD_CRC
     assert received(frame[:2] + b"\x02" + frame[3:])[1] == DropReason.BAD_FLAGS

@@ -1,4 +1,4 @@
-"""Frames of every message of the dialect: the bytes are those of pymavlink."""
+"""Frames of every message of the dialect: the bytes match pymavlink's."""
 
 import struct
 from typing import Any

@@ -98,15 +98,15 @@ def test_signers_of_both_kinds_go_over_to_the_new_key(
     assert Signer(in_use, link=LINK).accepts(sign_bytes(hot, frame_of(6)))
 
 
-def test_a_file_that_cannot_be_read_any_more_changes_nothing_and_is_told_once(path: Path) -> None:
-    told: list[str] = []
-    keys = KeyFile(path, told.append)
+def test_a_file_that_became_unreadable_changes_nothing_and_is_reported_once(path: Path) -> None:
+    reported: list[str] = []
+    keys = KeyFile(path, reported.append)
     now = time.time()
     path.write_bytes(b"half a key")
     for k in range(1, 5):
         assert keys.at(now + k).signing == OLD
-    assert len(told) == 1
-    assert "expected 32 bytes, got 10" in told[0]
+    assert len(reported) == 1
+    assert "expected 32 bytes, got 10" in reported[0]
     path.write_bytes(NEW)
     assert keys.at(now + 10.0).signing == NEW
 
@@ -127,14 +127,14 @@ def test_there_must_be_a_key_to_be_replaced(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_key_made_anew_has_no_former_one(path: Path) -> None:
+def test_a_key_made_again_has_no_former_one(path: Path) -> None:
     replace_key(path, NEW)
     path.unlink()
     make_key(path, OLD)
     assert KeyFile(path).at(time.time()) == Keys(OLD, b"")
 
 
-def test_what_was_captured_in_the_first_life_is_refused_in_the_second(path: Path) -> None:
+def test_what_was_captured_in_the_first_run_is_refused_in_the_second(path: Path) -> None:
     """Of every stream, known or not; and what is sent after the restart is accepted."""
     sender = {link: Signer(OLD, link=link) for link in (0, LINK)}
     first = load_signer(str(path))

@@ -233,7 +233,7 @@ def test_no_key_in_the_file(tmp_path: Path, content: bytes) -> None:
         read_key(tmp_path / "missing")
 
 
-def test_the_key_is_not_in_words() -> None:
+def test_the_key_is_in_no_text() -> None:
     assert "x01" not in repr(Signer(KEY))
     assert str(list(KEY)[:3])[1:-1] not in repr(Signer(KEY))
 

@@ -151,7 +151,7 @@ def test_a_receiver_that_does_not_read_never_blocks_the_sender(client, buffer) -
     assert answers <= {280, -1}
 
 
-def test_clock_is_that_of_python_and_the_past_is_not_waited_for() -> None:
+def test_clock_matches_python_and_the_past_is_not_waited_for() -> None:
     before = time.monotonic()
     now = native.monotonic_s()
     native.sleep_until(now - 1.0)

@@ -20,7 +20,7 @@ VECTORS = {0: "218d1f59b9b83cc8", 1: "be552412f8387315", 2: "064f39ef7c50eb57"}
 
 
 @pytest.mark.parametrize("size", VECTORS)
-def test_the_hash_is_that_of_the_reference_implementation(size: int) -> None:
+def test_the_hash_matches_the_reference_implementation(size: int) -> None:
     data = np.arange(-3, 64).astype(np.uint8)
     low, high = keyed_hash(KEY, data, 3, 3 + size)
     assert (low | high << 32).to_bytes(8, "little").hex() == VECTORS[size]

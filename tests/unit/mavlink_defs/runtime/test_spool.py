@@ -11,32 +11,32 @@ from mavlink_defs.runtime.spool import Spool, SpoolReader
 
 
 @given(st.lists(st.integers(1, 5), max_size=8), st.sets(st.integers(0, 8)))
-def test_a_reader_gets_all_rows_in_order_whenever_it_looks(
-    tmp_path_factory: pytest.TempPathFactory, sizes: list[int], looks: set[int]
+def test_a_reader_gets_all_rows_in_order_whenever_it_polls(
+    tmp_path_factory: pytest.TempPathFactory, sizes: list[int], polls: set[int]
 ) -> None:
     folder = tmp_path_factory.mktemp("spool") / "plant"
     spool, reader = Spool(folder), SpoolReader(folder)
     written, read = 0, []
 
-    def look() -> None:
+    def poll() -> None:
         while (rows := reader.take()) is not None:
             read.extend(rows.tolist())
 
     for k, size in enumerate(sizes):
-        if k in looks:
-            look()
+        if k in polls:
+            poll()
         spool.write(written, np.arange(written, written + size))
         written += size
     assert reader.facts is None
     spool.finish(loss=None, steps=written)
-    look()
+    poll()
     assert read == list(range(written))
     assert reader.facts == {"loss": None, "steps": written}
     reader.remove()
     assert not folder.exists()
 
 
-def test_a_recording_that_begins_anew_has_nothing_of_the_old_one(tmp_path: Path) -> None:
+def test_a_recording_that_begins_again_has_nothing_of_the_old_one(tmp_path: Path) -> None:
     old = Spool(tmp_path / "uav1")
     old.write(0, np.ones(3))
     old.finish(loss=None)

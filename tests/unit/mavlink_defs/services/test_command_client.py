@@ -97,7 +97,7 @@ class TestClient:
         sent = sent_by(client, MAVLink_command_long_message)
         assert [m.confirmation for m in sent] == list(range(MAX_SENDS + 1))
 
-    def test_second_answer_to_a_repeated_command_is_not_that_of_the_next(self) -> None:
+    def test_second_answer_to_a_repeated_command_does_not_answer_the_next(self) -> None:
         client = CommandClient(GCS)
         client.send(long(1.0), now=0.0)
         client.handle_timer(ACK_TIMEOUT_S)
@@ -109,7 +109,7 @@ class TestClient:
         client.receive(ack(seq=2), now=1.2)
         assert not client.busy
 
-    def test_duplicate_of_an_answer_is_not_that_of_the_next(self) -> None:
+    def test_duplicate_of_an_answer_does_not_answer_the_next(self) -> None:
         client = CommandClient(GCS)
         client.send(long(1.0), now=0.0)
         client.receive(ack(seq=255), now=0.1)

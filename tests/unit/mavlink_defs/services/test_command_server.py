@@ -100,7 +100,7 @@ class TestServer:
         vehicle.gets(long(0.0), now=LATE_S, seq=8)
         assert vehicle.gets(long(), now=LATE_S, seq=7) == []
         assert vehicle.server.messages_to_send() == []
-        assert vehicle.gets(long(), now=LATE_S + 0.1, seq=7)  # of a client that was started anew
+        assert vehicle.gets(long(), now=LATE_S + 0.1, seq=7)  # of a client that was restarted
 
     def test_a_change_by_another_station_is_undone_by_the_same_command_given_again(self) -> None:
         vehicle = Vehicle()
@@ -228,7 +228,7 @@ class TestServer:
         (answer,) = sent_by(vehicle.server, MAVLink_command_ack_message)
         assert answer.result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
 
-    def test_memory_is_bounded_and_pending_ones_are_kept(self) -> None:
+    def test_memory_is_bounded_and_pending_ones_stay(self) -> None:
         vehicle = Vehicle()
         (pending,) = vehicle.gets(long(0.5), now=0.0)
         for i in range(500):

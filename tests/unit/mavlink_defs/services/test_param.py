@@ -153,14 +153,14 @@ def test_set() -> None:
     assert vehicle.params[0].value == pytest.approx(0.3)
 
 
-def test_set_out_of_range_is_refused_in_words() -> None:
+def test_set_out_of_range_is_refused_with_its_reason() -> None:
     vehicle = Vehicle(PARAMS)
     finished, _ = run(ParamSetter(GCS, VEHICLE, Param("B1", 101.0, REAL)), vehicle)
     assert finished == ParamFinished(dialect.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE)
     assert vehicle.sets == 1
 
 
-def test_a_vehicle_without_words_refuses_by_its_old_value() -> None:
+def test_a_vehicle_without_error_messages_refuses_by_its_old_value() -> None:
     vehicle = Vehicle(PARAMS)
     vehicle.says_errors = False
     finished, _ = run(ParamSetter(GCS, VEHICLE, Param("B1", 101.0, REAL)), vehicle)

@@ -213,9 +213,9 @@ def test_a_list_arrives_whole_or_fails(network: LossyNetwork, gains: int) -> Non
 
 @given(networks, st.sampled_from([("GAIN1", 0.75), ("GAIN1", -1.0), ("ID", 3.0), ("NOPE", 1.0)]))
 def test_a_value_is_set_or_refused_or_it_fails(
-    network: LossyNetwork, wanted: tuple[str, float]
+    network: LossyNetwork, requested: tuple[str, float]
 ) -> None:
-    name, value = wanted
+    name, value = requested
     vehicle = Vehicle()
     before = dict(vehicle.values)
     setter = param.ParamSetter(GCS, VEHICLE, param.Param(name, value, REAL32))

@@ -76,9 +76,9 @@ def test_measured_shows_a_fault_of_its_own_actuator_alone(
     difference = np.abs(measured - commanded)[100:] / (*np.radians([1.0, 1.0, 1.0]), 10.0)
     others = [c for c in range(4) if c != channel]
     assert difference[:, others].max() < 0.1
-    wanted = np.radians(stuck) if channel < 3 else stuck
+    expected = np.radians(stuck) if channel < 3 else stuck
     late = measured[400:, channel]  # ten times the filter after the fault
-    assert np.allclose(late, wanted, atol=0.002 if channel < 3 else 1.0)
+    assert np.allclose(late, expected, atol=0.002 if channel < 3 else 1.0)
 
 
 @pytest.mark.parametrize("lag", [0.005, 0.02, 0.1])
@@ -92,8 +92,8 @@ def test_a_servo_has_its_lag(lag: float) -> None:
     sampled = signal.cont2discrete(
         (continuous.A, continuous.B, continuous.C, continuous.D), DT, "zoh"
     )
-    _, wanted, _ = signal.dlsim(sampled, command)
-    assert np.allclose(position, wanted[:, 0], atol=1e-12)
+    _, expected, _ = signal.dlsim(sampled, command)
+    assert np.allclose(position, expected[:, 0], atol=1e-12)
 
 
 def test_a_servo_is_no_faster_than_its_limit() -> None:

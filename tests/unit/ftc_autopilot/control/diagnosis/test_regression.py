@@ -34,7 +34,7 @@ def weights(n: int) -> np.ndarray:
 
 
 @given(samples)
-def test_moments_are_those_of_the_weighted_samples(pairs: list[tuple[float, float]]) -> None:
+def test_moments_are_taken_over_the_weighted_samples(pairs: list[tuple[float, float]]) -> None:
     u, y = np.array(pairs).T
     actuator, w = learned(u, y), weights(len(u))
     assert w.sum() == pytest.approx(1.0)
@@ -66,7 +66,7 @@ def test_without_excitation_the_actuator_counts_as_healthy_and_nothing_is_certai
     assert long_estimate(actuator, 0.005) == pytest.approx(1.0)
 
 
-def test_the_standard_error_is_that_of_the_regression() -> None:
+def test_the_standard_error_matches_the_scatter() -> None:
     """Over many draws of independent noise the estimates scatter as much as they say."""
     rng = np.random.default_rng(2)
     u = np.repeat(rng.choice([-0.05, 0.05], 30), 2)

@@ -80,13 +80,13 @@ def test_every_fault_is_survived_and_found(name: str, hardware: str) -> None:
     assert errors[healthy].max() < 1.5
 
     found = changes(flight)
-    wanted = []
+    expected = []
     for fault in scenario.faults:
         if fault.command().effectiveness <= 0.1:  # the others are corrected, not given up
-            wanted.append((fault.uav, fault.actuator, True))
+            expected.append((fault.uav, fault.actuator, True))
             if fault.end_s is not None:
-                wanted.append((fault.uav, fault.actuator, False))
-    assert [(c.uav, c.actuator, c.lost) for c in found] == wanted
+                expected.append((fault.uav, fault.actuator, False))
+    assert [(c.uav, c.actuator, c.lost) for c in found] == expected
     for change in found:
         fault = next(f for f in scenario.faults if f.actuator == change.actuator)
         if change.lost:
@@ -108,10 +108,10 @@ def test_no_command_is_held_short_of_a_stop_that_is_asked_for(
 ) -> None:
     stop = 0.61
     for sign in (-1.0, 1.0):
-        wanted = sign * min(sign * at_stop(sign * delta, stop, near), stop)
+        commanded = sign * min(sign * at_stop(sign * delta, stop, near), stop)
         in_force = at_stop(sign * held, stop, near)  # as an event has set it
-        if abs(wanted - in_force) >= near:
-            in_force = wanted
+        if abs(commanded - in_force) >= near:
+            in_force = commanded
         assert abs(in_force - sign * min(delta, stop)) <= near
         if delta >= stop:
             assert in_force == sign * stop
@@ -194,7 +194,7 @@ def test_faults_in_succession_are_survived() -> None:
     assert blamed == [(3, "aileron"), (3, "elevator"), (2, "aileron"), (3, "rudder")]
 
 
-def test_the_diagnosis_knows_the_servos_unless_told_otherwise() -> None:
+def test_the_diagnosis_knows_the_servos_unless_configured_otherwise() -> None:
     servos = {
         "surfaces": {"lag_s": 0.02, "rate_limit_deg_s": 400.0},
         "rudder": {"lag_s": 0.04},

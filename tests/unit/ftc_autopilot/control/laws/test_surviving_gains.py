@@ -87,8 +87,8 @@ def test_the_rudder_gains_are_optimal_on_the_plants_model(
     A4[3, 2] = 0.0
     D = 0.5 * 1.29 * V * V * 1.37 * 0.5
     A4[0, 0] = 0.5 * 1.29 * V * 1.37 * -0.1 / 20.64 - D / (20.64 * V)
-    wanted = lqr(A4, B[np.ix_(lateral, [3])] * [[0.0], [1.0], [1.0], [1.0]], _q("lateral"), 1.0)
-    assert lateral_gain(aircraft, V) == pytest.approx(wanted, rel=2e-3, abs=2e-3)
+    expected = lqr(A4, B[np.ix_(lateral, [3])] * [[0.0], [1.0], [1.0], [1.0]], _q("lateral"), 1.0)
+    assert lateral_gain(aircraft, V) == pytest.approx(expected, rel=2e-3, abs=2e-3)
 
 
 def _q(which: str) -> np.ndarray:
@@ -97,8 +97,8 @@ def _q(which: str) -> np.ndarray:
 
 def test_the_rudder_gains_of_the_papers_aircraft(scenario1: Scenario) -> None:
     """Worked once by hand-written matrices, at 50 m/s."""
-    wanted = [2.10, -0.089, -0.459, -1.92]
-    assert lateral_gain(scenario1.aircraft, 50.0) == pytest.approx(wanted, abs=0.006)
+    expected = [2.10, -0.089, -0.459, -1.92]
+    assert lateral_gain(scenario1.aircraft, 50.0) == pytest.approx(expected, abs=0.006)
 
 
 @pytest.mark.parametrize("V", [25.0, 37.5, 50.0, 62.5, 80.0])
@@ -108,8 +108,8 @@ def test_the_thrust_gains_are_optimal_on_the_plants_model(scenario1: Scenario, V
     A5[:4, :4], B5[:4, 0] = A[:4, :4], B[:4, 0]
     A5[4, 3] = 1.0
     A5[2, 0] = 0.0  # the elevator is stuck where it trims: q̇ does not depend on V there
-    wanted = lqr(A5, B5, _q("longitudinal"), 1e-6)
-    assert longitudinal_gain(scenario1.aircraft, V) == pytest.approx(wanted, rel=1e-3)
+    expected = lqr(A5, B5, _q("longitudinal"), 1e-6)
+    assert longitudinal_gain(scenario1.aircraft, V) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("V", [25.0, 50.0, 80.0])
@@ -125,5 +125,5 @@ def test_both_loops_are_stable_on_the_whole_model(scenario1: Scenario, V: float)
 def test_gains_are_linear_between_airspeeds(V: float) -> None:
     airspeeds, gains = np.array([25.0, 50.0, 75.0]), np.array([[1.0, 0.0], [2.0, 5.0], [-1.0, 7.0]])
     for i in range(2):
-        wanted = np.interp(V, airspeeds, gains[:, i])
-        assert gain_at(airspeeds, gains, V, i) == pytest.approx(wanted)
+        expected = np.interp(V, airspeeds, gains[:, i])
+        assert gain_at(airspeeds, gains, V, i) == pytest.approx(expected)

@@ -312,7 +312,7 @@ def test_without_rudder_the_tube_law_flies_on(nominal: np.void) -> None:
     assert fallback_flies(now, gains, state)
 
 
-def test_a_large_error_and_a_storm_of_events_are_reasons_too(nominal: np.void) -> None:
+def test_a_large_error_and_a_high_event_rate_are_reasons_too(nominal: np.void) -> None:
     gains, motion = gains_of(), measured(nominal)
     off = FormationErrors(0.0, (0.0, math.radians(15.1), 0.0), 0.0, NOTHING, 1.0, 1.0, 0.0, NOTHING)
     assert fallback_flies(step_of(motion, errors=off), gains, new_state())
@@ -331,11 +331,11 @@ def test_its_commands_are_sent_by_the_papers_triggers(
     thresholds, commands = coarser(now.thresholds, factor), COMMANDS.copy()
     command = Command((0.0, 0.0, rudder), thrust, ALL)
     stop = nominal["surface_limit"]
-    wanted = min(max(rudder, -stop), stop)
-    due = abs(wanted - 0.3) >= factor * (0.01 * 0.3 + math.radians(1.0))
+    commanded = min(max(rudder, -stop), stop)
+    due = abs(commanded - 0.3) >= factor * (0.01 * 0.3 + math.radians(1.0))
     assert triggered(now, 2, command, thresholds, nominal, commands) == due
-    assert commands[2] == (wanted if due else 0.3)
-    wanted = min(max(thrust, 0.0), nominal["thrust_limit"])
-    due = abs(wanted - 900.0) >= factor * (0.01 * 900.0 + 1.0)
+    assert commands[2] == (commanded if due else 0.3)
+    commanded = min(max(thrust, 0.0), nominal["thrust_limit"])
+    due = abs(commanded - 900.0) >= factor * (0.01 * 900.0 + 1.0)
     assert triggered(now, 3, command, thresholds, nominal, commands) == due
-    assert commands[3] == (wanted if due else 900.0)
+    assert commands[3] == (commanded if due else 900.0)

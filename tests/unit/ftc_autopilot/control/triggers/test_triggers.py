@@ -23,16 +23,16 @@ commands = st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=80)
 
 def events(
     trigger: TriggerParameters,
-    wanted: Sequence[float],
+    demand: Sequence[float],
     relative: float,
     absolute: float,
     state: np.void | None = None,
 ) -> list[int]:
-    """Steps at which a channel transmits that wants these commands; others want nothing."""
+    """Steps at which a channel with these demands transmits; the others demand nothing."""
     parameters = parameter_record(Proposed(), trigger)
     state = new_controller() if state is None else state
     held, at = np.zeros(4), []
-    for k, command in enumerate(wanted):
+    for k, command in enumerate(demand):
         now = Candidates(
             DT, k == 0, (command, 0.0, 0.0, 0.0), held, ALL, (relative,) * 4, (absolute,) * 4
         )
@@ -102,70 +102,70 @@ def test_self_by_hand() -> None:
     ]
 
 
-@given(wanted=commands, absolute=st.floats(0.0, 3.0), relative=st.floats(0.0, 0.5))
+@given(demand=commands, absolute=st.floats(0.0, 3.0), relative=st.floats(0.0, 0.5))
 def test_per_channel_keeps_the_command_within_its_threshold(
-    wanted: list[float], absolute: float, relative: float
+    demand: list[float], absolute: float, relative: float
 ) -> None:
-    at, held = set(events(made("per_channel"), wanted, relative, absolute)), 0.0
-    for k, command in enumerate(wanted):
+    at, held = set(events(made("per_channel"), demand, relative, absolute)), 0.0
+    for k, command in enumerate(demand):
         if k in at:
             held = command
         else:
             assert abs(command - held) < relative * abs(held) + absolute
 
 
-@given(wanted=commands, absolute=st.floats(0.01, 3.0), decay=st.floats(0.0, 900.0))
+@given(demand=commands, absolute=st.floats(0.01, 3.0), decay=st.floats(0.0, 900.0))
 def test_dynamic_never_fires_before_the_threshold(
-    wanted: list[float], absolute: float, decay: float
+    demand: list[float], absolute: float, decay: float
 ) -> None:
-    """So intervals of its own are at least threshold/µ, as those of (25)."""
+    """So intervals of its own are at least threshold/µ, as with (25)."""
     trigger = made("dynamic", decay_hz=decay, theta_s=DT / (1.0 - DT * decay))
-    at, held = events(trigger, wanted, 0.0, absolute), wanted[0]
+    at, held = events(trigger, demand, 0.0, absolute), demand[0]
     for k in at[1:]:
-        assert abs(wanted[k] - held) >= absolute * (1.0 - 1e-9)
-        held = wanted[k]
+        assert abs(demand[k] - held) >= absolute * (1.0 - 1e-9)
+        held = demand[k]
 
 
-@given(wanted=commands, absolute=st.floats(0.01, 3.0), decay=st.floats(0.0, 900.0))
+@given(demand=commands, absolute=st.floats(0.01, 3.0), decay=st.floats(0.0, 900.0))
 def test_dynamic_spends_beyond_the_threshold_what_it_saved_within(
-    wanted: list[float], absolute: float, decay: float
+    demand: list[float], absolute: float, decay: float
 ) -> None:
     """The mean distance to the threshold is not negative: the sum of s is at least η/dt >= 0."""
     trigger = made("dynamic", decay_hz=decay, theta_s=DT / (1.0 - DT * decay))
-    at, held, total = set(events(trigger, wanted, 0.0, absolute)), 0.0, 0.0
-    for k, command in enumerate(wanted):
+    at, held, total = set(events(trigger, demand, 0.0, absolute)), 0.0, 0.0
+    for k, command in enumerate(demand):
         held = command if k in at else held
         total += absolute - abs(command - held)
         assert total >= -1e-9
 
 
-@given(wanted=commands, check=st.integers(1, 7), absolute=st.floats(0.0, 3.0))
+@given(demand=commands, check=st.integers(1, 7), absolute=st.floats(0.0, 3.0))
 def test_periodic_event_fires_at_checks_only(
-    wanted: list[float], check: int, absolute: float
+    demand: list[float], check: int, absolute: float
 ) -> None:
-    at = events(made("periodic_event", check_s=check * DT), wanted, 0.0, absolute)
+    at = events(made("periodic_event", check_s=check * DT), demand, 0.0, absolute)
     assert all(k % check == 0 for k in at)
     if check == 1:
-        assert at == events(made("per_channel"), wanted, 0.0, absolute)
+        assert at == events(made("per_channel"), demand, 0.0, absolute)
 
 
-@given(wanted=commands, shortest=st.integers(1, 5), more=st.integers(0, 9))
-def test_self_stays_within_its_limits(wanted: list[float], shortest: int, more: int) -> None:
+@given(demand=commands, shortest=st.integers(1, 5), more=st.integers(0, 9))
+def test_self_stays_within_its_limits(demand: list[float], shortest: int, more: int) -> None:
     limits = {"shortest_s": shortest * DT, "longest_s": (shortest + more) * DT}
-    at = events(made("self", **limits), wanted, 0.1, 1.0)
-    gaps = np.diff([*at, len(wanted)])
+    at = events(made("self", **limits), demand, 0.1, 1.0)
+    gaps = np.diff([*at, len(demand)])
     assert all(shortest <= gap <= shortest + more for gap in gaps[:-1])
     assert gaps[-1] <= shortest + more
 
 
-@given(earlier=commands, wanted=commands, mode=st.sampled_from(MODES))
-def test_a_trigger_starts_anew_with_the_law(
-    earlier: list[float], wanted: list[float], mode: str
+@given(earlier=commands, demand=commands, mode=st.sampled_from(MODES))
+def test_a_trigger_restarts_with_the_law(
+    earlier: list[float], demand: list[float], mode: str
 ) -> None:
     state = new_controller()
     events(made(mode), earlier, 0.0, 1.0, state)
     restart_law(state)
-    assert events(made(mode), wanted, 0.0, 1.0, state) == events(made(mode), wanted, 0.0, 1.0)
+    assert events(made(mode), demand, 0.0, 1.0, state) == events(made(mode), demand, 0.0, 1.0)
 
 
 @pytest.mark.parametrize(

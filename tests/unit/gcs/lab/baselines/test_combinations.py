@@ -118,13 +118,13 @@ def test_fault_files_that_lose_the_aircraft_are_counted(
         return rolled if all(stuck) else turned
 
     one = Combination("ideal", "pid", "joint", scenario1, with_iae(flown, 2.0))
-    hurt = fly_faults(one, partial(pool.map, fly))
-    lost = hurt.faults_lost
+    degraded = fly_faults(one, partial(pool.map, fly))
+    lost = degraded.faults_lost
     assert lost is not None
     assert len(fault_files()) == 27
     assert {"stuck_zero_aileron", "thrust_loss"} <= set(lost)
     assert not {"loe_aileron", "bias_rudder"} & set(lost)
-    assert section([hurt])[2].endswith(f"| {len(lost)} of 27 |")
+    assert section([degraded])[2].endswith(f"| {len(lost)} of 27 |")
 
 
 def test_the_table_has_a_line_for_each_uav(scenario1: Scenario) -> None:

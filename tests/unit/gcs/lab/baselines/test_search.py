@@ -70,7 +70,7 @@ def periods_of(scenario: Scenario) -> dict[str, int]:
 
 
 def made_up(base: Scenario, flown: FlightSummary, pool: Executor, area: Area) -> Search:
-    """A search among senders whose IAE, by that of the triggered flight, is `area(periods)`."""
+    """A search among senders whose IAE, divided by the triggered flight's, is `area(periods)`."""
 
     def fly(scenario: Scenario) -> FlightSummary:
         return with_iae(flown, area(periods_of(scenario), scenario))
@@ -85,7 +85,7 @@ def test_neighbours_on_the_list_are_close(longest: int, ratio: float, shortest: 
     assert all(a < b <= max(a + 1, a * ratio) for a, b in itertools.pairwise(listed))
 
 
-def test_transmissions_are_those_of_the_flight(base: Scenario) -> None:
+def test_transmissions_are_counted_in_the_flight(base: Scenario) -> None:
     (slow,) = senders(base, (7, 11, 13, 1))
     counts = summarise(fly_in_process(slow.scenario), slow.scenario).uavs
     assert sum(uav.events for uav in counts) == slow.transmissions
@@ -133,7 +133,7 @@ def test_no_equal_sender_is_a_result(
     assert "none of 9 periods up to 9 ms" in baseline_report(found)
 
 
-def test_a_sender_that_saves_nothing_is_told_so(flown: FlightSummary) -> None:
+def test_a_sender_that_saves_nothing_has_a_negative_saving(flown: FlightSummary) -> None:
     baseline = Baseline("one", "pid", "pid", "self", 1000, 1.01, 300, 200, uniform=())
     assert baseline.to_json()["saved"]["every_period"] == -0.5
 

@@ -1,4 +1,4 @@
-"""Flying rows on workers that live, die, and are told apart from the flights that kill them."""
+"""Flying rows on workers that live, die, and are distinguished from the flights that kill them."""
 
 import contextlib
 from collections.abc import Iterator

@@ -52,7 +52,7 @@ def test_where_larger_faults_are_worse_of_each_kind_no_factor_says_the_contrary(
     flights = flown({kind: step * k for k, kind in enumerate(kinds)}, largest=sizes)
     found = importances(flights.factors(), {"cost": flights.cost("uav1.iae_roll")})["cost"]
     severities = [each for each in found if ".severity" in each.factor]
-    assert len(severities) == 5  # one of loss; of bias and stuck those of throttle and surfaces
+    assert len(severities) == 5  # one of loss; of bias and stuck two each, throttle and surfaces
     for each in severities:
         assert each.correlation == pytest.approx(1.0)
 

@@ -92,7 +92,7 @@ def test_every_uav_of_every_point_has_columns(short: Path) -> None:
     assert "uav9.iae_roll" in grid.plan.flights.schema.names
 
 
-def test_files_of_the_same_name_are_told_apart(short: Path, tmp_path: Path) -> None:
+def test_files_of_the_same_name_are_distinguished(short: Path, tmp_path: Path) -> None:
     other = tmp_path / "other" / "short.yaml"
     other.parent.mkdir()
     other.write_text(short.read_text())
@@ -137,7 +137,7 @@ def test_an_axis_without_a_valid_value_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "reason"),
     [
         ("trigger.b2_deq=1,2", "did you mean 'b2_deg'"),
         ("triger.b2_deg=1", "did you mean 'trigger'"),
@@ -145,10 +145,10 @@ def test_an_axis_without_a_valid_value_is_refused(
         ("a b=1", "a b"),
     ],
 )
-def test_a_key_that_is_wrong_everywhere_is_refused(short: Path, text: str, words: str) -> None:
+def test_a_key_that_is_wrong_everywhere_is_refused(short: Path, text: str, reason: str) -> None:
     with pytest.raises(BadInput, match="--set") as caught:
         grid_of([short, SCENARIO_1], text, "trigger.b1=0.1,-1")
-    assert words in str(caught.value)
+    assert reason in str(caught.value)
 
 
 def test_a_key_that_fits_some_points_is_not_refused(short: Path) -> None:

@@ -137,7 +137,7 @@ def test_every_mistake_of_a_file_is_named(tmp_path: Path) -> None:
         variants={"v": {"duration": 1.0}, "w": {}},
         keep={"worst": -1},
     )
-    for words in (
+    for part in (
         "seed: expected",
         "draws: missing",
         "factors.a.draw.high: expected > low = 2.0, got 1.0",
@@ -152,7 +152,7 @@ def test_every_mistake_of_a_file_is_named(tmp_path: Path) -> None:
         "variants.v.duration: unknown key; did you mean 'duration_s'?",
         "keep.worst: expected >= 0, got -1",
     ):
-        assert words in text, text
+        assert part in text, text
     assert "duration_s: " not in text, text  # which stands in for what was left out
 
 
@@ -170,7 +170,7 @@ def test_an_unknown_key_hides_no_other_mistake(tmp_path: Path) -> None:
         faults={"f": faulty(uavs=[7])["faults"]["f"] | {"when": 3.0}},
         keep={"worst": 1, "figurs": []},
     )
-    for words in (
+    for part in (
         "drows: unknown key; did you mean 'draws'?",
         "factors.uncertainty.mas: uncertainty.mas: unknown key",
         "factors.b1.draw.mid: unknown key",
@@ -180,7 +180,7 @@ def test_an_unknown_key_hides_no_other_mistake(tmp_path: Path) -> None:
         "keep.figurs: unknown key",
         "keep.figures: missing",
     ):
-        assert text.count(words) == 1, text
+        assert text.count(part) == 1, text
 
 
 def test_draws_are_checked_beside_other_mistakes(tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_factors_are_checked_although_no_variant_is_right(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "reason"),
     [
         ({"factors": {}}, "factors: missing"),
         ({"draws": None}, "draws: missing"),
@@ -221,13 +221,13 @@ def test_factors_are_checked_although_no_variant_is_right(tmp_path: Path) -> Non
     ],
 )
 def test_a_mistake_is_named_with_its_place(
-    tmp_path: Path, changes: dict[str, Any], words: str
+    tmp_path: Path, changes: dict[str, Any], reason: str
 ) -> None:
-    assert words in message(tmp_path, **changes)
+    assert reason in message(tmp_path, **changes)
 
 
 @pytest.mark.parametrize(
-    ("key", "factor", "words"),
+    ("key", "factor", "reason"),
     [
         ("trigger.b2_deq", {"draw": uniform(1.0, 2.0)}, "did you mean 'b2_deg'"),
         ("faults[7].start_s", {"draw": uniform(1.0, 2.0)}, "a list of more than 7"),
@@ -238,11 +238,11 @@ def test_a_mistake_is_named_with_its_place(
     ],
 )
 def test_a_factor_that_fits_no_key_is_named(
-    tmp_path: Path, key: str, factor: dict[str, Any], words: str
+    tmp_path: Path, key: str, factor: dict[str, Any], reason: str
 ) -> None:
     text = message(tmp_path, factors=MASS | {"bad": {"key": key, **factor}})
     assert "factors.bad" in text
-    assert words in text
+    assert reason in text
     assert "factors.uncertainty.mass" not in text
 
 
@@ -299,7 +299,7 @@ def test_the_campaign_of_guidance_can_be_flown() -> None:
     assert plan(campaign, path).draws.num_rows == 2 * len(campaign.variants)
 
 
-def test_the_autopilots_of_a_campaign_are_those_of_its_variants() -> None:
+def test_the_autopilots_of_a_campaign_follow_from_its_variants() -> None:
     """What a variant leaves open, as the servos that a diagnosis models, its flights know, too."""
     path = SCENARIOS / "campaigns" / "stuck_surface.yaml"
     campaign = plan(load_campaign(path, draws=1), path)

@@ -110,8 +110,8 @@ def test_the_worst_flights_come_with_a_command_that_flies_them(mixed: Findings, 
         "completed",
     ]
     assert len(rows) == 10
-    words = shlex.split(rows[0][0].strip("`"))
-    assert words == ["gcs", "fly", "--campaign", str(mixed.folder), "--row", "7"]
+    arguments = shlex.split(rows[0][0].strip("`"))
+    assert arguments == ["gcs", "fly", "--campaign", str(mixed.folder), "--row", "7"]
     errors = [float(row[4]) for row in rows[4:]]
     assert errors == sorted(errors, reverse=True)
 
@@ -170,7 +170,7 @@ def test_all_flights_may_fail(tmp_path: Path) -> None:
     assert rows_of(report, "Success")[0][10].startswith("0.0 % [0.0 %, 6.0 %]")
 
 
-def test_flights_of_different_code_are_told(tmp_path: Path) -> None:
+def test_flights_of_different_code_are_reported(tmp_path: Path) -> None:
     digests = ["abc"] * 59 + ["def"]
     report = report_of(written(tmp_path, {"a": GOOD}, figures={"digest": digests}))
     assert "**The flights were flown by different code.**" in report

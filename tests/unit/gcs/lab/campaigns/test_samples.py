@@ -63,7 +63,7 @@ def test_some_flights_are_those_flights(samples: dict[str, Sample]) -> None:
     assert some.texts("reason").tolist() == ["failed | because", "attitude_lost | because"]
 
 
-def test_costs_are_those_of_the_worst_uav_and_infinite_without_a_figure(
+def test_costs_are_of_the_worst_uav_and_infinite_without_a_figure(
     samples: dict[str, Sample],
 ) -> None:
     """Flight b/0 has 1 and 0.5; a/0 has none; b/2 and a/2 failed."""
@@ -90,7 +90,7 @@ def test_factors_are_numbers_or_texts_without_an_order(samples: dict[str, Sample
         np.testing.assert_equal(samples["b"].factor(name), values)
 
 
-def test_only_a_few_columns_are_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_a_few_columns_stay_in_memory(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = read_results(folder)
     monkeypatch.setattr(store, "_CELLS", 2 * whole.num_rows + 1)
     results = Results(folder)

@@ -223,7 +223,7 @@ def contains_half(estimate: Estimate) -> bool:
     return estimate.low <= 0.5 <= estimate.high
 
 
-def test_the_test_of_figures_is_that_of_success_where_figures_are_failures() -> None:
+def test_the_test_of_figures_equals_the_test_of_success_where_figures_are_failures() -> None:
     old, new = pairs(40, 9, 1, 3)
     success = compare_paired_successes(old, new)
     costs_of = [np.where(each, 1.0, math.inf) for each in (old, new)]
@@ -296,7 +296,7 @@ def test_comparisons_never_fail_and_never_warn(old: list[float], new: list[float
         assert -1.0 <= success.difference.low <= success.difference.high <= 1.0
 
 
-def test_differences_are_those_of_pairs_with_two_costs() -> None:
+def test_differences_are_of_pairs_with_two_costs() -> None:
     old = np.array([1.0, 2.0, 3.0, math.inf, 5.0])
     new = np.array([2.0, 2.5, 4.5, 1.0, math.inf])
     assert mean_difference(old, new).value == pytest.approx(1.0)
@@ -315,7 +315,7 @@ def test_bootstrap_intervals_cover_roughly(estimate: Callable[..., Any]) -> None
     assert plausible(inside, rounds, 0.85)  # the bootstrap promises its level for many flights
 
 
-def test_medians_of_very_many_pairs_are_those_of_a_part_of_them() -> None:
+def test_medians_of_very_many_pairs_are_of_a_part_of_them() -> None:
     """It is spread over all: a change half-way is seen by half of the part."""
     old = np.random.default_rng(4).normal(size=50_000)
     new = old + np.where(np.arange(50_000) < 25_000, 0.0, 1.0)

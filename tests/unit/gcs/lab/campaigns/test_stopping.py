@@ -99,7 +99,7 @@ def test_the_evidence_is_a_martingale_at_the_bound() -> None:
             assert 0.3 * one + 0.7 * none == pytest.approx(now, rel=1e-9)
 
 
-def test_it_takes_more_flights_than_a_single_look() -> None:
+def test_it_takes_more_flights_than_a_single_check() -> None:
     first = next(n for n in range(1000) if judge(LOST, outcomes(n, 0)).decided == "shown")
     assert first == 74  # docs/explanation/campaign-statistics.md; 59 with one look
 
@@ -111,7 +111,7 @@ def test_a_condition_can_be_refuted() -> None:
 
 
 @pytest.mark.parametrize("p", [0.05, 0.08])
-def test_a_false_statement_is_rare_however_often_one_looks(p: float) -> None:
+def test_a_false_statement_is_rare_however_often_one_checks(p: float) -> None:
     random, rounds, looks, condition = np.random.default_rng(2), 2000, 400, LOST
     counts = (random.random((rounds, looks)) < p).cumsum(axis=1)
     enough = -math.log(condition.error)
@@ -141,7 +141,7 @@ def test_all_intervals_of_a_campaign_hold_together(p: float) -> None:
 
 
 @given(st.integers(0, 60), st.integers(0, 60))
-def test_an_anytime_interval_is_wider_than_one_of_a_single_look(good: int, bad: int) -> None:
+def test_an_anytime_interval_is_wider_than_one_of_a_single_check(good: int, bad: int) -> None:
     wide, narrow = anytime_proportion(bad, good + bad), proportion(bad, good + bad)
     assert wide.low <= narrow.low + 1e-12
     assert wide.high >= narrow.high - 1e-12

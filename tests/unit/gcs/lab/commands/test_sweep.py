@@ -15,7 +15,7 @@ from gcs.lab.commands.sweep import sweep
 from gcs.scenario.settings import parse_axes
 
 
-def test_a_flight_that_could_not_be_computed_is_told_at_the_end(
+def test_a_flight_that_could_not_be_computed_is_reported_at_the_end(
     short: Path, tmp_path: Path
 ) -> None:
     """The others have their rows in the tables."""

@@ -1,4 +1,4 @@
-"""The words and ratios of the report follow the numbers, whatever they are."""
+"""The sentences and ratios of the report follow the numbers, whatever they are."""
 
 import re
 from typing import Any
@@ -56,7 +56,7 @@ def test_fig_9_is_compared_by_uav() -> None:
 
 
 @pytest.mark.parametrize(
-    ("factor", "words"),
+    ("factor", "part"),
     [
         (
             0.1,
@@ -67,13 +67,13 @@ def test_fig_9_is_compared_by_uav() -> None:
         (0.5, "Compared controller 2 tracks better than the proposed one in pitch, worse in"),
     ],
 )
-def test_a_comparator_that_does_better_is_said_to(factor: float, words: str) -> None:
+def test_a_comparator_that_does_better_is_said_to(factor: float, part: str) -> None:
     worse = TABLE_IV["scenario2_backstepping"]
     iae = {q: worse[q] * factor for q in QUANTITIES}
     if factor == 0.5:
         iae = worse | {"pitch": 5.0}
     changed = summary(iae, TABLE_V["scenario2_backstepping"])
-    assert words in paper_report(results(scenario2_backstepping=changed))
+    assert part in paper_report(results(scenario2_backstepping=changed))
 
 
 def test_a_lost_flight_is_said_to_be_lost() -> None:

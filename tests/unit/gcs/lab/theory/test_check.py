@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 
 
 def checked(theory: Theory) -> Theory:
-    """The theory, if it can be written as JSON and put into words."""
+    """The theory, if it can be written as JSON and as sentences."""
     json.dumps(asdict(theory), allow_nan=False)
     assert theory_sentences(theory)
     return theory
@@ -60,7 +60,7 @@ def test_steps_that_an_autopilot_did_not_make_are_left_out_and_counted(
     assert steps[0]["(33) T̂"] == 400
     assert steps[0]["(31) Ṽ'"] == 390  # it may have had older reports
     assert theory.uavs[2].residual[0]["tracking"]["airspeed_m_s"] is not None
-    assert any("10 of UAV 3" in words for words in theory_sentences(theory))
+    assert any("10 of UAV 3" in sentence for sentence in theory_sentences(theory))
 
 
 def test_a_flight_that_ends_in_no_numbers_is_no_problem(
@@ -94,7 +94,7 @@ def test_in_real_time_what_needs_the_age_of_data_is_not_compared(
     skipped = {e.equation for e in part.equalities if e.steps == 0}
     assert skipped == {"(32)", "(57)", "(58)", "(19)"}
     assert part.verdict is Verdict.HELD
-    assert any("Not compared: (19)" in words for words in theory_sentences(theory))
+    assert any("Not compared: (19)" in sentence for sentence in theory_sentences(theory))
 
 
 def test_other_laws_have_no_proof() -> None:
@@ -103,20 +103,18 @@ def test_other_laws_have_no_proof() -> None:
     assert theory.uavs[0].proofs == {}
     assert "backstepping" in str(theory.proofs_absent)
     assert theory.uavs[0].residual
-    assert any("not checked" in words for words in theory_sentences(theory))
+    assert any("not checked" in sentence for sentence in theory_sentences(theory))
 
 
-def test_words_say_what_was_not_checked(rough: tuple[Recording, Scenario]) -> None:
-    words = "\n".join(theory_sentences(checked(check_theory(*rough))))
-    assert "below the control period" in words
-    assert "(53), V̇_L ≤ -κ V_L + χ of the speed subsystem: held for UAV 1, 2, 3" in words
-    assert (
-        "(69), V̇_L ≤ -κ V_L + χ of the attitude subsystem: left the hypotheses for UAV 2" in words
-    )
-    assert "rudder at ρ = 0 in 3.33% of steps" in words
-    assert "Of χ each inequality gives away" in words
-    assert "W* are taken as 0" in words
-    assert "Not checked" in words
+def test_sentences_say_what_was_not_checked(rough: tuple[Recording, Scenario]) -> None:
+    text = "\n".join(theory_sentences(checked(check_theory(*rough))))
+    assert "below the control period" in text
+    assert "(53), V̇_L ≤ -κ V_L + χ of the speed subsystem: held for UAV 1, 2, 3" in text
+    assert "(69), V̇_L ≤ -κ V_L + χ of the attitude subsystem: left the hypotheses for UAV 2" in text
+    assert "rudder at ρ = 0 in 3.33% of steps" in text
+    assert "Of χ each inequality gives away" in text
+    assert "W* are taken as 0" in text
+    assert "Not checked" in text
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def test_interval_and_bound_of_a_known_command(scenario1: Scenario) -> None:
     assert throttle["held"] is True
 
 
-def test_rate_is_that_of_the_saturated_command(scenario1: Scenario) -> None:
+def test_rate_is_taken_of_the_saturated_command(scenario1: Scenario) -> None:
     throttle = dwell_times(with_thrust([0.0, -5e3, 1.0], [0]), 0, scenario1)["throttle"]
     assert throttle["mu_n_s"] == pytest.approx(1e3)
     assert throttle["mu_unsaturated_n_s"] == pytest.approx(5001e3)
@@ -103,9 +103,9 @@ def test_flown_intervals_keep_the_bound_of_their_trigger(
 def test_no_working_trigger_beats_its_bound(scenario1: Scenario, demand: list[float]) -> None:
     limit = scenario1.aircraft.thrust_limit_n
     held, events = 0.0, []
-    for k, wanted in enumerate(demand):
-        if k == 0 or abs(min(max(wanted, 0.0), limit) - held) >= 0.01 * held + 0.5:
-            held = float(on_wire(wanted, 0.0, limit)) * limit
+    for k, command in enumerate(demand):
+        if k == 0 or abs(min(max(command, 0.0), limit) - held) >= 0.01 * held + 0.5:
+            held = float(on_wire(command, 0.0, limit)) * limit
             events.append(k)
     throttle = dwell_times(with_thrust(demand, events), 0, scenario1)["throttle"]
     assert throttle["held"] in {True, None}

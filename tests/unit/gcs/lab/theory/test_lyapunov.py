@@ -186,9 +186,9 @@ def test_a_departed_flight_leaves_the_hypotheses(fault: str) -> None:
     else:
         assert hypotheses.at_stop > 1000
         assert hypotheses.beyond_bound > 1000
-    words = "\n".join(theory_sentences(theory))
-    assert "UAV 3 left the hypotheses of (69)" in words
-    assert "not contradicted" not in words
+    text = "\n".join(theory_sentences(theory))
+    assert "UAV 3 left the hypotheses of (69)" in text
+    assert "not contradicted" not in text
 
 
 def test_a_wrong_control_effectiveness_violates_assumption_1() -> None:

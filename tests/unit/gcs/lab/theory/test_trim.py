@@ -66,8 +66,8 @@ def test_a_trim_is_steady_and_level(
     p, v, phi, _ = flown(trim, scenario1.aircraft)
     assert np.linalg.norm(v) == pytest.approx(trim.airspeed_m_s, abs=1e-3)
     assert p[2] == pytest.approx(0.0, abs=1e-3)  # neither climb nor descent
-    wanted = (roll, trim.pitch_deg, 0.5 * trim.turn_rate_deg_s)
-    assert np.degrees(phi) == pytest.approx(wanted, abs=1e-2)
+    expected = (roll, trim.pitch_deg, 0.5 * trim.turn_rate_deg_s)
+    assert np.degrees(phi) == pytest.approx(expected, abs=1e-2)
 
 
 @given(st.floats(-2.0, 20.0), st.sampled_from([25.0, 40.0, 60.0]))

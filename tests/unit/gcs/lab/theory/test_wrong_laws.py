@@ -162,7 +162,7 @@ def test_a_wrong_law_is_caught_by_its_equation(name: str, monkeypatch: pytest.Mo
                 assert expected <= caught
             else:
                 assert caught == set()
-    assert any("VIOLATED. UAV 1" in words for words in theory_sentences(theory))
+    assert any("VIOLATED. UAV 1" in sentence for sentence in theory_sentences(theory))
 
 
 def test_the_laws_as_they_are_pass_the_same_flight(monkeypatch: pytest.MonkeyPatch) -> None:
