@@ -83,11 +83,11 @@ def _other_draws(folder: Path, plan: Plan, before: int) -> str:
     if campaign.draws not in (None, before):
         return (
             f"the campaign in {folder} cannot be continued from {before} to {campaign.draws} "
-            f"draws: a {campaign.design} design of {campaign.draws} does not begin with that of "
+            f"draws: a {campaign.design} design of {campaign.draws} does not begin with one of "
             f"{before}"
         )
     return (
-        f"the draws in {folder} are others than those of this campaign: another version of "
+        f"the draws in {folder} differ from the draws of this campaign: another version of "
         "numpy or scipy drew them"
     )
 

@@ -103,7 +103,7 @@ def plan(campaign: Campaign, path: Path) -> Plan:
 
 
 def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
-    """Return the plan, of the variants that can be used, and all problems but those of draws."""
+    """Return the plan of the variants that can be used, and all problems except with draws."""
     try:
         file = base_of(path.parent, campaign.scenario)
         tree = scenario_tree(file, is_base=True)

@@ -301,12 +301,12 @@ def _subsystem(
             estimates' change.
         cancelled: Magnitudes of terms that cancel within them.
         slack: Of the inequalities up to there.
-        parts: Summands of χ but those of the estimates.
+        parts: Summands of χ that do not come from the estimates.
         covered: As in `Subsystem`.
-        counted: Likewise.
-        jumps: Likewise.
-        equalities: Likewise, up to there.
-        constants: Likewise.
+        counted: As in `Subsystem`.
+        jumps: As in `Subsystem`.
+        equalities: As in `Subsystem`, up to there.
+        constants: As in `Subsystem`.
     """
     V_L, leakage, kappa = error.energy.copy(), np.zeros(len(covered)), error.rate
     given, adaptation, chi_parts = np.zeros(len(covered)), [], dict(parts)
