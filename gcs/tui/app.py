@@ -198,16 +198,16 @@ class Dashboard(App[None]):
         yield from super().get_system_commands(screen)
         for binding in self.BINDINGS:
             if isinstance(binding, Binding) and self._is_usable(binding):
-                words = binding.tooltip or binding.description
+                help_text = binding.tooltip or binding.description
                 run = partial(self.run_action, binding.action)
-                yield SystemCommand(binding.description.capitalize(), words, run)
+                yield SystemCommand(binding.description.capitalize(), help_text, run)
 
     # a log
 
     def action_play(self) -> None:
         """Play or pause; at the end play again from the beginning."""
         if self.playback is not None:
-            if not self.playback.playing and self.playback.wanted_s >= self.playback.end_s:
+            if not self.playback.playing and self.playback.target_s >= self.playback.end_s:
                 self.playback.seek(self.playback.begin_s)
             self.playback.playing = not self.playback.playing
             self.refresh_view()
@@ -215,7 +215,7 @@ class Dashboard(App[None]):
     def action_seek(self, step_s: float) -> None:
         """Seek forward or back."""
         if self.playback is not None:
-            self.playback.seek(self.playback.wanted_s + step_s)
+            self.playback.seek(self.playback.target_s + step_s)
             self.refresh_view(force=True)
 
     def action_speed(self, step: int) -> None:
@@ -295,9 +295,9 @@ class Dashboard(App[None]):
 
     def action_repeat(self) -> None:
         """Repeat the last fault."""
-        action, words = repeat(self.view)
+        action, problem = repeat(self.view)
         if action is None:
-            self._tell(words, "warning")
+            self._tell(problem, "warning")
         else:
             self.post_message(action)
 
@@ -313,7 +313,7 @@ class Dashboard(App[None]):
         default_namespace: DOMNode | None = None,
         namespaces: Mapping[str, DOMNode] | None = None,
     ) -> bool:
-        """Run an action of any widget; one that fails is told and ends nothing."""
+        """Run an action of any widget; a failure is reported and ends nothing."""
         try:
             return await super().run_action(action, default_namespace, namespaces)
         except Exception as error:

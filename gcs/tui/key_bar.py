@@ -36,7 +36,7 @@ def _fitting(keys: Iterable[Widget], width: int) -> Iterator[Widget]:
         if key.has_class("-command-palette"):
             yield key
             continue
-        words = f"{getattr(key, 'key_display', '')} {getattr(key, 'description', '')} "
-        room -= cell_len(words)
+        label = f"{getattr(key, 'key_display', '')} {getattr(key, 'description', '')} "
+        room -= cell_len(label)
         if room >= 0:
             yield key

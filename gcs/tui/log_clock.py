@@ -78,7 +78,7 @@ def _simulated_times(
 
 
 def _between(heard_s: np.ndarray, at: np.ndarray, times_s: np.ndarray) -> np.ndarray:
-    """Return the position of each frame: between those of its neighbours with simulated time."""
+    """Return the position of each frame: between its neighbours with simulated time."""
     counts = np.zeros(len(heard_s), int)
     counts[at] = 1
     following = np.cumsum(counts)  # anchors up to each frame, itself included

@@ -77,8 +77,8 @@ class Chart(Guarded, PlotextPlot):
                 i = _NAMES.index(self.kind)
                 draw_quantity(plt, rows, i, limits, palette)
                 name, unit = _QUANTITIES[i]
-                actual, wanted = rows["actual"][-1, i], rows["reference"][-1, i]
-                self.border_title = f"{name} {number(actual)} → {number(wanted)} {unit}"
+                actual, reference = rows["actual"][-1, i], rows["reference"][-1, i]
+                self.border_title = f"{name} {number(actual)} → {number(reference)} {unit}"
         self._drawn = token
         self.refresh()
         return True
