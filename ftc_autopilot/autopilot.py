@@ -230,7 +230,7 @@ class Autopilot:
     def refused(self) -> Counter[str]:
         """Return the datagrams dropped on all links, by reason."""
         drops = self._hot.drops[:PLANT].sum(axis=0)
-        return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
+        return +Counter({reason.text: int(drops[-reason]) for reason in DropReason})
 
     def _next_sequence(self) -> int:
         self._hot.sequence += 1

@@ -28,7 +28,7 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.signing import SigningError, words_of
+from mavlink_defs.framing.signing import SigningError, counts_text
 from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import log_line
@@ -133,7 +133,7 @@ def main(arguments: list[str] | None = None) -> None:
     for autopilot in autopilots:
         autopilot.finish_record()
         if refused := autopilot.refused():
-            log(autopilot.system, f"frames dropped: {words_of(refused)}")
+            log(autopilot.system, f"frames dropped: {counts_text(refused)}")
         if autopilot.loss is not None:
             log(autopilot.system, autopilot.loss)
     sys.exit(0 if all(autopilot.loss is None for autopilot in autopilots) else 1)

@@ -162,7 +162,7 @@ def fly(
         check_space(folder, loaded, record, over_udp=over_udp, restart=options.restarts)
         recorder = FlightRecorder(loaded, folder, record)
         if (size := trajectory_bytes(loaded, record)) > _LARGE:
-            console.print(f"recording the trajectory takes up to {size / 1e6:.0f} MB")
+            console.print(f"recording the trajectory needs up to {size / 1e6:.0f} MB")
         with contextlib.closing(recorder):
             warn_of_one_path(loaded, console)
             warm_up(loaded, console)
@@ -189,7 +189,7 @@ def _suggest_sharing(uavs: int, console: Console) -> None:
 
 
 def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario:
-    """Return the scenario to fly, or that of a campaign's row, which is flown as it was."""
+    """Return the scenario to fly, or a campaign row's, which is flown as it was."""
     if options.campaign is None and options.row is None and scenario is not None:
         return changed_scenario(scenario, options.additions, options.settings)
     if scenario is not None or options.campaign is None or options.row is None:

@@ -90,7 +90,7 @@ def list_(station: Station) -> None:
     async def action(vehicle: Vehicle) -> str:
         known = _known_quantities()
         params = found[vehicle.system] = await vehicle.list_params()
-        return "\n".join(_words(vehicle, param, known(param.name)) for param in params)
+        return "\n".join(_text(vehicle, param, known(param.name)) for param in params)
 
     def data(vehicle: Vehicle) -> dict[str, Any]:
         return {"params": [_param_dict(param) for param in found[vehicle.system]]}
@@ -110,7 +110,7 @@ def get(
     async def action(vehicle: Vehicle) -> str:
         known = _known_quantities()
         param = found[vehicle.system] = await vehicle.get_param(name)
-        return _words(vehicle, param, known(param.name))
+        return _text(vehicle, param, known(param.name))
 
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
@@ -137,7 +137,7 @@ def set_(
             if problem.result != dialect.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE or known is None:
                 raise
             raise CommandRefused(f"{problem}: expected {known.range()}", problem.result) from None
-        return _words(vehicle, param, known)
+        return _text(vehicle, param, known)
 
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
@@ -279,7 +279,7 @@ def _diff_defaults(station: Station) -> None:
         print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default are at it")
 
 
-def _words(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:
+def _text(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:
     unit = f" {known.unit}" if known and known.unit else ""
     allowed = known.range() if known else ""
     limits = "" if not allowed or allowed.startswith("any number") else f", range {allowed}"

@@ -60,7 +60,7 @@ def draw_mission(
         recording: The flight, as of `gcs.results.preview.Preview`.
         scenario: What was flown.
         paths: As for `gcs.results.path_following.PathErrors`.
-        leaders: Likewise.
+        leaders: As for `gcs.results.path_following.PathErrors`.
         folder: For the files.
     """
     flight = PlottedFlight(scenario.name, scenario, recording)

@@ -1,7 +1,7 @@
 """A whole scenario in one process: plant and controllers in one compiled loop, no sockets.
 
 The loop calls the same functions as the processes, on the same payloads that would cross the
-links, so its events are bit for bit those of a lockstep flight over UDP.
+links, so its events are bit for bit the same as in a lockstep flight over UDP.
 """
 
 import time

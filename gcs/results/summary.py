@@ -32,7 +32,7 @@ def summary_of(tally: Tally, ending: Ending, scenario: Scenario) -> FlightSummar
 
     Saving is the share of the periodic sender's transmissions that the triggers did without;
     a periodic sender transmits every channel in every step that the law is evaluated at.
-    Errors are those of the true state, as `Recording.error` gives them.
+    Errors are the true state's, as `Recording.error` gives them.
 
     Args:
         tally: The counts of all its steps.

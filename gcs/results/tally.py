@@ -1,6 +1,6 @@
 """The counts and sums behind the figures of a flight, taken while it is flown.
 
-They are those of every step at full rate, whatever is recorded. Sums are taken in the order of the
+They cover every step at full rate, whatever is recorded. Sums are taken in the order of the
 steps, so that they do not depend on how the steps arrive.
 """
 

@@ -212,7 +212,7 @@ class Relay:
 
     def _pause(self) -> None:
         """Make the loop return."""
-        with contextlib.suppress(OSError):  # it has been told so often that it must, or is closed
+        with contextlib.suppress(OSError):  # enough such requests are pending, or it is closed
             self._wakers[0].send(b"!")
 
     def _ask_gate(self) -> None:

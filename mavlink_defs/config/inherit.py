@@ -210,6 +210,6 @@ def _laid(here: Any, way: list[re.Match[str]], value: Any, source: str) -> Any:
         inner = _laid(here[i], rest, value, source)
         sources = _sources(here) | ({} if rest else {i: source})
         return WrittenList([*here[:i], inner, *here[i + 1 :]], sources)
-    wanted = "a mapping" if name is not None else f"a list of more than {index}"
+    expected = "a mapping" if name is not None else f"a list of more than {index}"
     place, begin = way[-1].string, step.string[: step.start()]
-    raise PlaceError(f"{place}: expected {wanted} at {begin}, got {shown(here)}")
+    raise PlaceError(f"{place}: expected {expected} at {begin}, got {shown(here)}")

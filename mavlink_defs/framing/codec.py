@@ -1,7 +1,7 @@
 """Hot-path codec: the messages of every control step, packed and checked by compiled code.
 
 Four messages are hot: FTC_SIM_STATE, FTC_STEP_DONE, FTC_NEIGHBOUR and HIL_ACTUATOR_CONTROLS.
-Their layout comes from the generated dialect, and the bytes are those of pymavlink. All other
+Their layout comes from the generated dialect, and the bytes equal pymavlink's. All other
 messages are left to pymavlink.
 
 To send, fill a record of your own and pack it into a datagram buffer; one buffer serves any

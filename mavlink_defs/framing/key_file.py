@@ -31,7 +31,7 @@ ANNOUNCED_S = 10.0
 GRACE_S = 30.0
 """Age up to which the former key is accepted [s]."""
 
-_LOOK_S = 0.5
+_POLL_S = 0.5
 
 
 def replace_key(path: Path, key: bytes | None = None) -> None:
@@ -75,7 +75,7 @@ class _Version(NamedTuple):
 class KeyFile:
     """The keys of a file, as it is now.
 
-    If it cannot be read any more, the keys read last stay in force, and the reason is told once.
+    If it cannot be read any more, the keys read last stay valid, and the reason is reported once.
 
     Attributes:
         path: The file.
@@ -96,12 +96,12 @@ class KeyFile:
         self._problem = ""
         self._seen = self._stamp()
         self._version = self._read()
-        self._looked_s = 0.0
+        self._checked_s = 0.0
 
     def at(self, unix_s: float) -> Keys:
         """Return the keys to use at a Unix time [s], which is about now."""
-        if abs(unix_s - self._looked_s) >= _LOOK_S:
-            self._looked_s = unix_s
+        if abs(unix_s - self._checked_s) >= _POLL_S:
+            self._checked_s = unix_s
             self._look()
         age_s, version = unix_s - self._version.since_s, self._version
         if not version.former or age_s >= GRACE_S:

@@ -82,8 +82,8 @@ def add_to_cache(*variants: Callable[..., object]) -> bool:
     """Let numba find the code of a function's variants in the cache.
 
     Returns:
-        Whether it can lie there: not if the cache cannot be written, and not that of a function of
-        a notebook or of ``python -c``, which stands in no file.
+        Whether it can lie there: not if the cache cannot be written, and not if the function is
+        of a notebook or of ``python -c`` and stands in no file.
     """
     if _obstacle is not None or not _resolved(variants[0].__code__.co_filename).is_file():
         return False
@@ -94,8 +94,8 @@ def add_to_cache(*variants: Callable[..., object]) -> bool:
 def forget_unreadable() -> bool:
     """Remove the indices that name the type of a module which was renamed since.
 
-    The index of a function names the types of all its callers' arguments, and those of modules that
-    it does not import, so that its folder does not tell.
+    The index of a function names the types of all its callers' arguments, also from modules that
+    it does not import, so that its folder does not show them.
 
     Returns:
         Whether there were any.

@@ -214,8 +214,8 @@ def slot_of(keys: np.ndarray, key: int) -> int:
         key: What to look for, > 0.
     """
     mask = keys.size - 1
-    wanted = int(key)
-    slot = (((wanted ^ (wanted >> 29)) * _HASH_FACTOR) >> 13) & mask
-    while keys[slot] != 0 and keys[slot] != wanted:
+    sought = int(key)
+    slot = (((sought ^ (sought >> 29)) * _HASH_FACTOR) >> 13) & mask
+    while keys[slot] != 0 and keys[slot] != sought:
         slot = (slot + 1) & mask
     return int(slot)

@@ -5,7 +5,7 @@ import os
 import signal
 from collections.abc import Callable
 
-_LOOK_S = 0.5
+_POLL_S = 0.5
 
 
 def on_stop(stop: Callable[[], None], parent: int | None = None) -> None:
@@ -27,6 +27,6 @@ def on_stop(stop: Callable[[], None], parent: int | None = None) -> None:
         if os.getppid() != parent:
             stop()
         signal.signal(signal.SIGALRM, handle)
-        signal.setitimer(signal.ITIMER_REAL, _LOOK_S, _LOOK_S)
+        signal.setitimer(signal.ITIMER_REAL, _POLL_S, _POLL_S)
         # while the interpreter shuts down the handler is gone, and the alarm would kill
         atexit.register(signal.setitimer, signal.ITIMER_REAL, 0.0)
