@@ -6,7 +6,7 @@ The sender knows the aircraft, the disturbances, the fault and the commands to c
 when which actuator gets which constant command; there is no feedback. Looked for is the schedule
 with the fewest transmissions of single channels whose IAEs are all within the paper's (Table IV).
 Times and values are optimised together, messages inserted where errors are largest, then taken
-out, many at once and at last one by one, as long as the rest can make up for it. The true plant
+out, many at once and at last one by one, as long as the rest compensates for it. The true plant
 flies the result.
 
 **What it is: a schedule that exists, so an upper estimate of the minimum.** The search is local:
@@ -121,10 +121,10 @@ class Sky:
             limits = self.scenario.aircraft.fault_limits
             received = fault_from_params(fault, limits)
             add_fault(self._start.faults[0], received, now_s=0.0)
-        self.wanted = np.zeros((self.steps, 4))
+        self.commanded = np.zeros((self.steps, 4))
         profile = profile_record(self.scenario.segments())
         for k in range(self.steps):
-            profile_value(profile, k * step_us / 1e6, self.wanted[k])
+            profile_value(profile, k * step_us / 1e6, self.commanded[k])
 
     def error(self, schedule: Schedule) -> np.ndarray | None:
         """Return airspeed, roll, pitch, yaw minus the commands [m/s, deg], shape (steps, 4).
@@ -140,7 +140,7 @@ class Sky:
         if not fly_open_loop(fleet, commands, self.step_us, states):
             return None
         airspeed = np.linalg.norm(states[:, 3:6], axis=1)
-        error = np.column_stack([airspeed, states[:, 6:9]]) - self.wanted
+        error = np.column_stack([airspeed, states[:, 6:9]]) - self.commanded
         error[:, 1:] = (error[:, 1:] + np.pi) % (2.0 * np.pi) - np.pi
         return in_degrees(error)
 
@@ -174,7 +174,7 @@ def improve(sky: Sky, schedule: Schedule, rounds: int) -> tuple[Schedule, np.nda
     """Improve times and values: Levenberg and Marquardt's steps on reweighted squares.
 
     With the weights below, squares have the gradient of the sum of (IAE by budget)^6, which is
-    that of the largest ratio, nearly.
+    nearly the gradient of the largest ratio.
 
     Args:
         sky: Where it flies.
