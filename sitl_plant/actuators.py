@@ -1,6 +1,6 @@
 """Actuators and their faults, eqs. (13) and (19) of the paper.
 
-Channels stand in the order of FTC_ACTUATOR: aileron, elevator, rudder [rad], throttle [N].
+Channels are in the order of FTC_ACTUATOR: aileron, elevator, rudder [rad], throttle [N].
 A fault acts between the command that was received and the physics; the deflection or thrust
 that results stays within the actuator's physical stops.
 """

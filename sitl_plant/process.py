@@ -217,13 +217,13 @@ class Plant:
         _log(f"all armed, simulated time starts at Unix time {time.time():.3f}")
 
     def _check_silence_and_refresh(self, now: float) -> str | None:
-        """Check for silent autopilots, and send the state again while time stands still.
+        """Check for silent autopilots, and send the state again while time is paused.
 
         Args:
             now: Wall-clock time [s].
 
         Returns:
-            Why the flight must end; None if it goes on.
+            Why the flight must end; None if it continues.
         """
         loss = self._registration.check_silence(now)
         if not self._running:

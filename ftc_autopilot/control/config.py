@@ -82,7 +82,7 @@ class FormationTrigger(Model):
 
 
 def _with_ideal_servos(controller: Controller) -> Controller:
-    """Return the parameters, complete: who gives none of the servos has ideal ones."""
+    """Return all parameters; servos that are not given are ideal."""
     return controller.with_servos(ActuatorServos())
 
 

@@ -109,7 +109,7 @@ def choose_relayed(
         chosen: Members to relay, -1: none, shape (MAX_RELAYED,), written.
 
     Returns:
-        What the neighbours are wrong by, at most [m]; infinite of who must be relayed.
+        Largest error of the neighbours' knowledge [m]; infinite for a member to be relayed.
     """
     links = 0
     for d in range(len(layout["neighbours"])):

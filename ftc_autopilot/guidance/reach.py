@@ -1,8 +1,8 @@
 """Whether those members of a formation that can come close can know of each other.
 
 A member knows where those are whom a chain of links joins to it, later with each link; see
-`ftc_autopilot.guidance.places`. Which two can come close is decided across the path alone: who
-loses thrust falls back along it, past all who fly behind.
+`ftc_autopilot.guidance.places`. Which two can come close is decided across the path alone: a UAV
+that loses thrust falls back along it, past all that fly behind.
 """
 
 import math

@@ -13,7 +13,7 @@ possible::
 
 Two that meet head on would only stop each other. So what changes the velocity horizontally also
 changes it vertically, by as much at first, less the more of d_min they differ in height, and by at
-most 3 m/s: who is higher evades upwards, or the one with the lower system id if they are equally
+most 3 m/s: the higher one evades upwards, or the one with the lower system id if they are equally
 high.
 
 Who is degraded may not be able to evade. So the others take its share, too, and reckon with the
@@ -24,7 +24,7 @@ distance that is left in the time T with which they follow::
 Who is degraded and slower than an aircraft may fly cannot be followed, only passed: above it, as it
 sinks, by a change of height that may be faster.
 
-It is the present velocities that count, as aircraft follow late and neighbours do not tell what
+It is the present velocities that count, as aircraft follow late and neighbours do not report what
 they intend. If both follow with a delay T, the distance goes by d'' = -(d' + γ (d - d_min))/T,
 which is damped well enough for γ T < 1/2.
 """

@@ -103,7 +103,7 @@ def fly(
     station: Station,
     file: _File,
 ) -> None:
-    """Upload a mission, start it, and arm who is not armed yet."""
+    """Upload a mission, start it, and arm the UAVs that are not armed yet."""
     _send(station, file, start=True)
 
 

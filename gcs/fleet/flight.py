@@ -35,7 +35,7 @@ _FOR_DISPLAYS = {*DEFAULT_INTERVALS_US, *REQUESTED_S} - {
     dialect.MAVLINK_MSG_ID_FTC_EVENTS,
     dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
 }
-"""Ids of messages that nothing here looks at: decoding them takes a third of the time."""
+"""Ids of messages that nothing here uses: decoding them takes a third of the time."""
 
 
 async def fly_over_udp(

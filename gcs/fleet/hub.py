@@ -31,7 +31,7 @@ _Peer: TypeAlias = tuple[str, int]
 
 
 def rate_limit_hz(vehicles: int) -> float:
-    """Return how many datagrams per second the hub looks at of one ground station.
+    """Return how many datagrams per second the hub accepts from one ground station.
 
     An upload to all vehicles at once stays below; a program that floods does not. For a moment
     there may be more, as many as in two seconds.

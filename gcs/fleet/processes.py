@@ -307,7 +307,7 @@ class FleetProcesses:
         for uav in self._scenario.uavs:
             config = through(self._scenario.autopilot_config(uav.id), self._via)
             changes: dict[str, object] = {"gcs": (*config.gcs, *self._ground_stations)}
-            if self._restart:  # who supervises sees the plant end; a slow one is waited for
+            if self._restart:  # the supervisor sees the plant end; a slow one is waited for
                 changes["silence_timeout_s"] = _SUPERVISED_SILENCE_S
             dump(config.model_copy(update=changes), self._folder / f"uav{uav.id}.yaml")
 
@@ -329,7 +329,7 @@ class FleetProcesses:
         """Start a dead autopilot again when its pause is over.
 
         Raises:
-            FlightLost: It has died too often.
+            FlightLost: It has failed too often.
             OSError: A file cannot be written; with `endless` the process is given up instead.
         """
         now, reason = time.monotonic(), process.last_line()

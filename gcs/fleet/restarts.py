@@ -1,4 +1,4 @@
-"""When an autopilot that has died is started again: at once, then after growing pauses.
+"""When an autopilot that has failed is started again: at once, then after growing pauses.
 
 No processes and no clock: names and times go in.
 """

@@ -45,7 +45,7 @@ class DiagnosisSummary:
         time_s: When [s].
         delay_s: Since the start, or the end, of the injected fault that it follows [s]; None if it
             follows none.
-        stuck: Where it stands when it is declared lost [deg, throttle N]; None when it is back.
+        stuck: Its position when it is declared lost [deg, throttle N]; None when it is back.
     """
 
     actuator: str

@@ -145,13 +145,13 @@ def _diagnosis(
         faults = (f for f in scenario.faults if f.uav == system and f.actuator == name)
         causes = (fault.start_s if lost else fault.end_s for fault in faults)
         cause = max((t for t in causes if t is not None and t <= time_s), default=None)
-        stands = offset if name == "throttle" else float(np.degrees(offset))
+        position = offset if name == "throttle" else float(np.degrees(offset))
         yield DiagnosisSummary(
             actuator=name,
             phase="lost" if lost else "back",
             time_s=time_s,
             delay_s=None if cause is None else round(time_s - cause, 6),
-            stuck=stands if lost else None,
+            stuck=position if lost else None,
         )
 
 

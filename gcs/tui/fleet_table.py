@@ -47,7 +47,7 @@ class FleetTable(Grid):
     ]
 
     class Marked(Message):
-        """The operator wants to mark a vehicle, or no longer."""
+        """The operator marks a vehicle, or unmarks it."""
 
         def __init__(self, system: int) -> None:
             super().__init__()

@@ -1,4 +1,4 @@
-"""Guards: what goes wrong in one widget stays there, and the operator's station goes on.
+"""Guards: what goes wrong in one widget stays there, and the operator's station keeps running.
 
 A widget that cannot draw says so in its place, and draws again with the next data that it can draw.
 Every failure is reported to the app as a `Failed`.

@@ -11,7 +11,7 @@ from textual.widgets import Footer
 from gcs.tui.guard import guarded
 
 _FIRST = {"help", "quit"}
-_PALETTE = 13  # columns of the key of the command palette, which stands at the right
+_PALETTE = 13  # columns of the key of the command palette, which is at the right
 
 
 class KeyBar(Footer):

@@ -1,4 +1,4 @@
-"""Carrying out what the operator wants, with a report of every outcome."""
+"""Carrying out what the operator requests, with a report of every outcome."""
 
 import asyncio
 from collections.abc import Callable

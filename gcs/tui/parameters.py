@@ -1,4 +1,4 @@
-"""Parameters: search, look, compare with the defaults, set; save and load files."""
+"""Parameters: search, view, compare with the defaults, set; save and load files."""
 
 import functools
 import math

@@ -27,7 +27,7 @@ class Playback:
     Attributes:
         playing: Whether time passes.
         speed: Factor of real time.
-        clock: Which clock positions are on, and where the log's frames stand on it.
+        clock: Which clock positions are on, and the log's frames on it.
         begin_s: Position of the first frame [s].
         end_s: Position of the last frame [s].
         position_s: The position [s].

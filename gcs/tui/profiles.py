@@ -1,4 +1,4 @@
-"""Profiles: choose a file, look at it, upload it, compare it with what vehicles hold."""
+"""Profiles: choose a file, view it, upload it, compare it with what vehicles hold."""
 
 from pathlib import Path
 from typing import Any, ClassVar
@@ -32,7 +32,7 @@ class Holdings(Grid):
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "mark", "mark", show=False)]
 
     class Marked(Message):
-        """The operator wants to mark a vehicle, or no longer."""
+        """The operator marks a vehicle, or unmarks it."""
 
         def __init__(self, system: int) -> None:
             super().__init__()

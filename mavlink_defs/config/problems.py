@@ -119,7 +119,7 @@ def unknown_key(loc: Loc, known: Iterable[str]) -> Problem:
 
 
 def repeated(values: Sequence[object]) -> list[tuple[int, str]]:
-    """Return index and problem of each value that stands in a list for the second time."""
+    """Return index and problem of each value that occurs in a list for the second time."""
     first: dict[object, int] = {}
     return [
         (i, f"expected each only once, got {shown(value)} again")

@@ -14,7 +14,7 @@ def on_stop(stop: Callable[[], None], parent: int | None = None) -> None:
     Args:
         stop: Called from a signal handler; should only set a flag.
         parent: Process id of the parent, as the parent gave it: it may be gone already. None to
-            go on without one.
+            continue without one.
     """
 
     def handle(number: int, _: object) -> None:

@@ -84,7 +84,7 @@ def _wait_for_transient(actuators: np.ndarray, changed: int) -> None:
 def _weigh(actuator: np.void, prior: float, excitation: float, dt: float) -> None:
     """Follow the effectiveness, but only where it is clearly off: it is 1 otherwise.
 
-    An effectiveness once found weak stays so while the command does not move enough to tell.
+    An effectiveness once found weak stays so while the command moves too little to show otherwise.
     """
     found = long_estimate(actuator, prior)
     enough = max(excitation, 2.1 * math.sqrt(actuator["variance"]))

@@ -1,4 +1,4 @@
-"""Beginning a campaign's folder, or going on in one."""
+"""Beginning a campaign's folder, or continuing in one."""
 
 import hashlib
 import re

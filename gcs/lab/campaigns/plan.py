@@ -54,7 +54,7 @@ def load_plan(path: Path, draws: int | None = None) -> Plan:
     """Read a campaign file, draw its flights and check each of them.
 
     Args:
-        path: The file; its scenario is looked for beside it.
+        path: The file; its scenario is searched for beside it.
         draws: Number of draws instead of the file's.
 
     Raises:
@@ -90,7 +90,7 @@ def plan(campaign: Campaign, path: Path) -> Plan:
 
     Args:
         campaign: The campaign.
-        path: Its file: the scenario is looked for beside it, and messages name it.
+        path: Its file: the scenario is searched for beside it, and messages name it.
 
     Raises:
         ConfigError: Its scenario, a variant, a factor or a draw cannot be used; all are named.

@@ -140,7 +140,7 @@ class Tube(FaultTolerant):
         "s",
         gt=0.0,
         default=0.13,
-        doc="Time for which a disturbance is expected to go on changing.",
+        doc="Time for which a disturbance is expected to keep changing.",
     )
 
     adapt: bool = Field(
