@@ -98,12 +98,12 @@ def main(arguments: list[str] | None = None) -> None:
         help="save the state in FILE, and resume from it if it is there; with one CONFIG only",
     )
     parser.add_argument(
-        "--crash-at", type=int, metavar="STEP", help="for tests: die after this step, as by SIGKILL"
+        "--crash-at", type=int, metavar="STEP", help="for tests: end after this step, as by SIGKILL"
     )
     options = parser.parse_args(arguments)
     configs: list[Path] = options.configs
     if len(configs) > 1 and options.checkpoint is not None:
-        parser.error("--checkpoint is of one UAV: start a process for each CONFIG")
+        parser.error("--checkpoint is for one UAV: start a process for each CONFIG")
     records: list[Path | None] = options.record or [None] * len(configs)
     if len(records) != len(configs):
         parser.error(f"{len(records)} --record for {len(configs)} CONFIGs: give one for each")

@@ -3,7 +3,7 @@
 A member hears its neighbours in the communication graph only. So each FTC_NEIGHBOUR also relays
 where up to two other members are, as far as its sender has heard of them: the ones of whom the
 receivers know the least. A place keeps the step of the state that it was derived from, and only a
-newer one replaces it. So word of a place goes along every chain of links, never in circles, and
+newer one replaces it. So a place is relayed along every chain of links, never in circles, and
 whoever receives it predicts the member from then on by its velocity, however many links lie
 between. A place that nobody has heard of for a time is forgotten.
 """

@@ -54,7 +54,7 @@ def reach_problems(
         if room >= least + _MARGIN_M:
             continue
         far = "no chain of links joins them" if count is None else f"{count} links are between them"
-        limit = "" if count is None else f", and word of a place goes over {most} at most"
+        limit = "" if count is None else f", and a place is relayed over {most} at most"
         text = (
             f"UAVs {a} and {b} fly within {room:.3g} m of each other across the path, and neither "
             f"knows in time where the other is: {far}{limit}; give them an edge in network.edges, "

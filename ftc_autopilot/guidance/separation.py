@@ -43,7 +43,7 @@ _SWEEPS = 3
 _ONE_PLACE_M = 1e-6
 """Distance below which there is no way out [m]."""
 _AHEAD_S = 1.2
-"""Time ahead for which a distance to a degraded member counts: aircraft follow so late [s]."""
+"""Time ahead for which a distance to a degraded member counts: aircraft respond so late [s]."""
 _LEVEL_M = 2.0
 """Difference in height below which two UAVs are equally high [m]."""
 _VERTICAL_MAX_M_S = 3.0

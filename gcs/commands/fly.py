@@ -110,7 +110,7 @@ class FlyOptions(FleetOptions):
         """
         check_speed(self.speed)
         if self.restarts and self.in_process:
-            text = "--restart is about processes; --in-process has none"
+            text = "--restart applies to processes; --in-process has none"
             raise BadInput(text, "leave one of them out")
         if self.speed is not None and self.in_process:
             text = "--speed paces processes; --in-process has none"
@@ -151,7 +151,7 @@ def fly(
 
     loaded = signed(_scenario(scenario, options), options.signing_key)
     if options.in_process and loaded.links.impairments is not None:
-        text = "links.impairments are about the wire; --in-process has none"
+        text = "links.impairments apply to the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")
     if not (options.free_ports or options.in_process):
         check_ports(loaded)

@@ -162,7 +162,10 @@ def save(station: Station, file: _File) -> None:
     async def work(_: "Client", vehicles: list[Vehicle]) -> tuple[int, tuple[Param, ...]]:
         if len(vehicles) != 1:
             ids = ", ".join(str(vehicle.system) for vehicle in vehicles)
-            raise BadInput(f"a file is of one vehicle, heard are {ids}", "choose one with --uav")
+            raise BadInput(
+                f"a file holds one vehicle's parameters, but UAV {ids} were heard",
+                "choose one with --uav",
+            )
         return vehicles[0].system, await vehicles[0].list_params()
 
     system, params = station.run(work)
@@ -276,7 +279,7 @@ def _diff_defaults(station: Station) -> None:
         values_text = ", then ".join(f"{value:.9g}" for value in values)
         print_line(difference(system, param.name, param.value, f"default {values_text}"))
     for system in sorted(found.keys() - {system for system, _, _ in different}):
-        print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default are at it")
+        print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default have it")
 
 
 def _text(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:

@@ -191,7 +191,7 @@ class TestFleet:
         begin_s = self.time_s
         while not condition():
             if self.time_s - begin_s >= within_s - 1e-9:
-                text = f"expected within {within_s:g} s from {begin_s:.3f} s on, but it was not so"
+                text = f"expected within {within_s:g} s from {begin_s:.3f} s on, but not met"
                 raise AssertionError(f"{text} at {self.time_s:.3f} s")
             self.run_until(min(self.time_s + every_s, begin_s + within_s))
 

@@ -107,12 +107,12 @@ def _check_same(folder: Path, there: Mark, ours: Mark) -> None:
         left = len(found) - _SHOWN
         more = [f"{left} more differences"] if left > 0 else []
         listed = "".join(f"\n  {each}" for each in [*found[:_SHOWN], *more])
-        raise BadInput(f"the folder {folder} is of another campaign:{listed}", _OTHER)
+        raise BadInput(f"the folder {folder} belongs to another campaign:{listed}", _OTHER)
     if there.digest != ours.digest:
         raise BadInput(
             f"the flights in {folder} were flown by ftc-sitl {there.version} with digest "
             f"{there.digest}; this is {ours.version} with {ours.digest}",
-            f"{_OTHER}: one table is of one code",
+            f"{_OTHER}: a table holds flights of one version only",
         )
 
 

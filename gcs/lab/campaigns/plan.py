@@ -112,7 +112,7 @@ def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
         problems = [Problem(("scenario",), line) for line in error.lines]
         raise ConfigError(path, problems) from error
     if scenario.links.impairments is not None:
-        text = f"{file}: links.impairments are about the wire; campaigns fly in process"
+        text = f"{file}: links.impairments apply to the wire; campaigns fly in process"
         raise ConfigError(path, [Problem(("scenario",), text)])
     ids = [uav.id for uav in scenario.uavs]
     draws = draw_table(campaign, ids)

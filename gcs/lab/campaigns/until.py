@@ -31,7 +31,7 @@ def stopping_condition(text: str, campaign: Campaign) -> Condition:
     condition = parse_condition(text, "--until")
     if campaign.design != "random":
         raise BadInput(
-            f"--until wants independent draws, and the design is {campaign.design!r}",
+            f"--until requires independent draws, and the design is {campaign.design!r}",
             "write design: random, or leave --until out",
         )
     return condition

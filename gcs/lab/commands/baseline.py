@@ -142,7 +142,7 @@ def baseline(
     base = periodic_base(triggered, scenario, values_of(against or (), "--against"))
     steps = _longest(triggered, longest)
     if campaign is not None and not aircraft:
-        raise BadInput("--campaign draws no aircraft", "say how many with --aircraft")
+        raise BadInput("--campaign draws no aircraft", "give their number with --aircraft")
     file = find_scenario(campaign or Path("campaigns/uncertainty"))
     drawn = load_campaign(file, draws=aircraft) if aircraft else None
     folder = make_run_folder(out, f"baseline-{triggered.name}")
@@ -150,7 +150,7 @@ def baseline(
     pool = ThreadPoolExecutor(jobs or os.cpu_count() or 1)
     try:
         with working(console) as work:
-            task = work.add("looking for the slowest equal senders", unit="flights")
+            task = work.add("searching for the slowest equal senders", unit="flights")
             reference = _fly(triggered)
             if worst_ratio(reference, reference) is None:
                 reason = reference.loss or "it lost its attitude or heading"
@@ -165,7 +165,7 @@ def baseline(
                 robust = find_robust(triggered, search, drawn, file, steps, within, keep / 100.0)
                 found = replace(found, robustness=robust)
     except KeyboardInterrupt:
-        raise Interrupted("interrupted; nothing is kept") from None
+        raise Interrupted("interrupted; nothing is stored") from None
     finally:
         pool.shutdown(cancel_futures=True)
     text = json.dumps(found.to_json(), indent=2) + "\n"

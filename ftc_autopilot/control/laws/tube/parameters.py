@@ -80,7 +80,7 @@ class Tube(FaultTolerant):
     survive: bool = Field(
         default=True,
         description="Whether the surviving law takes over when an actuator is lost; false: its "
-        "diagnosis only tells.",
+        "diagnosis only reports.",
     )
 
     width_m_s: float = quantity(
