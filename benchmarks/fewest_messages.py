@@ -145,7 +145,7 @@ class Sky:
         return in_degrees(error)
 
     def ratios(self, error: np.ndarray) -> np.ndarray:
-        """Return the IAEs by the budget."""
+        """Return the IAEs relative to the budget."""
         return np.asarray(np.abs(error).sum(axis=0) * self.step_us / 1e6 / self.budget)
 
 
@@ -173,7 +173,7 @@ def fly_open_loop(
 def improve(sky: Sky, schedule: Schedule, rounds: int) -> tuple[Schedule, np.ndarray]:
     """Improve times and values: Levenberg and Marquardt's steps on reweighted squares.
 
-    With the weights below, squares have the gradient of the sum of (IAE by budget)^6, which is
+    With the weights below, squares have the gradient of the sum of (IAE / budget)^6, which is
     nearly the gradient of the largest ratio.
 
     Args:
@@ -182,7 +182,7 @@ def improve(sky: Sky, schedule: Schedule, rounds: int) -> tuple[Schedule, np.nda
         rounds: Steps at most; it ends when all IAEs are within the budget.
 
     Returns:
-        The schedule, and its IAEs by the budget.
+        The schedule, and its IAEs relative to the budget.
     """
     duration_s, every = sky.scenario.duration_s, max(sky.steps // _SAMPLES, 1)
     error = sky.error(schedule)
@@ -255,7 +255,7 @@ def search(
         sky: Where it flies.
         start: Where to begin.
         rounds: Steps of `improve` for each schedule.
-        on_found: Called with each schedule on the way, and its IAEs by the budget.
+        on_found: Called with each schedule on the way, and its IAEs relative to the budget.
 
     Returns:
         The schedule; None if 200 messages are not enough.
@@ -341,11 +341,11 @@ def main() -> None:
     sky = Sky(scenario, _COARSE_US)
     begin, best = time.monotonic(), first_guess(scenario, arguments.segments)
 
-    def tell(schedule: Schedule, ratios: np.ndarray) -> None:
+    def report(schedule: Schedule, ratios: np.ndarray) -> None:
         listed = ", ".join(f"{q} {r:.3f}" for q, r in zip(QUANTITIES, ratios, strict=True))
         print(f"{time.monotonic() - begin:6.0f} s {schedule.messages:4d} {listed}", flush=True)
 
-    found = search(sky, best, arguments.rounds, tell)
+    found = search(sky, best, arguments.rounds, report)
     if found is None:
         raise SystemExit(f"no schedule of {_MOST} messages is within the budget")
     fine = Sky(scenario, scenario.step_us)

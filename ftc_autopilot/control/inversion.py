@@ -12,7 +12,7 @@ from sitl_plant.config import Aircraft
 from sitl_plant.vec3 import Mat3, Vec3, add, dot, scale
 
 _LEAST_EFFECT = 1e-3
-"""Least effect of the weakest combination of the surfaces, by the effect of the strongest one.
+"""Least effect of the weakest combination of the surfaces, relative to the strongest one.
 
 Below it, what a degree of the one does takes more than 1000° of the other.
 """

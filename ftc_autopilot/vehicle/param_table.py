@@ -39,7 +39,7 @@ from mavlink_defs.services.param_server import (
 )
 
 SPAN = 10.0
-"""Largest value of a parameter whose field declares no upper bound, by its default."""
+"""Largest value of a parameter whose field declares no upper bound, relative to its default."""
 
 _ALWAYS = np.array([math.inf])
 _AXES = ("ROLL", "PITCH", "YAW")

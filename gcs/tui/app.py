@@ -67,7 +67,7 @@ class Dashboard(App[None]):
         super().__init__()
         self.view = FleetView(source)
         self.playback = source if isinstance(source, Playback) else None
-        self.operations = Operations(self.view, self._tell)
+        self.operations = Operations(self.view, self._announce)
         self.failures: dict[str, Exception] = {}
         for known in (DARK, LIGHT):
             self.register_theme(known)
@@ -242,15 +242,15 @@ class Dashboard(App[None]):
     @on(VehicleAction)
     def _asked_for(self, action: VehicleAction) -> None:
         if not self.view.source.can_act:
-            self._tell("this is a log: nothing can be done", "warning")
+            self._announce("this is a log: nothing can be done", "warning")
         elif not action.systems:
-            self._tell(f"{action.what}: no vehicle has been heard", "warning")
+            self._announce(f"{action.what}: no vehicle has been heard", "warning")
         elif action.question:
             choices = action.choices or (Choice(action.what[:1].upper() + action.what[1:], "yes"),)
 
             def answered(choice: str | None) -> None:
                 if choice is None:
-                    self._tell(f"{action.what}: cancelled", "information")
+                    self._announce(f"{action.what}: cancelled", "information")
                 else:
                     self._carry_out(action, choice)
 
@@ -272,7 +272,7 @@ class Dashboard(App[None]):
         """Show a notice, as it is: text of others is no markup, and steers no terminal."""
         super().notify(visible_lines(message), **options | {"markup": False})
 
-    def _tell(self, text: str, severity: str) -> None:
+    def _announce(self, text: str, severity: str) -> None:
         timeout = 10.0 if severity == "error" else 4.0
         self.notify(text, severity=severity, timeout=timeout)
         self.refresh_view(force=True)
@@ -297,7 +297,7 @@ class Dashboard(App[None]):
         """Repeat the last fault."""
         action, problem = repeat(self.view)
         if action is None:
-            self._tell(problem, "warning")
+            self._announce(problem, "warning")
         else:
             self.post_message(action)
 

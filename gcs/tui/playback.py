@@ -137,7 +137,7 @@ class Playback:
         self.position_s = position_s
         heard_at = self.clock.heard_at(position_s, self._next)
         while self._tick_due <= heard_at:
-            self._tell(self._fleet.handle_timer(self._tick_due))
+            self._log(self._fleet.handle_timer(self._tick_due))
             self._tick_due += _TICK_S
         self._heard_at = heard_at
 
@@ -145,10 +145,10 @@ class Playback:
         message = parse(frame)
         if message is not None:
             now = self.now()
-            self._tell(self._fleet.receive(message, now))
-            self._tell(self._overheard.receive(message, now))
+            self._log(self._fleet.receive(message, now))
+            self._log(self._overheard.receive(message, now))
 
-    def _tell(self, notifications: list[Notification]) -> None:
+    def _log(self, notifications: list[Notification]) -> None:
         for one in notifications:
             state = self._fleet.vehicles.get(one.system)
             self.event_log.receive(one, one.at, state.time_s if state else None)

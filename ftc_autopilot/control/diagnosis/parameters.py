@@ -122,7 +122,7 @@ class DiagnosisParameters(Model):
     loss_start_s: float = _time(0.5, "Loss: inhibited at first, while the filters settle.")
     excitation_sigma: float = _number(2.1, "Persistent excitation: least, relative to noise.")
     least_window_s: float = _time(0.006, "Persistent excitation: shortest window.")
-    min_response_ratio: float = _number(0.4, "Loss: variance ratio, response to command, below this.")
+    min_response_ratio: float = _number(0.4, "Loss: variance of response over command below this.")
     lost_margin: float = _number(0.4, "Loss: room for 1.5 standard errors of the effectiveness.")
     following: float = _number(0.5, "Cleared: effectiveness less its standard error above this.")
     return_start_s: float = _time(0.25, "Return test: inhibited until the probe has moved.")
