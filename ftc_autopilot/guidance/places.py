@@ -52,7 +52,7 @@ def place_now(place: np.void, now_s: float, dt: float) -> Vec3:
 
 @compiled
 def take_in(message: np.void, sender: int, layout: np.void, places: np.ndarray) -> None:
-    """Note where a neighbour is, and whom it relays.
+    """Note where a neighbour is, and which members it relays.
 
     Args:
         message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`.
@@ -73,7 +73,7 @@ def take_in(message: np.void, sender: int, layout: np.void, places: np.ndarray) 
 
 @compiled
 def _take_in_relayed(message: np.void, layout: np.void, places: np.ndarray) -> None:
-    """Note whom a message relays; arguments as of `take_in`."""
+    """Note which members a message relays; arguments as of `take_in`."""
     for r in range(MAX_RELAYED):
         m = _member(int(np.int64(message["relayed"][r])), layout)
         step = np.int64(message["relayed_step"][r])
@@ -96,9 +96,9 @@ def choose_relayed(
     last_relayed: np.ndarray,
     chosen: np.ndarray,
 ) -> float:
-    """Choose whom to relay next: the ones of whom the neighbours know the least.
+    """Choose which members to relay next: those the neighbours know least about.
 
-    Who has one neighbour only has heard everything from it, and relays nothing.
+    A UAV with a single neighbour has heard everything from it, and relays nothing.
 
     Args:
         step: Present step.

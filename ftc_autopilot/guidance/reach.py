@@ -1,6 +1,6 @@
 """Whether those members of a formation that can come close can know of each other.
 
-A member knows where those are whom a chain of links joins to it, later with each link; see
+A member knows where all are that a chain of links joins to it, later with each link; see
 `ftc_autopilot.guidance.places`. Which two can come close is decided across the path alone: a UAV
 that loses thrust falls back along it, past all that fly behind.
 """
@@ -22,7 +22,7 @@ def most_links(members: int, update_s: float, silence_s: float | None) -> int:
 
     Args:
         members: UAVs in the formation.
-        update_s: Period in which each chooses whom to relay [s].
+        update_s: Period in which each chooses members to relay [s].
         silence_s: Longest silence of a trigger of neighbour messages; None: every period [s].
     """
     hop_s = update_s * math.ceil(max(members - 2, 1) / MAX_RELAYED)

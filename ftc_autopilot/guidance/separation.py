@@ -16,15 +16,15 @@ changes it vertically, by as much at first, less the more of d_min they differ i
 most 3 m/s: the higher one evades upwards, or the one with the lower system id if they are equally
 high.
 
-Who is degraded may not be able to evade. So the others take its share, too, and reckon with the
-distance that is left in the time T with which they follow::
+A degraded member may not be able to evade. So the others take its share, too, and count on the
+distance that is left after the time T by which they respond late::
 
     v := v + max(0, (v_j - v)·r/d - γ (d + T min(d', 0) - d_min)) r/d
 
-Who is degraded and slower than an aircraft may fly cannot be followed, only passed: above it, as it
+A degraded member slower than an aircraft may fly cannot be followed, only passed: above it, as it
 sinks, by a change of height that may be faster.
 
-It is the present velocities that count, as aircraft follow late and neighbours do not report what
+It is the present velocities that count, as aircraft respond late and neighbours do not report what
 they intend. If both follow with a delay T, the distance goes by d'' = -(d' + γ (d - d_min))/T,
 which is damped well enough for γ T < 1/2.
 """

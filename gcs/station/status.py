@@ -98,7 +98,7 @@ def not_heard(state: VehicleState) -> list[str]:
 
 
 def silence_lines(missing: Iterable[int], states: Iterable[VehicleState]) -> list[str]:
-    """Return who was not heard, and what was not heard of whom; no line if all is known.
+    """Return which UAVs were not heard, and what was not heard of others; no line if all is known.
 
     Args:
         missing: System ids of the members of the fleet that were not heard.
