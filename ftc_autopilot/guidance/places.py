@@ -1,4 +1,4 @@
-"""Where all members of a formation are, and how word of it spreads.
+"""Where all members of a formation are, and how news of it spreads.
 
 A member hears its neighbours in the communication graph only. So each FTC_NEIGHBOUR also relays
 where up to two other members are, as far as its sender has heard of them: the ones of whom the
