@@ -83,7 +83,7 @@ class _Autopilot:
         self.commands = _Direction(impairment, f"commands {uav}")
 
     def receive(self, datagram: bytes, at_s: float, compensated: bool) -> int:
-        """Work on a state; return its step."""
+        """Handle a state; return its step."""
         measured, controllers = np.frombuffer(datagram, SIM_STATE)[0], self.controllers
         step, step_us = int(measured["step"]), int(self.link["step_us"])
         periods = note_delay(self.link, measured)
@@ -105,7 +105,7 @@ def fly_over(scenario: Scenario, impairment: Impairment, compensated: bool = Tru
     Args:
         scenario: The scenario.
         impairment: Of each datagram; times are simulated ones.
-        compensated: Whether delays and lost states are made up for.
+        compensated: Whether delays and lost states are compensated.
     """
     fleet, ids, dt = _fleet_of(scenario), [uav.id for uav in scenario.uavs], scenario.step_us / 1e6
     autopilots = {uav: _Autopilot(scenario, uav, impairment) for uav in ids}
@@ -155,7 +155,7 @@ def _fleet_of(scenario: Scenario) -> PlantState:
 
 
 def _exchange(autopilots: dict[int, _Autopilot]) -> None:
-    """Deliver what every autopilot has told its neighbours."""
+    """Deliver the last broadcast of every autopilot to its neighbours."""
     for autopilot in autopilots.values():
         for d, uav in enumerate(autopilot.neighbours):
             hear(autopilot.controllers, 0, d, autopilots[uav].controllers.last_broadcast[0])

@@ -8,7 +8,7 @@ from each. They are not packed, checked or understood, and there is no physics, 
 telemetry.
 
 ``python -m benchmarks.bare_loop --plant-us 9 --autopilot-us 6`` prints the time of a step with and
-without work of such a length in each process, which is that of a flight's compiled code.
+without as much work in each process as a flight's compiled code does.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Time to pack and to read one hot message: the compiled codec beside pymavlink.
 
-Both work on the same messages, in alternating rounds, so that a slow moment of the machine hits
+Both process the same messages, in alternating rounds, so that a slow moment of the machine hits
 both; each figure is the median of its rounds.
 """
 

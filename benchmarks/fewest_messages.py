@@ -6,7 +6,7 @@ The sender knows the aircraft, the disturbances, the fault and the commands to c
 when which actuator gets which constant command; there is no feedback. Looked for is the schedule
 with the fewest transmissions of single channels whose IAEs are all within the paper's (Table IV).
 Times and values are optimised together, messages inserted where errors are largest, then taken
-out, many at once and at last one by one, as long as the rest can make up for it. The true plant
+out, many at once and at last one by one, as long as the rest compensates for it. The true plant
 flies the result.
 
 **What it is: a schedule that exists, so an upper estimate of the minimum.** The search is local:
@@ -121,10 +121,10 @@ class Sky:
             limits = self.scenario.aircraft.fault_limits
             received = fault_from_params(fault, limits)
             add_fault(self._start.faults[0], received, now_s=0.0)
-        self.wanted = np.zeros((self.steps, 4))
+        self.commanded = np.zeros((self.steps, 4))
         profile = profile_record(self.scenario.segments())
         for k in range(self.steps):
-            profile_value(profile, k * step_us / 1e6, self.wanted[k])
+            profile_value(profile, k * step_us / 1e6, self.commanded[k])
 
     def error(self, schedule: Schedule) -> np.ndarray | None:
         """Return airspeed, roll, pitch, yaw minus the commands [m/s, deg], shape (steps, 4).
@@ -140,12 +140,12 @@ class Sky:
         if not fly_open_loop(fleet, commands, self.step_us, states):
             return None
         airspeed = np.linalg.norm(states[:, 3:6], axis=1)
-        error = np.column_stack([airspeed, states[:, 6:9]]) - self.wanted
+        error = np.column_stack([airspeed, states[:, 6:9]]) - self.commanded
         error[:, 1:] = (error[:, 1:] + np.pi) % (2.0 * np.pi) - np.pi
         return in_degrees(error)
 
     def ratios(self, error: np.ndarray) -> np.ndarray:
-        """Return the IAEs by the budget."""
+        """Return the IAEs relative to the budget."""
         return np.asarray(np.abs(error).sum(axis=0) * self.step_us / 1e6 / self.budget)
 
 
@@ -173,8 +173,8 @@ def fly_open_loop(
 def improve(sky: Sky, schedule: Schedule, rounds: int) -> tuple[Schedule, np.ndarray]:
     """Improve times and values: Levenberg and Marquardt's steps on reweighted squares.
 
-    With the weights below, squares have the gradient of the sum of (IAE by budget)^6, which is
-    that of the largest ratio, nearly.
+    With the weights below, squares have the gradient of the sum of (IAE / budget)^6, which is
+    nearly the gradient of the largest ratio.
 
     Args:
         sky: Where it flies.
@@ -182,7 +182,7 @@ def improve(sky: Sky, schedule: Schedule, rounds: int) -> tuple[Schedule, np.nda
         rounds: Steps at most; it ends when all IAEs are within the budget.
 
     Returns:
-        The schedule, and its IAEs by the budget.
+        The schedule, and its IAEs relative to the budget.
     """
     duration_s, every = sky.scenario.duration_s, max(sky.steps // _SAMPLES, 1)
     error = sky.error(schedule)
@@ -255,7 +255,7 @@ def search(
         sky: Where it flies.
         start: Where to begin.
         rounds: Steps of `improve` for each schedule.
-        on_found: Called with each schedule on the way, and its IAEs by the budget.
+        on_found: Called with each schedule on the way, and its IAEs relative to the budget.
 
     Returns:
         The schedule; None if 200 messages are not enough.
@@ -341,11 +341,11 @@ def main() -> None:
     sky = Sky(scenario, _COARSE_US)
     begin, best = time.monotonic(), first_guess(scenario, arguments.segments)
 
-    def tell(schedule: Schedule, ratios: np.ndarray) -> None:
+    def report(schedule: Schedule, ratios: np.ndarray) -> None:
         listed = ", ".join(f"{q} {r:.3f}" for q, r in zip(QUANTITIES, ratios, strict=True))
         print(f"{time.monotonic() - begin:6.0f} s {schedule.messages:4d} {listed}", flush=True)
 
-    found = search(sky, best, arguments.rounds, tell)
+    found = search(sky, best, arguments.rounds, report)
     if found is None:
         raise SystemExit(f"no schedule of {_MOST} messages is within the budget")
     fine = Sky(scenario, scenario.step_us)

@@ -122,7 +122,7 @@ def draw(fleets: list[Fleet], file: Path) -> None:
     figure = new_figure(3.0)
     axes = figure.add_subplot()
     sizes = sorted({fleet.uavs for fleet in fleets})
-    fewest = {fleet.uavs: fleet for fleet in fleets}  # processes: these stand last
+    fewest = {fleet.uavs: fleet for fleet in fleets}  # processes: these come last
     ways = {
         "a process each": [fleet for fleet in fleets if fleet.processes == fleet.uavs],
         "as few processes as cores": [fewest[size] for size in sizes],

@@ -5,7 +5,7 @@
 
 Flies the late flights of a campaign with one stuck surface again and prints, for each, how far the
 surface stood from its command when it stopped, and when it was sent its next command: a surface
-that stands where it is wanted shows nothing before that.
+that stands where it is commanded to shows nothing before that.
 """
 
 import argparse

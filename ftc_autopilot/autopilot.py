@@ -61,7 +61,7 @@ class Autopilot:
         system: Its system id.
         is_over: Whether its flight has ended, or it was stopped.
         loss: Why it ended before the simulation did; None if it did not.
-        crash_at: Step after which to die, as by SIGKILL: for tests.
+        crash_at: Step after which to exit, as by SIGKILL: for tests.
         record_optional: Whether to fly on if the record cannot be written.
     """
 
@@ -230,7 +230,7 @@ class Autopilot:
     def refused(self) -> Counter[str]:
         """Return the datagrams dropped on all links, by reason."""
         drops = self._hot.drops[:PLANT].sum(axis=0)
-        return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
+        return +Counter({reason.text: int(drops[-reason]) for reason in DropReason})
 
     def _next_sequence(self) -> int:
         self._hot.sequence += 1

@@ -28,7 +28,7 @@ from mavlink_defs.endpoint import (
 )
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.signing import SigningError, words_of
+from mavlink_defs.framing.signing import SigningError, counts_text
 from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import log_line
@@ -98,12 +98,12 @@ def main(arguments: list[str] | None = None) -> None:
         help="save the state in FILE, and resume from it if it is there; with one CONFIG only",
     )
     parser.add_argument(
-        "--crash-at", type=int, metavar="STEP", help="for tests: die after this step, as by SIGKILL"
+        "--crash-at", type=int, metavar="STEP", help="for tests: end after this step, as by SIGKILL"
     )
     options = parser.parse_args(arguments)
     configs: list[Path] = options.configs
     if len(configs) > 1 and options.checkpoint is not None:
-        parser.error("--checkpoint is of one UAV: start a process for each CONFIG")
+        parser.error("--checkpoint is for one UAV: start a process for each CONFIG")
     records: list[Path | None] = options.record or [None] * len(configs)
     if len(records) != len(configs):
         parser.error(f"{len(records)} --record for {len(configs)} CONFIGs: give one for each")
@@ -133,7 +133,7 @@ def main(arguments: list[str] | None = None) -> None:
     for autopilot in autopilots:
         autopilot.finish_record()
         if refused := autopilot.refused():
-            log(autopilot.system, f"frames dropped: {words_of(refused)}")
+            log(autopilot.system, f"frames dropped: {counts_text(refused)}")
         if autopilot.loss is not None:
             log(autopilot.system, autopilot.loss)
     sys.exit(0 if all(autopilot.loss is None for autopilot in autopilots) else 1)

@@ -1,8 +1,8 @@
 """Fuzzing targets: each takes datagrams, and exposes its state for comparison.
 
-Autopilot and plant are those of the processes, with their compiled loops, on loopback sockets;
+Autopilot and plant are the ones that the processes run, with compiled loops and loopback sockets;
 they are driven from here instead of by `fly`. Nothing waits: each datagram is sent before its
-receiver looks for it.
+receiver polls for it.
 """
 
 import socket

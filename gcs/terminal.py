@@ -22,7 +22,7 @@ _PIPE_WIDTH = 10_000
 _NARROWEST_TEXT = 12
 """Width down to which a column of texts is folded."""
 _LONGEST_WORD = 24
-"""Length up to which a word, or a number among words, is kept whole."""
+"""Length up to which a word, or a number in a text, is not broken."""
 
 
 class Terminal(Console):
@@ -83,8 +83,8 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def words(heading: str) -> Column:
-    """Return a column of texts: it is folded between words where the terminal is narrow."""
+def texts(heading: str) -> Column:
+    """Return a column of texts: it is folded at spaces where the terminal is narrow."""
     return Column(heading, overflow="fold")
 
 
@@ -97,7 +97,7 @@ def numbers(heading: str) -> Column:
 
 
 def table_of(*columns: Column, **options: Any) -> Table:
-    """Return a table of columns that `words` and `numbers` make; options as of rich's table."""
+    """Return a table of columns that `texts` and `numbers` make; options as of rich's table."""
     return _Uncut(*columns, **options)
 
 

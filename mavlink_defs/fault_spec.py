@@ -73,7 +73,7 @@ class FaultSpec(_WithValue):
         kinds = list(dict(self._values(self.actuator)))
         for kind, other in itertools.pairwise(kinds):
             other_key = (keys[other.name],)
-            yield Problem((keys[kind.name],), "cannot stand together with '{0}'", keys=other_key)
+            yield Problem((keys[kind.name],), "cannot be combined with '{0}'", keys=other_key)
         stuck = (keys[STUCK.name],)
         if any(kind.replaces for kind in kinds):
             if self.effectiveness:

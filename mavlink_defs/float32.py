@@ -18,7 +18,7 @@ def decimal_of_float32(x: float) -> float:
     field comes back exactly. Infinities, NaN and the sign of zero are kept; `x` beyond the
     range of float32 becomes infinite.
     """
-    import numpy as np  # which who only talks to vehicles need not wait for
+    import numpy as np  # for which commands that only talk to vehicles need not wait
 
     with np.errstate(over="ignore", under="ignore"):
         return float(str(np.float32(x)))

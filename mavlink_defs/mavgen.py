@@ -28,7 +28,7 @@ def generate(language: str, *, validate: bool = True) -> str:
 
     shipped = Path(pymavlink.__file__).parent / "dialects" / "v20"
     with tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)  # the generator wants included definitions beside the including one
+        work = Path(folder)  # the generator requires included definitions beside the including one
         for name in _INCLUDED:
             shutil.copy(shipped / name, work / name)
         shutil.copy(_DEFINITION, work / "ftc.xml")

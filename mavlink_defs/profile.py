@@ -184,7 +184,7 @@ def check_mission(
 
 def _segment(seq: int, item: MAVLink_mission_item_int_message, limits: AirspeedLimits) -> Segment:
     if item.seq != seq:
-        text = f"Item {item.seq} stands at place {seq} of the mission"
+        text = f"Item {item.seq} is at place {seq} of the mission"
         raise ProfileError(seq, dialect.MAV_MISSION_INVALID_SEQUENCE, text)
     if item.command != dialect.MAV_CMD_FTC_REFERENCE_SEGMENT:
         text = f"command {item.command} is not supported"

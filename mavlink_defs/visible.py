@@ -15,7 +15,7 @@ paragraphs."""
 def visible(text: str) -> str:
     r"""Return a text of one line in which each control character is an escape, such as ``\x1b``.
 
-    Escapes are those of Python and YAML. What is visible already stays as it is, so that a second
+    Escapes are as in Python and YAML. What is visible already stays as it is, so that a second
     pass changes nothing.
     """
     return text if text.isprintable() else "".join(map(_seen, text))

@@ -117,7 +117,7 @@ def page_of(section: str) -> str:
 
 
 def key_rows(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
-    """Yield key, what is expected, default and meaning of each key, those of parts included."""
+    """Yield key, expected values, default and meaning of each key, including the keys of parts."""
     for name, field in model.model_fields.items():
         key, part = prefix + name, part_of(field.annotation)
         if part is None or part in OWN_TABLES:
@@ -147,7 +147,7 @@ def without_none(annotation: Any) -> Any:
 
 
 def expected(annotation: Any, field: FieldInfo | None = None) -> str:
-    """Return what a key takes, in words: range and unit, choices, or kind."""
+    """Return what a key takes, as a text: range and unit, choices, or kind."""
     annotation = without_none(annotation)
     if (quantity := quantity_of(annotation, field)) is not None:
         return range_of(quantity)
@@ -197,7 +197,7 @@ def range_of(quantity: Quantity) -> str:
 
 
 def default_of(field: FieldInfo) -> str:
-    """Return a key's default in words."""
+    """Return a key's default as a text."""
     value = field.get_default(call_default_factory=True)
     if value is PydanticUndefined:
         return "required"
@@ -219,7 +219,7 @@ def plain(value: Any) -> str:
 
 
 def meaning(field: FieldInfo, part: type[BaseModel] | None) -> str:
-    """Return the description of a key: its own, else that of the model it holds."""
+    """Return the description of a key: its own, else its model's."""
     if field.description or part is not None:
         return field.description or (part.__doc__ or "").split("\n")[0]
     value = without_none(field.annotation)

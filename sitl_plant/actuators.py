@@ -1,6 +1,6 @@
 """Actuators and their faults, eqs. (13) and (19) of the paper.
 
-Channels stand in the order of FTC_ACTUATOR: aileron, elevator, rudder [rad], throttle [N].
+Channels are in the order of FTC_ACTUATOR: aileron, elevator, rudder [rad], throttle [N].
 A fault acts between the command that was received and the physics; the deflection or thrust
 that results stays within the actuator's physical stops.
 """
@@ -67,7 +67,7 @@ def add_fault(row: np.ndarray, fault: Fault, now_s: float) -> None:
 
 
 def in_wire_units(fault: Fault) -> Fault:
-    """Return a fault whose value is in SI units, as that of `FAULT`, as the wire carries it."""
+    """Return a fault, whose value is in SI units as in `FAULT`, in the units of the wire."""
     value = fault.value if fault.actuator == THROTTLE else math.degrees(fault.value)
     return fault._replace(value=value)
 
@@ -105,7 +105,7 @@ def apply_faults(
 
     Args:
         commanded: Commands received last.
-        t: Time at which f is wanted [s], inside the interval.
+        t: Time of f [s], inside the interval.
         interval_start: Start of the integration interval [s].
         faults: One aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
         aircraft: Record of dtype `sitl_plant.aircraft.AIRCRAFT`.

@@ -48,25 +48,25 @@ class Coefficients(Model):
     """Aerodynamic coefficients and derivatives; angles in rad, names as in Table I."""
 
     cL0: float = quantity("", doc="Lift at zero angle of attack.")
-    cL_alpha: float = quantity("1/rad", doc="Lift by angle of attack.")
+    cL_alpha: float = quantity("1/rad", doc="Lift due to angle of attack.")
     cD0: float = quantity("", ge=0.0, doc="Drag.")
-    cY_beta: float = quantity("1/rad", doc="Side force by sideslip.")
+    cY_beta: float = quantity("1/rad", doc="Side force due to sideslip.")
     cl0: float = quantity("", doc="Rolling moment.")
-    cl_beta: float = quantity("1/rad", doc="Rolling moment by sideslip.")
-    cl_p: float = quantity("1/rad", doc="Rolling moment by roll rate.")
-    cl_r: float = quantity("1/rad", doc="Rolling moment by yaw rate.")
-    cl_da: float = quantity("1/rad", doc="Rolling moment by aileron.")
-    cl_dr: float = quantity("1/rad", doc="Rolling moment by rudder.")
+    cl_beta: float = quantity("1/rad", doc="Rolling moment due to sideslip.")
+    cl_p: float = quantity("1/rad", doc="Rolling moment due to roll rate.")
+    cl_r: float = quantity("1/rad", doc="Rolling moment due to yaw rate.")
+    cl_da: float = quantity("1/rad", doc="Rolling moment due to aileron.")
+    cl_dr: float = quantity("1/rad", doc="Rolling moment due to rudder.")
     cm0: float = quantity("", doc="Pitching moment.")
-    cm_alpha: float = quantity("1/rad", doc="Pitching moment by angle of attack.")
-    cm_q: float = quantity("1/rad", doc="Pitching moment by pitch rate.")
-    cm_de: float = quantity("1/rad", doc="Pitching moment by elevator.")
+    cm_alpha: float = quantity("1/rad", doc="Pitching moment due to angle of attack.")
+    cm_q: float = quantity("1/rad", doc="Pitching moment due to pitch rate.")
+    cm_de: float = quantity("1/rad", doc="Pitching moment due to elevator.")
     cn0: float = quantity("", doc="Yawing moment.")
-    cn_beta: float = quantity("1/rad", doc="Yawing moment by sideslip.")
-    cn_p: float = quantity("1/rad", doc="Yawing moment by roll rate.")
-    cn_r: float = quantity("1/rad", doc="Yawing moment by yaw rate.")
-    cn_da: float = quantity("1/rad", doc="Yawing moment by aileron.")
-    cn_dr: float = quantity("1/rad", doc="Yawing moment by rudder.")
+    cn_beta: float = quantity("1/rad", doc="Yawing moment due to sideslip.")
+    cn_p: float = quantity("1/rad", doc="Yawing moment due to roll rate.")
+    cn_r: float = quantity("1/rad", doc="Yawing moment due to yaw rate.")
+    cn_da: float = quantity("1/rad", doc="Yawing moment due to aileron.")
+    cn_dr: float = quantity("1/rad", doc="Yawing moment due to rudder.")
 
 
 class Aircraft(Model):
@@ -108,8 +108,8 @@ class Aircraft(Model):
         return FaultLimits(self.surface_limit_deg, self.thrust_limit_n)
 
 
-_Factor = Annotated[float, quantity("", doc="True value by nominal value.")]
-_Scale = Annotated[float, quantity("", gt=0.0, doc="True value by nominal value.")]
+_Factor = Annotated[float, quantity("", doc="Ratio of true to nominal value.")]
+_Scale = Annotated[float, quantity("", gt=0.0, doc="Ratio of true to nominal value.")]
 _ByName = Annotated[dict[str, _Factor], AtMost(100), Tag("<names>")]
 
 

@@ -87,7 +87,7 @@ def new_plant_state(config: PlantConfig) -> PlantState:
     )
     for i, uav in enumerate(config.uavs):
         start_turbulence(turbulence[i], uav.initial.airspeed_m_s, config.seed, uav.id)
-        look_at_air(fleet, i, 0.0)
+        sample_air(fleet, i, 0.0)
     states[:, 3:6] += fleet.air[:, :3]  # the initial airspeed is one through the air
     return fleet
 
@@ -191,7 +191,7 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
             V = norm(sub(vec3(fleet.states[i, 3:6]), vec3(fleet.air[i, :3])))
             system, seed = fleet.sensors[i]["system"], fleet.sensors[i]["seed"]
             advance_turbulence(fleet.turbulence[i], V, dt, seed, system, step + 1)
-            look_at_air(fleet, i, time_s(step + 1, step_us))
+            sample_air(fleet, i, time_s(step + 1, step_us))
         if lost < 0 and (hit_ground or is_lost(fleet.states[i], fleet.air[i, :3])):
             lost = i
     return lost
@@ -210,7 +210,7 @@ def _disturbances_at(fleet: PlantState, step: int, step_us: int) -> Disturbances
 
 
 @compiled
-def look_at_air(fleet: PlantState, i: int, t: float) -> None:
+def sample_air(fleet: PlantState, i: int, t: float) -> None:
     """Note the motion of the air around aircraft i at a time [s]."""
     x = fleet.states[i]
     air = air_around(fleet.wind[0], fleet.turbulence[i], vec3(x[0:3]), vec3(x[6:9]), t)

@@ -22,7 +22,7 @@ _STEP_0, _STEP_1 = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 def philox(
     counter: tuple[np.uint64, np.uint64, np.uint64, np.uint64], key: tuple[np.uint64, np.uint64]
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
-    """Return four random words of 32 bits; `counter` and `key` are words of 32 bits as well."""
+    """Return four random 32-bit words; `counter` and `key` are 32-bit words as well."""
     c0, c1, c2, c3 = counter
     k0, k1 = key
     for _ in range(10):

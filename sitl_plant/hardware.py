@@ -1,4 +1,4 @@
-"""Configuration of servos, engine and sensors: what stands between a control law and the aircraft.
+"""Configuration of servos, engine and sensors: what is between a control law and the aircraft.
 
 Everything is ideal by default. Delays and sampling periods are whole numbers of control periods,
 so that nothing changes its value within an integration step but what is solved exactly.

@@ -133,7 +133,7 @@ def specific_force_at(
 ) -> Vec3:
     """Return the specific force at a step [m/s²], body axes.
 
-    The actuators count as they stand at this instant: at the end of the period that ends here.
+    The actuators count as they are at this instant: at the end of the period that ends here.
 
     Args:
         x: State, shape (12,).

@@ -26,7 +26,7 @@ from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import load_link_signer, refresh, sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.signing import PLANT_LINK, SigningError, words_of
+from mavlink_defs.framing.signing import PLANT_LINK, SigningError, counts_text
 from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.runtime.sockaddr import address_of
@@ -195,7 +195,7 @@ class Plant:
     def _send(self, i: int, message: dialect.MAVLink_message) -> None:
         host = address_of(self._link.addresses[i])
         frame = sign_bytes(self._link.signer, self._packers[i].pack(message))
-        with contextlib.suppress(OSError):  # the microservices make up for losses
+        with contextlib.suppress(OSError):  # the microservices repeat what is lost
             self._sock.sendto(frame, (host.host, host.port))
 
     def _report_drops(self) -> None:
@@ -217,13 +217,13 @@ class Plant:
         _log(f"all armed, simulated time starts at Unix time {time.time():.3f}")
 
     def _check_silence_and_refresh(self, now: float) -> str | None:
-        """Check for silent autopilots, and send the state again while time stands still.
+        """Check for silent autopilots, and send the state again while time is paused.
 
         Args:
             now: Wall-clock time [s].
 
         Returns:
-            Why the flight must end; None if it goes on.
+            Why the flight must end; None if it continues.
         """
         loss = self._registration.check_silence(now)
         if not self._running:
@@ -233,7 +233,7 @@ class Plant:
     def refused(self) -> Counter[str]:
         """Return the datagrams dropped, by reason."""
         drops = self._link.drops
-        return +Counter({reason.words: int(drops[-reason]) for reason in DropReason})
+        return +Counter({reason.text: int(drops[-reason]) for reason in DropReason})
 
     def _end_simulation(self, lost: bool) -> None:
         """Send every autopilot the end of the simulation until each has acknowledged it."""
@@ -303,7 +303,7 @@ def main(arguments: list[str] | None = None) -> None:
         loss = plant.fly()
     loss = plant.finish_record(loss)
     if refused := plant.refused():
-        _log(f"frames dropped: {words_of(refused)}")
+        _log(f"frames dropped: {counts_text(refused)}")
     if loss is not None:
         _log(loss)
     sys.exit(0 if loss is None else 1)

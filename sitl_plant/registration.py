@@ -97,7 +97,7 @@ class Registration:
             now: Wall-clock time [s].
 
         Returns:
-            Why the flight must end; None if it goes on.
+            Why the flight must end; None if it continues.
         """
         link = self._link
         silent = np.flatnonzero(link.known & (now - link.heard_s > self._silence_timeout_s))

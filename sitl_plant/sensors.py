@@ -25,7 +25,7 @@ _EACH = (AXES,)
 
 SENSORS = np.dtype(
     [
-        ("ideal", "i8"),  # 1: they tell the truth
+        ("ideal", "i8"),  # 1: they measure the true values
         ("exact_airspeed", "i8"),  # 1: the sensor of the airspeed does
         ("seed", "i8"),
         ("system", "i8"),  # the aircraft's id

@@ -59,7 +59,7 @@ class AircraftService:
         """Take in a message of the aircraft's autopilot.
 
         Args:
-            message: Any message; those of no concern are ignored.
+            message: Any message; irrelevant ones are ignored.
             time_s: Simulation time [s].
             now: Wall-clock time [s].
         """

@@ -110,7 +110,7 @@ def begin_period(
 
 @compiled
 def positions(servos: np.void, elapsed: float) -> Controls:
-    """Return where one aircraft's servos stand, before faults and stops.
+    """Return the positions of one aircraft's servos, before faults and stops.
 
     Args:
         servos: Record of dtype `SERVOS`.
@@ -154,6 +154,6 @@ def _position(servos: np.void, c: int, elapsed: float) -> float:
 
 @compiled
 def _shaft(servos: np.void, c: int, elapsed: float) -> float:
-    """Return where a servo's shaft stands, a time after the start of the period."""
+    """Return the position of a servo's shaft, a time after the start of the period."""
     start, target = servos["shaft"][c], servos["target"][c]
     return lagged(start, target, servos["lag"][c], servos["rate_limit"][c], elapsed)

@@ -1,7 +1,7 @@
 """Fly chapters one after the other and check the counters of each: ``python -m soak --help``.
 
-Three counts of the same control messages must be equal: those of the autopilots (FTC_EVENTS, as a
-ground station received them last), those of the recordings, and those of a relay between plant and
+Three counts of the same control messages must be equal: the autopilots' (FTC_EVENTS, as a
+ground station received them last), the recordings', and the counts of a relay between plant and
 autopilots that knows nothing of either. The plant must have applied what the autopilots held.
 """
 
@@ -49,12 +49,12 @@ def main(arguments: list[str] | None = None) -> None:
         if cache_is_cold():
             compile_everything(drawn.scenario)
         try:
-            words, digest = _fly(drawn)
+            failures, digest = _fly(drawn)
         except GcsError as problem:
-            words, digest = [f"{type(problem).__name__}: {problem}"], b""
+            failures, digest = [f"{type(problem).__name__}: {problem}"], b""
         story.update(digest)
-        failed += bool(words)
-        print(_line(number, drawn, digest, words), flush=True)
+        failed += bool(failures)
+        print(_line(number, drawn, digest, failures), flush=True)
     simulated_s = options.chapters * options.seconds
     print(
         f"{simulated_s:g} s of {options.uavs} UAVs in {time.monotonic() - begin:.0f} s; "
@@ -64,7 +64,7 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(1 if failed else 0)
 
 
-def _line(number: int, drawn: Chapter, digest: bytes, words: list[str]) -> str:
+def _line(number: int, drawn: Chapter, digest: bytes, failures: list[str]) -> str:
     """Return what is printed of a chapter, with the memory kept after it and the most so far."""
     columns = (
         f"{number:4d}",
@@ -74,7 +74,7 @@ def _line(number: int, drawn: Chapter, digest: bytes, words: list[str]) -> str:
         "lossy" if drawn.lossy else "clean",
         f"story {digest.hex()[:12]}",
         f"memory {_kept_mb()} MB, at most {_most_mb()} MB",
-        "; ".join(words) or "counts agree",
+        "; ".join(failures) or "counts agree",
     )
     return "  ".join(columns)
 
@@ -110,12 +110,13 @@ def _fly(drawn: Chapter) -> tuple[list[str], bytes]:
         )
         summary = summarise(flight, drawn.scenario)
         wire = TapReport.from_json(json.loads((folder / "wire.json").read_text()))
-        words = differences(drawn, flight, summary, wire, told_events(folder / "flight.tlog"))
+        reported = reported_events(folder / "flight.tlog")
+        failures = differences(drawn, flight, summary, wire, reported)
     digest = hashlib.sha256(flight.states.tobytes() + flight.signals["events"].tobytes())
-    return words, digest.digest()
+    return failures, digest.digest()
 
 
-def told_events(log: Path) -> dict[int, dialect.MAVLink_ftc_events_message]:
+def reported_events(log: Path) -> dict[int, dialect.MAVLink_ftc_events_message]:
     """Return the last FTC_EVENTS of each UAV in a telemetry log."""
     return {
         message.get_srcSystem(): message
@@ -129,9 +130,9 @@ def differences(
     flight: Recording,
     summary: FlightSummary,
     wire: TapReport,
-    told: dict[int, dialect.MAVLink_ftc_events_message],
+    reported: dict[int, dialect.MAVLink_ftc_events_message],
 ) -> list[str]:
-    """Return each pair of counts that differs, in words; none if all agree."""
+    """Return each pair of counts that differs, as texts; none if all agree."""
     found = []
 
     def same(uav: int, what: str, *counts: object) -> None:
@@ -140,20 +141,20 @@ def differences(
 
     captured = {uav.system: uav for uav in wire.uavs if uav.link == "plant"}
     for uav in summary.uavs:
-        counted, own = captured[uav.id], told[uav.id]
+        counted, own = captured[uav.id], reported[uav.id]
         for c, name in enumerate(ACTUATORS):
             same(
                 uav.id,
-                f"events of the {name} (recorded / told / captured)",
+                f"events of the {name} (recorded / reported / captured)",
                 uav.channels[name].events,
                 own.events[c],
                 counted.channels[name].events,
             )
             same(uav.id, f"repeats of the {name}", uav.channels[name].repeats, own.repeats[c])
-        same(uav.id, "steps (recorded / told)", uav.active_steps, own.steps)
+        same(uav.id, "steps (recorded / reported)", uav.active_steps, own.steps)
         same(
             uav.id,
-            "messages (recorded / told / captured)",
+            "messages (recorded / reported / captured)",
             uav.actuator_messages,
             own.messages,
             counted.messages - counted.repeats,

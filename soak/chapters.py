@@ -18,7 +18,7 @@ class Chapter:
 
     Attributes:
         scenario: What is flown.
-        crashes: Steps after which autopilots die, by UAV, one for each life.
+        crashes: Steps after which autopilots crash, by UAV, one for each start.
         lossy: Whether datagrams of the simulator link are lost.
     """
 

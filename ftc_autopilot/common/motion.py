@@ -45,7 +45,7 @@ def motion_of(measured: np.void, aircraft: AircraftRecord) -> Motion:
 
 @compiled
 def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
-    """Fill an FTC_NEIGHBOUR payload with the own motion; it tells no place.
+    """Fill an FTC_NEIGHBOUR payload with the own motion, without a place.
 
     Args:
         motion: Own motion.

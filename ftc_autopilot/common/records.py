@@ -24,7 +24,7 @@ def in_si(field: str) -> tuple[str, float]:
 
 
 def record_dtype(model: type[BaseModel], base: type[BaseModel] = BaseModel) -> np.dtype:
-    """Return the record that holds the numbers which a model has beyond those of a base class.
+    """Return the record of the numbers that a model has in addition to a base class.
 
     A number is a number, a choice of texts its index, three numbers an array, a schedule its
     table, a model a record; a number that may be none is NaN then. A text without a choice is left

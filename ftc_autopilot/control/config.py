@@ -57,13 +57,13 @@ class FormationTrigger(Model):
         "m/s", ge=0.0, default=0.02, doc="Absolute threshold of the airspeed."
     )
     airspeed_relative: float = quantity(
-        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the airspeed's tracking error."
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold relative to the airspeed's error."
     )
     attitude_deg: float = quantity(
         "deg", ge=0.0, default=0.05, doc="Absolute threshold of roll, pitch and yaw."
     )
     attitude_relative: float = quantity(
-        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold by the angle's tracking error."
+        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold relative to the angle's error."
     )
     path_position_m: float = quantity(
         "m", ge=0.0, default=0.05, doc="Threshold of the place on the path."
@@ -82,7 +82,7 @@ class FormationTrigger(Model):
 
 
 def _with_ideal_servos(controller: Controller) -> Controller:
-    """Return the parameters, complete: who gives none of the servos has ideal ones."""
+    """Return all parameters; servos that are not given are ideal."""
     return controller.with_servos(ActuatorServos())
 
 

@@ -1,7 +1,7 @@
 """One control step of one UAV: measured motion in, held actuator command out.
 
 The order within a step at time t is: read the reference, evaluate the law with its estimates
-as they stand, advance the estimates by one explicit Euler step to t + dt, trigger, advance the
+as they are, advance the estimates by one explicit Euler step to t + dt, trigger, advance the
 reference filter.
 """
 

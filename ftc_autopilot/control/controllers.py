@@ -1,6 +1,6 @@
 """Controllers of one or more UAVs: their records, before and between flights.
 
-An autopilot process holds the controller of one UAV, a flight in one process those of all of them.
+An autopilot process holds the controller of one UAV, a flight in one process all controllers.
 """
 
 from collections.abc import Sequence

@@ -12,7 +12,7 @@ from sitl_plant.config import Aircraft
 from sitl_plant.vec3 import Mat3, Vec3, add, dot, scale
 
 _LEAST_EFFECT = 1e-3
-"""Least effect of the weakest combination of the surfaces, by the effect of the strongest one.
+"""Least effect of the weakest combination of the surfaces, relative to the strongest one.
 
 Below it, what a degree of the one does takes more than 1000° of the other.
 """
@@ -35,7 +35,7 @@ def inversion_problem(aircraft: Aircraft) -> str | None:
     weak = " and ".join(name for name, part in names if part > _CONCERNED)
     ratio = sizes[-1] / sizes[0] if sizes[0] > 0.0 else 0.0
     return (
-        f"no moment can be made by its {weak}: least by largest effect of the surfaces is "
+        f"no moment can be made by its {weak}: ratio of least to largest effect of the surfaces is "
         f"{ratio:.3g}, expected >= {_LEAST_EFFECT:g}"
     )
 

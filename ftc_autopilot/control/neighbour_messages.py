@@ -7,8 +7,8 @@ sender itself, extrapolate as if each rate decayed with the time constant τ = 0
 
 which is x(t_k) at the time t_k of the message, follows its rate at first, and in the end holds a
 value. The next message is sent when one of the sender's errors differs from it by more than
-relative · |error| + absolute, or after the longest silence; so without losses that is a bound of
-what the receivers are wrong by. A lost message is made up for by the next one, which is complete.
+relative · |error| + absolute, or after the longest silence; so without losses that bounds
+the receivers' error. After a lost message the next one, which is complete, corrects it.
 
 On a path, it also holds the sender's place on it and in space, which go on with their rates,
 and a report on all members of the formation. A message is then also due when a place differs by

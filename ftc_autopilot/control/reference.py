@@ -1,6 +1,6 @@
 """The reference: profile segments, and the filter that makes them continuous (Assumption 4).
 
-Channels stand in the order airspeed [m/s], roll, pitch, yaw [rad].
+Channels are in the order airspeed [m/s], roll, pitch, yaw [rad].
 """
 
 import math

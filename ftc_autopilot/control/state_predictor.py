@@ -20,7 +20,7 @@ from sitl_plant.rigid_body import STILL_AIR, State, advance, specific_force, sta
 from sitl_plant.vec3 import Vec3, add, sub, vec3
 
 LONGEST_S = 0.1
-"""Longest delay that is predicted over, and longest gap that is made up for [s]."""
+"""Longest delay that is predicted over, and longest gap that is interpolated [s]."""
 _HISTORY = 128  # periods whose commands are remembered
 
 DELAY = np.dtype(
@@ -39,7 +39,7 @@ DELAY = np.dtype(
 
 @compiled
 def lost_states(delay: np.void, measured: np.void, step_us: int) -> int:
-    """Return how many states before this one are to be made up for; none if they are too many.
+    """Return how many states before this one are to be interpolated; none if they are too many.
 
     Args:
         delay: Record of dtype `DELAY`.

@@ -236,7 +236,7 @@ def _note_members(
         if m < 0:
             continue
         hears = weights[d] > 0.0
-        # who hears nobody is cut off itself, and says nothing of the others
+        # a member that hears none is cut off itself, and reports nothing of the others
         if not hears and state["heard"][d] != 0 and heard > 0 and cause_of(table[m]) == NOMINAL:
             changed |= enter(table, m, 4 * SILENT + gains["on_silent"])
         state["heard"][d] = 1 if hears else 0

@@ -103,7 +103,8 @@ class FormationParameters(Model):
         "m", ge=0.0, le=500.0, default=20.0, doc="Further out by this distance, by policy `widen`."
     )
     leave_ahead_m: _Offset = Field(
-        default=-100.0, description="Ahead of its slot, of who leaves by policy `leave` [m]."
+        default=-100.0,
+        description="Ahead of its slot, for a member that leaves by policy `leave` [m].",
     )
     leave_right_m: _Offset = Field(default=0.0, description="To the right of it [m].")
     leave_up_m: _Offset = Field(default=50.0, description="Above it [m].")

@@ -12,7 +12,7 @@ _PLANNED_BANK = math.radians(20.0)
 _RESERVE = math.radians(5.0)
 """Bank kept for corrections [rad]."""
 _FASTEST = 200
-"""Airspeeds looked at are below this [m/s]."""
+"""Airspeeds considered are below this [m/s]."""
 _LEAST_ROOM_M_S = 1.0
 """Change of the airspeed that a turn may take at the end of the range of airspeeds [m/s]."""
 _LEAST_BANK = math.radians(1.0)
@@ -30,8 +30,8 @@ class FlightLimits(NamedTuple):
         wind_m_s: Wind that turns must allow for.
         offset_m: Farthest slot of the formation to the side of the path.
         gravity_m_s2: Acceleration of gravity.
-        slowest_m_s: Lowest airspeed, also of who flies on the inside of a turn.
-        fastest_m_s: Highest airspeed, also of who flies on the outside of a turn.
+        slowest_m_s: Lowest airspeed, also on the inside of a turn.
+        fastest_m_s: Highest airspeed, also on the outside of a turn.
         lowest_m: Lowest place, above home.
         highest_m: Highest place, above home.
     """
@@ -69,10 +69,10 @@ def turn_radius(airspeed: float, limits: FlightLimits) -> float:
 def tightest_turn(airspeed: float, limits: FlightLimits) -> float:
     """Return the least radius R [m] at an airspeed [m/s].
 
-    With the wind from behind, and for who flies on the outside, (V + w)² (1 + d/R) / R must be
+    With the wind from behind, and on the outside of the turn, (V + w)² (1 + d/R) / R must be
     within g tan(bank), with 5° of bank kept for corrections. The bank is also limited by the angle
-    of attack that it takes: at V it may be acos((V_level/V)²). Who flies on the inside is slower by
-    (V + w) d/R, and who flies on the outside faster; both must have that airspeed.
+    of attack that it takes: at V it may be acos((V_level/V)²). A UAV on the inside is slower by
+    (V + w) d/R, and one on the outside faster; both must have that airspeed.
     """
     ground, acceleration = airspeed + limits.wind_m_s, _acceleration(airspeed, limits)
     by_bank = ground**2 + math.sqrt(ground**4 + 4.0 * acceleration * ground**2 * limits.offset_m)

@@ -1,10 +1,10 @@
-"""What each member of a formation knows of all members, and how word of a change spreads.
+"""What each member of a formation knows of all members, and how news of a change spreads.
 
 Every member keeps a table with one byte for each member, in the order of system ids, and sends it
 with each FTC_NEIGHBOUR: bits 0 to 3 the member's state, bits 4 to 7 how often that has changed.
 As in link-state routing, the newer entry counts, so that a change reaches every member that any
-chain of links reaches. The entry of a member is its own, but when it falls silent, who has
-lost it enters that; when it hears of it, it overrules it by a newer entry.
+chain of links reaches. The entry of a member is its own, but when it falls silent, a member
+that lost it enters that; when it hears of it, it overrules it by a newer entry.
 
 A state is the cause of the trouble and the policy that was chosen for it, 4 · cause + policy; it is
 0 while all is well.
@@ -99,8 +99,8 @@ def occupants(slots: np.ndarray, table: np.ndarray, count: int, slot_of: np.ndar
         slots: Slots of all members, shape (MAX_MEMBERS, 3) [m].
         table: The table, shape (MAX_MEMBERS,).
         count: Members.
-        slot_of: Index of the slot of each member, shape (MAX_MEMBERS,), written; of who has left,
-            its own.
+        slot_of: Index of the slot of each member, shape (MAX_MEMBERS,), written; its own
+            for one that has left.
     """
     order = np.zeros(MAX_MEMBERS, np.int64)  # slots from the inside out
     for k in range(count):

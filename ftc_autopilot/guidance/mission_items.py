@@ -134,7 +134,7 @@ def decode_items(
     targets: list[Target] = []
     for seq, item in enumerate(items[1:], start=1):
         if item.seq != seq:
-            text = f"it stands at place {seq}, but has number {item.seq}"
+            text = f"it is at place {seq}, but has number {item.seq}"
             raise ItemError(seq, dialect.MAV_MISSION_INVALID_SEQUENCE, text)
         if item.command not in COMMANDS:
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, refusal(item.command))

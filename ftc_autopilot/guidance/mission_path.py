@@ -100,12 +100,12 @@ class _Corner(NamedTuple):
 
     @property
     def tangent(self) -> float:
-        """Distance of the ends of the turn from the waypoint, by its radius."""
+        """Distance of the ends of the turn from the waypoint, in radii."""
         return math.tan(0.5 * abs(self.turn))
 
     @property
     def miss(self) -> float:
-        """Distance of the turn from the waypoint, by its radius."""
+        """Distance of the turn from the waypoint, in radii."""
         return 1.0 / math.cos(0.5 * self.turn) - 1.0
 
 

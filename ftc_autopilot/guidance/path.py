@@ -26,7 +26,7 @@ _LEGS_PER_CALL = 8
 PATH = np.dtype(
     [
         ("count", "i8"),  # legs in use, 0: no path
-        ("id", "i8"),  # from the mission: who follows another one flies another path
+        ("id", "i8"),  # from the mission: members with another id fly another path
         ("loop", "i8"),  # leg that follows the last one, or NO_LOOP
         ("start", "f8", (MAX_LEGS + 1,)),  # s at the start of each leg, and at the end [m]
         ("north", "f8", (MAX_LEGS,)),
@@ -75,7 +75,7 @@ def path_record(legs: Sequence[Leg], loop: int = NO_LOOP) -> np.void:
 
 @compiled
 def point_at(path: np.void, s: float) -> PathPoint:
-    """Return the path at s [m]; before its start and after its end it goes on as there."""
+    """Return the path at s [m]; before its start and after its end it is extended."""
     k, distance = _leg_at(path, s)
     course, curvature = path["course"][k], path["curvature"][k]
     sin_c, cos_c = math.sin(course), math.cos(course)

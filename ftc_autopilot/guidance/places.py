@@ -1,9 +1,9 @@
-"""Where all members of a formation are, and how word of it spreads.
+"""Where all members of a formation are, and how news of it spreads.
 
 A member hears its neighbours in the communication graph only. So each FTC_NEIGHBOUR also relays
 where up to two other members are, as far as its sender has heard of them: the ones of whom the
 receivers know the least. A place keeps the step of the state that it was derived from, and only a
-newer one replaces it. So word of a place goes along every chain of links, never in circles, and
+newer one replaces it. So a place is relayed along every chain of links, never in circles, and
 whoever receives it predicts the member from then on by its velocity, however many links lie
 between. A place that nobody has heard of for a time is forgotten.
 """
@@ -52,7 +52,7 @@ def place_now(place: np.void, now_s: float, dt: float) -> Vec3:
 
 @compiled
 def take_in(message: np.void, sender: int, layout: np.void, places: np.ndarray) -> None:
-    """Note where a neighbour is, and whom it relays.
+    """Note where a neighbour is, and which members it relays.
 
     Args:
         message: Payload of dtype `mavlink_defs.framing.codec.NEIGHBOUR`.
@@ -73,7 +73,7 @@ def take_in(message: np.void, sender: int, layout: np.void, places: np.ndarray) 
 
 @compiled
 def _take_in_relayed(message: np.void, layout: np.void, places: np.ndarray) -> None:
-    """Note whom a message relays; arguments as of `take_in`."""
+    """Note which members a message relays; arguments as of `take_in`."""
     for r in range(MAX_RELAYED):
         m = _member(int(np.int64(message["relayed"][r])), layout)
         step = np.int64(message["relayed_step"][r])
@@ -96,9 +96,9 @@ def choose_relayed(
     last_relayed: np.ndarray,
     chosen: np.ndarray,
 ) -> float:
-    """Choose whom to relay next: the ones of whom the neighbours know the least.
+    """Choose which members to relay next: those the neighbours know least about.
 
-    Who has one neighbour only has heard everything from it, and relays nothing.
+    A UAV with a single neighbour has heard everything from it, and relays nothing.
 
     Args:
         step: Present step.
@@ -109,7 +109,7 @@ def choose_relayed(
         chosen: Members to relay, -1: none, shape (MAX_RELAYED,), written.
 
     Returns:
-        What the neighbours are wrong by, at most [m]; infinite of who must be relayed.
+        Largest error of the neighbours' knowledge [m]; infinite for a member to be relayed.
     """
     links = 0
     for d in range(len(layout["neighbours"])):

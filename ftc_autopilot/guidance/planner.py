@@ -85,7 +85,7 @@ class Planner:
     def first_path(self, items: Sequence[MissionItem], measured: np.void) -> np.void:
         """Return the path of a mission that begins with simulated time.
 
-        The members of a formation fly the same one, from home; who flies alone begins where it is.
+        The members of a formation fly the same one, from home; a single UAV begins where it is.
 
         Args:
             items: The mission, home included.

@@ -1,8 +1,8 @@
 """Whether those members of a formation that can come close can know of each other.
 
-A member knows where those are whom a chain of links joins to it, later with each link; see
-`ftc_autopilot.guidance.places`. Which two can come close is decided across the path alone: who
-loses thrust falls back along it, past all who fly behind.
+A member knows where all are that a chain of links joins to it, later with each link; see
+`ftc_autopilot.guidance.places`. Which two can come close is decided across the path alone: a UAV
+that loses thrust falls back along it, past all that fly behind.
 """
 
 import math
@@ -22,7 +22,7 @@ def most_links(members: int, update_s: float, silence_s: float | None) -> int:
 
     Args:
         members: UAVs in the formation.
-        update_s: Period in which each chooses whom to relay [s].
+        update_s: Period in which each chooses members to relay [s].
         silence_s: Longest silence of a trigger of neighbour messages; None: every period [s].
     """
     hop_s = update_s * math.ceil(max(members - 2, 1) / MAX_RELAYED)
@@ -54,7 +54,7 @@ def reach_problems(
         if room >= least + _MARGIN_M:
             continue
         far = "no chain of links joins them" if count is None else f"{count} links are between them"
-        limit = "" if count is None else f", and word of a place goes over {most} at most"
+        limit = "" if count is None else f", and a place is relayed over {most} at most"
         text = (
             f"UAVs {a} and {b} fly within {room:.3g} m of each other across the path, and neither "
             f"knows in time where the other is: {far}{limit}; give them an edge in network.edges, "

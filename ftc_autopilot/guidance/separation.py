@@ -13,18 +13,18 @@ possible::
 
 Two that meet head on would only stop each other. So what changes the velocity horizontally also
 changes it vertically, by as much at first, less the more of d_min they differ in height, and by at
-most 3 m/s: who is higher evades upwards, or the one with the lower system id if they are equally
+most 3 m/s: the higher one evades upwards, or the one with the lower system id if they are equally
 high.
 
-Who is degraded may not be able to evade. So the others take its share, too, and reckon with the
-distance that is left in the time T with which they follow::
+A degraded member may not be able to evade. So the others take its share, too, and count on the
+distance that is left after the time T by which they respond late::
 
     v := v + max(0, (v_j - v)·r/d - γ (d + T min(d', 0) - d_min)) r/d
 
-Who is degraded and slower than an aircraft may fly cannot be followed, only passed: above it, as it
+A degraded member slower than an aircraft may fly cannot be followed, only passed: above it, as it
 sinks, by a change of height that may be faster.
 
-It is the present velocities that count, as aircraft follow late and neighbours do not tell what
+It is the present velocities that count, as aircraft respond late and neighbours do not report what
 they intend. If both follow with a delay T, the distance goes by d'' = -(d' + γ (d - d_min))/T,
 which is damped well enough for γ T < 1/2.
 """
@@ -43,7 +43,7 @@ _SWEEPS = 3
 _ONE_PLACE_M = 1e-6
 """Distance below which there is no way out [m]."""
 _AHEAD_S = 1.2
-"""Time ahead for which a distance to a degraded member counts: aircraft follow so late [s]."""
+"""Time ahead for which a distance to a degraded member counts: aircraft respond so late [s]."""
 _LEVEL_M = 2.0
 """Difference in height below which two UAVs are equally high [m]."""
 _VERTICAL_MAX_M_S = 3.0

@@ -41,8 +41,8 @@ class Order(NamedTuple):
 def order_of(mission: Sequence[Target], first: int = 1) -> Order:
     """Carry out the jumps of a mission.
 
-    A jump counts by itself, and is not set back by another one, as in ArduPilot. What stands before
-    the last place has its effect; what stands after it has none.
+    A jump counts by itself, and is not set back by another one, as in ArduPilot. What comes before
+    the last place has its effect; what comes after it has none.
 
     Args:
         mission: Target k is item k + 1.

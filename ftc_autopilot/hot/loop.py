@@ -27,7 +27,7 @@ from mavlink_defs.runtime.native import (
 )
 
 _GCS_POLL_S = 0.002
-"""Lockstep: time between two looks for a datagram of a ground station [s]."""
+"""Lockstep: interval at which datagrams of ground stations are polled [s]."""
 
 LOOP_STATE = np.dtype(
     [
@@ -58,7 +58,7 @@ class Loops(NamedTuple):
 
 
 def new_loops(loops: Sequence[Loop], fds: Sequence[tuple[int, int, int]]) -> Loops:
-    """Return the loops for `run`; who calls it keeps their arrays alive.
+    """Return the loops for `run`; the caller keeps their arrays alive.
 
     Args:
         loops: At least one.

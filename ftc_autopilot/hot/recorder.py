@@ -13,7 +13,7 @@ class Recorder:
     """Empties the record of a link into a folder."""
 
     def __init__(self, link: AutopilotLink, folder: Path, resume: bool) -> None:
-        """Make the folder, or go on with it; OSError if it cannot be made, which it names."""
+        """Make the folder, or continue in it; OSError if it cannot be made, which it names."""
         self._link = link
         self._spool = Spool(folder, resume)
         self._given_up = False

@@ -1,7 +1,7 @@
 """The clock of a vehicle: time since boot, and the date.
 
 A ground station sees a vehicle that is alive from its start. So the clock runs by the wall clock
-while simulated time stands still, and by simulated time while that runs: intervals in a log are
+while simulated time is paused, and by simulated time while that runs: intervals in a log are
 the flight's, however fast it is flown.
 """
 

@@ -46,7 +46,7 @@ class Modes:
         say: Say,
     ) -> None:
         self.mode, self.path = LOITER, path
-        self._item = 1  # of the mission's path, to go on with
+        self._item = 1  # of the mission's path, to continue with
         self.armed = False
         self.airspeeds = config.aircraft.airspeed_limits
         self._hot, self._controllers, self._say = hot, controllers, say
@@ -154,7 +154,7 @@ class Modes:
         return self.started and self.current_item() == int(self._controllers.profiles[0]["count"])
 
     def jump_to(self, seq: int) -> bool:
-        """Let a mission go on with item seq; a segment goes on as if it began now.
+        """Continue a mission with item seq; a segment counts as begun now.
 
         Args:
             seq: Number of the item; 0, home, stands for the first one.
@@ -198,7 +198,7 @@ class Modes:
         self._note_mode(GUIDED)
 
     def note_item(self, seq: int) -> None:
-        """Take note of the item that a mission goes on with when it is flown again."""
+        """Note the item that a mission continues with when it is flown again."""
         self._item = max(seq, 1)
 
     # commands: params are the MAV_CMD's
@@ -312,7 +312,7 @@ class Modes:
 
         Args:
             mode: custom_mode.
-            item: Item of the mission to go on with; None: as before, as with the others.
+            item: Item of the mission to continue with; None: as before, as with the others.
             start_step: Step at which the mission's clock is 0.
             armed: Whether the vehicle is armed.
         """

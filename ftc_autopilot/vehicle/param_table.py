@@ -39,7 +39,7 @@ from mavlink_defs.services.param_server import (
 )
 
 SPAN = 10.0
-"""Largest value of a parameter whose field declares no upper bound, by its default."""
+"""Largest value of a parameter whose field declares no upper bound, relative to its default."""
 
 _ALWAYS = np.array([math.inf])
 _AXES = ("ROLL", "PITCH", "YAW")
@@ -83,7 +83,7 @@ class Tunable:
         quantity: Unit, range, meaning.
         times: Last instant of each window of the number [s]; one that never ends if it is
             constant. Shape (windows,).
-        cells: Where the number stands in a record, in each window, shape (windows, copies).
+        cells: Where the number is in a record, in each window, shape (windows, copies).
         factor: The number in the record is the value times this.
     """
 

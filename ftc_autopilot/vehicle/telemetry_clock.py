@@ -22,7 +22,7 @@ class TelemetryClock:
     def __init__(self, kind: TelemetryClockKind, hot: HotState) -> None:
         self._kind, self._hot = kind, hot
         self._wall_us = self._simulated_us = self._slower_us = 0
-        self._pace = 1.0  # of this clock, by the wall clock
+        self._pace = 1.0  # of this clock, relative to the wall clock
 
     def read_us(self, now: float) -> int:
         """Return the time on this clock [µs].

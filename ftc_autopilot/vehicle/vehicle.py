@@ -389,7 +389,7 @@ class Vehicle:
             self.say(severity, text)
 
     def _report_resumption(self) -> None:
-        """Announce once from which checkpoint the flight goes on, and how old it is."""
+        """Announce once from which checkpoint the flight resumes, and how old it is."""
         if self._resumed_us is None or self._hot.heard_s == 0.0:
             return
         resumed_us, self._resumed_us = self._resumed_us, None

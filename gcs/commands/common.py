@@ -104,7 +104,7 @@ def changed_scenario(
 
     Args:
         scenario: A file, or the name of a bundled scenario.
-        additions: Files or bundled additions, each merged into what stands before it.
+        additions: Files or bundled additions, each merged into the ones before it.
         settings: As in ``--set KEY=VALUE``.
 
     Raises:

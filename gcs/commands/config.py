@@ -38,7 +38,7 @@ def config(
     out: Annotated[
         Path,
         typer.Option(
-            help="Folder for the files; those of the same names are replaced.", metavar="FOLDER"
+            help="Folder for the files; files of the same names are replaced.", metavar="FOLDER"
         ),
     ],
     host: Annotated[

@@ -117,7 +117,7 @@ class FlyOptions(FleetOptions):
         """
         check_speed(self.speed)
         if self.restarts and self.in_process:
-            text = "--restart is about processes; --in-process has none"
+            text = "--restart applies to processes; --in-process has none"
             raise BadInput(text, "leave one of them out")
         if self.speed is not None and self.in_process:
             text = "--speed paces processes; --in-process has none"
@@ -158,7 +158,7 @@ def fly(
 
     loaded = signed(_scenario(scenario, options), options.signing_key)
     if options.in_process and loaded.links.impairments is not None:
-        text = "links.impairments are about the wire; --in-process has none"
+        text = "links.impairments apply to the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")
     if not (options.free_ports or options.in_process):
         check_ports(loaded)
@@ -169,7 +169,7 @@ def fly(
         check_space(folder, loaded, record, over_udp=over_udp, restart=options.restarts)
         recorder = FlightRecorder(loaded, folder, record)
         if (size := trajectory_bytes(loaded, record)) > _LARGE:
-            console.print(f"recording the trajectory takes up to {size / 1e6:.0f} MB")
+            console.print(f"recording the trajectory needs up to {size / 1e6:.0f} MB")
         with contextlib.closing(recorder):
             warn_of_one_path(loaded, console)
             warm_up(loaded, console)
@@ -196,7 +196,7 @@ def _suggest_sharing(uavs: int, console: Console) -> None:
 
 
 def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario:
-    """Return the scenario to fly, or that of a campaign's row, which is flown as it was."""
+    """Return the scenario to fly, or a campaign row's, which is flown as it was."""
     if options.campaign is None and options.row is None and scenario is not None:
         return changed_scenario(scenario, options.additions, options.settings)
     if scenario is not None or options.campaign is None or options.row is None:

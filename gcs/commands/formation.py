@@ -48,7 +48,7 @@ def show(station: Station) -> None:
 
     async def action(vehicle: Vehicle) -> str:
         message = found[vehicle.system] = await vehicle.formation()
-        return f"UAV {vehicle.system}: {_words(message)}"
+        return f"UAV {vehicle.system}: {_text(message)}"
 
     station.act(action, lambda vehicle: _data(found[vehicle.system]))
 
@@ -83,7 +83,7 @@ def slot(
     station.do(lambda vehicle: vehicle.set_slot(*place), f"takes {where.format(*place)}")
 
 
-def _words(message: _Message) -> str:
+def _text(message: _Message) -> str:
     if message.path_id == 0:
         return "flies no path in formation"
     ahead, right, up = message.slot

@@ -16,7 +16,7 @@ from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
 from gcs.scenario.model import load_scenario
 from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
-from gcs.terminal import console_of, numbers, print_json, table_of, words
+from gcs.terminal import console_of, numbers, print_json, table_of, texts
 from mavlink_defs.config.models import counted
 from mavlink_defs.mission_files import is_mission_file, plan_text, waypoints_text
 
@@ -81,8 +81,8 @@ def show(
     own = Path("paper/scenario1") if is_mission_file(file) else file
     itinerary = dry_run(file, items, load_scenario(fleet or own))
     if as_json:
-        texts = [{"item": item.seq, "text": item_text(item)} for item in items[1:]]
-        print_json({"file": str(file), "items": texts, **asdict(itinerary)})
+        listed = [{"item": item.seq, "text": item_text(item)} for item in items[1:]]
+        print_json({"file": str(file), "items": listed, **asdict(itinerary)})
         return
     console_of(stderr=False).print(_table(items, itinerary), _total(itinerary))
 
@@ -103,7 +103,7 @@ def fly(
     station: Station,
     file: _File,
 ) -> None:
-    """Upload a mission, start it, and arm who is not armed yet."""
+    """Upload a mission, start it, and arm the UAVs that are not armed yet."""
     _send(station, file, start=True)
 
 
@@ -176,7 +176,7 @@ def _plain(item: Any) -> dict[str, Any]:
 
 def _table(items: Mission, itinerary: Itinerary) -> Table:
     headings = ("north m", "east m", "height m", "V m/s", "way m", "time s", "turn m")
-    columns = (numbers(""), words("item"), *map(numbers, headings))
+    columns = (numbers(""), texts("item"), *map(numbers, headings))
     table = table_of(*columns, box=None, pad_edge=False)
     reached = {stage.item: stage for stage in reversed(itinerary.stages)}
     for item in items[1:]:

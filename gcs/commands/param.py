@@ -90,7 +90,7 @@ def list_(station: Station) -> None:
     async def action(vehicle: Vehicle) -> str:
         known = _known_quantities()
         params = found[vehicle.system] = await vehicle.list_params()
-        return "\n".join(_words(vehicle, param, known(param.name)) for param in params)
+        return "\n".join(_text(vehicle, param, known(param.name)) for param in params)
 
     def data(vehicle: Vehicle) -> dict[str, Any]:
         return {"params": [_param_dict(param) for param in found[vehicle.system]]}
@@ -110,7 +110,7 @@ def get(
     async def action(vehicle: Vehicle) -> str:
         known = _known_quantities()
         param = found[vehicle.system] = await vehicle.get_param(name)
-        return _words(vehicle, param, known(param.name))
+        return _text(vehicle, param, known(param.name))
 
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
@@ -137,7 +137,7 @@ def set_(
             if problem.result != dialect.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE or known is None:
                 raise
             raise CommandRefused(f"{problem}: expected {known.range()}", problem.result) from None
-        return _words(vehicle, param, known)
+        return _text(vehicle, param, known)
 
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
@@ -162,7 +162,10 @@ def save(station: Station, file: _File) -> None:
     async def work(_: "Client", vehicles: list[Vehicle]) -> tuple[int, tuple[Param, ...]]:
         if len(vehicles) != 1:
             ids = ", ".join(str(vehicle.system) for vehicle in vehicles)
-            raise BadInput(f"a file is of one vehicle, heard are {ids}", "choose one with --uav")
+            raise BadInput(
+                f"a file holds one vehicle's parameters, but UAV {ids} were heard",
+                "choose one with --uav",
+            )
         return vehicles[0].system, await vehicles[0].list_params()
 
     system, params = station.run(work)
@@ -276,10 +279,10 @@ def _diff_defaults(station: Station) -> None:
         values_text = ", then ".join(f"{value:.9g}" for value in values)
         print_line(difference(system, param.name, param.value, f"default {values_text}"))
     for system in sorted(found.keys() - {system for system, _, _ in different}):
-        print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default are at it")
+        print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default have it")
 
 
-def _words(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:
+def _text(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:
     unit = f" {known.unit}" if known and known.unit else ""
     allowed = known.range() if known else ""
     limits = "" if not allowed or allowed.startswith("any number") else f", range {allowed}"

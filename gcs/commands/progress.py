@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 EVERY_S = 30.0
 """Longest silence where there is no terminal, over all tasks of a command [s]."""
 LOOK_S = 0.5
-"""Time between two looks whether a line is due [s]."""
+"""Interval at which a due line is polled [s]."""
 
 
 class Task:

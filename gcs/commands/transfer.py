@@ -12,7 +12,7 @@ from gcs.terminal import console_of
 from mavlink_defs.config.output_files import write_text
 
 Note: TypeAlias = Callable[[int, int], None]
-"""Takes note of how many items of how many a vehicle has got."""
+"""Notes how many items of how many a vehicle has received."""
 
 T = TypeVar("T")
 

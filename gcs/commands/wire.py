@@ -133,7 +133,7 @@ def _count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]
     Args:
         path: A pcap, pcapng or tlog file, or the wire.json of a flight.
         tap: Tap that counts, with no counts yet.
-        names: How to name the links of a capture. Those of a telemetry log are "gcs".
+        names: Names of the links of a capture. A telemetry log's link is "gcs".
 
     Returns:
         The report, and a remark for the user or "".

@@ -60,7 +60,7 @@ def draw_mission(
         recording: The flight, as of `gcs.results.preview.Preview`.
         scenario: What was flown.
         paths: As for `gcs.results.path_following.PathErrors`.
-        leaders: Likewise.
+        leaders: As for `gcs.results.path_following.PathErrors`.
         folder: For the files.
     """
     flight = PlottedFlight(scenario.name, scenario, recording)
@@ -166,7 +166,7 @@ def _draw_faults(axis: "Axes", flight: PlottedFlight) -> None:
 
 
 def _draw_formations(axis: "Axes", flight: PlottedFlight, tracks: np.ndarray) -> None:
-    """Draw the UAVs at some times, apart enough to tell them apart, and the links between them.
+    """Draw the UAVs at some times, far enough apart to see each, and the links between them.
 
     One that has strayed is drawn where it is, without links.
     """

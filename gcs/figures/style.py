@@ -154,8 +154,8 @@ def draw_curve(axis: "Axes", t: np.ndarray, y: np.ndarray, **properties: Any) ->
 def usual_range(curves: Sequence[np.ndarray], step_s: float) -> tuple[float, float]:
     """Return the range of curves but for brief transients; NaN if they have no values.
 
-    The range is that of the curves without the greatest and the least values that each of them
-    has for 0.2 s in all, and a quarter more for those, above and below, as far as they go.
+    The range spans the curves without the greatest and the least values that each of them
+    has for 0.2 s in all, and a quarter more for these, above and below, as far as they go.
 
     Args:
         curves: Signals at evenly spaced times, with gaps of NaN.

@@ -20,7 +20,7 @@ _WHOLE = np.dtype((np.void, SIGNALS.itemsize))
 class Collector:
     """Takes what the processes have written, so that little of it lies on disk at a time.
 
-    The plant's steps are those of the flight. A step is handed on when every autopilot has recorded
+    The plant's steps are the flight's. A step is handed on when every autopilot has recorded
     it or a later one; one that it has not recorded is missing.
     """
 

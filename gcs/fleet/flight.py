@@ -28,14 +28,14 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, UdpAddress
 
 _START_TIMEOUT_S = 60.0
-_LOOK_S = 0.05
+_POLL_S = 0.05
 _AT_A_TIME = 8
 _END_TIMEOUT_S = 10.0
 _FOR_DISPLAYS = {*DEFAULT_INTERVALS_US, *REQUESTED_S} - {
     dialect.MAVLINK_MSG_ID_FTC_EVENTS,
     dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
 }
-"""Ids of messages that nothing here looks at: decoding them takes a third of the time."""
+"""Ids of messages that nothing here uses: decoding them takes a third of the time."""
 
 
 async def fly_over_udp(
@@ -55,13 +55,12 @@ async def fly_over_udp(
         scenario: The scenario.
         folder: Run folder, exists; gets `flight.tlog`, and `processes/` with the configuration
             and the log of each process; with `links.impairments` also `wire.json`.
-        on_steps: Called with the recorded steps, in order; also with those of a flight that ends in
-            an error.
+        on_steps: Called with the recorded steps, in order; also if the flight ends in an error.
         speed: Real-time factor; None for lockstep, as fast as the machine allows.
         on_progress: Called with the simulated time [s] and the event counts so far, (n, 4).
         restart: Start autopilots that fail again; they resume from their checkpoints.
         autopilot_processes: As of `FleetProcesses`.
-        crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
+        crashes: Steps after which autopilots crash, by UAV, one for each start: for tests.
 
     Raises:
         BadInput: A port is in use.
@@ -106,7 +105,7 @@ async def fly_over_udp(
                         fleet.check()
                         client.check()
                         collector.pass_on(on_steps)
-                        await asyncio.sleep(_LOOK_S)
+                        await asyncio.sleep(_POLL_S)
                     fleet.check()
                     fleet.wait(_END_TIMEOUT_S)
                     await client.catch_up(_END_TIMEOUT_S)  # with the autopilots' last messages
@@ -151,7 +150,7 @@ async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, sta
     waiting = asyncio.create_task(client.wait_for(ids, _START_TIMEOUT_S))
     while not waiting.done():
         fleet.check()
-        await asyncio.wait([waiting], timeout=_LOOK_S)
+        await asyncio.wait([waiting], timeout=_POLL_S)
     await waiting
     items = scenario.mission_items()
     await _for_each(ids, lambda i: client.vehicle(i).upload_mission(items))

@@ -144,9 +144,9 @@ def _fork(program: str, arguments: list[str], log: str, pipes: tuple[int, int]) 
         os._exit(status)
 
 
-def _set_command_line(*words: str) -> None:
-    """Show other words in ps and top; more than fit are cut off."""
+def _set_command_line(*arguments: str) -> None:
+    """Show other arguments in ps and top; what does not fit is cut off."""
     fields = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
     begin, end = int(fields[45]), int(fields[46])  # arg_start and arg_end of proc(5)
-    text = os.fsencode("\0".join(words))[: end - begin - 1]
+    text = os.fsencode("\0".join(arguments))[: end - begin - 1]
     ctypes.memmove(begin, text.ljust(end - begin, b"\0"), end - begin)

@@ -29,7 +29,7 @@ _ahead: list[subprocess.Popen[bytes]] = []
 def program(module: str) -> str:
     """Return the program that calls `main` of a module.
 
-    Python looks for garbage neither while it imports, nor later in what it has imported.
+    Python collects garbage neither while it imports, nor later in what it has imported.
     """
     return f"import gc; gc.disable(); from {module} import main; gc.freeze(); gc.enable(); main()"
 
@@ -42,7 +42,7 @@ def without_threads() -> dict[str, str]:
 def start_server_ahead() -> None:
     """Start the server that the next `ForkServer` will use; it ends with this process.
 
-    If that fails, the `ForkServer` will tell why.
+    If that fails, the `ForkServer` will report why.
     """
     if FORKS:
         atexit.register(_end_unused)
@@ -58,7 +58,7 @@ def _end_unused() -> None:
 
 
 def _started_ahead() -> subprocess.Popen[bytes] | None:
-    """Return the server that was started ahead, if it lives; if not, another one tells why."""
+    """Return the server that was started ahead, if it runs; if not, another one reports why."""
     server = _ahead.pop() if _ahead else None
     return server if server is not None and server.poll() is None else None
 

@@ -31,7 +31,7 @@ _Peer: TypeAlias = tuple[str, int]
 
 
 def rate_limit_hz(vehicles: int) -> float:
-    """Return how many datagrams per second the hub looks at of one ground station.
+    """Return how many datagrams per second the hub accepts from one ground station.
 
     An upload to all vehicles at once stays below; a program that floods does not. For a moment
     there may be more, as many as in two seconds.
@@ -51,7 +51,7 @@ class Hub:
     """Passes datagrams on between the vehicles of one fleet and its ground stations.
 
     Attributes:
-        drops: Datagrams that were not forwarded, by reason in words.
+        drops: Datagrams that were not forwarded, by reason.
         moved: Vehicles heard from a new address, as after a restart; the caller that handles
             them removes them.
     """
@@ -92,7 +92,7 @@ class Hub:
             return self._drop(_TOO_OFTEN)
         wrong = None if self._signer is None else self._signer.problem(datagram)
         if wrong is not None:
-            return self._drop(wrong.words)
+            return self._drop(wrong.text)
         alive = {peer: at for peer, at in self._stations.items() if now - at <= PATIENCE_S}
         self._stations = alive
         header = FrameHeader.read(datagram)
@@ -100,9 +100,9 @@ class Hub:
             known = self._vehicles.get(header.system)
             if known != sender:
                 if parse(datagram) is None:
-                    return self._drop(drop_reason(datagram).words)
+                    return self._drop(drop_reason(datagram).text)
                 if not self._is_of_this_machine(sender):
-                    return self._drop(DropReason.STRANGER.words)
+                    return self._drop(DropReason.STRANGER.text)
                 self._vehicles[header.system] = sender
                 if known is not None:
                     self.moved.append(header.system)
@@ -110,7 +110,7 @@ class Hub:
             return list(alive)
         message = parse(datagram)
         if message is None:
-            return self._drop(drop_reason(datagram).words)
+            return self._drop(drop_reason(datagram).text)
         if sender not in alive and len(alive) >= MAX_STATIONS:
             return self._drop(f"of more than {MAX_STATIONS} ground stations")
         alive[sender] = now
@@ -126,11 +126,11 @@ class Hub:
         if target == 0:
             return list(self._vehicles.values())
         if target not in self._vehicles:
-            return self._drop(DropReason.OTHER_TARGET.words)
+            return self._drop(DropReason.OTHER_TARGET.text)
         return [self._vehicles[target]]
 
     def knows(self, peer: _Peer) -> bool:
-        """Return whether an address is that of a vehicle, or of a ground station."""
+        """Return whether an address belongs to a vehicle or a ground station."""
         return peer in self._stations or peer in self._vehicles.values()
 
     def _is_within_share(self, whose: tuple[_Peer, int | None], rate_hz: float, now: float) -> bool:

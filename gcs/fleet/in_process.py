@@ -1,7 +1,7 @@
 """A whole scenario in one process: plant and controllers in one compiled loop, no sockets.
 
 The loop calls the same functions as the processes, on the same payloads that would cross the
-links, so its events are bit for bit those of a lockstep flight over UDP.
+links, so its events are bit for bit the same as in a lockstep flight over UDP.
 """
 
 import time
@@ -158,7 +158,7 @@ def run_steps(
     applied: np.ndarray,
     signals: np.ndarray,
 ) -> tuple[int, int]:
-    """Fly the steps from `first` on that there is room for; return how many, and who was lost."""
+    """Fly the steps from `first` on that there is room for; return how many, and the lost UAV."""
     fleet, controllers, sources = borrowed(fleet), borrowed(controllers), borrowed(sources)
     n = len(sources)
     k, lost = 0, -1
@@ -172,7 +172,7 @@ def run_steps(
             copy_values(states[k, i], fleet.states[i])
             copy_values(wind[k, i], fleet.air[i])
             copy_record(signals[k, i], controllers.signals[i])
-        if first + k > 0:  # before the second step none looks for another message of the first
+        if first + k > 0:  # before the second step none polls for a second message of the first
             _deliver(controllers, sources, first + k)
         lost = fly(fleet, first + k, step_us)
         for i in range(n):

@@ -52,7 +52,7 @@ def compile_everything(scenario: Scenario) -> None:
 
 @contextlib.contextmanager
 def _seldom_collected() -> Iterator[None]:
-    """Let Python look for garbage seldom: the compiler makes millions of objects that stay."""
+    """Let Python collect garbage seldom: the compiler makes millions of objects that stay."""
     before = gc.get_threshold()
     gc.set_threshold(_OBJECTS)
     try:

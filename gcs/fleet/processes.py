@@ -123,7 +123,7 @@ class FleetProcesses:
     """The processes of one scenario, as a context manager that stops them all.
 
     Their configurations, logs and recordings go into `folder`. `via` maps addresses that
-    autopilots send to onto those of relays, as `Relay.via` does.
+    autopilots send to onto relays' addresses, as `Relay.via` does.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class FleetProcesses:
             restart: Start autopilots that fail again; they resume from their checkpoints.
             autopilot_processes: How many processes the autopilots share, only in lockstep and
                 without `restart`; None: each has its own.
-            crashes: Steps after which autopilots die, by UAV, one for each life: for tests.
+            crashes: Steps after which autopilots crash, by UAV, one for each start: for tests.
             ground_stations: Addresses that autopilots send to besides the scenario's GCS port.
             via: Relays to send through, as of `gcs.fleet.relays`.
         """
@@ -196,7 +196,7 @@ class FleetProcesses:
         return [ids[begin:end] for begin, end in itertools.pairwise(ends)]
 
     def _options(self, uav: int) -> list[str]:
-        """Return the options of an autopilot beside those of every process."""
+        """Return the options that only an autopilot has."""
         if not self._restart:
             return []
         checkpoint = self._folder / f"uav{uav}.checkpoint"
@@ -307,7 +307,7 @@ class FleetProcesses:
         for uav in self._scenario.uavs:
             config = through(self._scenario.autopilot_config(uav.id), self._via)
             changes: dict[str, object] = {"gcs": (*config.gcs, *self._ground_stations)}
-            if self._restart:  # who supervises sees the plant end; a slow one is waited for
+            if self._restart:  # the supervisor sees the plant end; a slow one is waited for
                 changes["silence_timeout_s"] = _SUPERVISED_SILENCE_S
             dump(config.model_copy(update=changes), self._folder / f"uav{uav.id}.yaml")
 
@@ -329,13 +329,13 @@ class FleetProcesses:
         """Start a dead autopilot again when its pause is over.
 
         Raises:
-            FlightLost: It has died too often.
+            FlightLost: It has failed too often.
             OSError: A file cannot be written; with `endless` the process is given up instead.
         """
-        now, words = time.monotonic(), process.last_line()
+        now, reason = time.monotonic(), process.last_line()
         due = self._restarts.is_due(process.name, now)
         if due is None:
-            text = f"{process.name}: {words}, {MOST_IN_A_ROW + 1} times in a row"
+            text = f"{process.name}: {reason}, {MOST_IN_A_ROW + 1} times in a row"
             raise FlightLost(f"{text} soon after its start")
         if not due:
             return
@@ -348,7 +348,7 @@ class FleetProcesses:
             self._give_up(process, f"cannot write {problem.filename}: {problem.strerror}")
         else:
             how = ", without its checkpoint, which is gone: disarmed, no profile" if gone else ""
-            self._restarted.append(f"{process.name}: {words}; started again{how}")
+            self._restarted.append(f"{process.name}: {reason}; started again{how}")
 
     def _give_up(self, process: _Process, reason: str) -> None:
         """Leave a process dead, and the others flying."""

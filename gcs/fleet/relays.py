@@ -33,7 +33,7 @@ def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None 
 
 
 def through(config: AutopilotConfig, via: Mapping[str, str]) -> AutopilotConfig:
-    """Return the configuration with addresses replaced by those of relays, as in `Relay.via`."""
+    """Return the configuration with addresses replaced by relays' addresses, as in `Relay.via`."""
     neighbours = (
         n.model_copy(update={"address": via.get(n.address, n.address)}) for n in config.neighbours
     )

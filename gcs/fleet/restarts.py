@@ -1,4 +1,4 @@
-"""When an autopilot that has died is started again: at once, then after growing pauses.
+"""When an autopilot that has failed is started again: at once, then after growing pauses.
 
 No processes and no clock: names and times go in.
 """
@@ -6,8 +6,8 @@ No processes and no clock: names and times go in.
 from collections import Counter
 
 MOST_IN_A_ROW = 5
-"""Deaths of one process, each soon after its start, after which it is given up."""
-_LONG_LIFE_S = 10.0  # a process that lived so long begins with a restart at once again
+"""Most restarts in a row of a process that fails soon after each start; then it is given up."""
+_STABLE_S = 10.0  # a process that ran for so long is restarted at once again
 _FIRST_PAUSE_S = 0.5  # before the second restart in a row; each later one takes twice as long
 
 
@@ -40,8 +40,8 @@ class Restarts:
             now: The time [s].
         """
         if name not in self._due:
-            lived_long = now - self._started[name] >= _LONG_LIFE_S
-            self._in_a_row[name] = 1 if lived_long else self._in_a_row[name] + 1
+            was_stable = now - self._started[name] >= _STABLE_S
+            self._in_a_row[name] = 1 if was_stable else self._in_a_row[name] + 1
             deaths = self._in_a_row[name]
             self._due[name] = now + (_FIRST_PAUSE_S * 2.0 ** (deaths - 2) if deaths > 1 else 0.0)
         if self._in_a_row[name] > MOST_IN_A_ROW:

@@ -16,9 +16,9 @@ from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from mavlink_defs.endpoint import Connection, EndpointError, UdpAddress, bind_udp
 from mavlink_defs.framing.key_file import load_signer
-from mavlink_defs.framing.signing import SigningError, words_of
+from mavlink_defs.framing.signing import SigningError, counts_text
 
-_LOOK_S = 0.1
+_POLL_S = 0.1
 _END_OF_PLANT_S = 1.0
 
 
@@ -94,7 +94,7 @@ async def keep_up(
         if recording is not None:
             recording.close()
         if route.drops:
-            on_message(f"hub: dropped {words_of(route.drops)} in all")
+            on_message(f"hub: dropped {counts_text(route.drops)} in all")
 
 
 async def _watch(
@@ -109,7 +109,7 @@ async def _watch(
     ended: set[int] = set()
     reported: set[str] = set()
     while True:
-        await asyncio.sleep(_LOOK_S)
+        await asyncio.sleep(_POLL_S)
         if recording is not None:
             recording.collect(asyncio.get_running_loop().time())
         if restart:
@@ -133,7 +133,7 @@ async def _watch(
         hub.moved.clear()
         if hub.drops.keys() - reported:
             reported |= hub.drops.keys()
-            on_message(f"hub: dropped {words_of(hub.drops)}")
+            on_message(f"hub: dropped {counts_text(hub.drops)}")
 
 
 async def _newly_ended(fleet: FleetProcesses) -> list[tuple[str, str]]:

@@ -66,8 +66,8 @@ class Reproduction:
     """What was flown.
 
     Attributes:
-        summaries: Those of the paper's flights, by file name.
-        flights: How many flights were flown, those of the second chapter included.
+        summaries: Of the paper's flights, by file name.
+        flights: How many flights were flown, including the second chapter's.
     """
 
     summaries: Mapping[str, FlightSummary]

@@ -8,7 +8,7 @@ from rich.text import Text
 from gcs.results.figures import FlightSummary, UavSummary
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
 from gcs.scenario.model import Scenario
-from gcs.terminal import numbers, table_of, words
+from gcs.terminal import numbers, table_of, texts
 from mavlink_defs.capture.saving import saving
 
 
@@ -68,7 +68,7 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
     if missing := uav.missing_steps:
         yield Text.assemble(
             (f"UAV {uav.id} missed {missing} of {steps} steps", "bold red"),
-            ": no state reached it; errors are those of the true state against the last command",
+            ": no state reached it; errors compare the true state with the last command",
         )
     if disarmed := steps - uav.active_steps - missing:
         yield Text(
@@ -78,7 +78,7 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
 
 
 def _transmissions(summary: FlightSummary, names: dict[int, str]) -> Table:
-    columns = (words("UAV"), words("channel"))
+    columns = (texts("UAV"), texts("channel"))
     figures = map(numbers, ("events", "saved", "smallest interval", "repeats"))
     title = f"Transmissions in {summary.steps} control periods"
     table = table_of(*columns, *figures, title=title)
@@ -100,7 +100,7 @@ def _transmissions(summary: FlightSummary, names: dict[int, str]) -> Table:
 def _links(summary: FlightSummary, names: dict[int, str]) -> Table:
     figures = map(numbers, ("messages", "bytes", "saved"))
     title = "Messages and bytes on the links, each once"
-    table = table_of(words("UAV"), words(""), *figures, title=title)
+    table = table_of(texts("UAV"), texts(""), *figures, title=title)
     for uav in summary.uavs:
         size = uav.link_bytes
         rows = (
@@ -123,7 +123,7 @@ def _links(summary: FlightSummary, names: dict[int, str]) -> Table:
 def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
     figures = [numbers(f"{quantity}\n[{IAE_UNITS[quantity]}]") for quantity in QUANTITIES]
     title = "Tracking: integral of absolute error (IAE), largest error after 1 s"
-    table = table_of(words("UAV"), words(""), *figures, title=title)
+    table = table_of(texts("UAV"), texts(""), *figures, title=title)
     for uav in summary.uavs:
         rows = (
             (names[uav.id], "IAE vs commands", uav.iae, "{:.2f}"),
@@ -142,7 +142,7 @@ def _tracking(summary: FlightSummary, names: dict[int, str]) -> Table:
 def _path(summary: FlightSummary, names: dict[int, str]) -> Table:
     figures = map(numbers, ("straights", "turns", "height", "RMS", "slot", "RMS", "counted"))
     title = "Path: largest errors of the true place [m], from 10 s on the path on"
-    table = table_of(words("UAV"), *figures, title=title)
+    table = table_of(texts("UAV"), *figures, title=title)
     for uav in summary.uavs:
         if (path := uav.path) is None:
             continue

@@ -6,7 +6,7 @@ from typing import TextIO
 from rich.table import Table
 
 from gcs.results.quantities import milliseconds, percent
-from gcs.terminal import numbers, table_of, words
+from gcs.terminal import numbers, table_of, texts
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_neighbour_message
@@ -95,7 +95,7 @@ def write_csv(report: TapReport, file: TextIO) -> None:
 def _links(report: TapReport, live: bool) -> Table:
     outcomes = {(fate.link, fate.direction): fate.counts for fate in report.fates or ()}
     figures = map(numbers, ("datagrams", "bytes", "1/s", "bytes/s"))
-    table = table_of(words("link"), *figures, words("remarks"), title="Links")
+    table = table_of(texts("link"), *figures, texts("remarks"), title="Links")
     for row in report.links:
         counts = outcomes.get((row.link, row.direction), {})
         remarks = [f"{n} {reason}" for reason, n in row.dropped.items()]
@@ -110,7 +110,7 @@ def _links(report: TapReport, live: bool) -> Table:
 
 def _messages(report: TapReport, live: bool) -> Table:
     signed = any(row.signed for row in report.messages)
-    columns = map(words, ("link", "sender", "message"))
+    columns = map(texts, ("link", "sender", "message"))
     figures = map(numbers, ("frames", "bytes", "1/s", *["signed"] * signed))
     table = table_of(*columns, *figures, title="Messages, by system/component")
     before = None
@@ -132,7 +132,7 @@ def _messages(report: TapReport, live: bool) -> Table:
 
 
 def _transmissions(report: TapReport) -> Table:
-    columns = map(words, ("link", "UAV", "channel"))
+    columns = map(texts, ("link", "UAV", "channel"))
     figures = map(numbers, ("sent", "periodic", "saved", "min. interval", "repeats"))
     title = "Actuator transmissions against periodic sending"
     table = table_of(*columns, *figures, title=title)

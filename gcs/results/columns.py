@@ -46,7 +46,7 @@ _UNITS = {"V": "m/s", "V_dot": "m/s²", "path_position": "m"}
 
 @dataclass(frozen=True)
 class Column:
-    """A column and where its values stand.
+    """A column and where its values are.
 
     Attributes:
         name: As in files.

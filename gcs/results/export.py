@@ -114,7 +114,7 @@ def _table_of(batches: Iterable["pa.RecordBatch"]) -> dict[str, np.ndarray]:
 
 
 def _to_csv(source: Path, path: Path) -> Path:
-    """Write a table as CSV; units are those of the recording."""
+    """Write a table as CSV, in the units of the recording."""
     from pyarrow import csv
 
     def plain(batch: "pa.RecordBatch") -> "pa.RecordBatch":

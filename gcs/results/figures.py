@@ -45,7 +45,7 @@ class DiagnosisSummary:
         time_s: When [s].
         delay_s: Since the start, or the end, of the injected fault that it follows [s]; None if it
             follows none.
-        stuck: Where it stands when it is declared lost [deg, throttle N]; None when it is back.
+        stuck: Its position when it is declared lost [deg, throttle N]; None when it is back.
     """
 
     actuator: str
@@ -85,13 +85,13 @@ class UavSummary:
         channels: By name, in the order of the paper's tables.
         actuator_messages: Messages that carried the events; several may travel in one.
         neighbour_messages: Messages to neighbours, one to each, after the first step.
-        neighbour_saving: Share of those of a sender in every step that were not sent; None
-            without neighbours.
+        neighbour_saving: Share of messages saved against a sender in every step; None without
+            neighbours.
         link_bytes: Size of `states` received, and of both kinds of messages sent, by kind; see
             `gcs.results.traffic`.
         iae: Integrals of absolute errors against the commands [m, deg s].
         iae_filtered: The same against the filtered reference.
-        iae_sync: Those of the synchronisation errors (31) and (32) between the true states.
+        iae_sync: The same of the synchronisation errors (31) and (32) between the true states.
         max_error: Largest errors against the reference after the first second [m/s, deg].
         final_error: Largest ones within the last second [m/s, deg].
         attitude_lost_at_s: When roll or pitch was first more than 90° off [s]; None if never.
@@ -99,7 +99,7 @@ class UavSummary:
         diagnosis: Decisions of its diagnosis, in order; none of a law without one.
         restarts: How often its autopilot was started again.
         path: How it followed the path of the mission; None in a flight without one.
-        lowest_altitude_m: Least height above the ground, that of the origin [m]; below 0 it has
+        lowest_altitude_m: Least height above the ground, which is at the origin [m]; below 0 it has
             hit the ground. None of a flight without steps, or of an earlier version.
         control_failure: Commands of its law that were not finite; None if all were.
     """

@@ -269,7 +269,7 @@ def gather(errors: np.ndarray, followers: np.ndarray) -> None:
 
 @compiled
 def _larger(largest: float, error: float) -> float:
-    """Return the larger absolute value; that of the error if there is no largest yet."""
+    """Return the larger absolute value; the error's if there is no largest yet."""
     return abs(error) if math.isnan(largest) else max(largest, abs(error))
 
 

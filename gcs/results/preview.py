@@ -70,7 +70,7 @@ class Preview:
         gaps = np.diff(times, prepend=0.0)
         gaps[first] = times[first] - self._last_event[key[first]]
         self._last_event[key] = times  # the last one of each channel stays
-        known = np.isfinite(gaps)  # not that of a channel's very first event
+        known = np.isfinite(gaps)  # a channel's very first event has no gap
         self._gaps.append(np.array([key, times, gaps])[:, known])
         self._gap_count += len(key)
         if self._gap_count > _MOST_GAPS:

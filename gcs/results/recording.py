@@ -175,7 +175,7 @@ class Recording:
         """Return true response minus what it tracks, angles wrapped [m/s, rad], (steps, n, 4).
 
         Over missing steps the last command or reference recorded holds; before an autopilot's
-        first step, that of its first step. NaN while disarmed.
+        first step, the first one recorded. NaN while disarmed.
 
         Args:
             against: The unfiltered commands, or the filtered reference.

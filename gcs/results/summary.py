@@ -32,7 +32,7 @@ def summary_of(tally: Tally, ending: Ending, scenario: Scenario) -> FlightSummar
 
     Saving is the share of the periodic sender's transmissions that the triggers did without;
     a periodic sender transmits every channel in every step that the law is evaluated at.
-    Errors are those of the true state, as `Recording.error` gives them.
+    Errors are the true state's, as `Recording.error` gives them.
 
     Args:
         tally: The counts of all its steps.
@@ -145,13 +145,13 @@ def _diagnosis(
         faults = (f for f in scenario.faults if f.uav == system and f.actuator == name)
         causes = (fault.start_s if lost else fault.end_s for fault in faults)
         cause = max((t for t in causes if t is not None and t <= time_s), default=None)
-        stands = offset if name == "throttle" else float(np.degrees(offset))
+        position = offset if name == "throttle" else float(np.degrees(offset))
         yield DiagnosisSummary(
             actuator=name,
             phase="lost" if lost else "back",
             time_s=time_s,
             delay_s=None if cause is None else round(time_s - cause, 6),
-            stuck=stands if lost else None,
+            stuck=position if lost else None,
         )
 
 

@@ -1,6 +1,6 @@
 """The counts and sums behind the figures of a flight, taken while it is flown.
 
-They are those of every step at full rate, whatever is recorded. Sums are taken in the order of the
+They cover every step at full rate, whatever is recorded. Sums are taken in the order of the
 steps, so that they do not depend on how the steps arrive.
 """
 
@@ -60,7 +60,7 @@ class Decision(NamedTuple):
     step: int
     channel: int
     lost: bool
-    offset: float  # where the actuator stands [rad or N]
+    offset: float  # the actuator's position [rad or N]
 
 
 class Tally:
@@ -153,7 +153,7 @@ class Tally:
         self._unheard[i].clear()
 
     def _count(self, i: int, steps: Steps, column: int, errors: np.ndarray) -> None:
-        """Count the i-th UAV's steps, which stand in a column of the arrays."""
+        """Count the i-th UAV's steps, which are a column of the arrays."""
         before = self.uavs[i].copy()
         count_steps(
             steps.first,

@@ -1,6 +1,6 @@
 """The scenarios that come with the package, by name: ``paper/scenario1``.
 
-Beside their folders stand additions: files that are no scenarios by themselves but to be merged
+Beside their folders are additions: files that are no scenarios by themselves but to be merged
 into one, by name as well: ``realistic``.
 
 Where a command takes a scenario, an existing file takes precedence over a bundled one.

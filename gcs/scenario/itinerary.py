@@ -77,7 +77,7 @@ def load_mission(name: Path | str) -> tuple[MissionItem, ...]:
 
 
 def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> Itinerary:
-    """Check a mission as the vehicles of a scenario do, and tell what it amounts to.
+    """Check a mission as the vehicles of a scenario do, and return what it amounts to.
 
     Args:
         name: Where the items are from, for the error.

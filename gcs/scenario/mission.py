@@ -99,9 +99,9 @@ class DelayEntry(Model):
 
 
 class JumpEntry(Model):
-    """The mission goes on with another item."""
+    """The mission continues with another item."""
 
-    to_item: int = whole("", ge=1, doc="Item to go on with; the first one is 1.")
+    to_item: int = whole("", ge=1, doc="Item to continue with; the first one is 1.")
     times: int = whole("", ge=-1, default=-1, doc="How often; -1: always.")
 
     def item(self, seq: int, _: Origin) -> MissionItem:

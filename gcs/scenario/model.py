@@ -76,7 +76,7 @@ class Scenario(Model):
     step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
     aircraft: Aircraft = Field(description="The nominal aircraft.")
     uncertainty: Uncertainty = Field(
-        default=Uncertainty(), description="True aircraft by nominal aircraft."
+        default=Uncertainty(), description="True aircraft relative to the nominal one."
     )
     disturbance: Disturbance = Field(
         default=Disturbance(), description="Disturbances of every aircraft."

@@ -176,7 +176,7 @@ class Links(Model):
     @model_validator(mode="after")
     def _one_relay(self) -> "Links":
         if self.plant_relay is not None and self.impairments is not None:
-            text = "cannot stand together with 'impairments', which bring a relay of their own"
+            text = "cannot be combined with 'impairments', which bring a relay of their own"
             raise Problems([(("plant_relay",), text)])
         return self
 

@@ -74,7 +74,7 @@ def values_of(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:
         if len(axis.values) > 1:
             raise BadInput(
                 f"{option} {axis.key} has {len(axis.values)} values, expected one",
-                "a list stands in brackets; gcs sweep flies several values",
+                "write a list in brackets; gcs sweep flies several values",
             )
     return {axis.key: axis.values[0] for axis in axes}
 

@@ -314,7 +314,7 @@ class Client(asyncio.DatagramProtocol):
             return
         message = parse(data) if wrong is None else None
         if message is None:
-            self.drops[(wrong or drop_reason(data)).words] += 1
+            self.drops[(wrong or drop_reason(data)).text] += 1
             return
         self._record(data)
         self.unreachable = False

@@ -73,7 +73,7 @@ def _problem_of(parts: list[str], values: Mapping[str, float]) -> str:
     fits = all(map(math.isfinite, float32s([value])))
     if not fits:
         return f"{name}: expected a finite number of 32 bits, got '{visible(text)[:60]}'"
-    return f"{name} is there twice" if name in values else ""
+    return f"{name} is given twice" if name in values else ""
 
 
 def differing(held: Iterable[Param], values: Mapping[str, float]) -> dict[str, float | None]:

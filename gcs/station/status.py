@@ -8,7 +8,7 @@ from rich.table import Table
 
 from gcs.station.event_counts import EventCounts
 from gcs.station.vehicle_state import VehicleState
-from gcs.terminal import numbers, table_of, words
+from gcs.terminal import numbers, table_of, texts
 from mavlink_defs.constants import ACTUATORS, OLD_STATE_S
 
 _QUANTITIES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
@@ -98,7 +98,7 @@ def not_heard(state: VehicleState) -> list[str]:
 
 
 def silence_lines(missing: Iterable[int], states: Iterable[VehicleState]) -> list[str]:
-    """Return who was not heard, and what was not heard of whom; no line if all is known.
+    """Return which UAVs were not heard, and what was not heard of others; no line if all is known.
 
     Args:
         missing: System ids of the members of the fleet that were not heard.
@@ -143,7 +143,7 @@ def drop_lines(here: Mapping[str, int], states: Iterable[VehicleState]) -> list[
 def fleet_table(states: Iterable[VehicleState], now: float) -> Table:
     """Return a table with one row per vehicle, for a terminal of 80 columns."""
     values = ("time s", "V m/s", "roll °", "pitch °", "yaw °", "events", "saved", "faults")
-    columns = (numbers("UAV"), *map(words, ("link", "armed", "mode")), *map(numbers, values))
+    columns = (numbers("UAV"), *map(texts, ("link", "armed", "mode")), *map(numbers, values))
     table = table_of(*columns, box=None, padding=(0, 1, 0, 0), pad_edge=False)
     for state in states:
         table.add_row(*_row(state, now), style="red" if state.lost else None)

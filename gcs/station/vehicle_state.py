@@ -286,7 +286,7 @@ class VehicleState:
         if message is None:
             return None
         links = ("gcs", "formation", "simulator", "plant")
-        reasons = [reason.words for reason in DropReason]
+        reasons = [reason.text for reason in DropReason]
         reported = {link: zip(reasons, getattr(message, link), strict=True) for link in links}
         return {link: {reason: n for reason, n in ns if n} for link, ns in reported.items()}
 

@@ -66,7 +66,7 @@ def fly(scenario: Scenario, folder: Path, speed: float | None, mode: FlightMode)
     """Fly a scenario to its end, or until it is lost; arguments as of `launch`."""
     if mode == "in_process":
         if speed is not None or scenario.links.impairments is not None:
-            raise BadInput("speed and links.impairments are about processes; mode is 'in_process'")
+            raise BadInput("speed and links.impairments apply to processes; mode is 'in_process'")
         return FlightResult(scenario, fly_in_process(scenario))
     if mode != "wire":
         raise BadInput(f"mode: expected 'wire' or 'in_process', got {mode!r}")

@@ -31,7 +31,7 @@ from mavlink_defs.endpoint import Connection, UdpAddress
 
 T = TypeVar("T")
 
-_LOOK_S = 0.005
+_POLL_S = 0.005
 _SETTLE_S = 0.03  # until autopilots have sent their telemetry of the step at which time stopped
 _END_TIMEOUT_S = 10.0
 _PATIENCE_S = 10.0
@@ -191,7 +191,7 @@ class TestFleet:
         begin_s = self.time_s
         while not condition():
             if self.time_s - begin_s >= within_s - 1e-9:
-                text = f"expected within {within_s:g} s from {begin_s:.3f} s on, but it was not so"
+                text = f"expected within {within_s:g} s from {begin_s:.3f} s on, but not met"
                 raise AssertionError(f"{text} at {self.time_s:.3f} s")
             self.run_until(min(self.time_s + every_s, begin_s + within_s))
 
@@ -232,7 +232,7 @@ class TestFleet:
         newest_s, moved_at = -math.inf, time.monotonic()
         while not condition() and self._fleet.plant_returncode is None:
             self._fleet.check()
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
             if (now_s := self.time_s) > newest_s:
                 newest_s, moved_at = now_s, time.monotonic()
             elif time.monotonic() - moved_at > _PATIENCE_S:

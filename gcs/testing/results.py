@@ -155,7 +155,7 @@ class UavFlight:
     def max_error(self, after_s: float = 0.0, until_s: float = math.inf) -> Errors:
         """Return the largest errors against the filtered reference in a window [s], ends included.
 
-        Errors are those of the true state; steps flown disarmed have none. NaN if no step has.
+        Errors are the true state's; steps flown disarmed have none. NaN if no step has.
         """
         _, errors = self._within(after_s, until_s)
         worst = errors.max(axis=0) if len(errors) else [math.nan] * len(QUANTITIES)
@@ -262,14 +262,14 @@ class FlightResult:
     def assert_attitude_kept(self) -> None:
         """Assert that no aircraft was lost, roll and pitch stayed within 90° of the reference."""
         __tracebackhide__ = True
-        self._assert_kept({i: uav.attitude_lost_at_s for i, uav in self.uavs.items()}, "attitude")
+        self._assert_held({i: uav.attitude_lost_at_s for i, uav in self.uavs.items()}, "attitude")
 
     def assert_heading_kept(self) -> None:
         """Assert that no aircraft was lost, and yaw stayed within 90° of the reference."""
         __tracebackhide__ = True
-        self._assert_kept({i: uav.heading_lost_at_s for i, uav in self.uavs.items()}, "heading")
+        self._assert_held({i: uav.heading_lost_at_s for i, uav in self.uavs.items()}, "heading")
 
-    def _assert_kept(self, lost_at_s: dict[int, float | None], what: str) -> None:
+    def _assert_held(self, lost_at_s: dict[int, float | None], what: str) -> None:
         __tracebackhide__ = True
         complaints = [
             f"UAV {i}: expected it to keep its {what}, but it lost it at {time_s:.3f} s"

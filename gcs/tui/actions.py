@@ -1,4 +1,4 @@
-"""The actions that work on every panel."""
+"""The actions that every panel has."""
 
 from gcs.station.vehicle import Vehicle
 from gcs.tui.formatting import ids

@@ -67,7 +67,7 @@ class Dashboard(App[None]):
         super().__init__()
         self.view = FleetView(source)
         self.playback = source if isinstance(source, Playback) else None
-        self.operations = Operations(self.view, self._tell)
+        self.operations = Operations(self.view, self._announce)
         self.failures: dict[str, Exception] = {}
         for known in (DARK, LIGHT):
             self.register_theme(known)
@@ -198,16 +198,16 @@ class Dashboard(App[None]):
         yield from super().get_system_commands(screen)
         for binding in self.BINDINGS:
             if isinstance(binding, Binding) and self._is_usable(binding):
-                words = binding.tooltip or binding.description
+                help_text = binding.tooltip or binding.description
                 run = partial(self.run_action, binding.action)
-                yield SystemCommand(binding.description.capitalize(), words, run)
+                yield SystemCommand(binding.description.capitalize(), help_text, run)
 
     # a log
 
     def action_play(self) -> None:
         """Play or pause; at the end play again from the beginning."""
         if self.playback is not None:
-            if not self.playback.playing and self.playback.wanted_s >= self.playback.end_s:
+            if not self.playback.playing and self.playback.target_s >= self.playback.end_s:
                 self.playback.seek(self.playback.begin_s)
             self.playback.playing = not self.playback.playing
             self.refresh_view()
@@ -215,7 +215,7 @@ class Dashboard(App[None]):
     def action_seek(self, step_s: float) -> None:
         """Seek forward or back."""
         if self.playback is not None:
-            self.playback.seek(self.playback.wanted_s + step_s)
+            self.playback.seek(self.playback.target_s + step_s)
             self.refresh_view(force=True)
 
     def action_speed(self, step: int) -> None:
@@ -242,15 +242,15 @@ class Dashboard(App[None]):
     @on(VehicleAction)
     def _asked_for(self, action: VehicleAction) -> None:
         if not self.view.source.can_act:
-            self._tell("this is a log: nothing can be done", "warning")
+            self._announce("this is a log: nothing can be done", "warning")
         elif not action.systems:
-            self._tell(f"{action.what}: no vehicle has been heard", "warning")
+            self._announce(f"{action.what}: no vehicle has been heard", "warning")
         elif action.question:
             choices = action.choices or (Choice(action.what[:1].upper() + action.what[1:], "yes"),)
 
             def answered(choice: str | None) -> None:
                 if choice is None:
-                    self._tell(f"{action.what}: cancelled", "information")
+                    self._announce(f"{action.what}: cancelled", "information")
                 else:
                     self._carry_out(action, choice)
 
@@ -272,7 +272,7 @@ class Dashboard(App[None]):
         """Show a notice, as it is: text of others is no markup, and steers no terminal."""
         super().notify(visible_lines(message), **options | {"markup": False})
 
-    def _tell(self, text: str, severity: str) -> None:
+    def _announce(self, text: str, severity: str) -> None:
         timeout = 10.0 if severity == "error" else 4.0
         self.notify(text, severity=severity, timeout=timeout)
         self.refresh_view(force=True)
@@ -295,9 +295,9 @@ class Dashboard(App[None]):
 
     def action_repeat(self) -> None:
         """Repeat the last fault."""
-        action, words = repeat(self.view)
+        action, problem = repeat(self.view)
         if action is None:
-            self._tell(words, "warning")
+            self._announce(problem, "warning")
         else:
             self.post_message(action)
 
@@ -313,7 +313,7 @@ class Dashboard(App[None]):
         default_namespace: DOMNode | None = None,
         namespaces: Mapping[str, DOMNode] | None = None,
     ) -> bool:
-        """Run an action of any widget; one that fails is told and ends nothing."""
+        """Run an action of any widget; a failure is reported and ends nothing."""
         try:
             return await super().run_action(action, default_namespace, namespaces)
         except Exception as error:

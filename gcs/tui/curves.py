@@ -61,7 +61,7 @@ def latest(state: VehicleState, span_s: float, until_s: float | None, points: in
         state: The vehicle.
         span_s: How far back [s of simulated time].
         until_s: The end; None for the newest row.
-        points: How many can be told apart.
+        points: How many can be distinguished.
     """
     if until_s is None:
         rows = state.history.rows(span_s)
@@ -81,10 +81,10 @@ def draw_quantity(
 ) -> None:
     """Draw airspeed, roll, pitch or yaw (`i` from 0) against its reference."""
     time_s = rows["time_s"].tolist()
-    wanted, actual = rows["reference"][:, i], rows["actual"][:, i]
-    _line(plt, time_s, wanted.tolist(), palette.reference)
+    reference, actual = rows["reference"][:, i], rows["actual"][:, i]
+    _line(plt, time_s, reference.tolist(), palette.reference)
     _line(plt, time_s, actual.tolist(), palette.actual)
-    low, high = _range(np.concatenate([wanted, actual]), 0.5)
+    low, high = _range(np.concatenate([reference, actual]), 0.5)
     plt.ylim(low, high)
     plt.yticks(ticks(low, high))
     _finish(plt, limits)

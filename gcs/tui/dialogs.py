@@ -97,8 +97,8 @@ class Help(ModalScreen[None]):
             table.add_row("", Text(title, style="bold underline"))
             for binding in bindings:
                 if isinstance(binding, Binding) and binding.description:
-                    words = binding.tooltip or binding.description
-                    table.add_row(Text(key_name(binding.key), style="bold"), Text(words))
+                    help_text = binding.tooltip or binding.description
+                    table.add_row(Text(key_name(binding.key), style="bold"), Text(help_text))
             table.add_row("", "")
         return table
 

@@ -17,9 +17,9 @@ class Entry:
     """One line of the log.
 
     Attributes:
-        number: Counts the entries of a event_log, from 1.
+        number: Of the entry in its log, from 1.
         at: When [s since 1970].
-        time_s: Simulated time of the vehicle then [s], if it had told.
+        time_s: Simulated time of the vehicle then [s], if it had reported one.
         system: System id of the vehicle; 0 for the station itself.
         kind: One of `KINDS`.
         severity: MAV_SEVERITY.

@@ -46,13 +46,13 @@ class EventLog(Grid):
         self._short = short
         self._seen = 0
         self._lines: list[Row] = []
-        self._severity, self._system, self._kind, self._words = 7, 0, "", ""
+        self._severity, self._system, self._kind, self._text = 7, 0, "", ""
 
-    def set_filter(self, severity: int, system: int, kind: str, words: str) -> None:
-        """Show only what is at least so severe, of this vehicle, kind and with these words."""
-        chosen = (severity, system, kind, words.casefold())
-        if chosen != (self._severity, self._system, self._kind, self._words):
-            self._severity, self._system, self._kind, self._words = chosen
+    def set_filter(self, severity: int, system: int, kind: str, text: str) -> None:
+        """Show only entries of at least a severity, of a vehicle and kind, that contain a text."""
+        chosen = (severity, system, kind, text.casefold())
+        if chosen != (self._severity, self._system, self._kind, self._text):
+            self._severity, self._system, self._kind, self._text = chosen
             self._seen, self._lines = 0, []
 
     def show_view(self, view: FleetView) -> None:
@@ -75,7 +75,7 @@ class EventLog(Grid):
             entry.severity <= self._severity
             and self._system in {0, entry.system}
             and self._kind in {"", entry.kind}
-            and self._words in entry.text.casefold()
+            and self._text in entry.text.casefold()
         )
 
 
@@ -83,7 +83,7 @@ class EventsPanel(Panel, Vertical):
     """The whole log with its filters."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("slash", "search", "search", tooltip="Show only lines with some words"),
+        Binding("slash", "search", "search", tooltip="Show only lines that contain a text"),
         Binding("escape", "leave", "back to the log", show=False),
     ]
 
@@ -101,7 +101,7 @@ class EventsPanel(Panel, Vertical):
             yield Static("kind")
             kinds = [("all", ""), *((kind, kind) for kind in KINDS)]
             yield Select(kinds, value="", id="event-kind", compact=True, allow_blank=False)
-            yield Input(placeholder="/ search", id="words", compact=True)
+            yield Input(placeholder="/ search", id="event-text", compact=True)
         yield EventLog(id="log", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
@@ -117,7 +117,7 @@ class EventsPanel(Panel, Vertical):
 
     def action_search(self) -> None:
         """Go to the search field."""
-        self.query_one("#words").focus()
+        self.query_one("#event-text").focus()
 
     def action_leave(self) -> None:
         """Go back to the log."""
@@ -128,8 +128,8 @@ class EventsPanel(Panel, Vertical):
     def _filter(self) -> None:
         names = ("severity", "of", "event-kind")
         chosen: list[Any] = [self.query_one(f"#{name}", Select).value for name in names]
-        words = self.query_one("#words", Input).value
-        self.query_one(EventLog).set_filter(chosen[0], chosen[1], chosen[2], words)
+        text = self.query_one("#event-text", Input).value
+        self.query_one(EventLog).set_filter(chosen[0], chosen[1], chosen[2], text)
         self.post_message(Refresh())
 
     @on(Input.Submitted)

@@ -74,7 +74,7 @@ class FaultList(Grid):
 
 
 def _wide(rows: list[Row], room: int) -> tuple[Column, ...]:
-    """Return columns of which that of the faults is as wide as they are, if there is room."""
+    """Return columns, of which the faults' is as wide as its texts, if there is room."""
     longest = max((len(row.cells[2][0]) for row in rows), default=0)
     left = room - sum(column.width + 1 for column in _COLUMNS[:2]) - 1 - _LEAST_HISTORY
     width = max(min(longest, left), _LEAST_FAULT)

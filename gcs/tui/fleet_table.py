@@ -47,7 +47,7 @@ class FleetTable(Grid):
     ]
 
     class Marked(Message):
-        """The operator wants to mark a vehicle, or no longer."""
+        """The operator marks a vehicle, or unmarks it."""
 
         def __init__(self, system: int) -> None:
             super().__init__()
@@ -69,15 +69,15 @@ class FleetTable(Grid):
         groups = self._groups_shown(on_path, text, diagnosis)
         columns = [*_STATE, *_quantity_columns(groups), *_REST]
         left = self.room - sum(column.width + 1 for column in columns)
-        told = diagnoses and diagnosis + text <= left + 1
-        if told:
+        has_diagnosis = diagnoses and diagnosis + text <= left + 1
+        if has_diagnosis:
             columns.append(_DIAGNOSIS)
             left -= diagnosis
         wide = left >= _LEAST_FAULTS
         if wide:
             columns.append(Column("active faults", 0, "left"))
         rows = [
-            _row(view, state, groups, told, texts[state.system] if wide else None)
+            _row(view, state, groups, has_diagnosis, texts[state.system] if wide else None)
             for state in view.states
         ]
         self.show(columns, rows)
@@ -128,7 +128,7 @@ def _active_text(state: VehicleState) -> str:
 
 
 def _row(
-    view: FleetView, state: VehicleState, groups: list[int], told: bool, active: str | None
+    view: FleetView, state: VehicleState, groups: list[int], has_diagnosis: bool, active: str | None
 ) -> Row:
     silent = view.is_silent(state)
     mark = "●" if state.system in view.marked else " "
@@ -146,7 +146,7 @@ def _row(
     if silent:
         cells[3:] = [(text, "muted") for text, _ in cells[3:]]
     cells += [_faults(state), (f"{state.rate_hz(view.now):.0f}", "muted")]
-    if told:
+    if has_diagnosis:
         cells.append(_diagnosis(state))
     if active is not None:
         cells.append((active, "bad"))

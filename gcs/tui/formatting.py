@@ -48,7 +48,7 @@ def clock(at: float) -> str:
 
 
 def ids(systems: Iterable[int]) -> str:
-    """System ids in words: "UAV 1, 3"."""
+    """System ids as a text: "UAV 1, 3"."""
     return "UAV " + ", ".join(map(str, sorted(systems)))
 
 

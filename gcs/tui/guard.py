@@ -1,7 +1,7 @@
-"""Guards: what goes wrong in one widget stays there, and the operator's station goes on.
+"""Guards: what goes wrong in one widget stays there, and the operator's station keeps running.
 
 A widget that cannot draw says so in its place, and draws again with the next data that it can draw.
-Every failure is told to the app as a `Failed`.
+Every failure is reported to the app as a `Failed`.
 """
 
 import functools
@@ -109,7 +109,7 @@ class CachedStatic(Guarded, Static):
 
 
 def guarded(method: Callable[..., Any]) -> Any:
-    """Guard a method that Textual calls: a failure is told and ends nothing."""
+    """Guard a method that Textual calls: a failure is reported and ends nothing."""
 
     @functools.wraps(method)
     def safely(self: MessagePump, *args: Any, **options: Any) -> Any:

@@ -11,7 +11,7 @@ from textual.widgets import Footer
 from gcs.tui.guard import guarded
 
 _FIRST = {"help", "quit"}
-_PALETTE = 13  # columns of the key of the command palette, which stands at the right
+_PALETTE = 13  # columns of the key of the command palette, which is at the right
 
 
 class KeyBar(Footer):
@@ -36,7 +36,7 @@ def _fitting(keys: Iterable[Widget], width: int) -> Iterator[Widget]:
         if key.has_class("-command-palette"):
             yield key
             continue
-        words = f"{getattr(key, 'key_display', '')} {getattr(key, 'description', '')} "
-        room -= cell_len(words)
+        label = f"{getattr(key, 'key_display', '')} {getattr(key, 'description', '')} "
+        room -= cell_len(label)
         if room >= 0:
             yield key

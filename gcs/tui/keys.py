@@ -1,4 +1,4 @@
-"""The keys that work on every panel; those of one panel are in its class."""
+"""The keys of every panel; keys of a single panel are in its class."""
 
 from textual.binding import Binding
 

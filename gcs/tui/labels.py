@@ -109,7 +109,7 @@ def sheet_of(plt: Any, size: tuple[int, int], middle: Place, reach: Place) -> Sh
 
 
 def draw_marks(sheet: Sheet, marks: Iterable[Mark], palette: Palette) -> None:
-    """Draw vehicles: those too close to be told apart are one label with their number."""
+    """Draw vehicles: those too close to be distinguished are one label with their number."""
     shown = [(mark, cell) for mark in marks if (cell := sheet.cell_of(mark.place)) is not None]
     shown.sort(key=lambda pair: (not pair[0].chosen, pair[0].system))
     together: dict[Cell, list[Mark]] = {}

@@ -13,7 +13,7 @@ from mavlink_defs.framing.header import FrameHeader
 
 @dataclass(frozen=True)
 class LogClock:
-    """When each frame of a log was heard, and where it stands on the clock of the replay.
+    """When each frame of a log was heard, and its position on the clock of the replay.
 
     Attributes:
         heard_s: Time since 1970 of each frame, ascending [s].
@@ -43,8 +43,8 @@ class LogClock:
 def read_clock(frames: Sequence[tuple[int, bytes]]) -> LogClock:
     """Place the frames of a log on the clock of its replay.
 
-    Frames between two with simulated time stand between them as they were heard; those before
-    the first and after the last stand at its ends. A log without simulated time, or with one that
+    Frames between two with simulated time are placed between them as they were heard; those before
+    the first and after the last at its ends. A log without simulated time, or with one that
     went back and stayed back because the fleet was started again, has its own clock.
 
     Args:
@@ -78,7 +78,7 @@ def _simulated_times(
 
 
 def _between(heard_s: np.ndarray, at: np.ndarray, times_s: np.ndarray) -> np.ndarray:
-    """Return the position of each frame: between those of its neighbours with simulated time."""
+    """Return the position of each frame: between its neighbours with simulated time."""
     counts = np.zeros(len(heard_s), int)
     counts[at] = 1
     following = np.cumsum(counts)  # anchors up to each frame, itself included

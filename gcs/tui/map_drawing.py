@@ -54,11 +54,11 @@ class Scene:
 
 @dataclass
 class Window:
-    """What the operator looks at.
+    """What the operator sees.
 
     Attributes:
         zoom: 1: all there is; 2: half as wide; and so on.
-        shift: Of its middle from that of all there is, north and east, in halves of its width.
+        shift: Of its middle from the middle of everything, north and east, in halves of its width.
         follows: Whether the selected vehicle stays in the middle.
     """
 
@@ -236,7 +236,7 @@ def _circle(centre: Place, radius: float) -> np.ndarray:
 
 
 def _dense(line: np.ndarray, apart_m: float) -> np.ndarray:
-    """Return a line with points so near to each other that its visible part is told by them."""
+    """Return a line with points so dense that its visible part can be found from them."""
     if len(line) < 2:
         return line
     lengths = np.hypot(*np.diff(line, axis=0).T)

@@ -1,4 +1,4 @@
-"""Carrying out what the operator wants, with a report of every outcome."""
+"""Carrying out what the operator requests, with a report of every outcome."""
 
 import asyncio
 from collections.abc import Callable
@@ -17,10 +17,10 @@ Notify = Callable[[str, str], None]
 
 
 class Operations:
-    """Does with vehicles what is wished for.
+    """Carries out the operator's actions on vehicles.
 
     Attributes:
-        going_on: What is being done now, in words.
+        going_on: What is being done now, as texts for people.
     """
 
     def __init__(self, view: FleetView, notify: Notify) -> None:
@@ -28,33 +28,33 @@ class Operations:
 
         Args:
             view: The vehicles.
-            notify: How the operator is told at once; all is put into the event_log as well.
+            notify: How the operator is notified at once; everything is logged as an event as well.
         """
         self.going_on: list[str] = []
         self._view, self._notify = view, notify
 
     async def carry_out(self, action: VehicleAction, choice: str) -> None:
         """Act on all vehicles at the same time; refusals and silence are reported, not raised."""
-        words = f"{action.what}: {ids(action.systems)}"
-        self.going_on.append(words)
+        title = f"{action.what}: {ids(action.systems)}"
+        self.going_on.append(title)
         try:
             outcomes = await asyncio.gather(
                 *(self._one(action, system, choice) for system in action.systems)
             )
         finally:
-            self.going_on.remove(words)
+            self.going_on.remove(title)
         done = [outcome.system for outcome in outcomes if outcome.accepted]
         if done:
             self._notify(f"{action.what}: accepted by {ids(done)}", "information")
         for outcome in outcomes:
             if not outcome.accepted:
-                self._notify(_beginning(outcome.words), "error")
+                self._notify(_beginning(outcome.text), "error")
 
     async def _one(self, action: VehicleAction, system: int, choice: str) -> Outcome:
         severity = NOTICE
         try:
-            words = await action.act(self._view.source.vehicle(system), choice)
-            outcome = Outcome(system, True, words or f"{action.what}: accepted")
+            text = await action.act(self._view.source.vehicle(system), choice)
+            outcome = Outcome(system, True, text or f"{action.what}: accepted")
         except GcsError as problem:
             severity = WARNING if isinstance(problem, CommandRefused) else ERROR
             outcome = Outcome(system, False, str(problem))
@@ -63,9 +63,9 @@ class Operations:
             outcome = Outcome(system, False, f"UAV {system} has not been heard of")
         except Exception as problem:
             severity = ERROR
-            words = f"{action.what}, UAV {system}: {one_line(problem)}"
-            outcome = Outcome(system, False, words)
-        for line in outcome.words.split("\n"):
+            text = f"{action.what}, UAV {system}: {one_line(problem)}"
+            outcome = Outcome(system, False, text)
+        for line in outcome.text.split("\n"):
             self._note(system, severity, line)
         if action.on_done is not None:
             action.on_done(outcome)

@@ -1,4 +1,4 @@
-"""Parameters: search, look, compare with the defaults, set; save and load files."""
+"""Parameters: search, view, compare with the defaults, set; save and load files."""
 
 import functools
 import math
@@ -47,7 +47,7 @@ class ParametersPanel(Panel, Vertical):
     """The parameters of the selected vehicle.
 
     Attributes:
-        params: Those of each vehicle that was asked.
+        params: The parameters of each vehicle that was asked.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -90,13 +90,13 @@ class ParametersPanel(Panel, Vertical):
         if system is not None and view.source.can_act and system not in self._asked:
             self.action_fetch()
         grid = self.query_one("#params", Grid)
-        words = self.query_one("#param-search", Input).value.casefold()
+        search = self.query_one("#param-search", Input).value.casefold()
         params = self.params.get(system or 0, ())
         defaults = defaults_of(params)
         shown = [
             param
             for param in params
-            if words in param.name.casefold()
+            if search in param.name.casefold()
             and (differs(param, defaults) or not self._only_differing)
         ]
         grid.empty = self._why_empty(system, defaults)
@@ -150,7 +150,7 @@ class ParametersPanel(Panel, Vertical):
 
     def _done(self, outcome: Outcome) -> None:
         if not outcome.accepted:
-            self._said[outcome.system] = outcome.words + " (g asks again)"
+            self._said[outcome.system] = outcome.text + " (g asks again)"
         self.post_message(Refresh())
 
     # the fields

@@ -21,17 +21,17 @@ class Playback:
     """Plays frames into a fleet state of its own; a `Source` that cannot act.
 
     Its positions are simulated time where the log has it, however fast the fleet flew; ages and
-    rates are those of the log. To go back it restarts from the beginning. A long way takes several
+    rates are as in the log. To go back it restarts from the beginning. A long way takes several
     calls of `advance`, so that the screen stays alive meanwhile.
 
     Attributes:
         playing: Whether time passes.
         speed: Factor of real time.
-        clock: Which clock positions are on, and where the log's frames stand on it.
+        clock: Which clock positions are on, and the log's frames on it.
         begin_s: Position of the first frame [s].
         end_s: Position of the last frame [s].
         position_s: The position [s].
-        wanted_s: Wanted position [s].
+        target_s: Position to reach [s].
     """
 
     can_act = False
@@ -51,7 +51,7 @@ class Playback:
         self.playing, self.speed = True, 1.0
         self.clock = read_clock(frames)
         self.begin_s, self.end_s = self.clock.positions_s[0], self.clock.positions_s[-1]
-        self.wanted_s = self.begin_s
+        self.target_s = self.begin_s
         self._frames, self._now = frames, clock
         self._advanced_at = clock()
         self._restart()
@@ -92,13 +92,13 @@ class Playback:
 
     @property
     def is_seeking(self) -> bool:
-        """Whether the position is still before the wanted one, or frames of it are due."""
-        return self.position_s < self.wanted_s or self._is_due()
+        """Whether the position is still before the target, or frames of it are due."""
+        return self.position_s < self.target_s or self._is_due()
 
     def seek(self, position_s: float) -> None:
-        """Set another wanted position."""
-        self.wanted_s = min(max(position_s, self.begin_s), self.end_s)
-        if self.wanted_s < self.position_s:
+        """Set another target."""
+        self.target_s = min(max(position_s, self.begin_s), self.end_s)
+        if self.target_s < self.position_s:
             self._restart()
 
     def change_speed(self, step: int) -> None:
@@ -107,11 +107,11 @@ class Playback:
         self.speed = SPEEDS[min(max(at + step, 0), len(SPEEDS) - 1)]
 
     def advance(self) -> bool:
-        """Advance by the clock; call it often. Return whether the wanted position is reached."""
+        """Advance by the clock; call it often. Return whether the target is reached."""
         now = self._now()
         if self.playing and not self.is_seeking:
-            self.wanted_s = min(self.wanted_s + (now - self._advanced_at) * self.speed, self.end_s)
-            self.playing = self.wanted_s < self.end_s
+            self.target_s = min(self.target_s + (now - self._advanced_at) * self.speed, self.end_s)
+            self.playing = self.target_s < self.end_s
         self._advanced_at = now
         for _ in range(_MAX_FRAMES):
             if not self._step():
@@ -120,24 +120,24 @@ class Playback:
 
     def _is_due(self) -> bool:
         positions = self.clock.positions_s
-        return self._next < len(positions) and positions[self._next] <= self.wanted_s
+        return self._next < len(positions) and positions[self._next] <= self.target_s
 
     def _step(self) -> bool:
-        """Take in the next frame, or note that there is none before the wanted position."""
+        """Take in the next frame, or note that there is none before the target."""
         is_due = self._is_due()
         if is_due:
             self._next += 1
             self._go_to(self.clock.positions_s[self._next - 1])
             self._receive(self._frames[self._next - 1][1])
         else:
-            self._go_to(self.wanted_s)
+            self._go_to(self.target_s)
         return is_due
 
     def _go_to(self, position_s: float) -> None:
         self.position_s = position_s
         heard_at = self.clock.heard_at(position_s, self._next)
         while self._tick_due <= heard_at:
-            self._tell(self._fleet.handle_timer(self._tick_due))
+            self._log(self._fleet.handle_timer(self._tick_due))
             self._tick_due += _TICK_S
         self._heard_at = heard_at
 
@@ -145,10 +145,10 @@ class Playback:
         message = parse(frame)
         if message is not None:
             now = self.now()
-            self._tell(self._fleet.receive(message, now))
-            self._tell(self._overheard.receive(message, now))
+            self._log(self._fleet.receive(message, now))
+            self._log(self._overheard.receive(message, now))
 
-    def _tell(self, notifications: list[Notification]) -> None:
+    def _log(self, notifications: list[Notification]) -> None:
         for one in notifications:
             state = self._fleet.vehicles.get(one.system)
             self.event_log.receive(one, one.at, state.time_s if state else None)

@@ -77,8 +77,8 @@ class Chart(Guarded, PlotextPlot):
                 i = _NAMES.index(self.kind)
                 draw_quantity(plt, rows, i, limits, palette)
                 name, unit = _QUANTITIES[i]
-                actual, wanted = rows["actual"][-1, i], rows["reference"][-1, i]
-                self.border_title = f"{name} {number(actual)} → {number(wanted)} {unit}"
+                actual, reference = rows["actual"][-1, i], rows["reference"][-1, i]
+                self.border_title = f"{name} {number(actual)} → {number(reference)} {unit}"
         self._drawn = token
         self.refresh()
         return True
@@ -102,7 +102,7 @@ class PlotsPanel(Panel, Vertical):
     """All plots where there is room for them, one at a time where there is not."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("p", "pause", "pause", tooltip="Freeze the plots, or let them go on"),
+        Binding("p", "pause", "pause", tooltip="Freeze the plots, or let them run"),
         Binding("plus,equals_sign", "span(1)", "longer", tooltip="Plot a longer time"),
         Binding("minus", "span(-1)", "shorter", tooltip="Plot a shorter time"),
         Binding("left", "turn(-1)", "plot before", show=False),

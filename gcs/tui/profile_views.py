@@ -32,7 +32,7 @@ _TAIL = 1.25  # the last segment goes on
 
 
 class ProfileFiles(DirectoryTree):
-    """Folders and YAML files: those of a folder, and the bundled ones."""
+    """Folders and YAML files: a folder's, and the bundled ones."""
 
     ICON_NODE, ICON_NODE_EXPANDED, ICON_FILE = "▸ ", "▾ ", "  "
 
@@ -70,7 +70,7 @@ class ProfileTable(Grid):
     def show_profile(
         self, segments: Sequence[Segment], other: Sequence[Segment] | None, title: str
     ) -> None:
-        """Show segments, compared with those of another profile if there is one."""
+        """Show segments, compared with another profile's if there is one."""
         count = max(len(segments), len(other or ()))
         self.show(_COLUMNS, [_row(i, segments, other) for i in range(count)])
         self.border_title = Text(visible(title))  # names of files are no markup

@@ -1,4 +1,4 @@
-"""Profiles: choose a file, look at it, upload it, compare it with what vehicles hold."""
+"""Profiles: choose a file, view it, upload it, compare it with what vehicles hold."""
 
 from pathlib import Path
 from typing import Any, ClassVar
@@ -32,7 +32,7 @@ class Holdings(Grid):
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "mark", "mark", show=False)]
 
     class Marked(Message):
-        """The operator wants to mark a vehicle, or no longer."""
+        """The operator marks a vehicle, or unmarks it."""
 
         def __init__(self, system: int) -> None:
             super().__init__()
@@ -203,12 +203,12 @@ class ProfilesPanel(Panel, Horizontal):
 
         async def act(vehicle: Vehicle, _: str) -> str:
             held = await vehicle.download(self._progress(vehicle.system))
-            words = f"holds {counted(len(held), 'segment')}" if held else "holds no profile"
+            text = f"holds {counted(len(held), 'segment')}" if held else "holds no profile"
             if self.segments is None:
-                return words
+                return text
             different = differences(held, self.segments)
             same = f"{different} values differ from" if different else "the same as"
-            return f"{words}, {same} {self._title_of_file}"
+            return f"{text}, {same} {self._title_of_file}"
 
         self.post_message(VehicleAction("download", self._targets(), act, on_done=self._done))
 
@@ -227,8 +227,8 @@ class ProfilesPanel(Panel, Horizontal):
 
 def _compared(state: VehicleState, segments: tuple[Segment, ...] | None) -> Cell:
     if state.profile is None:
-        words = "not asked yet" if state.offers_profile else "does not tell"
-        return (words, "muted")
+        text = "not asked yet" if state.offers_profile else "does not tell"
+        return (text, "muted")
     if not state.profile and state.mission:
         return ("a mission: panel 7", "")
     if not state.profile:

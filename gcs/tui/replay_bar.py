@@ -38,10 +38,10 @@ class ReplayBar(Guarded, Widget):
 
     def render(self) -> Text:
         """Draw the line."""
-        words, share = self.line
+        label, share = self.line
         colours = self.app.theme_variables
         keys = " k play · j l seek · < > speed "
-        text = Text(words, style="bold", no_wrap=True)
+        text = Text(label, style="bold", no_wrap=True)
         width = max(self.size.width - text.cell_len - len(keys), 4)
         self._bar = range(text.cell_len, text.cell_len + width)
         done = round(share * (width - 1))

@@ -9,7 +9,7 @@ from gcs.station.vehicle import Vehicle
 
 
 class Refresh(Message):
-    """Something that the operator did wants the visible panel to be drawn again."""
+    """Something that the operator did requires the visible panel to be drawn again."""
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,14 @@ class Outcome:
 
     system: int
     accepted: bool
-    words: str
+    text: str
 
 
 class VehicleAction(Message):
     """Something is to be done with vehicles, all at the same time.
 
     Attributes:
-        what: What is to be done, in few words: "arm".
+        what: What is to be done, in brief: "arm".
         systems: System ids of the vehicles.
         act: Does it with one vehicle and returns a text for the log, none for "accepted"; its
             second argument is the value of the operator's choice, "" if there was none.

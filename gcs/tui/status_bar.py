@@ -43,9 +43,9 @@ class StatusBar(Guarded, Widget):
         """Draw the line."""
         text = Text(no_wrap=True, overflow="ellipsis")
         text.append(" ftc-sitl ", style="bold reverse")
-        for i, (words, style) in enumerate(self.line):
+        for i, (part, style) in enumerate(self.line):
             text.append("  " if i == 0 else " · ", style="dim")
-            text.append(visible(words), style=style)
+            text.append(visible(part), style=style)
         aside = visible(self.aside)
         space = self.size.width - text.cell_len - cell_len(aside) - 1
         if space >= 2:

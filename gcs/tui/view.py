@@ -201,12 +201,12 @@ class FleetView:
             at = systems.index(self.selected) if self.selected is not None else 0
             self._chosen = systems[(at + step) % len(systems)]
 
-    def first(self, wanted: Callable[[VehicleState], bool]) -> int | None:
-        """Return the first vehicle, from the selected one on, that is wanted."""
+    def first(self, condition: Callable[[VehicleState], bool]) -> int | None:
+        """Return the first vehicle, from the selected one on, that meets a condition."""
         systems = self.systems
         at = systems.index(self.selected) if self.selected is not None else 0
         order = (*self.states[at:], *self.states[:at])
-        return next((state.system for state in order if wanted(state)), None)
+        return next((state.system for state in order if condition(state)), None)
 
 
 class Panel(Guarded):

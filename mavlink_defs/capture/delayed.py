@@ -24,7 +24,7 @@ ENTRY = np.dtype(
         ("fd", "i8"),
         ("connected", "i8"),  # 1: the socket is connected, there is no address
         ("length", "i8"),
-        ("next", "i8"),  # chunk that goes on with the datagram, or the next free one
+        ("next", "i8"),  # chunk that continues the datagram, or the next free one
     ]
 )
 

@@ -4,7 +4,7 @@ Both byte orders, times in micro- or nanoseconds, and the link types below; IPv4
 that are no whole UDP datagram (other protocols, fragments) are skipped. The formats:
 draft-ietf-opsawg-pcap, draft-ietf-opsawg-pcapng, https://www.tcpdump.org/linktypes.html.
 
-The reader is part of this project because that of dpkt had its last release in 2022.
+The reader is part of this project because dpkt, which has one, was last released in 2022.
 """
 
 import struct

@@ -1,4 +1,4 @@
-"""The relay: stands in front of the fixed ends of links, counts, and impairs on request.
+"""The relay: sits in front of the fixed ends of links, counts, and impairs on request.
 
 A link has a fixed end, whose port is known (the plant, a ground station, an autopilot's formation
 port), and peers that send to it. They send to the relay's port instead. Every peer gets a socket
@@ -66,7 +66,7 @@ class Relay:
     """Relays while its context is entered, on a thread of its own.
 
     Args:
-        routes: What to stand in front of.
+        routes: What to sit in front of.
         tap: Counts everything; its times are seconds since the relay was started.
         simulated: Outages are in simulation time, as FTC_SIM_STATE on a relayed link shows it
             (none before it runs); otherwise in seconds since the relay was started.
@@ -89,7 +89,7 @@ class Relay:
         self._upstream: dict[int, socket.socket] = {}  # by row of the peer
         self._wakers: tuple[socket.socket, ...] = ()  # what the first sends wakes the loop
         self._start_s = 0.0
-        self._lock = threading.Lock()  # held while the loop runs, or somebody looks at its state
+        self._lock = threading.Lock()  # held while the loop runs, or its state is read
         self._one_at_a_time = threading.Lock()
         self._may_run = threading.Event()
         self._closing = threading.Event()
@@ -212,7 +212,7 @@ class Relay:
 
     def _pause(self) -> None:
         """Make the loop return."""
-        with contextlib.suppress(OSError):  # it has been told so often that it must, or is closed
+        with contextlib.suppress(OSError):  # enough such requests are pending, or it is closed
             self._wakers[0].send(b"!")
 
     def _ask_gate(self) -> None:

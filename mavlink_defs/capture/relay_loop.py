@@ -1,7 +1,7 @@
 """The compiled part of `mavlink_defs.capture.relay`: the loop that passes datagrams on.
 
 `run` waits, receives, counts, impairs and delivers, and returns to Python for what is rare. A
-datagram that it has received then stays where it is, and the next call goes on with it.
+datagram that it has received then stays where it is, and the next call continues with it.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ STATE = np.dtype(
         ("start_s", "f8"),  # what the tap's times count from [s]
         ("simulated", "i8"),  # 1: outages are in simulated time
         ("gated", "i8"),  # 1: Python is asked about every datagram
-        ("row", "i8"),  # row of `polled` to look at next
+        ("row", "i8"),  # row of `polled` to check next
         ("from_row", "i8"),  # row from which the datagram in `received` came
         ("length", "i8"),  # its length [bytes]; -1: there is none
         ("allowed", "i8"),  # 1: Python was asked about it

@@ -53,9 +53,9 @@ DEFAULT_PORTS: Mapping[int, str] = {
 _DROPPED = {
     EMPTY: "empty",
     OLDER_VERSION: "MAVLink 1",
-    **{-reason: reason.words for reason in DropReason},
+    **{-reason: reason.text for reason in DropReason},
 }
-"""Why a datagram is dropped, in words, by column of `Counts.dropped`."""
+"""Why a datagram is dropped, by column of `Counts.dropped`."""
 
 
 class Stream(NamedTuple):
@@ -210,7 +210,7 @@ class Tap:
             bytes=int(row["bytes"]),
             rate_hz=int(row["recent"]) / self._window_s,
             bytes_per_s=int(row["recent_bytes"]) / self._window_s,
-            dropped={words: int(dropped[i]) for i, words in _DROPPED.items() if dropped[i]},
+            dropped={reason: int(dropped[i]) for i, reason in _DROPPED.items() if dropped[i]},
         )
 
     def _message(self, stream: Stream, row: np.void, span_s: float) -> StreamReport:

@@ -85,7 +85,7 @@ class UavReport:
         periods: Control periods that passed; None if unknown.
         saving: Share of the periodic sender's transmissions that were not sent; None if unknown.
         messages: HIL_ACTUATOR_CONTROLS.
-        repeats: Those of them without an event; if `reported`, events that were sent again.
+        repeats: Messages without an event; if `reported`, events that were sent again.
         channels: By name, in the order of `ACTUATORS`.
     """
 
@@ -111,7 +111,7 @@ class OutcomeReport:
     Attributes:
         link: Name of the link.
         direction: "to" or "from" its fixed end.
-        counts: Datagrams by outcome: "undeliverable", and those of `impairment.Fate` if impaired.
+        counts: Datagrams by outcome: "undeliverable", and the members of `Fate` if impaired.
     """
 
     link: str

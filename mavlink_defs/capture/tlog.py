@@ -84,7 +84,7 @@ def read_tlog(path: Path) -> Iterator[tuple[int, dialect.MAVLink_message]]:
     Signatures are not checked.
 
     Raises:
-        TlogError: Bytes that are no frame stand where a frame should begin.
+        TlogError: There are bytes other than a frame where one should begin.
         OSError: The file cannot be read.
     """
     parser = dialect.MAVLink(None)

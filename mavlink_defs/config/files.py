@@ -100,7 +100,7 @@ def validate(path: Path | str, data: dict[Any, Any], model: type[M]) -> M:
 
 
 def problems_of(model: type[BaseModel], exc: ValidationError) -> list[Problem]:
-    """Return what pydantic found wrong with the data of a model, in our words."""
+    """Return what pydantic found wrong with the data of a model, as our own problems."""
     errors = exc.errors(include_url=False)
     return [problem for error in errors for problem in _problems(model, error)]
 
@@ -163,7 +163,7 @@ class _Place:
         loc: The place as the file has it: without pydantic's tags, only indices of lists are int.
         field: The declaration of the value that is expected there, if known.
         siblings: Keys that the mapping around it may have.
-        expected: What is expected there, in words.
+        expected: What is expected there, as a text.
     """
 
     def __init__(self, model: type[BaseModel], loc: Loc) -> None:
@@ -240,8 +240,8 @@ def _tags(member: Any) -> Sequence[object]:
 def _expected(annotation: Any, field: FieldInfo | None) -> str:
     if get_origin(annotation) in {Union, types.UnionType}:
         places = [_strip_annotated(member) for member in _members(annotation)]
-        words = (_expected(inner, found or field) for inner, found in places)
-        return " or ".join(dict.fromkeys(words))
+        texts = (_expected(inner, found or field) for inner, found in places)
+        return " or ".join(dict.fromkeys(texts))
     if get_origin(annotation) is Literal:
         *first, last = map(repr, get_args(annotation))
         return f"{', '.join(first)} or {last}" if first else last

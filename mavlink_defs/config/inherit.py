@@ -9,7 +9,7 @@ one control law does not get the gains of another. Each value remembers the file
 is written.
 
 A file may name any other, also one that its reader must not see. Of a base that is not YAML, or has
-a top-level key that is none of the known ones, messages tell the line but nothing of its content.
+a top-level key that is none of the known ones, messages name the line but nothing of its content.
 
 Errors: ValueError ← PlaceError (no such place in a tree); about files `ConfigError`.
 """
@@ -165,7 +165,7 @@ def with_values(
 
 
 def value_at(tree: dict[Any, Any], place: str) -> Any:
-    """Return what stands at a place of a tree, written as for `with_values`.
+    """Return what is at a place of a tree, written as for `with_values`.
 
     Raises:
         PlaceError: There is no such place, or it is written in another way.
@@ -194,7 +194,7 @@ def _way(place: str) -> list[re.Match[str]]:
 
 
 def _laid(here: Any, way: list[re.Match[str]], value: Any, source: str) -> Any:
-    """Merge a value into what stands at the end of a path that begins here."""
+    """Merge a value into what is at the end of a path that begins here."""
     if not way:
         return merged(here, value)
     step, *rest = way
@@ -210,6 +210,6 @@ def _laid(here: Any, way: list[re.Match[str]], value: Any, source: str) -> Any:
         inner = _laid(here[i], rest, value, source)
         sources = _sources(here) | ({} if rest else {i: source})
         return WrittenList([*here[:i], inner, *here[i + 1 :]], sources)
-    wanted = "a mapping" if name is not None else f"a list of more than {index}"
+    expected = "a mapping" if name is not None else f"a list of more than {index}"
     place, begin = way[-1].string, step.string[: step.start()]
-    raise PlaceError(f"{place}: expected {wanted} at {begin}, got {shown(here)}")
+    raise PlaceError(f"{place}: expected {expected} at {begin}, got {shown(here)}")

@@ -2,7 +2,7 @@
 
 Models are frozen and have fixed keys; fields with units are declared by
 `mavlink_defs.config.quantity`, and files are read by `mavlink_defs.config.files`. Checks across
-keys stand in the models: their validators raise `Problems`, which has its own module,
+keys are in the models: their validators raise `Problems`, which has its own module,
 `mavlink_defs.config.problems`, for programs that check no model.
 """
 

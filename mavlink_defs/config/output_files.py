@@ -57,7 +57,7 @@ def complete_file(path: Path) -> Iterator[BinaryIO]:
 
 def save_arrays(path: Path, arrays: dict[str, Any]) -> None:
     """Write arrays as .npz, as `complete_file` does."""
-    import numpy as np  # here, as who only talks to vehicles writes no arrays
+    import numpy as np  # here, as commands that only talk to vehicles write no arrays
 
     with complete_file(path) as file:
         np.savez(file, **arrays)

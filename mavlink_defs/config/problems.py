@@ -57,7 +57,7 @@ class Problem(NamedTuple):
         """Return the line with other names for some of the keys.
 
         Args:
-            names: From keys to names, such as those of command-line options.
+            names: From keys to names, such as command-line options.
         """
         text, place = self.text, ""
         if self.keys:
@@ -112,14 +112,14 @@ def unknown_key(loc: Loc, known: Iterable[str]) -> Problem:
     key, names = loc[-1], list(known)
     begun = [name for name in names if name.startswith(f"{key}_")]
     close = begun if len(begun) == 1 else difflib.get_close_matches(str(key), names, n=1)
-    words = {word for word in str(key).split("_") if len(word) > 2}
-    alike = close or [name for name in names if words & set(name.split("_"))]
+    parts = {part for part in str(key).split("_") if len(part) > 2}
+    alike = close or [name for name in names if parts & set(name.split("_"))]
     text = f"unknown key; did you mean '{alike[0]}'?" if alike else "unknown key"
     return Problem(loc, text, ProblemKind.UNKNOWN_KEY)
 
 
 def repeated(values: Sequence[object]) -> list[tuple[int, str]]:
-    """Return index and problem of each value that stands in a list for the second time."""
+    """Return index and problem of each value that occurs in a list for the second time."""
     first: dict[object, int] = {}
     return [
         (i, f"expected each only once, got {shown(value)} again")

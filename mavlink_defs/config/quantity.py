@@ -36,7 +36,7 @@ class Quantity:
     doc: str
 
     def range(self) -> str:
-        """Return the permitted range in words: "[0, 0.8] rad", "> 0 kg", "any number"."""
+        """Return the permitted range as a text: "[0, 0.8] rad", "> 0 kg", "any number"."""
         return f"{self.bounds()} {self.unit}".rstrip()
 
     def bounds(self) -> str:

@@ -38,7 +38,7 @@ def parse_yaml(text: str, name: str = "") -> Any:
 def yaml_of(data: Any) -> str:
     """Return a text that `parse_yaml` reads back as equal data, floats to the last bit.
 
-    Control characters are escapes in it, those of format (U+202E) too, which YAML permits.
+    Control characters are escapes in it, format characters (U+202E) too, which YAML permits.
     """
     text = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
     return visible_lines(text)

@@ -1,7 +1,7 @@
 """Hot-path codec: the messages of every control step, packed and checked by compiled code.
 
 Four messages are hot: FTC_SIM_STATE, FTC_STEP_DONE, FTC_NEIGHBOUR and HIL_ACTUATOR_CONTROLS.
-Their layout comes from the generated dialect, and the bytes are those of pymavlink. All other
+Their layout comes from the generated dialect, and the bytes equal pymavlink's. All other
 messages are left to pymavlink.
 
 To send, fill a record of your own and pack it into a datagram buffer; one buffer serves any
@@ -12,7 +12,7 @@ number of records, and packing never changes a record::
     state[0]["position"][2] = -1000.0
     length = pack(datagram, state, MessageId.SIM_STATE, system_id, component_id, sequence)
 
-To receive, look at the payload of one buffer through prebuilt views::
+To receive, read the payload of one buffer through prebuilt views::
 
     datagram = new_buffer()
     state = payload_view(datagram, SIM_STATE)
@@ -188,7 +188,7 @@ def pack(
 
 @compiled
 def add_checksum(datagram: np.ndarray) -> None:
-    """Write the checksum of a hot message that stands in a datagram buffer."""
+    """Write the checksum of a hot message in a datagram buffer."""
     end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
     crc = checksum(datagram, end, _crc_extra(message_id_of(datagram)))
     datagram[end] = crc & 0xFF

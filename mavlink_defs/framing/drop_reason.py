@@ -24,12 +24,12 @@ class DropReason(IntEnum):
     UNSIGNED = -14, "unsigned"
     REPLAYED = -15, "replayed"
 
-    words: str
-    """The reason in words, for reports."""
+    text: str
+    """The reason, as reports name it."""
 
-    def __new__(cls, number: int, words: str) -> "DropReason":
+    def __new__(cls, number: int, text: str) -> "DropReason":
         """Make a member with the given number as its value."""
         reason = int.__new__(cls, number)
         reason._value_ = number
-        reason.words = words
+        reason.text = text
         return reason

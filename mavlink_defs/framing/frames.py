@@ -72,7 +72,7 @@ def _payload(message: dialect.MAVLink_message) -> bytes:
 def _wire_fields(message_id: int) -> list[tuple[str, bool]]:
     """Return the attributes of a message in wire order, and whether each is an array.
 
-    Characters stand in one attribute as they are sent, beside the text that they make.
+    Characters are in one attribute as they are sent, beside the text that they make.
     """
     kind = dialect.mavlink_map[message_id]
     return [

@@ -77,7 +77,7 @@ def new_link_signer(
 
 
 def use_keys(link_signer: LinkSigner, keys: Keys) -> None:
-    """Let a signer go on with other keys; timestamps stay."""
+    """Replace the keys of a signer; timestamps stay."""
     link_signer.key[:] = np.frombuffer(keys.signing, np.uint8)
     link_signer.replaced[0] = bool(keys.other)
     if keys.other:

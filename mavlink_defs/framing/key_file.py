@@ -1,9 +1,9 @@
 """A key file that may be replaced while processes use it.
 
-Every process looks at the file itself; nothing about keys crosses a link. The age of the file
+Every process polls the file itself; nothing about keys crosses a link. The age of the file
 tells all of them which key to sign with: for `ANNOUNCED_S` the former one, so that everybody has
 seen the new one before it is used; then the new one. Both are accepted until `GRACE_S`. The former
-key stands in a second file beside it, for processes that start meanwhile.
+key is in a second file beside it, for processes that start meanwhile.
 """
 
 import os
@@ -31,7 +31,7 @@ ANNOUNCED_S = 10.0
 GRACE_S = 30.0
 """Age up to which the former key is accepted [s]."""
 
-_LOOK_S = 0.5
+_POLL_S = 0.5
 
 
 def replace_key(path: Path, key: bytes | None = None) -> None:
@@ -65,7 +65,7 @@ def replace_key(path: Path, key: bytes | None = None) -> None:
 
 
 class _Version(NamedTuple):
-    """What a file held when it was looked at."""
+    """What a file held when it was read."""
 
     since_s: float  # Unix time
     key: bytes
@@ -75,12 +75,12 @@ class _Version(NamedTuple):
 class KeyFile:
     """The keys of a file, as it is now.
 
-    If it cannot be read any more, the keys read last stay in force, and the reason is told once.
+    If it cannot be read any more, the keys read last stay valid, and the reason is reported once.
 
     Attributes:
         path: The file.
         begin: Timestamp used last, by any process, when this was made; 0 if there was none. What is
-            not newer was not meant for who makes this before binding a port.
+            not newer was not meant for a process that makes this before binding a port.
     """
 
     def __init__(
@@ -96,13 +96,13 @@ class KeyFile:
         self._problem = ""
         self._seen = self._stamp()
         self._version = self._read()
-        self._looked_s = 0.0
+        self._checked_s = 0.0
 
     def at(self, unix_s: float) -> Keys:
         """Return the keys to use at a Unix time [s], which is about now."""
-        if abs(unix_s - self._looked_s) >= _LOOK_S:
-            self._looked_s = unix_s
-            self._look()
+        if abs(unix_s - self._checked_s) >= _POLL_S:
+            self._checked_s = unix_s
+            self._check()
         age_s, version = unix_s - self._version.since_s, self._version
         if not version.former or age_s >= GRACE_S:
             return Keys(version.key, b"")
@@ -110,7 +110,7 @@ class KeyFile:
             return Keys(version.key, version.former)
         return Keys(version.former, version.key)
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         try:
             stamp = self._stamp()
             if stamp == self._seen:

@@ -278,6 +278,6 @@ def _hash(key: bytes, covered: bytes | bytearray) -> bytes:
     return hashlib.sha256(key + covered).digest()[:_HASH]
 
 
-def words_of(refused: Counter[str]) -> str:
-    """Return how many frames were refused for which reasons, in words."""
+def counts_text(refused: Counter[str]) -> str:
+    """Return a text of how many frames were refused for which reasons."""
     return ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))

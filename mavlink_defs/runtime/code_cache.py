@@ -1,6 +1,6 @@
 """The cache of compiled code on disk, which can never be stale.
 
-Numba's own cache looks only at the file that a function stands in, so a caller goes on
+Numba's own cache checks only the file that a function is in, so a caller continues
 running the old code of a function that it calls from another file. Here every file has a cache
 folder of its own, whose name is a digest of that file, of every file that it imports, directly or
 not, of the versions of Python, numba and numpy, and of the processor that the code is made for.
@@ -60,7 +60,7 @@ class DigestLocator(_UserProvidedCacheLocator):
     """Tells numba where the code of one function lies; the folder's name says how fresh it is."""
 
     def __init__(self, function: Callable[..., object], file: str) -> None:
-        """Locate the code of a function that stands in a file."""
+        """Locate the code of a function that is in a file."""
         super().__init__(function, file)
         self._folder = _cache_folder / _digest_with_imports(_resolved(file))
 
@@ -74,7 +74,7 @@ class DigestLocator(_UserProvidedCacheLocator):
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
-        """Return what tells fresh code from stale: nothing beside the folder."""
+        """Return what distinguishes fresh code from stale: nothing beside the folder."""
         return ""
 
 
@@ -82,8 +82,8 @@ def add_to_cache(*variants: Callable[..., object]) -> bool:
     """Let numba find the code of a function's variants in the cache.
 
     Returns:
-        Whether it can lie there: not if the cache cannot be written, and not that of a function of
-        a notebook or of ``python -c``, which stands in no file.
+        Whether it can lie there: not if the cache cannot be written, and not if the function is
+        of a notebook or of ``python -c`` and is in no file.
     """
     if _obstacle is not None or not _resolved(variants[0].__code__.co_filename).is_file():
         return False
@@ -94,8 +94,8 @@ def add_to_cache(*variants: Callable[..., object]) -> bool:
 def forget_unreadable() -> bool:
     """Remove the indices that name the type of a module which was renamed since.
 
-    The index of a function names the types of all its callers' arguments, and those of modules that
-    it does not import, so that its folder does not tell.
+    The index of a function names the types of all its callers' arguments, also from modules that
+    it does not import, so that its folder does not show them.
 
     Returns:
         Whether there were any.
@@ -177,7 +177,7 @@ def _resolved(name: str) -> Path:
 def _digest_with_imports(source: Path) -> str:
     """Return a digest of a file and of all files of this project that its code depends on.
 
-    Other people's imports are not looked at, so that the place of their files counts, too.
+    Other people's imports are not followed, so that the place of their files counts, too.
     """
     found: set[Path] = set()
     waiting = [source]

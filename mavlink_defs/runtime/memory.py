@@ -154,7 +154,7 @@ new_table: Any = _new_list if _plain else _new_table
 """Return a table with a number of entries for tuples of one type (count, like).
 
 Compiled code cannot index tuples of tuples by a variable; a table it can. It holds no references:
-who fills it keeps the arrays alive.
+its caller keeps the arrays alive.
 """
 
 store_tuple: Any = _set if _plain else _store_in
@@ -207,15 +207,15 @@ def slot_of(keys: np.ndarray, key: int) -> int:
     """Return the slot that holds a key of a hash table; the free one for it if none does.
 
     The table is an array of keys > 0 by open addressing; 0 marks a free slot, of which there is
-    always one. Nothing is ever taken out: who forgets a key fills the array again.
+    always one. Nothing is ever removed: to forget a key, fill the array again.
 
     Args:
         keys: Shape (2**n,) int64.
-        key: What to look for, > 0.
+        key: What to search for, > 0.
     """
     mask = keys.size - 1
-    wanted = int(key)
-    slot = (((wanted ^ (wanted >> 29)) * _HASH_FACTOR) >> 13) & mask
-    while keys[slot] != 0 and keys[slot] != wanted:
+    sought = int(key)
+    slot = (((sought ^ (sought >> 29)) * _HASH_FACTOR) >> 13) & mask
+    while keys[slot] != 0 and keys[slot] != sought:
         slot = (slot + 1) & mask
     return int(slot)

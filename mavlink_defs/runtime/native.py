@@ -2,14 +2,14 @@
 
 Sockets are made and closed by `mavlink_defs.endpoint`; compiled loops get their file
 descriptors. Nothing here raises: a failed call returns -1, and a signal that interrupts a wait
-ends it early, so that the caller can look at its stop flag.
+ends it early, so that the caller can check its stop flag.
 
 POSIX systems with 64-bit `long` only (Linux, macOS, BSD). With ``NUMBA_DISABLE_JIT=1`` the same
 functions call the same libc through ctypes.
 
 A connected UDP socket reports at the next call, which then does nothing else, that an earlier
 datagram found no bound socket (ECONNREFUSED). `send` and `send_to` therefore try twice; `receive`
-returns -1 long before its timeout, so that a caller must look at the clock, not count timeouts.
+returns -1 long before its timeout, so that a caller must check the clock, not count timeouts.
 """
 
 import ctypes
@@ -158,7 +158,7 @@ def waits(fd: int, buffer: np.ndarray) -> bool:
 def datagrams_lost(fd: int) -> int:
     """Return how many datagrams a socket has lost, most of them because its buffer was full.
 
-    A full buffer keeps the oldest. On systems other than Linux, which do not tell, 0.
+    A full buffer keeps the oldest. On systems other than Linux, which do not report it, 0.
     """
     if not _COUNTS_LOST:
         return 0

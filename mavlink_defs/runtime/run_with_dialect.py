@@ -18,7 +18,7 @@ __all__ = ["main", "offer_dialect"]
 
 NAME = "ftc"
 
-_BORROWED = {"MAVLINK_MSG_ID_RADIO": 166}  # ArduPilot's; MAVProxy's signing wants the name
+_BORROWED = {"MAVLINK_MSG_ID_RADIO": 166}  # ArduPilot's; MAVProxy's signing requires the name
 
 
 def offer_dialect() -> None:

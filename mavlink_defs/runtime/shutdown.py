@@ -5,7 +5,7 @@ import os
 import signal
 from collections.abc import Callable
 
-_LOOK_S = 0.5
+_POLL_S = 0.5
 
 
 def on_stop(stop: Callable[[], None], parent: int | None = None) -> None:
@@ -14,7 +14,7 @@ def on_stop(stop: Callable[[], None], parent: int | None = None) -> None:
     Args:
         stop: Called from a signal handler; should only set a flag.
         parent: Process id of the parent, as the parent gave it: it may be gone already. None to
-            go on without one.
+            continue without one.
     """
 
     def handle(number: int, _: object) -> None:
@@ -27,6 +27,6 @@ def on_stop(stop: Callable[[], None], parent: int | None = None) -> None:
         if os.getppid() != parent:
             stop()
         signal.signal(signal.SIGALRM, handle)
-        signal.setitimer(signal.ITIMER_REAL, _LOOK_S, _LOOK_S)
+        signal.setitimer(signal.ITIMER_REAL, _POLL_S, _POLL_S)
         # while the interpreter shuts down the handler is gone, and the alarm would kill
         atexit.register(signal.setitimer, signal.ITIMER_REAL, 0.0)

@@ -26,7 +26,7 @@ class Spool:
     """The writer's side."""
 
     def __init__(self, folder: Path, resume: bool = False) -> None:
-        """Make the folder, empty, or go on with the one that is there.
+        """Make the folder, empty, or continue in the existing one.
 
         Raises:
             OSError: It cannot be made; it is named.
@@ -64,7 +64,7 @@ class Spool:
 
 @functools.lru_cache
 def _header_of(dtype: np.dtype, rows: int) -> bytes:
-    """Return what stands before the rows in an .npy file."""
+    """Return what precedes the rows in an .npy file."""
     file, none = io.BytesIO(), np.empty(0, dtype)
     facts = np.lib.format.header_data_from_array_1_0(none) | {"shape": (rows,)}
     np.lib.format.write_array_header_1_0(file, facts)

@@ -32,7 +32,7 @@ PROGRESS_UNKNOWN = 255
 
 @dataclass(frozen=True)
 class CommandProgress:
-    """The vehicle is at work on a command; `percent` is None if it is not reported."""
+    """The vehicle is executing a command; `percent` is None if it is not reported."""
 
     command: int
     percent: int | None

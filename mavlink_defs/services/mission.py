@@ -88,14 +88,14 @@ class _MissionClient(Machine[MissionProgress | MissionFinished]):
 
     @property
     def busy(self) -> bool:
-        """Whether the operation is going on."""
+        """Whether the operation is in progress."""
         return self._request is not None
 
     def start(self, now: float) -> None:
         """Begin the operation.
 
         Raises:
-            RuntimeError: It is going on already.
+            RuntimeError: It is in progress already.
         """
         if self.busy:
             raise RuntimeError("the mission operation has begun already")

@@ -140,7 +140,7 @@ class MissionServer(Machine[MissionEvent]):
         return True
 
     def go_to(self, seq: int) -> bool:
-        """Let the mission go on with item `seq`; False, and all is as it was, if it cannot."""
+        """Continue the mission with item `seq`; False, and all is as it was, if it cannot."""
         if not 0 <= seq < len(self._items):
             text = f"Mission has no item {seq} to go to"
             self._happened.append(MissionRefused(dialect.MAV_MISSION_INVALID_SEQUENCE, text))

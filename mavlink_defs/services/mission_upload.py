@@ -18,7 +18,7 @@ class Client(NamedTuple):
 
 @dataclass
 class Upload:
-    """An upload, going on (`result` None) or over: then only its last item is kept."""
+    """An upload, in progress (`result` None) or over: then only its last item is stored."""
 
     sender: Client
     mission_type: int

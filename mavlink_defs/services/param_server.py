@@ -102,7 +102,7 @@ class ParamServer(Machine[ParamEvent]):
             bytewise: Encode integers bytewise instead of C-cast.
 
         Raises:
-            ValueError: A name is too long, empty, not ASCII, or there twice.
+            ValueError: A name is too long, empty, not ASCII, or given twice.
         """
         super().__init__()
         self._own, self._bytewise = own, bytewise

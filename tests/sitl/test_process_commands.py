@@ -89,7 +89,7 @@ def test_recording_needs_an_end(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("option", "reason"),
-    [("--record", "1 --record for 2 CONFIGs"), ("--checkpoint", "--checkpoint is of one UAV")],
+    [("--record", "1 --record for 2 CONFIGs"), ("--checkpoint", "--checkpoint is for one UAV")],
 )
 def test_several_autopilots_in_a_process(tmp_path: Path, option: str, reason: str) -> None:
     files = tmp_path / "uav1.yaml", tmp_path / "uav2.yaml"

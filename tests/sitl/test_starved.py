@@ -111,7 +111,7 @@ async def starve(hub: str, pid: int, listener: Listener) -> int:
         vehicle = client.vehicle(STARVED)
         await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_DROPS)
         assert vehicle.state.drops is not None
-        return vehicle.state.drops["formation"].get(DropReason.OUT_OF_RANGE.words, 0)
+        return vehicle.state.drops["formation"].get(DropReason.OUT_OF_RANGE.text, 0)
 
 
 def test_a_starved_autopilot_is_late_by_no_more_than_it_lacked_and_says_so(tmp_path: Path) -> None:

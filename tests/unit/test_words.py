@@ -1,4 +1,4 @@
-"""The words that the glossary retires are used on no page and in no scenario."""
+"""The words that the glossary retires are used on no page, in no scenario and in no code."""
 
 import re
 from functools import cache
@@ -8,12 +8,22 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs/explanation/glossary.md"
-SUFFIXES = {".md", ".yaml"}
-NOT_OURS = {"docs/explanation/glossary.md"}  # which names them
-ALLOWED = {  # another meaning of the same word
+PLACES = (
+    *("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs", "scenarios", "hatch_build.py"),
+    *("gcs", "ftc_autopilot", "sitl_plant", "mavlink_defs"),
+    *("benchmarks", "fuzzing", "soak", "scripts"),
+)
+SUFFIXES = {".md", ".yaml", ".py", ".xml", ".j2", ".tcss", ""}
+NOT_OURS = {
+    "docs/explanation/glossary.md",  # which names them
+    "mavlink_defs/dialect.py",  # generated; most of it describes MAVLink's own messages
+}
+ALLOWED = {  # another meaning of the same word, or a published name
     "words": r"(?:32-bit|64-bit|seven) words|words for each array",
     "life": r"life cycle",
     "*_kept": r"(?:attitude|heading)_kept",  # published names of outcomes
+    "storm": r"storm_(?:events|s)\b",  # parameters of the law tube
+    "rescue": r"rescue_(?:deg|rad)\b",  # a parameter of the law tube, and its field in rad
 }
 
 
@@ -44,11 +54,10 @@ def uses(word: str, text: str) -> list[int]:
 def texts() -> dict[str, str]:
     """Every file of the project that people write, by its path."""
     found = {}
-    pages = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "docs", ROOT / "scenarios")
-    for top in pages:
+    for top in (ROOT / place for place in PLACES):
         for path in sorted(top.rglob("*")) if top.is_dir() else [top]:
             name = str(path.relative_to(ROOT))
-            if path.suffix in SUFFIXES and name not in NOT_OURS:
+            if path.is_file() and path.suffix in SUFFIXES and name not in NOT_OURS:
                 found[name] = path.read_text()
     return found
 

@@ -143,7 +143,7 @@ def decide(
         age: Time since the law's first step [s].
         dt: Control period [s].
         gains: Parameters, record made of `DiagnosisParameters`.
-        is_throttle: Whether it is the throttle, whose thrust tells directly.
+        is_throttle: Whether it is the throttle, whose thrust is measured directly.
     """
     rho, error = estimate(actuator, limits.prior, limits.window, gains["filter_s"], dt)
     actuator["confidence"] = max(0.0, 1.0 - error)

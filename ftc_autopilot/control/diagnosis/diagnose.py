@@ -14,7 +14,7 @@ from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
-_FIRST_SIGMA = 0.2  # standard deviation of the residual at first, by the threshold of a jump
+_FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to the jump threshold
 _OFFSETS_S = 0.05  # no offset earlier: the filters are filling
 _LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
 _LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
@@ -84,7 +84,7 @@ def _wait_for_transient(actuators: np.ndarray, changed: int) -> None:
 def _weigh(actuator: np.void, prior: float, excitation: float, dt: float) -> None:
     """Follow the effectiveness, but only where it is clearly off: it is 1 otherwise.
 
-    An effectiveness once found weak stays so while the command does not move enough to tell.
+    An effectiveness once found weak stays so while the command moves too little to show otherwise.
     """
     found = long_estimate(actuator, prior)
     enough = max(excitation, 2.1 * math.sqrt(actuator["variance"]))

@@ -1,10 +1,10 @@
-"""Dither and probe: small movements of a command that tell whether an actuator follows.
+"""Dither and probe: small movements of a command that show whether an actuator follows.
 
 They are the excitation that the regression needs (persistent excitation) where the flight has none.
 
 A rudder at its stop, or an elevator stuck near its trim, moves nothing that the flight would
 show: a suspect surface is moved to one side and back until it is seen to follow or not, a lost one
-about where it stands.
+about its position.
 """
 
 import math
@@ -53,6 +53,6 @@ def probe(j: int, gains: np.void, state: np.void) -> float:
 
 @compiled
 def probed(j: int, gains: np.void, state: np.void) -> float:
-    """Return a command for the lost surface j: where it stands, and the probe [rad]."""
+    """Return a command for the lost surface j: its position plus the probe [rad]."""
     command: float = state["actuators"][j]["stuck"] + probe(j, gains, state)
     return command

@@ -95,7 +95,7 @@ class DiagnosisParameters(Model):
     probe_deg: _Angles = Field(
         default=(2.0, 2.5, 4.0), description="Movements of a lost surface [deg]."
     )
-    probe_s: float = _time(0.5, "Half period of the latter.")
+    probe_s: float = _time(0.5, "Half period of these movements.")
 
     jump_start_s: float = _time(
         0.3, "Jump test: inhibited at first, while the aircraft is trimmed."
@@ -107,8 +107,8 @@ class DiagnosisParameters(Model):
     sigma_s: float = _time(5.0, "Jump test: memory of the residual's variance (EWMA).")
     first_sigma_s: float = _time(0.1, "Jump test: memory of the variance at first; it then grows.")
     slight: float = _number(2.0, "Jump test: a jump below this many thresholds is slight.")
-    blanking: float = _number(1.5, "Blanking time by `filter_s`: most of a step has passed then.")
-    slight_blanking: float = _number(0.5, "Blanking time after a slight jump, by `filter_s`.")
+    blanking: float = _number(1.5, "Blanking time, in `filter_s`: most of a step has passed then.")
+    slight_blanking: float = _number(0.5, "Blanking time after a slight jump, in `filter_s`.")
     holdoff_s: float = _time(0.25, "Hold-off: no second jump counts for this time.")
     cleared_holdoff_s: float = _time(
         0.05, "Hold-off of a cleared suspicion: the dither's way back."
@@ -116,19 +116,19 @@ class DiagnosisParameters(Model):
     cooldown_s: float = _time(2.5, "Cooldown after a suspicion, which its dither would renew.")
     early_s: float = _time(0.5, "Cooldown: this much less for a jump that is not slight.")
     remembered: float = _number(0.1, "Share of the long memory that a jump leaves: a reset.")
-    drift: float = _number(1.6, "Drift test: threshold by the one of the jump test.")
+    drift: float = _number(1.6, "Drift test: threshold, relative to the jump test's.")
     drift_mean_s: float = _time(4.0, "Drift test: memory of the residual's slower mean (EWMA).")
     drift_start_s: float = _time(1.5, "Drift test: inhibited at first, while that mean settles.")
     loss_start_s: float = _time(0.5, "Loss: inhibited at first, while the filters settle.")
-    excitation_sigma: float = _number(2.1, "Persistent excitation: least, by the residual's noise.")
+    excitation_sigma: float = _number(2.1, "Persistent excitation: least, relative to noise.")
     least_window_s: float = _time(0.006, "Persistent excitation: shortest window.")
-    min_response_ratio: float = _number(0.4, "Loss: variance of response by command below this.")
+    min_response_ratio: float = _number(0.4, "Loss: variance of response over command below this.")
     lost_margin: float = _number(0.4, "Loss: room for 1.5 standard errors of the effectiveness.")
     following: float = _number(0.5, "Cleared: effectiveness less its standard error above this.")
     return_start_s: float = _time(0.25, "Return test: inhibited until the probe has moved.")
     throttle_return_start_s: float = _time(0.3, "Return test: the same of the throttle.")
     return_confirm_s: float = _time(0.05, "Return test: confirmation time.")
-    quiet: float = _number(0.75, "Return test: a small residual, by the threshold of a jump.")
+    quiet: float = _number(0.75, "Return test: a small residual, relative to the jump threshold.")
     return_effectiveness: float = _number(0.6, "Return test: least effectiveness, long memory.")
     return_r2: float = _number(0.6, "Return test: least coefficient of determination.")
 

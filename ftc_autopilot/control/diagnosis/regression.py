@@ -1,7 +1,7 @@
 """Regression y = ρ u + f of one actuator over a short window.
 
 A loop that rejects a disturbance moves the command against it, so over seconds a healthy
-actuator looks stuck: y stays where it is while u moves. Only short increments tell, in which u
+actuator looks stuck: y stays where it is while u moves. Only short increments show that, in which u
 has not yet answered; an event-triggered command is a staircase and supplies them. The window's
 moments forget exponentially, after a plain mean over the first samples:
 

@@ -97,7 +97,7 @@ class LawParameters(Model):
 
     @classmethod
     def goes_with(cls, mode: str) -> bool:
-        """Return whether a trigger can send the law: by the clock any law, else who selects."""
+        """Return whether a trigger can send the law: by the clock, or if both agree who selects."""
         trigger = TRIGGERS[mode]
         return trigger.BY_CLOCK or trigger.LAW_SELECTS == cls.SELECTS_CHANNELS
 

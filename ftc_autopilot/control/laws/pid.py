@@ -48,13 +48,13 @@ class Pid(LawParameters):
         default=(60.0, 60.0, 60.0), description="Limits of the Euler angle rates [deg/s]."
     )
     rate_ff: tuple[_RateGain, _RateGain, _RateGain] = Field(
-        default=(0.08, 0.08, 0.08), description="Deflection by commanded rate [rad per rad/s]."
+        default=(0.08, 0.08, 0.08), description="Deflection per commanded rate [rad per rad/s]."
     )
     rate_p: tuple[_RateGain, _RateGain, _RateGain] = Field(
-        default=(0.37, 0.68, 1.67), description="Deflection by rate error [rad per rad/s]."
+        default=(0.37, 0.68, 1.67), description="Deflection per rate error [rad per rad/s]."
     )
     rate_i: tuple[_IntegralGain, _IntegralGain, _IntegralGain] = Field(
-        default=(3.7, 6.8, 16.7), description="Deflection by integrated rate error [rad per rad]."
+        default=(3.7, 6.8, 16.7), description="Deflection per integrated rate error [rad per rad]."
     )
     integral_limit_deg: tuple[_IntegralLimit, _IntegralLimit, _IntegralLimit] = Field(
         default=(30.0, 30.0, 30.0),  # the rudder's trim is 20.3 deg

@@ -40,7 +40,7 @@ class Dynamic(TriggerParameters):
         """Yield a weight that would let η become negative in a control period [µs]."""
         dt = step_us / 1e6
         if dt * self.decay_hz >= 1.0:
-            text = f"expected < {1.0 / dt:g} 1/s, one by the control period, got {self.decay_hz!r}"
+            text = f"expected < {1.0 / dt:g} 1/s, the control rate, got {self.decay_hz!r}"
             yield ("decay_hz",), text
         elif self.theta_s * (1.0 - dt * self.decay_hz) < dt * (1.0 - 1e-9):
             least = dt / (1.0 - dt * self.decay_hz)

@@ -1,8 +1,8 @@
 """Trigger `self`: each transmission sets the time of the next; nothing is watched in between.
 
 Self-triggered control (Heemels, Johansson and Tabuada, "An introduction to event-triggered and
-self-triggered control", IEEE CDC 2012) wants the time at which the command will have moved by
-its threshold. Here the last two transmissions of the channel tell how fast it moves:
+self-triggered control", IEEE CDC 2012) requires the time at which the command will have moved by
+its threshold. Here the last two transmissions of the channel show how fast it moves:
 
     next = share (rel |sent| + abs) (t - t_before) / |sent - sent_before|,
 

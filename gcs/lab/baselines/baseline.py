@@ -44,7 +44,7 @@ class Robustness:
     Attributes:
         drawn: How many aircraft.
         share: Share of them to be kept.
-        largest_ratio: Largest IAE of an aircraft that is kept, by that of the triggered flight
+        largest_ratio: Largest IAE of an aircraft that is kept, relative to the triggered flight
             of the nominal aircraft.
         triggered: How many the triggered sender keeps, and whether these are enough.
         checked: Periodic senders that were flown, the slowest first.
@@ -257,7 +257,7 @@ def find_robust(
         campaign: The campaign that draws the aircraft; its scenario and variants do not matter.
         path: Its file, for messages.
         longest: Longest period, in control periods.
-        largest_ratio: Largest IAE of an aircraft that is kept, by that of the reference.
+        largest_ratio: Largest IAE of an aircraft that is kept, relative to the reference.
         share: Share of the aircraft to be kept.
 
     Raises:
@@ -274,7 +274,7 @@ def find_robust(
         flights = Flights(own, str(path), trees, trees, table.schema)
         return [flights.scenario(row) for row in rows]
 
-    def kept_by(nominal: Scenario, *, to_the_end: bool) -> tuple[int, int]:
+    def fly_drawn(nominal: Scenario, *, to_the_end: bool) -> tuple[int, int]:
         """Return how many aircraft are kept, and how many were flown."""
         aircraft, kept, flown = drawn(nominal), 0, 0
         while flown < len(aircraft) and (to_the_end or flown - kept <= may_lose):
@@ -286,7 +286,7 @@ def find_robust(
         return kept, flown
 
     def judge(sender: Sender) -> Verdict:
-        kept, flown = kept_by(sender.scenario, to_the_end=False)
+        kept, flown = fly_drawn(sender.scenario, to_the_end=False)
         good = len(rows) - kept <= may_lose
         return Verdict(sender, sender.transmissions, good, kept=kept, flown=flown)
 
@@ -297,7 +297,7 @@ def find_robust(
             f"the campaign {path} draws {problem} of this scenario",
             "name another with --campaign, whose factors the scenario has",
         ) from problem
-    kept, _ = kept_by(scenario, to_the_end=True)
+    kept, _ = fly_drawn(scenario, to_the_end=True)
     checked: list[Verdict] = []
     for n in reversed(some_periods(longest, COARSE)):
         for sender in senders(search.base, (n,) * N_CHANNELS):

@@ -29,7 +29,7 @@ from mavlink_defs.framing import codec
 AIRCRAFT = {"ideal": (), "realistic": ("realistic",)}
 """Aircraft by name, with the bundled additions that make them."""
 TOLERANCE = 1.01
-"""Largest IAE by that of the triggered flight that counts as no worse."""
+"""Largest IAE, relative to the triggered flight, that counts as no worse."""
 _SHORTEST_US, _LONGEST_US = 20_000, 500_000  # periods of rivals
 
 
@@ -76,7 +76,7 @@ def combinations(scenario: Scenario) -> list[Combination]:
 
     Args:
         scenario: The flight. Its own law keeps its parameters, the others have their defaults;
-            thresholds are those of the scenario.
+            all have the scenario's thresholds.
     """
     found = []
     for aircraft in AIRCRAFT:
@@ -146,11 +146,11 @@ def with_slowest_equal(
     """Return a flown combination with the sender on its aircraft that transmits least.
 
     Of the senders only those count that completed the flight with no IAE of any UAV more than 1 %
-    above that of the combination. A combination that sends by the clock is such a sender itself.
+    above the combination's. A combination that sends by the clock is such a sender itself.
 
     Args:
         one: The combination.
-        flown: Those of `rivals`, with their flights.
+        flown: What `rivals` returned, with their flights.
         uav_id: UAV whose transmissions are compared.
     """
     own, reference = one.uav(uav_id), one.summary

@@ -31,7 +31,7 @@ class Sender:
     Attributes:
         periods: Control periods between transmissions, by channel as in FTC_ACTUATOR.
         scenario: What is flown.
-        parameters: Those of its law that are not its base's.
+        parameters: Parameters of its law that its base does not have.
     """
 
     periods: tuple[int, ...]
@@ -62,7 +62,7 @@ class Verdict:
         sender: The sender; of several parameters of its law the best ones.
         transmissions: Those that are compared.
         good: Whether it is as good as asked for.
-        worst: Largest IAE by that of the triggered flight; None if it did not end well.
+        worst: Largest IAE relative to the triggered flight; None if it did not end well.
         kept: Aircraft that were kept.
         flown: Aircraft that were flown; fewer than drawn if too many were lost already.
     """
@@ -82,7 +82,7 @@ def find_slowest(verdicts: Iterable[Verdict]) -> Verdict | None:
 
 
 def worst_ratio(summary: FlightSummary, reference: FlightSummary) -> float | None:
-    """Return the largest IAE of any UAV and quantity by that of a reference flight.
+    """Return the largest IAE of any UAV and quantity relative to a reference flight.
 
     None unless the flight reached its end with all attitudes and headings kept.
     """

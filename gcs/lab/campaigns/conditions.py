@@ -31,7 +31,7 @@ _EXAMPLE = "p(attitude_lost) < 0.05 at 95 %"
 class Condition(Model):
     """A probability below or above a bound, to be shown with a confidence."""
 
-    event: Literal[EVENTS]  # type: ignore[valid-type]  # the names stand in one place
+    event: Literal[EVENTS]  # type: ignore[valid-type]  # the names are listed in one place
     relation: Literal["<", ">"]
     probability: float = quantity("", gt=0.0, lt=1.0, doc="Bound of the probability.")
     confidence_percent: float = quantity("%", ge=50.0, lt=100.0, doc="Confidence to be reached.")
@@ -67,7 +67,7 @@ def parse_condition(text: str, option: str) -> Condition:
 
 
 def parsed(model: type[M], parts: dict[str, str], text: str, option: str) -> M:
-    """Check the parts of a condition; numbers may stand among them as texts.
+    """Check the parts of a condition; numbers may be among them as texts.
 
     Raises:
         BadInput: Everything that is wrong with them.

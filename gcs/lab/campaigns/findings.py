@@ -25,7 +25,7 @@ FIGURES = {
     **{f"iae_{name}": f"IAE of {name} [{IAE_UNITS[name]}]" for name in QUANTITIES},
     "events": "events of all UAVs",
 }
-"""Figures that reports compare, with their names; an IAE is that of the worst UAV."""
+"""Figures that reports compare, with their names; an IAE is the worst UAV's."""
 
 _IAES = tuple(f"iae_{name}" for name in QUANTITIES)
 
@@ -72,7 +72,7 @@ class Findings:
     def is_sample(self) -> bool:
         """Whether draws are spread as distributions say, each for itself.
 
-        Points of a grid come from no distribution, those of a Saltelli design share coordinates.
+        Points of a grid come from no distribution, points of a Saltelli design share coordinates.
         """
         return self.mark.campaign.design not in {"grid", "saltelli"}
 

@@ -1,4 +1,4 @@
-"""Beginning a campaign's folder, or going on in one."""
+"""Beginning a campaign's folder, or continuing in one."""
 
 import hashlib
 import re
@@ -83,11 +83,11 @@ def _other_draws(folder: Path, plan: Plan, before: int) -> str:
     if campaign.draws not in (None, before):
         return (
             f"the campaign in {folder} cannot be continued from {before} to {campaign.draws} "
-            f"draws: a {campaign.design} design of {campaign.draws} does not begin with that of "
+            f"draws: a {campaign.design} design of {campaign.draws} does not begin with one of "
             f"{before}"
         )
     return (
-        f"the draws in {folder} are others than those of this campaign: another version of "
+        f"the draws in {folder} differ from the draws of this campaign: another version of "
         "numpy or scipy drew them"
     )
 
@@ -107,12 +107,12 @@ def _check_same(folder: Path, there: Mark, ours: Mark) -> None:
         left = len(found) - _SHOWN
         more = [f"{left} more differences"] if left > 0 else []
         listed = "".join(f"\n  {each}" for each in [*found[:_SHOWN], *more])
-        raise BadInput(f"the folder {folder} is of another campaign:{listed}", _OTHER)
+        raise BadInput(f"the folder {folder} belongs to another campaign:{listed}", _OTHER)
     if there.digest != ours.digest:
         raise BadInput(
             f"the flights in {folder} were flown by ftc-sitl {there.version} with digest "
             f"{there.digest}; this is {ours.version} with {ours.digest}",
-            f"{_OTHER}: one table is of one code",
+            f"{_OTHER}: a table holds flights of one version only",
         )
 
 

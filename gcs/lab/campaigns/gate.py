@@ -99,8 +99,7 @@ def parse_rules(texts: Iterable[str], samples: Iterable[Sample]) -> list[Rule]:
 
 
 def _parse_rule(text: str, samples: Sequence[Sample]) -> Rule:
-    words = text.split(maxsplit=1)
-    if not words or words[0] != "worse":
+    if text.split(maxsplit=1)[:1] != ["worse"]:
         try:
             return parse_condition(text, "--fail-if")
         except BadInput as problem:

@@ -106,7 +106,7 @@ def sobol_indices(factors: list[str], costs: np.ndarray) -> list[SobolIndex]:
             a variance knows no infinity. Shape (N (factors + 2),).
 
     Raises:
-        ValueError: The number of costs is not that of such a design, or one is not finite.
+        ValueError: The number of costs does not fit such a design, or one is not finite.
     """
     from SALib.analyze import sobol
 

@@ -1,7 +1,7 @@
 """The mark of a campaign's folder: what was flown, and by which code.
 
 `request.yaml` has the request, `scenario.yaml` beside it the base scenario with what it extends.
-Both are YAML: the keys of JSON are texts, and those of ``leader_access`` are numbers.
+Both are YAML: the keys of JSON are texts, but keys of ``leader_access`` are numbers.
 """
 
 from collections.abc import Sequence, Set
@@ -127,7 +127,7 @@ def write_mark(folder: Path, mark: Mark) -> None:
 
 
 def unfinished(names: Set[str]) -> Set[str]:
-    """Return which of the names in a folder are those of a mark that was not written to its end.
+    """Return which of the names in a folder belong to a mark that was not completely written.
 
     A `scenario.yaml` alone is somebody's.
     """

@@ -1,6 +1,6 @@
 """Campaign files: a base scenario, what is drawn, and how often.
 
-Errors of a file are found as those of a scenario are, all at once; what needs the scenario
+Errors of a file are found as in a scenario, all at once; what needs the scenario
 (keys, ranges) is checked by `gcs.lab.campaigns.plan`.
 """
 

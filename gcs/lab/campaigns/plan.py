@@ -54,7 +54,7 @@ def load_plan(path: Path, draws: int | None = None) -> Plan:
     """Read a campaign file, draw its flights and check each of them.
 
     Args:
-        path: The file; its scenario is looked for beside it.
+        path: The file; its scenario is searched for beside it.
         draws: Number of draws instead of the file's.
 
     Raises:
@@ -90,7 +90,7 @@ def plan(campaign: Campaign, path: Path) -> Plan:
 
     Args:
         campaign: The campaign.
-        path: Its file: the scenario is looked for beside it, and messages name it.
+        path: Its file: the scenario is searched for beside it, and messages name it.
 
     Raises:
         ConfigError: Its scenario, a variant, a factor or a draw cannot be used; all are named.
@@ -103,7 +103,7 @@ def plan(campaign: Campaign, path: Path) -> Plan:
 
 
 def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
-    """Return the plan, of the variants that can be used, and all problems but those of draws."""
+    """Return the plan of the variants that can be used, and all problems except with draws."""
     try:
         file = base_of(path.parent, campaign.scenario)
         tree = scenario_tree(file, is_base=True)
@@ -112,7 +112,7 @@ def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
         problems = [Problem(("scenario",), line) for line in error.lines]
         raise ConfigError(path, problems) from error
     if scenario.links.impairments is not None:
-        text = f"{file}: links.impairments are about the wire; campaigns fly in process"
+        text = f"{file}: links.impairments apply to the wire; campaigns fly in process"
         raise ConfigError(path, [Problem(("scenario",), text)])
     ids = [uav.id for uav in scenario.uavs]
     draws = draw_table(campaign, ids)

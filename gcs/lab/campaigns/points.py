@@ -21,7 +21,7 @@ class Point:
 
     Attributes:
         row: Its row in the campaign.
-        file: Name of its scenario file among those of the sweep.
+        file: Name of its scenario file among the sweep's.
         values: Labels of the values laid over the file, by key.
         scenario: File and values together; None if they are not a valid scenario.
         outcome: ``completed``; ``lost``, ``crashed``, ``failed``, ``invalid`` as in a campaign.

@@ -35,7 +35,7 @@ class Estimate:
 
 
 def proportion(count: int, flights: int, level: float = 0.95) -> Estimate:
-    """Estimate a probability; the interval is that of Clopper and Pearson (1934).
+    """Estimate a probability, with the interval of Clopper and Pearson (1934).
 
     Args:
         count: Flights with the event.
@@ -104,7 +104,7 @@ def quantile(costs: np.ndarray, share: float, level: float = 0.95) -> Estimate:
 
 @dataclass(frozen=True)
 class SuccessComparison:
-    """Success of new flights against that of old ones.
+    """Success of new flights compared with old ones.
 
     Attributes:
         old: Flights that succeeded, and all of them.
@@ -138,7 +138,7 @@ def compare_paired_successes(
         old: Success of each draw, bool, shape (pairs,).
         new: The same with the other law or code.
         alternative: Of the test.
-        level: Of both intervals. That of the share is Clopper and Pearson's; that of the difference
+        level: Of both intervals. The share's is Clopper and Pearson's; the difference's
             is Bonferroni's for the two discordant probabilities, each with Clopper and Pearson's.
             It covers at least that often.
     """
@@ -169,7 +169,7 @@ def compare_successes(
         old: Success of each flight, bool, shape (old flights,).
         new: The same of the others, shape (new flights,).
         alternative: Of the test.
-        level: Of the interval of the difference: that of Bonferroni for the two probabilities,
+        level: Of the interval of the difference: Bonferroni's for the two probabilities,
             each with Clopper and Pearson's. It covers at least that often.
     """
     (a, n), (b, m) = (int(old.sum()), len(old)), (int(new.sum()), len(new))
@@ -186,7 +186,7 @@ def compare_successes(
 
 @dataclass(frozen=True)
 class Comparison:
-    """Costs of new flights against those of old ones.
+    """Costs of new flights compared with old ones.
 
     Attributes:
         flights: Pairs compared, or flights of both sides together.
@@ -221,7 +221,7 @@ def compare_paired_costs(
         old: Cost of each draw, shape (pairs,); infinite for failures.
         new: The same with the other law or code.
         alternative: Of the test.
-        level: Of the interval, that of Clopper and Pearson, whose tails are those of the test. It
+        level: Of the interval, Clopper and Pearson's, whose tails are the same as the test's. It
             is two-sided: the test "worse" at the level α has its limits at 1 - 2 α.
     """
     worse, better = int((new > old).sum()), int((new < old).sum())
@@ -271,8 +271,8 @@ def holm(p_values: Sequence[float]) -> list[float]:
 def mean_difference(old: np.ndarray, new: np.ndarray, level: float = 0.95) -> Estimate:
     """Estimate how much larger the mean cost is, from pairs in which both flights have one.
 
-    The interval is that of the bootstrap over pairs, bias-corrected and accelerated (Efron 1987),
-    with a fixed seed; from 1000 pairs on that of Student's t, which costs less time. Pairs with a
+    The interval is the bootstrap's over pairs, bias-corrected and accelerated (Efron 1987),
+    with a fixed seed; from 1000 pairs on it is Student's t, which costs less time. Pairs with a
     failure are left out: count them beside it.
 
     Args:

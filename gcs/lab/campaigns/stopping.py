@@ -1,9 +1,9 @@
-"""Stopping a campaign as soon as a condition is decided, at a stated error however often one looks.
+"""Stopping a campaign once a condition is decided, at a stated error however often it is checked.
 
 The evidence for "p < p0" after n flights with k events is the likelihood of the data averaged over
 p < p0, by Jeffreys' prior cut off there, divided by their likelihood at p0 (a mixture as of Robbins
 1970). Wherever p is at least p0 this is a nonnegative supermartingale that begins at 1, so by
-Ville's inequality it ever reaches 1/α with a probability of at most α: one may look after each
+Ville's inequality it ever reaches 1/α with a probability of at most α: it may be checked after each
 flight, and stop when it does.
 """
 
@@ -86,7 +86,7 @@ def leading(draw: np.ndarray) -> np.ndarray:
 
 
 def anytime_proportion(count: int, flights: int, level: float = 0.95) -> Estimate:
-    """Estimate a probability after stopping by a look at the data (confidence sequence).
+    """Estimate a probability after stopping that depended on the data (confidence sequence).
 
     All intervals of a campaign, one after each flight, hold together with probability `level`.
     """

@@ -57,10 +57,10 @@ _PART = ".part"  # ends the name of a file that is being written
 
 
 def results_schema(draws: "pa.Schema", uav_ids: Sequence[int]) -> "pa.Schema":
-    """Return the columns of the results, given those of the draws.
+    """Return the columns of the results, given the columns of the draws.
 
     ``outcome`` is one of `OUTCOMES`, ``reason`` says why it is not ``completed``. Figures are
-    those of `gcs.results.figures`; null where a flight has none. ``events``, ``messages``,
+    defined in `gcs.results.figures`; null where a flight has none. ``events``, ``messages``,
     ``neighbour_messages`` and savings are of the whole fleet, ``uav{k}.…`` of the UAV with id k.
     ``detection_s`` and ``return_s`` are delays of the diagnosis after the beginning and the end of
     a fault, ``false_alarms`` actuators declared lost in which no fault had begun.

@@ -1,7 +1,7 @@
 """The condition that may end a campaign early, as its folder knows it.
 
 ``until.json`` beside ``request.yaml`` names every condition that the campaign was flown with. Its
-report then uses intervals that hold although somebody looked.
+report then uses intervals that hold although the data decided when to stop.
 """
 
 import json
@@ -31,7 +31,7 @@ def stopping_condition(text: str, campaign: Campaign) -> Condition:
     condition = parse_condition(text, "--until")
     if campaign.design != "random":
         raise BadInput(
-            f"--until wants independent draws, and the design is {campaign.design!r}",
+            f"--until requires independent draws, and the design is {campaign.design!r}",
             "write design: random, or leave --until out",
         )
     return condition
@@ -41,7 +41,7 @@ def begin_campaign(planned: Plan, folder: Path, until: str | None) -> Callable[[
     """Make or open the folder of a campaign; arguments and errors as of `gcs.lab.run`.
 
     Returns:
-        A function that tells from the stored flights whether the condition is decided.
+        A function that returns whether the stored flights decide the condition.
     """
     campaign = planned.mark.campaign
     condition = None if until is None else stopping_condition(until, campaign)

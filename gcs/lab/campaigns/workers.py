@@ -1,4 +1,4 @@
-"""Workers that fly batches of rows: processes on this machine, or those of a dask scheduler."""
+"""Workers that fly batches of rows: processes on this machine, or workers of a dask scheduler."""
 
 import contextlib
 import functools

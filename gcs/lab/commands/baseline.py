@@ -22,7 +22,7 @@ from gcs.commands.common import (
 )
 from gcs.commands.progress import working
 from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.terminal import console_of, numbers, print_json, table_of, words
+from gcs.terminal import console_of, numbers, print_json, table_of, texts
 
 if TYPE_CHECKING:
     from gcs.results.figures import FlightSummary
@@ -57,7 +57,7 @@ def baseline(
     tolerance: Annotated[
         float,
         typer.Option(
-            help="By how much an IAE may exceed that of the triggered flight [%].",
+            help="By how much an IAE may exceed the triggered flight's [%].",
             min=0.0,
             metavar="%",
         ),
@@ -96,7 +96,7 @@ def baseline(
     within: Annotated[
         float,
         typer.Option(
-            help="An aircraft is kept if no IAE is larger than this multiple of that of the "
+            help="An aircraft is kept if no IAE is larger than this multiple of the IAE in the "
             "nominal aircraft's triggered flight.",
             min=1.0,
             metavar="FACTOR",
@@ -142,7 +142,7 @@ def baseline(
     base = periodic_base(triggered, scenario, values_of(against or (), "--against"))
     steps = _longest(triggered, longest)
     if campaign is not None and not aircraft:
-        raise BadInput("--campaign draws no aircraft", "say how many with --aircraft")
+        raise BadInput("--campaign draws no aircraft", "give their number with --aircraft")
     file = find_scenario(campaign or Path("campaigns/uncertainty"))
     drawn = load_campaign(file, draws=aircraft) if aircraft else None
     folder = make_run_folder(out, f"baseline-{triggered.name}")
@@ -150,7 +150,7 @@ def baseline(
     pool = ThreadPoolExecutor(jobs or os.cpu_count() or 1)
     try:
         with working(console) as work:
-            task = work.add("looking for the slowest equal senders", unit="flights")
+            task = work.add("searching for the slowest equal senders", unit="flights")
             reference = _fly(triggered)
             if worst_ratio(reference, reference) is None:
                 reason = reference.loss or "it lost its attitude or heading"
@@ -165,7 +165,7 @@ def baseline(
                 robust = find_robust(triggered, search, drawn, file, steps, within, keep / 100.0)
                 found = replace(found, robustness=robust)
     except KeyboardInterrupt:
-        raise Interrupted("interrupted; nothing is kept") from None
+        raise Interrupted("interrupted; nothing is stored") from None
     finally:
         pool.shutdown(cancel_futures=True)
     text = json.dumps(found.to_json(), indent=2) + "\n"
@@ -174,7 +174,7 @@ def baseline(
     if as_json:
         print_json(found.to_json(), indent=2)
         return
-    headings = (words(COLUMNS[0]), *map(numbers, COLUMNS[1:]))
+    headings = (texts(COLUMNS[0]), *map(numbers, COLUMNS[1:]))
     shown = table_of(*headings, title=f"Baselines of {found.scenario}", box=box.SIMPLE_HEAD)
     for row in baseline_rows(found):
         shown.add_row(*row)
@@ -185,16 +185,17 @@ def baseline(
     output.print(f"results in {folder}", soft_wrap=True)
 
 
-def _longest(scenario: "Scenario", wanted_ms: float | None) -> int:
+def _longest(scenario: "Scenario", requested_ms: float | None) -> int:
     """Return the longest period in control periods."""
-    if wanted_ms is None:
+    if requested_ms is None:
         return min(max(round(_LONGEST_US / scenario.step_us), 1), scenario.steps)
-    steps = round(1e3 * wanted_ms / scenario.step_us) if math.isfinite(wanted_ms) else 0
+    ratio = 1e3 * requested_ms / scenario.step_us
+    steps = round(ratio) if math.isfinite(ratio) else 0
     if not 1 <= steps <= scenario.steps:
         period, whole = scenario.step_us / 1e3, scenario.duration_s * 1e3
         raise BadInput(
-            f"--longest is {wanted_ms:g} ms, expected from {period:g} ms, the control period, to "
-            f"{whole:g} ms, the flight"
+            f"--longest is {requested_ms:g} ms, expected from {period:g} ms, the control period, "
+            f"to {whole:g} ms, the flight"
         )
     return steps
 

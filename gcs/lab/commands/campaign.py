@@ -11,7 +11,7 @@ from gcs.commands.common import QuietOption
 from gcs.commands.progress import working
 from gcs.errors import GcsError
 from gcs.lab.commands.flights import fly_plan, interruptible
-from gcs.terminal import Terminal, console_of, numbers, table_of, words
+from gcs.terminal import Terminal, console_of, numbers, table_of, texts
 
 if TYPE_CHECKING:
     from gcs.lab.campaigns.plan import Plan
@@ -119,7 +119,7 @@ def _report(folder: Path, console: Terminal) -> None:
     samples = read_samples(folder)
     counts = {name: Counter(own.outcome.tolist()) for name, own in samples.items()}
     shown = [name for name in OUTCOMES if any(own[name] for own in counts.values())]
-    table = table_of(words("variant"), *(numbers(name.replace("_", " ")) for name in shown))
+    table = table_of(texts("variant"), *(numbers(name.replace("_", " ")) for name in shown))
     for variant, own in counts.items():
         table.add_row(variant, *(str(own[name]) for name in shown))
     output = console_of(stderr=False, quiet=console.quiet)

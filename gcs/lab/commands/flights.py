@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @contextlib.contextmanager
 def interruptible(folder: Path, total: int) -> Iterator[None]:
-    """Say on Ctrl-C what is stored and how to go on.
+    """Report on Ctrl-C what is stored and how to continue.
 
     Raises:
         Interrupted: It was pressed.

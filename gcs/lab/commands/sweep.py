@@ -70,7 +70,7 @@ def sweep(
 ) -> None:
     """Fly every combination of values, in process, on all cores.
 
-    A sweep is the grid case of a campaign, and its folder that of one: flights are stored every
+    A sweep is the grid case of a campaign, and so is its folder: flights are stored every
     few seconds, and after an interruption, the same command continues there. Lost flights and
     impossible values are recorded with their reasons. The folder gets table.csv (every UAV),
     table.md, and sweep.png and sweep.svg: saving against IAE.

@@ -16,7 +16,7 @@ from gcs.commands.common import (
 )
 from gcs.commands.progress import working
 from gcs.errors import BadInput
-from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, words
+from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, texts
 from mavlink_defs.constants import Actuator
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def trim(
     airspeed: Annotated[
         list[float] | None,
         typer.Option(
-            help="Airspeed [m/s]; may be repeated. By default those of profile or mission.",
+            help="Airspeed [m/s]; may be repeated. By default the airspeeds of profile or mission.",
             metavar="M/S",
         ),
     ] = None,
@@ -159,7 +159,7 @@ def _given_up(
 
 
 def _print(console: Terminal, title: str, trims: list["Trim"]) -> None:
-    columns = (words("stuck"), *map(numbers, _HEADINGS))
+    columns = (texts("stuck"), *map(numbers, _HEADINGS))
     table = table_of(*columns, title=title, box=box.SIMPLE_HEAD, padding=0, pad_edge=False)
     for t in trims:
         table.add_row(*_cells(t))

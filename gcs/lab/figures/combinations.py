@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _MARKERS = "osD^vPX*"
 _WIDEST = 2.0
-"""Largest IAE of a panel, by its smallest one."""
+"""Largest IAE of a panel, relative to its smallest one."""
 _COLOURS = [style.colour for style in (*STYLES[1:], STYLES[0])]
 
 

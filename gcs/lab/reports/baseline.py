@@ -77,8 +77,8 @@ def baseline_sentences(baseline: Baseline) -> Iterator[str]:
         kept, _ = robust.triggered
         low = proportion(kept, robust.drawn).low
         yield (
-            f"Kept: completed, no IAE above {robust.largest_ratio:g} times that of the triggered "
-            f"flight of the nominal aircraft. The triggered sender keeps {kept} "
+            f"Kept: completed, no IAE above {robust.largest_ratio:g} times the IAE of the "
+            f"triggered flight of the nominal aircraft. The triggered sender keeps {kept} "
             f"of {robust.drawn} uncertain aircraft (at 95 %: at least {percent(low)} of all)."
         )
         if (slowest := robust.slowest) is None:

@@ -47,7 +47,7 @@ def write_report(folder: Path) -> Path:
         The path of report.html, which needs no other file.
 
     Raises:
-        BadInput: The folder is not that of a campaign, or cannot be read.
+        BadInput: The folder is not a campaign's, or cannot be read.
         OSError: A file cannot be written; it is named.
     """
     findings = findings_of(folder)

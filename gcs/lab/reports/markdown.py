@@ -37,7 +37,7 @@ def plain(text: str) -> str:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a Markdown table; columns of numbers are right-aligned, those of words left."""
+    """Return a Markdown table; columns of numbers are right-aligned, columns of texts left."""
     cells = [list(map(str, row)) for row in rows]
     rule = [
         "---:" if cells and all(_NUMBER.match(cell) for cell in column) else "---"

@@ -16,7 +16,7 @@ from gcs.lab.campaigns.points import FILE, Point, dimensions_of, position, uav_o
 from gcs.lab.reports.markdown import save_markdown
 from gcs.results.figures import UAV_FIGURES, shown_figure
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
-from gcs.terminal import numbers, table_of, words
+from gcs.terminal import numbers, table_of, texts
 from mavlink_defs.config.output_files import naming
 from mavlink_defs.visible import visible
 
@@ -32,8 +32,8 @@ def write_csv(points: Sequence[Point], path: Path) -> None:
         rows = csv.writer(file)
         rows.writerow(head)
         for point in points:
-            texts = (point.file, *point.values.values(), point.outcome, point.reason)
-            start: list[Any] = [point.row, *map(visible, texts)]
+            named = (point.file, *point.values.values(), point.outcome, point.reason)
+            start: list[Any] = [point.row, *map(visible, named)]
             ids = point.uav_ids()
             if not ids:
                 rows.writerow(start + [None] * (len(head) - len(start)))
@@ -84,7 +84,7 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
     headings = short if len(set(short)) == len(short) else names
     triggered = _has_formation_trigger(points)
     table = table_of(
-        *map(words, headings),
+        *map(texts, headings),
         numbers("saving"),
         *(numbers(f"{quantity}\n[{IAE_UNITS[quantity]}]") for quantity in QUANTITIES),
         *[numbers("neighbour\nmessages")] * triggered,

@@ -49,7 +49,7 @@ def theory_section(
         file: found[file].proofs_absent for file in watched if found[file].proofs_absent is not None
     }
     parts = [
-        "UAV 3 of every flight; all UAVs stand in `data/theory.json`, the method in "
+        "UAV 3 of every flight; all UAVs are in `data/theory.json`, the method in "
         f"`docs/explanation/theory.md`. {', '.join(same)} are one and the same flight.\n",
         "### Smallest interval between events, and the Zeno bound\n",
         _dwell(watched),

@@ -287,7 +287,7 @@ def _basis(known: Known, law: Proposed) -> np.ndarray:
 
 
 def _made(known: Known) -> np.ndarray:
-    """Return a mask of the present steps and of those that the law made up for, (n,)."""
+    """Return a mask of the present steps and of the lost ones that the law interpolated, (n,)."""
     made = known.present.copy()
     steps = np.flatnonzero(known.present)
     for before, after in pairwise(steps):

@@ -18,7 +18,7 @@ from mavlink_defs.constants import ACTUATORS
 
 _SURFACES = PAPER_ORDER[1:]
 WIRE_ROUNDING = 2.0**-24
-"""Largest error of a held command, which is a float32 share of its limit, by that limit."""
+"""Largest error of a held command, a float32 share of its limit, as a share of that limit."""
 
 
 def in_force(schedule: Schedule[Any], time_s: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ ASSUMPTIONS = (
     "error, with τ̄ its measured supremum by axis.",
     "ρ, faults, disturbances and the true aircraft are read from the scenario, applied "
     "deflections and thrust from the flight. g_v, g_ω and τ̄ are extrema along this flight, so "
-    "the bounds are those of this flight and not known before it.",
+    "the bounds hold for this flight and are not known before it.",
     "g_v is made of sup |ϖ|, which (46) needs, and not of sup ϖ as printed; χ_v has β²/2, as "
     "(53), and not the β² of the line before it.",
     "The laws differ from the proofs in this: ω̇_d comes from a first-order filter, neighbours' "
@@ -45,15 +45,15 @@ _NAMES = {"speed": ("(53)", "|Ṽ'|"), "attitude": ("(69)", "‖e'‖")}
 
 def theory_sentences(theory: Theory) -> list[str]:
     """Return sentences on what `check_theory` found, assumed and did not check."""
-    words = [*_missing(theory), *_dwell(theory), *_residual(theory)]
+    sentences = [*_missing(theory), *_dwell(theory), *_residual(theory)]
     if not theory.uavs:
-        return words
+        return sentences
     if theory.proofs_absent is not None:
-        return [*words, f"Proofs of (53), (69): not checked; {theory.proofs_absent}."]
+        return [*sentences, f"Proofs of (53), (69): not checked; {theory.proofs_absent}."]
     for subsystem in _NAMES:
-        words += _proof(theory, subsystem)
-    words += [f"Assumption: {text}" for text in ASSUMPTIONS]
-    return [*words, *(f"Not checked: {text}" for text in NOT_CHECKED)]
+        sentences += _proof(theory, subsystem)
+    sentences += [f"Assumption: {text}" for text in ASSUMPTIONS]
+    return [*sentences, *(f"Not checked: {text}" for text in NOT_CHECKED)]
 
 
 def _missing(theory: Theory) -> Iterator[str]:

@@ -50,7 +50,7 @@ class Known:
         attitude: Roll, pitch, yaw, (n, 3).
         omega: Angular velocity, body axes, (n, 3).
         lambda_v: λ = λ1 + λ2 Σ a_ij of the whole neighbourhood.
-        lambda_omega: λ' = λ3 + λ4 Σ a_ij, likewise.
+        lambda_omega: λ' = λ3 + λ4 Σ a_ij, the same.
         applied: Actuator positions and thrust at the start of the period, (n, 4).
         faulty: Whether a fault acts on the actuator, (n, 4).
         rho: Effectiveness of aileron, elevator, rudder, throttle, (n, 4).
@@ -201,7 +201,7 @@ def solve(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 def _neighbours(recording: Recording, i: int, scenario: Scenario) -> tuple[Neighbours, np.ndarray]:
     """Return the reports that UAV index i had, and a mask of the steps that had them, (n,).
 
-    Step k uses what they derived from the state of step k - 1; step 0 that of step 0. With a
+    Step k uses what they derived from the state of step k - 1; step 0 uses its own state. With a
     trigger on the formation links it is extrapolated, and no step has such reports.
     """
     config = scenario.autopilot_config(recording.uav_ids[i]).neighbours

@@ -162,7 +162,7 @@ def judge(
         known: The flight.
         channels: Its actuators.
         subsystem: None if no step counts.
-        definitions: Equalities apart from those of `subsystem`.
+        definitions: Equalities that are not in `subsystem`.
         error: |Ṽ'| or the norm of e', (n,).
         unit: Of the error.
     """

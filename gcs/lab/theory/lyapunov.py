@@ -102,7 +102,7 @@ def speed_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsystem 
         "beta_v": _Estimate(s["beta_v"], s["beta_v_dot"], beta, rho / law.gamma_v3, law.sigma_v3),
     }
 
-    # what stands in (41), (49) and the inequalities, each multiplied by Ṽ'
+    # the terms of (41), (49) and the inequalities, each multiplied by Ṽ'
     nominal, uncertain = (
         lam * V_tp * (known.v * part).sum(axis=1) / s["V"]
         for part in (known.drift_v, known.delta_v)
@@ -194,7 +194,7 @@ def attitude_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsyst
         ),
     }
 
-    # what stands in (58), (59), (65) and the inequalities, each multiplied by e' or e_ω
+    # the terms of (58), (59), (65) and the inequalities, each multiplied by e' or e_ω
     e_prime, e_omega = s["sync_error"][:, 1:], s["e_omega"]
     K1, K2 = in_force(law.K1, known.time_s), in_force(law.K2, known.time_s)
     e_sq = _dot(e_omega, e_omega)
@@ -301,12 +301,12 @@ def _subsystem(
             estimates' change.
         cancelled: Magnitudes of terms that cancel within them.
         slack: Of the inequalities up to there.
-        parts: Summands of χ but those of the estimates.
+        parts: Summands of χ that do not come from the estimates.
         covered: As in `Subsystem`.
-        counted: Likewise.
-        jumps: Likewise.
-        equalities: Likewise, up to there.
-        constants: Likewise.
+        counted: As in `Subsystem`.
+        jumps: As in `Subsystem`.
+        equalities: As in `Subsystem`, up to there.
+        constants: As in `Subsystem`.
     """
     V_L, leakage, kappa = error.energy.copy(), np.zeros(len(covered)), error.rate
     given, adaptation, chi_parts = np.zeros(len(covered)), [], dict(parts)

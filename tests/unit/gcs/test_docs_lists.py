@@ -97,7 +97,7 @@ def lists() -> dict[str, Listed]:
         "actuators": Listed(ACTUATORS),
         "commands": Listed(["up", *commands_with("--connect", command)], r"`gcs ([a-z ]*[a-z])"),
         "designs": Listed(get_args(Campaign.model_fields["design"].annotation)),
-        "drop-reasons": Listed([reason.words for reason in DropReason], r"[^,\n]+", ordered=True),
+        "drop-reasons": Listed([reason.text for reason in DropReason], r"[^,\n]+", ordered=True),
         "exit-statuses": Listed([str(status) for status in {0, _EXIT_DEFECT, *errors()}], r"\d+"),
         "fault-kinds": Listed([LOSS, *FAULT_KINDS]),
         "fault-options": Listed(

@@ -15,7 +15,7 @@ from rich.progress import Progress, TextColumn
 from rich.text import Text
 
 from gcs import terminal
-from gcs.terminal import console_of, numbers, print_json, print_line, table_of, words
+from gcs.terminal import console_of, numbers, print_json, print_line, table_of, texts
 
 OUTPUT = Path(terminal.__file__)
 SOURCES = sorted(set(OUTPUT.parent.rglob("*.py")) - {OUTPUT})
@@ -43,7 +43,7 @@ rows = st.lists(st.tuples(names, figures, figures, figures, names), min_size=1, 
 def test_no_table_cuts_anything_at_any_width(
     content: list[tuple[str, ...]], width: int, lines: Any
 ) -> None:
-    columns = (words("name"), *map(numbers, ("events", "saved\n[%]", "time")), words("kind"))
+    columns = (texts("name"), *map(numbers, ("events", "saved\n[%]", "time")), texts("kind"))
     table = table_of(*columns, title="A title", box=lines)
     for row in content:
         table.add_row(*row)
@@ -60,7 +60,7 @@ def test_no_table_cuts_anything_at_any_width(
 def test_no_table_breaks_a_word_or_a_number(
     content: list[tuple[list[str], str]], width: int
 ) -> None:
-    table = table_of(words("remarks"), numbers("saved by the trigger\n[deg s]"), box=None)
+    table = table_of(texts("remarks"), numbers("saved by the trigger\n[deg s]"), box=None)
     for remarks, figure in content:
         table.add_row(" ".join(remarks), figure)
     shown = printed(table, width)
@@ -77,7 +77,7 @@ def test_a_pipe_has_no_edge(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("COLUMNS", raising=False)  # workers of pytest-xdist have it
-    table = table_of(words("name"), numbers("value"))
+    table = table_of(texts("name"), numbers("value"))
     table.add_row("n" * 200, "1")
     console_of(stderr=False).print(table, "word " * 50)
     lines = capsys.readouterr().out.splitlines()
@@ -87,7 +87,7 @@ def test_a_pipe_has_no_edge(
 
 def shown_everywhere() -> None:
     """Print a nasty text by every way that commands have."""
-    table = table_of(words(NASTY), title=NASTY, caption=NASTY)
+    table = table_of(texts(NASTY), title=NASTY, caption=NASTY)
     table.add_row(NASTY)
     for stderr in (True, False):
         console = console_of(stderr)

@@ -31,7 +31,7 @@ def test_an_end_needs_no_start() -> None:
 
 def test_keys_are_reported_under_other_names() -> None:
     assert problems(actuator="rudder", bias_deg=1.0, stuck_deg=1.0) == [
-        "--bias: cannot stand together with '--stuck'"
+        "--bias: cannot be combined with '--stuck'"
     ]
     assert problems(actuator="rudder") == [
         "expected 'effectiveness', '--bias' or '--stuck', got none of them"

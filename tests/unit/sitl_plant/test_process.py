@@ -156,7 +156,7 @@ def test_messages_of_other_systems_and_components_are_dropped(
 ) -> None:
     rig.heartbeat(rig.peers[1], system, False, component)
     rig.fly_until(lambda: rig.plant.refused().total() > 0)
-    assert rig.plant.refused() == {reason.words: 1}
+    assert rig.plant.refused() == {reason.text: 1}
     assert rig.received(1) == []  # it is no autopilot of this plant
 
 
@@ -165,7 +165,7 @@ def test_a_second_autopilot_and_damaged_messages_are_dropped(rig: Rig) -> None:
         rig.heartbeat(sender, 1, False)
     rig.peers[1].sendto(b"\xfd" + bytes(11), rig.sock.getsockname())
     rig.fly_until(lambda: rig.plant.refused().total() == 2)
-    assert rig.plant.refused()[DropReason.STRANGER.words] == 1
+    assert rig.plant.refused()[DropReason.STRANGER.text] == 1
     assert has_state(rig.received(1))
     assert rig.received(2) == []
 

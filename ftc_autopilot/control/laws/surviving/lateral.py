@@ -72,7 +72,7 @@ def rudder_for_roll(
 ) -> float:
     """Return the rudder [rad] with the aileron lost: δ* - K [β - β*, p, r - r*, φ - φ_r].
 
-    The mean of it tells whether the rudder alone suffices: see `driven_aileron`.
+    Its mean shows whether the rudder alone suffices: see `driven_aileron`.
     """
     motion = now.motion
     beta = math.asin(clamp(motion.v[1] / motion.V, -1.0, 1.0))
@@ -93,7 +93,7 @@ def rudder_for_roll(
 
 @compiled
 def driven_aileron(now: Step, gains: np.void, state: np.void, stop: float) -> float:
-    """Return what the lost aileron is sent [rad]: where it stands, a probe, and a drive.
+    """Return what the lost aileron is sent [rad]: its position, a probe, and a drive.
 
     When the rudder has stood at its stop for long, the aileron is driven toward the helping side:
     that costs nothing if it is stuck, and decides if it is only very weak.

@@ -46,7 +46,7 @@ def check(
 
     Args:
         now: The present step.
-        positions: Where the servos stand [rad, rad, rad, N], shape (4,).
+        positions: Of the servos [rad, rad, rad, N], shape (4,).
         no_rudder: Whether yaw is left alone.
         aircraft: Nominal aircraft.
         gains: Parameters, record made of `Tube`.

@@ -80,7 +80,7 @@ class Tube(FaultTolerant):
     survive: bool = Field(
         default=True,
         description="Whether the surviving law takes over when an actuator is lost; false: its "
-        "diagnosis only tells.",
+        "diagnosis only reports.",
     )
 
     width_m_s: float = quantity(
@@ -140,7 +140,7 @@ class Tube(FaultTolerant):
         "s",
         gt=0.0,
         default=0.13,
-        doc="Time for which a disturbance is expected to go on changing.",
+        doc="Time for which a disturbance is expected to keep changing.",
     )
 
     adapt: bool = Field(

@@ -25,7 +25,7 @@ def test_who_is_joined_by_few_links_may_fly_as_close_as_they_like() -> None:
 def test_the_refusal_names_the_pair_the_reason_and_what_to_do() -> None:
     assert problems(CHAIN, 3) == [
         "UAVs 1 and 5 fly within 0 m of each other across the path, and neither knows in time "
-        "where the other is: 4 links are between them, and word of a place goes over 3 at most; "
+        "where the other is: 4 links are between them, and a place is relayed over 3 at most; "
         "give them an edge in network.edges, or slots at least 30 m apart across the path"
     ]
     apart = problems([(1, 2), (3, 4), (4, 5)], 9)

@@ -112,7 +112,7 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"links.plant_relay": "127.0.0.1:14570", "links.impairments": {}},
-        "links.plant_relay: cannot stand together with 'impairments', "
+        "links.plant_relay: cannot be combined with 'impairments', "
         "which bring a relay of their own",
     ),
     (
@@ -174,7 +174,7 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"faults.0": {**RUDDER, "bias_deg": 1, "stuck_deg": 1}},
-        "faults[0].bias_deg: cannot stand together with 'stuck_deg'",
+        "faults[0].bias_deg: cannot be combined with 'stuck_deg'",
     ),
     (
         {"faults.0": {**RUDDER, "stuck_deg": 1, "effectiveness": 0.5}},

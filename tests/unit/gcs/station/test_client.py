@@ -279,7 +279,7 @@ def test_what_is_only_recorded_shows_that_its_vehicle_lives(tmp_path: Path) -> N
         assert (state.heard_at, state.lost) == (1.5, False)
         assert attitude.get_msgId() not in state.latest
         assert client.fleet.unconfirmed == {8}
-        assert client.drops == {DropReason.BAD_CRC.words: 1}
+        assert client.drops == {DropReason.BAD_CRC.text: 1}
 
     run(test)
     recorded = file.read_bytes()

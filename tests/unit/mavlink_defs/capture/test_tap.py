@@ -197,7 +197,7 @@ def test_what_is_no_frame_is_counted_by_reason() -> None:
         assert size == 0
         assert why is not None
         expected = {"empty": "truncated", "MAVLink 1": "not MAVLink 2"}.get(reason, reason)
-        assert why.words == expected
+        assert why.text == expected
     (link,) = tap.report().to_json()["links"]
     assert link["dropped"] == dict.fromkeys(wrong, 1)
     assert (link["datagrams"], tap.frames()) == (len(wrong), 0)

@@ -81,7 +81,7 @@ def test_a_new_key_is_announced_then_used_and_the_former_one_expires(path: Path)
 def test_signers_of_both_kinds_go_over_to_the_new_key(
     path: Path, age_s: float, old_is_heard: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(key_file, "_LOOK_S", 0.0)
+    monkeypatch.setattr(key_file, "_POLL_S", 0.0)
     signer, watched = load_signer(str(path)), KeyFile(path)
     hot = load_link_signer(watched, LINK)
     assert signer is not None
@@ -171,4 +171,4 @@ def test_what_comes_between_binding_a_port_and_loading_its_signer_is_accepted(pa
 
 
 def test_the_time_between_two_looks_is_short(path: Path) -> None:
-    assert key_file._LOOK_S < ANNOUNCED_S / 10
+    assert key_file._POLL_S < ANNOUNCED_S / 10

@@ -175,7 +175,7 @@ def test_a_trigger_restarts_with_the_law(
         ({"mode": "periodic", "rudder_period_s": 0.0105}, "trigger.rudder_period_s: expected a wh"),
         ({"mode": "periodic_event", "check_s": 0.0015}, "trigger.check_s: expected a whole number"),
         ({"mode": "self", "longest_s": 0.002}, "trigger.longest_s: expected >= 0.004 s, shortest"),
-        ({"mode": "dynamic", "decay_hz": 1000}, "trigger.decay_hz: expected < 1000 1/s, one by"),
+        ({"mode": "dynamic", "decay_hz": 1000}, "trigger.decay_hz: expected < 1000 1/s, the"),
         ({"mode": "dynamic", "theta_s": 0.0005}, "trigger.theta_s: expected >= 0.0010101 s, so th"),
         ({"mode": "consequence"}, "trigger.mode: 'consequence' needs a law that chooses what"),
     ],

@@ -159,7 +159,7 @@ def test_another_campaign_or_other_code_needs_another_folder(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     variants = {"a": {"duration_s": 0.01}, "b": {"duration_s": 0.02}}
-    with pytest.raises(BadInput, match="of another campaign"):
+    with pytest.raises(BadInput, match="to another campaign"):
         open_folder(folder, planned(draws=4, variants=variants | {"a": {"duration_s": 0.03}}))
     same = planned(draws=4, variants=variants)
     open_folder(folder, same)

@@ -105,7 +105,7 @@ def test_what_differs_is_named_and_nothing_changes(
 
 def test_a_design_that_does_not_begin_with_the_same_draws_is_refused(tmp_path: Path) -> None:
     open_folder(tmp_path, planned(4, design="latin_hypercube"))
-    with pytest.raises(BadInput, match="latin_hypercube design of 8 does not begin with that of 4"):
+    with pytest.raises(BadInput, match="latin_hypercube design of 8 does not begin with one of 4"):
         open_folder(tmp_path, planned(8, design="latin_hypercube"))
     assert mark_of(tmp_path).campaign.draws == 4
 
