@@ -148,7 +148,7 @@ def warm_up(scenario: Scenario, console: Console) -> None:
         return
     from gcs.fleet.precompile import compile_everything, ctrl_c_while_compiling
 
-    message = "compiling the numeric core: about 40 s on two cores, once after an install"
+    message = "compiling the numeric core: about a minute on two cores, once after an install"
     console.print(message)
     with working(console, message), ctrl_c_while_compiling():
         compile_everything(scenario)

@@ -78,13 +78,14 @@ class FlyOptions(FleetOptions):
             "as .npz (in memory until the end), or nothing."
         ),
     ] = Record.LIGHT
-    figures: Annotated[
+    no_figures: Annotated[
         bool,
         typer.Option(
-            envvar="FTC_SITL_FIGURES",
-            help="Whether flight.png and the other figures are drawn, which takes about a second.",
+            "--no-figures",
+            envvar="FTC_SITL_NO_FIGURES",
+            help="Draw none, which saves about a second.",
         ),
-    ] = True
+    ] = False
     as_json: Annotated[
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
     ] = False
@@ -265,7 +266,7 @@ def _report(
     from gcs.reports.flight import flight_tables
 
     summary = recorder.finish(ending)
-    if options.figures:
+    if not options.no_figures:
         with working(console, "drawing the flight"):
             _draw(recorder, ending, scenario, folder)
     output = console_of(stderr=options.as_json, quiet=console.quiet)  # --json leaves no room for it

@@ -74,8 +74,12 @@ def free_links(uavs: int = 3) -> dict[str, Any]:
 
 
 def environment(**changes: str) -> dict[str, str]:
-    """The environment of a command: without figures, which take as long as many a flight."""
-    return os.environ | {"COLUMNS": "1000", "NO_COLOR": "1", "FTC_SITL_FIGURES": "0"} | changes
+    """The environment of a command: without figures, which take as long as many a flight.
+
+    Bytecode is read only: on a full disk Python would write half of it, for later processes to read.
+    """
+    ours = {"COLUMNS": "1000", "NO_COLOR": "1", "FTC_SITL_NO_FIGURES": "1"}
+    return os.environ | ours | {"PYTHONDONTWRITEBYTECODE": "1"} | changes
 
 
 def run(

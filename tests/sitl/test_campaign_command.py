@@ -119,7 +119,7 @@ def test_rows_are_flights_that_fly_again_bit_for_bit(tmp_path: Path) -> None:
     write_campaign(tmp_path, seed=8)
     other = campaign(path, "--out", folder)
     assert other.returncode == 2
-    assert "of another campaign" in other.stderr
+    assert "belongs to another campaign" in other.stderr
 
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])

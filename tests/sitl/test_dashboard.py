@@ -220,7 +220,7 @@ def test_the_event_log_is_filtered(fleet: Up) -> None:
             await someone.sees(lambda: log.text.count("vehicle found") == 1, "of UAV 2")
             await someone.choose("of", 0)
             await someone.press("slash")
-            await until_focused(someone.pilot, "words")
+            await until_focused(someone.pilot, "event-text")
             await someone.press(*"found")
             await someone.sees(lambda: len(log.rows) == 3, "lines with a word")
             await someone.press("enter")

@@ -88,7 +88,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     folder = tmp_path_factory.mktemp("flown")
     scenario = write_scenario(folder, duration_s=2.0)
     arguments = ("--json", "--free-ports", "--out", folder / "run")
-    done = fly_well(scenario, *arguments, FTC_SITL_FIGURES="1")
+    done = fly_well(scenario, *arguments, FTC_SITL_NO_FIGURES="0")
     assert "Traceback" not in done.stderr
     return folder / "run", done.stdout
 

@@ -178,7 +178,7 @@ def test_default_folder_is_found_again(tmp_path: Path) -> None:
     write_scenario(tmp_path, duration_s=0.2)  # other flights, another table
     done = sweep(*arguments, "--out", folder, cwd=tmp_path)
     assert done.returncode == 2
-    assert "of another campaign:\n" in done.stderr
+    assert "belongs to another campaign:\n" in done.stderr
     assert sweep(*arguments, cwd=tmp_path).returncode == 0
     (other,) = set((tmp_path / "runs").iterdir()) - {folder}
     assert {row["duration_s"] for row in rows_of(other)} == {"0.2"}
