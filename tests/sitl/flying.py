@@ -76,7 +76,7 @@ def free_links(uavs: int = 3) -> dict[str, Any]:
 def environment(**changes: str) -> dict[str, str]:
     """The environment of a command: without figures, which take as long as many a flight.
 
-    Bytecode is read only: on a full disk Python would write half of it, for later processes to read.
+    Bytecode is only read: on a full disk Python would write half of it, and read that later.
     """
     ours = {"COLUMNS": "1000", "NO_COLOR": "1", "FTC_SITL_NO_FIGURES": "1"}
     return os.environ | ours | {"PYTHONDONTWRITEBYTECODE": "1"} | changes
