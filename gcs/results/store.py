@@ -7,7 +7,7 @@ crash has everything up to its last complete batch. Parquet and HDF5 lose all of
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _BATCH_ROWS = 1024
+_EVENT = ("time_s", "step", "uav", "channel", "value")
 
 
 def row_size(columns: tuple[Column, ...]) -> int:
@@ -42,12 +43,14 @@ def _arrow(numbers: np.ndarray) -> "pa.Array":
 
 
 class _Stream:
-    """A file of batches of rows; each batch is on its way to the disk when `write` returns."""
+    """A file of batches of rows, each on its way to the disk when it is complete."""
 
     def __init__(self, path: Path, schema: "pa.Schema", compressed: bool) -> None:
         import pyarrow as pa
 
         self._path, self._schema = path, schema
+        self._waiting: list[list[np.ndarray]] = []
+        self._rows = 0
         codec = "lz4" if compressed else None
         options = pa.ipc.IpcWriteOptions(compression=codec, use_threads=False)
         with naming(path):
@@ -59,22 +62,36 @@ class _Stream:
                 self._file.close()
                 raise
 
-    def write(self, columns: list[Any]) -> None:
-        """Write a batch; OSError with the file's name if it cannot."""
+    def close(self) -> None:
+        """Write what waits, and the end; OSError with the file's name if it cannot."""
+        try:
+            self._flush()
+        finally:
+            with naming(self._path), self._file:
+                self._writer.close()
+
+    def _append(self, columns: list[np.ndarray]) -> None:
+        self._waiting.append(columns)
+        self._rows += len(columns[0])
+        if self._rows >= _BATCH_ROWS:
+            self._flush()
+
+    def _flush(self) -> None:
         import pyarrow as pa
 
+        if not self._rows:
+            return
+        parts, self._waiting, self._rows = self._waiting, [], 0
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
         with naming(self._path):
-            arrays = [_arrow(c) if isinstance(c, np.ndarray) else c for c in columns]
-            self._writer.write_batch(pa.record_batch(arrays, schema=self._schema))
+            self._writer.write_batch(pa.record_batch(self._arrays(columns), schema=self._schema))
             self._file.flush()
 
-    def close(self) -> None:
-        """Write the end of the stream; OSError with the file's name if it cannot."""
-        with naming(self._path), self._file:
-            self._writer.close()
+    def _arrays(self, columns: list[np.ndarray]) -> "list[pa.Array]":
+        return [_arrow(column) for column in columns]
 
 
-class TrajectoryStream:
+class TrajectoryStream(_Stream):
     """`trajectory.arrows`: one row per UAV and recorded step, ordered by time."""
 
     def __init__(
@@ -105,8 +122,6 @@ class TrajectoryStream:
 
         self._columns, self._every, self._step_us = columns, every, step_us
         self._ids = np.array(uav_ids, np.int16)
-        self._waiting: list[list[np.ndarray]] = []
-        self._rows = 0
         fields = [
             pa.field("time_s", pa.float64(), nullable=False, metadata={"unit": "s"}),
             pa.field("uav", pa.int16(), nullable=False),
@@ -116,7 +131,7 @@ class TrajectoryStream:
             ),
         ]
         metadata = {**about, "step_us": str(step_us), "every": str(every)}
-        self._stream = _Stream(path, pa.schema(fields, metadata), compressed)
+        super().__init__(path, pa.schema(fields, metadata), compressed)
 
     def add(self, steps: Steps) -> None:
         """Record the next steps; OSError with the file's name if it cannot."""
@@ -127,30 +142,16 @@ class TrajectoryStream:
             return
         numbers = np.arange(steps.first, steps.first + steps.length)
         numbers = numbers[numbers % self._every == 0]
-        values = [
-            np.repeat(numbers * self._step_us / 1e6, len(self._ids)),
-            np.tile(self._ids, len(numbers)),
-            *(np.array(column.of(part)).ravel() for column in self._columns),
-        ]
-        self._waiting.append(values)
-        self._rows += len(values[0])
-        if self._rows >= _BATCH_ROWS:
-            self._flush()
-
-    def close(self) -> None:
-        """Write what waits, and the end; OSError with the file's name if it cannot."""
-        try:
-            self._flush()
-        finally:
-            self._stream.close()
-
-    def _flush(self) -> None:
-        if self._rows:
-            parts, self._waiting, self._rows = self._waiting, [], 0
-            self._stream.write([np.concatenate(column) for column in zip(*parts, strict=True)])
+        self._append(
+            [
+                np.repeat(numbers * self._step_us / 1e6, len(self._ids)),
+                np.tile(self._ids, len(numbers)),
+                *(np.array(column.of(part)).ravel() for column in self._columns),
+            ]
+        )
 
 
-class EventStream:
+class EventStream(_Stream):
     """`events.arrows`: one row per event, ordered by time."""
 
     def __init__(self, path: Path, step_us: int) -> None:
@@ -167,42 +168,20 @@ class EventStream:
         names = pa.lib.StringBuilder()  # pa.array would load pandas
         names.append_values(ACTUATORS)
         self._actuators = names.finish()
-        self._waiting: list[Events] = []
-        self._rows = 0
-        self._stream = _Stream(path, pa.schema(fields, {"step_us": str(step_us)}), True)
+        super().__init__(path, pa.schema(fields, {"step_us": str(step_us)}), True)
 
     def add(self, events: Events) -> None:
         """Record the next events; OSError with the file's name if it cannot."""
-        self._waiting.append(events)
-        self._rows += len(events["step"])
-        if self._rows >= _BATCH_ROWS:
-            self._flush()
+        time_s, step, uav, channel, value = (events[name] for name in _EVENT)
+        self._append([time_s, step, uav.astype(np.int16), channel.astype(np.int8), value])
 
-    def close(self) -> None:
-        """Write what waits, and the end; OSError with the file's name if it cannot."""
-        try:
-            self._flush()
-        finally:
-            self._stream.close()
-
-    def _flush(self) -> None:
+    def _arrays(self, columns: list[np.ndarray]) -> "list[pa.Array]":
         import pyarrow as pa
 
-        parts, self._waiting = self._waiting, []
-        if not self._rows:
-            return
-        self._rows = 0
-        events = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        channel = _arrow(events["channel"].astype(np.int8))
-        self._stream.write(
-            [
-                events["time_s"],
-                events["step"],
-                events["uav"].astype(np.int16),
-                pa.DictionaryArray.from_arrays(channel, self._actuators),
-                events["value"],
-            ]
-        )
+        arrays = super()._arrays(columns)
+        channel = _EVENT.index("channel")
+        arrays[channel] = pa.DictionaryArray.from_arrays(arrays[channel], self._actuators)
+        return arrays
 
 
 EVENTS, TRAJECTORY = "events.arrows", "trajectory.arrows"

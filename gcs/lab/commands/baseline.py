@@ -22,6 +22,7 @@ from gcs.commands.common import (
 )
 from gcs.commands.progress import working
 from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.lab.commands.flights import JobsOption
 from gcs.terminal import console_of, numbers, print_json, table_of, texts
 
 if TYPE_CHECKING:
@@ -102,14 +103,7 @@ def baseline(
             metavar="FACTOR",
         ),
     ] = 1.5,
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="NUMBER",
-            help="Flights at a time; by default as many as there are cores.",
-        ),
-    ] = None,
+    jobs: JobsOption = None,
     out: Annotated[
         Path | None,
         typer.Option(

@@ -10,7 +10,7 @@ import typer
 from gcs.commands.common import QuietOption
 from gcs.commands.progress import working
 from gcs.errors import GcsError
-from gcs.lab.commands.flights import fly_plan, interruptible
+from gcs.lab.commands.flights import JobsOption, fly_plan, interruptible
 from gcs.terminal import Terminal, console_of, numbers, table_of, texts
 
 if TYPE_CHECKING:
@@ -47,14 +47,7 @@ def campaign(
         int | None,
         typer.Option(min=1, metavar="NUMBER", help="Draws per variant instead of the file's."),
     ] = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="NUMBER",
-            help="Worker processes here; by default as many as there are cores.",
-        ),
-    ] = None,
+    jobs: JobsOption = None,
     scheduler: Annotated[
         str | None,
         typer.Option(help="Dask scheduler whose workers fly instead.", metavar="tcp://HOST:PORT"),

@@ -3,8 +3,9 @@
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.console import Console
 
 from gcs.commands.common import warm_up
@@ -14,6 +15,15 @@ from gcs.errors import Interrupted
 if TYPE_CHECKING:
     from gcs.lab.campaigns.plan import Plan
     from gcs.lab.campaigns.workers import Flown
+
+JobsOption = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="NUMBER",
+        help="Flights at a time here; by default as many as there are cores.",
+    ),
+]
 
 
 @contextlib.contextmanager

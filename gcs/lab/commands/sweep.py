@@ -9,7 +9,7 @@ from rich.console import Console
 from gcs.commands.common import QuietOption
 from gcs.commands.progress import working
 from gcs.errors import GcsError
-from gcs.lab.commands.flights import fly_plan, interruptible
+from gcs.lab.commands.flights import JobsOption, fly_plan, interruptible
 from gcs.terminal import console_of
 
 if TYPE_CHECKING:
@@ -52,14 +52,7 @@ def sweep(
             metavar="FOLDER",
         ),
     ] = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="NUMBER",
-            help="Flights at a time; by default as many as there are cores.",
-        ),
-    ] = None,
+    jobs: JobsOption = None,
     uav: Annotated[
         int | None,
         typer.Option(

@@ -3,10 +3,13 @@
 import pytest
 
 LEAVES_ONE = """
-import os, subprocess, sys
+import os, pathlib, subprocess, sys
 
 def test_leaves_one():
-    os.spawnl(os.P_NOWAIT, sys.executable, sys.executable, "-c", "import time; time.sleep(600)")
+    arguments = "-c", "import time; time.sleep(600)"
+    pid = os.spawnl(os.P_NOWAIT, sys.executable, sys.executable, *arguments)
+    while b"sleep" not in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes():
+        pass  # until it runs, it has the environment that this process began with
 
 def test_leaves_none():
     subprocess.run([sys.executable, "-c", ""], check=True)
