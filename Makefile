@@ -16,8 +16,9 @@ fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
 check: lint  ## for the daily loop: format, lint, types and the quick tests
 	$(BIN)/pytest -q -n auto --dist worksteal -m "not slow" tests/unit tests/test_architecture.py
 
+# a worker that dies ends the session: xdist hangs where it goes on without it
 test: lint  ## everything that must pass: format, lint, types, all tests
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder tests
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0 tests
 
 .PHONY: lint
 lint: $(READY)

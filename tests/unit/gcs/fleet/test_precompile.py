@@ -1,53 +1,58 @@
-"""Ctrl-C while the numeric core is compiled."""
+"""Ctrl-C while the numeric core is compiled.
 
-import ctypes
-import signal
+Each case has a process of its own: an interrupt that goes astray would end the one that tests.
+"""
+
+import subprocess
 import sys
-import time
-from collections.abc import Callable
 
-import llvmlite
 import pytest
 
+CALLED_BACK = """
+import ctypes, signal, sys, time
+import llvmlite
 from gcs.fleet.precompile import ctrl_c_while_compiling
 
-
-def called_back(function: Callable[[], None]) -> None:
-    """Call a function as LLVM does: through C, from a function of the compiler's package."""
-    names: dict[str, Callable[..., None]] = {}
+def called_back(function):
+    "Call a function as LLVM does: through C, from a function of the compiler's package."
+    names = {}
     source = "def notify(function): function()"
     exec(compile(source, llvmlite.__file__, "exec"), names)
     ctypes.CFUNCTYPE(None)(lambda: names["notify"](function))()
 
-
-def ctrl_c() -> None:
+def ctrl_c():
     signal.raise_signal(signal.SIGINT)
 
-
-def interrupted_while_compiling() -> None:
+signal.signal(signal.SIGINT, signal.default_int_handler)
+"""
+LOST = """
+lost = []
+sys.unraisablehook = lambda what: lost.append(what.exc_type.__name__)
+called_back(ctrl_c)
+print(*lost)
+"""
+IN_A_CALL_BACK = "called_back(ctrl_c); time.sleep(30.0)"
+BETWEEN_TWO_CALLS = "ctrl_c()"
+INTERRUPTED = """
+try:
     with ctrl_c_while_compiling():
-        called_back(ctrl_c)
-        time.sleep(10.0)
-        pytest.fail("the interrupt was lost")
+        {}
+        print("the interrupt was lost")
+except KeyboardInterrupt:
+    print("interrupted", signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+"""
 
 
-def interrupted_between_two_calls() -> None:
-    with ctrl_c_while_compiling():
-        ctrl_c()
-        pytest.fail("not interrupted at once")
+def output(code: str) -> str:
+    command = [sys.executable, "-c", CALLED_BACK + code]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
-def test_an_interrupt_in_a_call_back_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_in_a_call_back_is_lost() -> None:
     """What the test below would do without the context."""
-    lost: list[object] = []
-    monkeypatch.setattr(sys, "unraisablehook", lambda what: lost.append(what.exc_type))
-    called_back(ctrl_c)
-    assert lost == [KeyboardInterrupt]
+    assert output(LOST) == "KeyboardInterrupt"
 
 
-@pytest.mark.parametrize("moment", [interrupted_while_compiling, interrupted_between_two_calls])
-def test_ctrl_c_interrupts_the_compiler(moment: Callable[[], None]) -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
-        moment()
-    assert signal.getsignal(signal.SIGINT) is before
+@pytest.mark.parametrize("moment", [IN_A_CALL_BACK, BETWEEN_TWO_CALLS])
+def test_ctrl_c_interrupts_the_compiler(moment: str) -> None:
+    assert output(INTERRUPTED.format(moment)) == "interrupted True"
