@@ -12,7 +12,8 @@ import pytest
 
 _VARIABLE = "FTC_SITL_TESTS"
 _GRACE_S = 5.0  # some are about to end
-_PYTHONS_OWN = "multiprocessing.resource_tracker"  # ends with its parent
+_PYTHONS_OWN = ("multiprocessing.resource_tracker", "multiprocessing.forkserver")
+"""End with their parent, or with the last process forked."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -38,6 +39,6 @@ def marked(variable: str, mark: str) -> dict[int, str]:
         with contextlib.suppress(OSError):
             if f"{variable}={mark}".encode() in environ.read_bytes():
                 command = (environ.parent / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-                if command and _PYTHONS_OWN not in command:
+                if command and not any(own in command for own in _PYTHONS_OWN):
                     found[int(environ.parent.name)] = command
     return found

@@ -9,7 +9,9 @@ from typing import TypeAlias
 import pytest
 from flying import SCENARIO_1, run, summary_of
 from rich.console import Console
+from typer.testing import CliRunner
 
+from gcs.cli import app
 from gcs.reports.flight import flight_tables
 from gcs.results.figures import FlightSummary
 from gcs.scenario.model import load_scenario
@@ -83,8 +85,8 @@ def test_a_table_is_what_its_command_gives(command: str, shown: str, tmp_path: P
     _, *given = shlex.split(command)
     given = given[: given.index("--out")]
     arguments = [name for word in given for name in sorted(map(str, ROOT.glob(word))) or [word]]
-    done = run("gcs", *arguments, "--out", tmp_path / "out", "--quiet")
-    assert done.returncode == 0, done.stderr
+    done = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path / "out"), "--quiet"])
+    assert done.exit_code == 0, done.output
     table = (tmp_path / "out" / "table.md").read_text().partition("\n\n")[2]
     head, _, *rows = cells(table)
     shown_head, _, *shown_rows = cells(shown)

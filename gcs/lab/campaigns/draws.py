@@ -140,8 +140,6 @@ def _draws(campaign: Campaign, axes: Sequence[Dimension]) -> int:
 
 def _unit_cube(campaign: Campaign, axes: Sequence[Dimension]) -> np.ndarray:
     """Return the design, shape (draws, axes), in [0, 1)."""
-    from scipy.stats import qmc
-
     d, n = len(axes), campaign.draws or 0
     whole = np.random.default_rng(np.random.SeedSequence(campaign.seed))
     match campaign.design:
@@ -150,8 +148,12 @@ def _unit_cube(campaign: Campaign, axes: Sequence[Dimension]) -> np.ndarray:
             points = itertools.product(*((np.arange(k) + 0.5) / k for k in levels))
             return np.array(list(points))
         case "latin_hypercube":
+            from scipy.stats import qmc
+
             return np.asarray(qmc.LatinHypercube(d, rng=whole).random(n))
         case "sobol":
+            from scipy.stats import qmc
+
             return np.asarray(qmc.Sobol(d, rng=whole).random(n))
         case "saltelli":
             from SALib.sample import sobol

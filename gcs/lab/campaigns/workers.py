@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 Batch: TypeAlias = Sequence[Row]
 
-_SPAWN = multiprocessing.get_context("spawn")
+_FORKS = "forkserver" in multiprocessing.get_all_start_methods()
+_PROCESSES: Any = multiprocessing.get_context("forkserver" if _FORKS else "spawn")
 _CONNECT_S = 10.0
 _DASK = {
     "distributed.scheduler.allowed-failures": 0,  # the engine counts the processes that are killed
@@ -80,6 +81,8 @@ class LocalWorkers:
         self._workers: dict[multiprocessing.connection.Connection, Any] = {}
         self._running: dict[Any, Batch] = {}
         multiprocessing.resource_tracker.ensure_running()  # it would unblock the signals
+        if _FORKS:
+            _PROCESSES.set_forkserver_preload(["gcs.lab.campaigns.preload"])
 
     def capacity(self) -> int:
         """Return the number of processes."""
@@ -112,9 +115,9 @@ class LocalWorkers:
             self._end(connection)
 
     def _start(self) -> Any:
-        ours, theirs = _SPAWN.Pipe()
+        ours, theirs = _PROCESSES.Pipe()
         name = f"worker {len(self._workers) + 1}"
-        process = _SPAWN.Process(target=_serve, args=(theirs, self._flights, name), daemon=True)
+        process = _PROCESSES.Process(target=_serve, args=(theirs, self._flights, name), daemon=True)
         with _signals_blocked():
             process.start()
         theirs.close()
