@@ -31,6 +31,7 @@ ifeq ($(origin SEED), undefined)
 SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
 coverage: $(READY)  ## lines and branches that the unit tests reach, and whether these are enough
+	$(BIN)/pip install --quiet --disable-pip-version-check "pytest-cov>=7.1"
 	$(BIN)/pytest -n auto --dist worksteal --cov --cov-report=term tests/unit tests/test_architecture.py
 
 explore: $(READY)  ## the property tests with new examples, 25 times as many; SEED=... repeats a run

@@ -260,7 +260,7 @@ def _udp_socket() -> socket.socket:
 def _resolve(address: UdpAddress) -> str:
     try:
         return socket.gethostbyname(address.host)
-    except (OSError, UnicodeError) as exc:  # a name with an empty part cannot be encoded
+    except (socket.gaierror, UnicodeError) as exc:  # an empty part of a name cannot be encoded
         why = getattr(exc, "strerror", None) or exc
         raise EndpointError(f"unknown host '{address.host}': {why}") from exc
 

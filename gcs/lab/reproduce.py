@@ -117,18 +117,50 @@ def reproduce(
         on_step: Called with the name of each finished step, as often as `steps` says.
         faults: Fly every fault file, too, under every law and trigger.
     """
-    flown = itertools.count()
+    chapter = paper_chapter(scenarios, fly, jobs, out, on_step)
+    flown = itertools.count(len(chapter.summaries))
 
     def summary_of(scenario: Scenario) -> FlightSummary:
         recording = fly_in_process(scenario)
         next(flown)
         return summarise(recording, scenario)
 
+    with ThreadPoolExecutor(jobs) as pool:
+        second = _second_chapter(
+            scenarios, chapter.summaries, partial(pool.map, summary_of), out, on_step, faults
+        )
+    text = f"{chapter.text}\n{second}"
+    save_markdown(out / "report.md", text)
+    write_text(out / "report.html", html_of(text, out))
+    on_step("wrote the report")
+    return Reproduction(chapter.summaries, next(flown))
+
+
+@dataclass(frozen=True)
+class PaperChapter:
+    """The report's first chapter.
+
+    Attributes:
+        summaries: Of the paper's flights, by file name.
+        text: Markdown.
+    """
+
+    summaries: Mapping[str, FlightSummary]
+    text: str
+
+
+def paper_chapter(
+    scenarios: Mapping[str, Scenario],
+    fly: Callable[[str, Scenario], Recording],
+    jobs: int,
+    out: Path,
+    on_step: Callable[[str], None],
+) -> PaperChapter:
+    """Fly the paper's scenarios, and write their data and figures; arguments as of `reproduce`."""
     summaries: dict[str, FlightSummary] = {}
 
     def fly_and_export(file: str) -> Recording:
         recording = fly(file, scenarios[file])
-        next(flown)
         folder = out / "data" / file
         folder.mkdir(parents=True, exist_ok=True)
         recorder = FlightRecorder(scenarios[file], folder, Record.LIGHT)
@@ -153,16 +185,7 @@ def reproduce(
         theory=theory,
         figures=_CAPTIONS,
     )
-    text = paper_report(results)
-    with ThreadPoolExecutor(jobs) as pool:
-        chapter = _second_chapter(
-            scenarios, summaries, partial(pool.map, summary_of), out, on_step, faults
-        )
-    text += "\n" + chapter
-    save_markdown(out / "report.md", text)
-    write_text(out / "report.html", html_of(text, out))
-    on_step("wrote the report")
-    return Reproduction(summaries, next(flown))
+    return PaperChapter(summaries, paper_report(results))
 
 
 def _second_chapter(

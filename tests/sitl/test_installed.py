@@ -220,18 +220,25 @@ def test_a_bundled_scenario_flies_by_its_name(programs: Path, folder: Path) -> N
     assert "did you mean paper/scenario1 " in done.stderr
 
 
-def test_the_paper_is_reproduced(programs: Path, folder: Path) -> None:
-    (folder / "short").mkdir()
-    for file in FILES:
-        text = f"extends: paper/{file}\nduration_s: 0.02\n"
-        (folder / "short" / f"{file}.yaml").write_text(text)
-    run_well(programs, folder, "gcs", "reproduce", "--scenarios", "short", "--out", "out")
-    assert (folder / "out" / "report.html").is_file()
+def test_the_papers_scenarios_come_along(programs: Path, folder: Path) -> None:
     code = "import inspect; from gcs.lab.commands.reproduce import reproduce as r; "
     code += "print(inspect.signature(r).parameters['scenarios'].default)"
     paper = Path(run_well(programs, folder, "python", "-c", code).strip())
     assert paper.is_relative_to(programs.parent)
     assert {f"{file}.yaml" for file in FILES} <= {path.name for path in paper.iterdir()}
+
+
+def test_all_that_is_no_code_comes_along(programs: Path, folder: Path) -> None:
+    """Templates and styles of reports, among others."""
+    code = "import gcs; print(gcs.__path__[0])"
+    installed = Path(run_well(programs, folder, "python", "-c", code).strip()).parent
+    for package in ("gcs", "ftc_autopilot", "sitl_plant", "mavlink_defs"):
+        files = [
+            path.relative_to(ROOT)
+            for path in (ROOT / package).rglob("*")
+            if path.is_file() and path.suffix not in {".py", ".pyc"}
+        ]
+        assert not [file for file in files if not (installed / file).is_file()]
 
 
 def test_an_installation_shares_the_compiled_code_of_equal_sources(

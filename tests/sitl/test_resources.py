@@ -41,7 +41,7 @@ def test_too_few_files_may_be_open(tmp_path: Path, limit: int, is_compiled: bool
     command = ("fly", write_scenario(tmp_path, duration_s=0.1), "--free-ports", "--quiet")
     cache = {} if is_compiled else {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     done = limited(resource.RLIMIT_NOFILE, limit, *command, "--out", folder, **cache)
-    assert done.returncode == 1
+    assert done.returncode == 1, done.stderr
     assert_one_message(done.stderr)
     assert f"the limit is {limit}" in done.stderr
     assert "ulimit -n" in done.stderr

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TypeAlias
 
 import pytest
-from flying import SCENARIO_1, run, summary_of
+from flying import SCENARIO_1
 from rich.console import Console
 from typer.testing import CliRunner
 
 from gcs.cli import app
+from gcs.fleet.in_process import fly_in_process
+from gcs.lab.reproduce import load_all, paper_chapter
 from gcs.reports.flight import flight_tables
-from gcs.results.figures import FlightSummary
-from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl
 
@@ -97,11 +97,12 @@ def test_a_table_is_what_its_command_gives(command: str, shown: str, tmp_path: P
 
 
 def test_the_papers_tables_come_from_gcs_reproduce(tmp_path: Path) -> None:
-    """One run for all: results.md, the README's table, and what the first flight prints."""
-    arguments = ("--out", tmp_path / "out", "--quiet")
-    done = run("gcs", "reproduce", *arguments, cwd=ROOT, timeout_s=1800.0)
-    assert done.returncode == 0, done.stderr
-    report = (tmp_path / "out" / "report.md").read_text()
+    """One flight of each for all: results.md, the README's table, what the first flight prints."""
+    scenarios = load_all(SCENARIO_1.parent)
+    chapter = paper_chapter(
+        scenarios, lambda _, scenario: fly_in_process(scenario), 1, tmp_path, lambda _: None
+    )
+    report = chapter.text
     core = section(RESULTS, "## The paper's tables")
     shown, ours = tables_of(core), tables_of(report)
     assert len(shown) == 3
@@ -121,10 +122,10 @@ def test_the_papers_tables_come_from_gcs_reproduce(tmp_path: Path) -> None:
     flown = [[*cells, saved[cells[0]]] for cells in tracking if cells[0] in names]
     for cells, expected in zip(flown, rows, strict=True):
         assert_cells_alike(cells, expected, rel=0.005)
-    summary = FlightSummary.from_json(summary_of(tmp_path / "out" / "data" / "scenario1"))
+    summary = chapter.summaries["scenario1"]
     printed = io.StringIO()
     console = Console(file=printed, width=80, markup=False)
-    for table in flight_tables(summary, load_scenario(SCENARIO_1)):
+    for table in flight_tables(summary, scenarios["scenario1"]):
         console.print(table)
     flown, copied = printed_rows(printed.getvalue()), printed_rows(FIRST_FLIGHT)
     assert len(flown) == 15 + 9 + 12  # transmissions, links and tracking of three UAVs
