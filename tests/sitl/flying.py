@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import yaml
+from warm import can_be_warm, run_warm
 
 from gcs.fleet.processes import FleetProcesses, on_free_ports
 from gcs.scenario.bundled import SCENARIOS
@@ -90,6 +91,8 @@ def run(
     timeout_s: float = TIMEOUT_S,
 ) -> subprocess.CompletedProcess[str]:
     """Run one of the console scripts to its end."""
+    if program == "gcs" and can_be_warm(env := env or environment()):
+        return run_warm([*map(str, arguments)], env, cwd, timeout_s)
     return subprocess.run(
         [BIN / program, *arguments],
         capture_output=True,
