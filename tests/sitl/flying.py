@@ -91,14 +91,15 @@ def run(
     timeout_s: float = TIMEOUT_S,
 ) -> subprocess.CompletedProcess[str]:
     """Run one of the console scripts to its end."""
-    if program == "gcs" and can_be_warm(env := env or environment()):
+    env = env or environment()
+    if program == "gcs" and can_be_warm(env):
         return run_warm([*map(str, arguments)], env, cwd, timeout_s)
     return subprocess.run(
         [BIN / program, *arguments],
         capture_output=True,
         text=True,
         timeout=timeout_s,
-        env=env or environment(),
+        env=env,
         cwd=cwd,
         check=False,
         stdin=subprocess.DEVNULL,
