@@ -9,6 +9,7 @@ import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.control.stepping import controller_step
 from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
 from ftc_autopilot.guidance.path import locate, path_record, point_at
@@ -19,12 +20,21 @@ from ftc_autopilot.hot.loop import Loop, new_loops, run
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.framing.codec import SIM_STATE
 
 
 def warm_up_with(config_file: Path) -> None:
     """Call everything with the configuration of one autopilot, unless it cannot be used."""
     with contextlib.suppress(ConfigError):
         call_everything(load(config_file, AutopilotConfig))
+
+
+def call_controller(config: AutopilotConfig) -> None:
+    """Make a control step: what takes longest to compile, and what every flight calls."""
+    controllers, measured = new_controllers([config]), np.zeros(1, SIM_STATE)
+    controllers.guidance["active"] = 1
+    measured["velocity"][:, 0] = 40.0  # m/s
+    controller_step(controllers, 0, measured[0], config.step_us)
 
 
 def call_everything(config: AutopilotConfig) -> None:

@@ -3,6 +3,7 @@
 import contextlib
 import gc
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -13,8 +14,8 @@ from types import FrameType
 import llvmlite
 import numpy as np
 
+from ftc_autopilot.warm_up import call_controller, endless_path
 from ftc_autopilot.warm_up import call_everything as call_autopilot
-from ftc_autopilot.warm_up import endless_path
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.path_following import PathFollowing
 from gcs.results.summary import summarise
@@ -106,19 +107,19 @@ def _call_everything(scenario: Scenario) -> None:
 
 
 @contextlib.contextmanager
-def _other_process(scenario: Scenario) -> Iterator[None]:
+def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
     """Compile the flight in process elsewhere meanwhile; what fails is left to the caller.
 
-    It needs the controller, too, whose parts the caller then finds in the cache.
+    It begins with the controller, which the caller needs last and then finds in the cache.
     """
     command = [sys.executable, "-m", __spec__.name if __spec__ else __name__]
     quiet = subprocess.DEVNULL
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as child:
         assert child.stdin is not None
         try:
-            child.stdin.write(scenario.model_dump_json().encode() + b"\n")
+            pickle.dump(scenario.model_dump(), child.stdin)
             child.stdin.flush()
-            yield
+            yield child
             child.wait()
         except BrokenPipeError:
             return
@@ -140,12 +141,14 @@ def _call_relay() -> None:
 
 
 def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
+    while os.read(0, 1):  # not by `sys.stdin`, whose lock a thread may not hold in the end
+        pass
     os._exit(1)
 
 
 if __name__ == "__main__":
-    given = Scenario.model_validate_json(sys.stdin.buffer.readline())
+    given = Scenario.model_validate(pickle.load(sys.stdin.buffer))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with _seldom_collected():
+        call_controller(given.autopilot_config(given.uavs[0].id))
         _call_in_process(given)

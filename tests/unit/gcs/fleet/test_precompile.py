@@ -8,6 +8,9 @@ import sys
 
 import pytest
 
+from gcs.fleet.precompile import _other_process
+from gcs.scenario.model import Scenario
+
 CALLED_BACK = """
 import ctypes, signal, sys, time
 import llvmlite
@@ -56,3 +59,9 @@ def test_an_interrupt_in_a_call_back_is_lost() -> None:
 @pytest.mark.parametrize("moment", [IN_A_CALL_BACK, BETWEEN_TWO_CALLS])
 def test_ctrl_c_interrupts_the_compiler(moment: str) -> None:
     assert output(INTERRUPTED.format(moment)) == "interrupted True"
+
+
+def test_the_other_process_compiles_to_its_end(scenario1: Scenario) -> None:
+    """Nobody would notice: what it fails to compile, the caller compiles in twice the time."""
+    with _other_process(scenario1.model_copy(update={"duration_s": 0.002})) as child:
+        assert child.wait(300.0) == 0
