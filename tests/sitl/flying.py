@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import yaml
-from warm import can_be_warm, run_warm
 
 from gcs.fleet.processes import FleetProcesses, on_free_ports
 from gcs.scenario.bundled import SCENARIOS
@@ -91,15 +90,12 @@ def run(
     timeout_s: float = TIMEOUT_S,
 ) -> subprocess.CompletedProcess[str]:
     """Run one of the console scripts to its end."""
-    env = env or environment()
-    if program == "gcs" and can_be_warm(env):
-        return run_warm([*map(str, arguments)], env, cwd, timeout_s)
     return subprocess.run(
         [BIN / program, *arguments],
         capture_output=True,
         text=True,
         timeout=timeout_s,
-        env=env,
+        env=env or environment(),
         cwd=cwd,
         check=False,
         stdin=subprocess.DEVNULL,
