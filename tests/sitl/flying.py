@@ -11,11 +11,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
 import yaml
+from warm import WarmCommand, can_be_warm
 
 from gcs.fleet.processes import FleetProcesses, on_free_ports
 from gcs.scenario.bundled import SCENARIOS
@@ -90,16 +91,38 @@ def run(
     timeout_s: float = TIMEOUT_S,
 ) -> subprocess.CompletedProcess[str]:
     """Run one of the console scripts to its end."""
-    return subprocess.run(
-        [BIN / program, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=timeout_s,
-        env=env or environment(),
-        cwd=cwd,
-        check=False,
-        stdin=subprocess.DEVNULL,
-    )
+    popen = start(program, *arguments, env=env, cwd=cwd)
+    try:
+        texts = popen.communicate(timeout=timeout_s)
+    except subprocess.TimeoutExpired:
+        popen.kill()
+        raise
+    assert popen.returncode is not None
+    return subprocess.CompletedProcess([program, *arguments], popen.returncode, *texts)
+
+
+def start(
+    program: str,
+    *arguments: str | Path,
+    env: dict[str, str] | None = None,
+    cwd: Path | None = None,
+    output: Path | None = None,
+) -> subprocess.Popen[str]:
+    """Start one of the console scripts; its standard output goes to a pipe, or to a file."""
+    env = env or environment()
+    if program == "gcs" and can_be_warm(env):
+        given = [str(argument) for argument in arguments]
+        return cast("subprocess.Popen[str]", WarmCommand(given, env, cwd, output))
+    with output.open("w") if output else contextlib.nullcontext() as file:
+        return subprocess.Popen(
+            [BIN / program, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=file or subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=env,
+            cwd=cwd,
+        )
 
 
 def fly(*arguments: str | Path, **changes: str) -> subprocess.CompletedProcess[str]:
@@ -209,14 +232,7 @@ def bound_ports() -> set[int]:
 @contextlib.contextmanager
 def flying(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
     """``gcs fly --out folder`` in mid-flight; whatever is left of it in the end is killed."""
-    popen = subprocess.Popen(
-        [BIN / "gcs", "fly", *arguments, "--free-ports", "--out", folder],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(),
-    )
+    popen = start("gcs", "fly", *arguments, "--free-ports", "--out", folder)
     log = folder / "processes" / "plant.log"
 
     def begun() -> bool:

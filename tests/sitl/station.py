@@ -14,13 +14,13 @@ from random import Random
 from typing import Any
 
 from flying import (
-    BIN,
     TIMEOUT_S,
     assert_one_message,
     environment,
     kill_all,
     processes_of,
     run,
+    start,
     wait_until,
     write_scenario,
 )
@@ -54,15 +54,8 @@ class Up:
         self, *arguments: str | Path, connect: str | None = None, output: Path | None = None
     ) -> subprocess.Popen[str]:
         """Start a command that runs until it is stopped."""
-        with output.open("w") if output else contextlib.nullcontext() as file:
-            return subprocess.Popen(
-                [BIN / "gcs", *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=file or subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-                env=environment(FTC_SITL_CONNECT=connect or self.hub),
-            )
+        env = environment(FTC_SITL_CONNECT=connect or self.hub)
+        return start("gcs", *arguments, env=env, output=output)
 
     def stop(self, number: int = signal.SIGINT) -> tuple[int, str]:
         """Stop `gcs up`; its exit status and standard error."""
@@ -75,23 +68,9 @@ class Up:
 def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None) -> Iterator[Up]:
     """`gcs up` of a scenario (or scenario 1); whatever is left of it in the end is killed."""
     folder.mkdir(exist_ok=True)
-    popen = subprocess.Popen(
-        [
-            BIN / "gcs",
-            "up",
-            write_scenario(folder, tree),
-            "--out",
-            folder / "run",
-            "--json",
-            "--free-ports",
-            *arguments,
-        ],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(),
-    )
+    scenario = write_scenario(folder, tree)
+    options = ("--out", folder / "run", "--json", "--free-ports")
+    popen = start("gcs", "up", scenario, *options, *arguments)
     try:
         assert popen.stdout is not None
         line = popen.stdout.readline()

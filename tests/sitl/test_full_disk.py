@@ -17,6 +17,7 @@ from flying import (
     write_scenario,
 )
 from station import Up, up
+from warm import WarmCommand, can_be_warm
 
 from gcs.lab.campaigns.store import read_results
 
@@ -29,13 +30,19 @@ def limited(
     size: int, *arguments: str | Path, cwd: Path | None = None, **changes: str
 ) -> subprocess.CompletedProcess[str]:
     """Run `gcs` with files that cannot grow beyond a size [bytes], as on a full disk."""
+    env = environment(**changes)
+    given = [str(argument) for argument in arguments]
+    if can_be_warm(env):
+        warm = WarmCommand(given, env, cwd, file_size=size)
+        texts = warm.communicate(TIMEOUT_S)
+        return subprocess.CompletedProcess(warm.args, warm.wait(), *texts)
     return subprocess.run(
-        [BIN / "gcs", *arguments],
+        [BIN / "gcs", *given],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)),
         capture_output=True,
         text=True,
         timeout=TIMEOUT_S,
-        env=environment(**changes),
+        env=env,
         cwd=cwd,
         check=False,
     )

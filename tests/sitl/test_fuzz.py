@@ -100,7 +100,7 @@ def ports_of(folder: Path) -> Iterator[int]:
 
 
 def test_a_lockstep_flight_is_the_same_bit_for_bit(tmp_path: Path) -> None:
-    scenario = write_scenario(tmp_path, duration_s=4.0)
+    scenario = write_scenario(tmp_path, duration_s=10.0)
     expected = event_table(fly_in_process(load_scenario(scenario)))
     folder = tmp_path / "run"
     with flying(folder, scenario, "--quiet", "--record=npz") as popen:

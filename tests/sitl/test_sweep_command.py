@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 from campaign_flights import rows_by_number
 from flying import (
-    BIN,
     TIMEOUT_S,
     assert_one_message,
     environment,
     run,
     scenario_tree,
+    start,
     wait_until,
     write_scenario,
 )
@@ -49,14 +49,7 @@ def kept(folder: Path) -> dict[int, dict[str, Any]]:
 @contextlib.contextmanager
 def sweeping(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
     """A sweep that has stored some of its flights and flies on; in the end it is killed."""
-    popen = subprocess.Popen(
-        [BIN / "gcs", "sweep", *arguments, "--out", folder],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(),
-    )
+    popen = start("gcs", "sweep", *arguments, "--out", folder)
     try:
         wait_until(lambda: any(folder.glob("results/part-*.parquet")), "flights are stored")
         yield popen
