@@ -2,14 +2,19 @@
 
 The aircraft applies ``effectiveness * commanded`` plus what the fault's value adds. The kind says
 what that is, and how people name the value. Another kind takes an entry of FTC_FAULT_KIND in
-`ftc.xml`, one of `FAULT_KINDS` here, and a branch of `offset` in `sitl_plant.actuators`.
+`ftc.xml`, one of `FAULT_KINDS` here, and a branch in `sitl_plant.actuators`, mostly of `offset`.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mavlink_defs.constants import Actuator
-from mavlink_defs.dialect import FTC_FAULT_KIND_OFFSET
+from mavlink_defs.dialect import (
+    FTC_FAULT_KIND_DRIFT,
+    FTC_FAULT_KIND_HARDOVER,
+    FTC_FAULT_KIND_INTERMITTENT,
+    FTC_FAULT_KIND_OFFSET,
+)
 
 MAX_FREQUENCY_HZ = 500.0
 
@@ -38,6 +43,7 @@ class FaultKind:
             ``{size}`` with its unit, and ``{wave}``, its oscillation.
         replaces: Whether the value replaces the command, so that the effectiveness is 0.
         per: Denominator of the value's unit, such as "/s".
+        wave: How a text has the frequency [Hz].
     """
 
     name: str
@@ -49,6 +55,7 @@ class FaultKind:
     template: str
     replaces: bool = False
     per: str = ""
+    wave: str = " · cos 2π {:g} Hz"
 
     def unit(self, actuator: Actuator) -> str:
         """Return the unit of the value."""
@@ -98,7 +105,40 @@ STUCK = FaultKind(
     replaces=True,
 )
 
-FAULT_KINDS: Mapping[str, FaultKind] = {kind.name: kind for kind in (BIAS, STUCK)}
+DRIFT = FaultKind(
+    "drift",
+    FTC_FAULT_KIND_DRIFT,
+    "Rate at which a surface drifts.",
+    "Rate at which the throttle drifts.",
+    choice="loss and drift",
+    label="drift",
+    template="{sign} drift of {size}{wave}",
+    per="/s",
+)
+HARDOVER = FaultKind(
+    "hardover",
+    FTC_FAULT_KIND_HARDOVER,
+    "Angle to which a surface runs at the rate of its servo.",
+    "Thrust to which the engine runs at its rate.",
+    choice="hard-over",
+    label="runs to",
+    template="runs to {minus}{size}{wave}",
+    replaces=True,
+)
+INTERMITTENT = FaultKind(
+    "intermittent",
+    FTC_FAULT_KIND_INTERMITTENT,
+    "Bias of a surface in every first half of a period.",
+    "Bias of the throttle in every first half of a period.",
+    choice="loss and bias, on and off",
+    label="bias",
+    template="{sign} {size} on and off{wave}",
+    wave=" at {:g} Hz",
+)
+
+FAULT_KINDS: Mapping[str, FaultKind] = {
+    kind.name: kind for kind in (BIAS, STUCK, DRIFT, HARDOVER, INTERMITTENT)
+}
 """All kinds by name. A loss of effectiveness alone is a bias of 0."""
 
 CODES = frozenset(kind.code for kind in FAULT_KINDS.values())

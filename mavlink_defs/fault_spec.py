@@ -41,8 +41,8 @@ else:
 class FaultSpec(_WithValue):
     """An actuator fault (13), (19): applied = effectiveness * commanded + value.
 
-    The value is a bias on the remaining command, or the position of a stuck actuator. The UAV is
-    not part of it, and its window may be left open.
+    What the value is, its kind says: a bias on the remaining command, or the position of a stuck
+    actuator. The UAV is not part of it, and its window may be left open.
     """
 
     frequency_hz: float = quantity(
@@ -50,7 +50,7 @@ class FaultSpec(_WithValue):
         ge=0.0,
         le=MAX_FREQUENCY_HZ,
         default=0.0,
-        doc="Frequency of the bias or stuck value; 0: constant.",
+        doc="Frequency of the value, or of on and off; 0: constant.",
     )
     start_s: float | None = quantity(
         "s", ge=0.0, default=None, doc="Start in simulated time, exclusive; none: now."

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 
 from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.dialect import MAVLink_ftc_fault_message
-from mavlink_defs.fault_kinds import CODES, MAX_FREQUENCY_HZ, FaultKind, FaultLimits, kind_of
+from mavlink_defs.fault_kinds import BIAS, CODES, MAX_FREQUENCY_HZ, FaultKind, FaultLimits, kind_of
 from mavlink_defs.float32 import decimal_of_float32
 
 MAX_FAULTS = 16
@@ -61,11 +61,12 @@ class Fault(NamedTuple):
 
     def describe(self) -> str:
         """Return the fault as a text: "rudder at 50 % + 1 deg in (19, 22] s"."""
-        kind, wave = self.kind, f" · cos 2π {self.frequency_hz:g} Hz" if self.frequency_hz else ""
+        kind = self.kind
+        wave = kind.wave.format(self.frequency_hz) if self.frequency_hz else ""
         parts: list[str] = [self.actuator_name]
         if not kind.replaces:
             parts.append(f"at {100.0 * self.effectiveness:g} %")
-        if kind.replaces or self.value:
+        if kind.replaces or self.value or kind is not BIAS:
             parts.append(kind.describe(self.value, f" {kind.unit(self.actuator_name)}", wave))
         return " ".join((*parts, self._window()))
 
@@ -154,8 +155,8 @@ def fault_from_params(params: Sequence[float], limits: FaultLimits) -> Fault:
     elif code not in CODES:
         raise _invalid(7, "Kind", code, " or ".join(map(str, sorted(CODES))))
     fault = Fault(int(actuator), effectiveness, value, frequency, start, end, int(code))
-    _check(2, "Effectiveness", effectiveness, (0.0, 1.0))
     name, kind = fault.actuator_name, fault.kind
+    _check(2, "Effectiveness", effectiveness, (0.0, 0.0 if kind.replaces else 1.0))
     _check(3, "Value", value, kind.bounds(name, limits), kind.unit(name))
     _check(4, "Frequency", frequency, (0.0, MAX_FREQUENCY_HZ), "Hz")
     if not math.isnan(start) and not 0.0 <= start < math.inf:
@@ -171,7 +172,8 @@ def _check(
 ) -> None:
     low, high = bounds
     if not low * _TOLERANCE <= value <= high * _TOLERANCE:  # false for NaN
-        raise _invalid(index, name, value, f"{low:g} to {high:g} {unit}".rstrip(), unit)
+        expected = f"{low:g}" if low == high else f"{low:g} to {high:g} {unit}".rstrip()
+        raise _invalid(index, name, value, expected, unit)
 
 
 def _invalid(index: int, name: str, value: float, expected: str, unit: str = "") -> InvalidParam:

@@ -11,6 +11,11 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs.constants import THROTTLE
+from mavlink_defs.dialect import (
+    FTC_FAULT_KIND_DRIFT,
+    FTC_FAULT_KIND_HARDOVER,
+    FTC_FAULT_KIND_INTERMITTENT,
+)
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from mavlink_defs.runtime.jit import compiled
 
@@ -89,8 +94,47 @@ def offset(fault: np.void, t: float) -> float:
         t: Time [s].
     """
     since = t - fault["start"]
+    if fault["code"] == FTC_FAULT_KIND_INTERMITTENT:
+        return float(fault["value"])
     wave: float = fault["value"] * math.cos(2.0 * math.pi * fault["frequency"] * since)
+    if fault["code"] == FTC_FAULT_KIND_DRIFT:
+        wave *= since
     return wave
+
+
+@compiled
+def acts(fault: np.void, interval_start: float) -> bool:
+    """Return whether a fault acts within the integration interval that begins at a time [s].
+
+    Args:
+        fault: An entry of dtype `FAULT`.
+        interval_start: Start of the interval [s].
+    """
+    if not fault["start"] <= interval_start < fault["end"]:
+        return False
+    periods = (interval_start - fault["start"]) * fault["frequency"]
+    in_first_half: bool = periods % 1.0 < 0.5
+    return in_first_half or fault["code"] != FTC_FAULT_KIND_INTERMITTENT
+
+
+@compiled
+def servo_command(command: float, channel: int, faults: np.ndarray, t: float) -> float:
+    """Return what a servo follows: the command, or what runs it away, in a hard-over.
+
+    Args:
+        command: Received for the channel.
+        channel: The channel.
+        faults: One aircraft's faults, dtype `FAULT`, shape (MAX_FAULTS,).
+        t: Start of the period [s].
+    """
+    for i in range(len(faults)):
+        fault = faults[i]
+        if fault["actuator"] < 0:
+            break
+        is_hardover = fault["code"] == FTC_FAULT_KIND_HARDOVER
+        if is_hardover and fault["actuator"] == channel and acts(fault, t):
+            command = offset(fault, t)
+    return command
 
 
 @compiled
@@ -101,7 +145,7 @@ def apply_faults(
 
     A fault is switched on and off at the ends of integration intervals, so that no interval
     contains a jump: it acts within the whole interval that begins at `interval_start` if its
-    window (start, end] contains the interval's interior.
+    window (start, end] contains the interval's interior; so do the halves of an intermittent one.
 
     Args:
         commanded: Commands received last.
@@ -116,8 +160,8 @@ def apply_faults(
         actuator = fault["actuator"]
         if actuator < 0:
             break
-        if not fault["start"] <= interval_start < fault["end"]:
-            continue
+        if fault["code"] == FTC_FAULT_KIND_HARDOVER or not acts(fault, interval_start):
+            continue  # a hard-over is the servo's: see `servo_command`
         rho = fault["rho"]
         f = offset(fault, t)
         if actuator == 0:

@@ -178,7 +178,9 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
     for i in range(len(fleet.states)):
         hit_ground = is_below_ground(fleet.states[i])
         commanded = fleet.messages[i]["actuator_time_usec"] != _NOTHING_APPLIED
-        begin_period(fleet.servos[i], fleet.sent[i], fleet.controls[i], step, commanded)
+        begin_period(
+            fleet.servos[i], fleet.sent[i], fleet.controls[i], fleet.faults[i], step, t, commanded
+        )
         around = Environment(
             fleet.servos[i],
             fleet.faults[i],

@@ -3,7 +3,7 @@
 In this order: dead time, rounding to the resolution, first-order lag with a limited rate, play.
 Faults come after the servo: they act on what the actuator does (`sitl_plant.actuators`), so an
 actuator that is stuck at a position is there at once and stays there, and the servo behind it goes
-on following its commands.
+on following its commands. Only a hard-over is the servo's own: it runs away as fast as it can.
 
 The target of a servo is constant over a control period, so that the lag with its limit has a
 closed solution there; the integration evaluates it at its stages. No control period is too
@@ -16,7 +16,7 @@ import numpy as np
 
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.actuators import Controls
+from sitl_plant.actuators import Controls, servo_command
 from sitl_plant.hardware import ActuatorServos, EngineServo, SurfaceServo
 from sitl_plant.lag import lagged
 from sitl_plant.vec3 import clamp
@@ -75,7 +75,13 @@ def sent_commands(servos: np.ndarray) -> np.ndarray:
 
 @compiled
 def begin_period(
-    servos: np.void, sent: np.ndarray, controls: np.ndarray, step: int, commanded: bool
+    servos: np.void,
+    sent: np.ndarray,
+    controls: np.ndarray,
+    faults: np.ndarray,
+    step: int,
+    t: float,
+    commanded: bool,
 ) -> None:
     """Let one aircraft's servos receive the commands that are held over a period.
 
@@ -85,19 +91,23 @@ def begin_period(
         servos: Record of dtype `SERVOS`, updated in place.
         sent: Memory of commands, shape (depth, 4), updated in place.
         controls: Aileron, elevator, rudder [rad], thrust [N] as commanded, shape (4,).
+        faults: Its faults, dtype `FAULT`, shape (MAX_FAULTS,); a hard-over runs a servo away.
         step: Step at which the period begins.
+        t: The same [s].
         commanded: Whether a command has been received since the simulation began.
     """
     if servos["ideal"] == 1:
         for c in range(N_CHANNELS):
-            servos["target"][c] = servos["output"][c] = controls[c]
+            target = servo_command(controls[c], c, faults, t)
+            servos["target"][c] = servos["output"][c] = target
         return
     depth, settled = len(sent), servos["settled"] == 1
     for c in range(N_CHANNELS):
         if not settled:
             sent[:, c] = controls[c]
         sent[step % depth, c] = controls[c]
-        target = sent[(step - servos["dead_steps"][c]) % depth, c]
+        received = sent[(step - servos["dead_steps"][c]) % depth, c]
+        target = servo_command(received, c, faults, t)
         resolution = servos["resolution"][c]
         if resolution > 0.0:
             target = round(target / resolution) * resolution

@@ -28,6 +28,7 @@ Examples:
 
 - gcs fault set rudder --uav 3 --effectiveness 0.5 --bias-deg 1
 - gcs fault set elevator --stuck-deg 5 --for-s 3
+- gcs fault set aileron --effectiveness 0.2 --intermittent-deg 0 --frequency-hz 0.5
 - gcs fault set throttle --bias-n -2 --start-s 19 --end-s 22 --json
 {EXIT_STATUS}"""
 
@@ -74,7 +75,7 @@ def set_(
         typer.Option(metavar="S", help="Duration in simulated time [s], instead of --end-s."),
     ] = None,
 ) -> None:
-    """Set an actuator fault: applied = effectiveness · commanded + bias, or a stuck value.
+    """Set an actuator fault: applied = effectiveness · commanded + bias, or another kind.
 
     A fault replaces older ones of the same actuator that overlap it in time.
     """

@@ -11,26 +11,27 @@ EDITS = {
     "mavlink_defs/ftc.xml": [
         (
             '    </enum>\n    <enum name="FTC_SIM_FLAGS"',
-            '      <entry value="1" name="FTC_FAULT_KIND_DRIFT">\n'
-            "        <description>It adds value * (t - start).</description>\n      </entry>\n",
+            '      <entry value="4" name="FTC_FAULT_KIND_SHOCK">\n'
+            "        <description>It adds value / (1 + t - start).</description>\n"
+            "      </entry>\n",
         )
     ],
     "mavlink_defs/fault_kinds.py": [
-        ("\nFAULT_KINDS: Mapping", "from mavlink_defs.dialect import FTC_FAULT_KIND_DRIFT\n"),
+        ("\nFAULT_KINDS: Mapping", "from mavlink_defs.dialect import FTC_FAULT_KIND_SHOCK\n"),
         (
             "\nFAULT_KINDS: Mapping",
-            'DRIFT = FaultKind("drift", FTC_FAULT_KIND_DRIFT, "Drift of a surface.",'
-            ' "Drift of the throttle.", choice="drift", label="drift",'
-            ' template="drifting by {minus}{size}", per="/s")\n',
+            'SHOCK = FaultKind("shock", FTC_FAULT_KIND_SHOCK, "Shock of a surface.",'
+            ' "Shock of the throttle.", choice="shock", label="shock",'
+            ' template="shocked by {minus}{size}")\n',
         ),
-        (")}\n", ", DRIFT"),
+        (")\n}\n", ", SHOCK"),
     ],
     "sitl_plant/actuators.py": [
-        ("\n@compiled\ndef offset", "from mavlink_defs.dialect import FTC_FAULT_KIND_DRIFT\n"),
+        ("\n@compiled\ndef offset", "from mavlink_defs.dialect import FTC_FAULT_KIND_SHOCK\n"),
         (
             "    wave: float",
-            '    if fault["code"] == FTC_FAULT_KIND_DRIFT:\n'
-            '        drift: float = fault["value"] * since\n        return drift\n',
+            '    if fault["code"] == FTC_FAULT_KIND_SHOCK:\n'
+            '        return float(fault["value"] / (1.0 + since))\n',
         ),
     ],
 }
@@ -38,7 +39,7 @@ SCENARIO = """
 extends: paper/scenario1
 duration_s: 0.5
 faults:
-  - {uav: 3, actuator: rudder, drift_deg_s: 4.0, start_s: 0.1}
+  - {uav: 3, actuator: rudder, shock_deg: 4.0, start_s: 0.1}
 """
 USES = """
 from gcs.lab.campaigns.model import DrawnFault
@@ -48,13 +49,13 @@ from mavlink_defs.fault_kinds import FAULT_KINDS, FaultLimits
 from mavlink_defs.faults import Fault, fault_from_params
 
 texts = {"value": "-2", "effectiveness": "0.5", "start_s": "3"}
-fault = read_fault("throttle", FAULT_KINDS["drift"], texts).fault
+fault = read_fault("throttle", FAULT_KINDS["shock"], texts).fault
 assert fault_from_params(fault, FaultLimits(25.0, 4000.0))[:5] == fault[:5]
 listed = MAVLink_ftc_fault_message(0.5, -2.0, 0.0, 3.0, float("inf"), 0, 1, 3, 1, fault.code)
 print(Fault.from_message(listed).describe())
-print(Fault.from_message(listed).as_dict(None)["drift_n_s"])
+print(Fault.from_message(listed).as_dict(None)["shock_n"])
 one = {"kind": "uniform", "low": 0.1, "high": 0.2}
-DrawnFault.model_validate({"kinds": {"drift": one}, "start_s": one})
+DrawnFault.model_validate({"kinds": {"shock": one}, "start_s": one})
 """
 
 
@@ -68,20 +69,21 @@ def test_the_page_lists_the_files() -> None:
 
 
 def test_the_kind_flies(tree: ScratchTree, tmp_path: Path) -> None:
-    (tmp_path / "drift.yaml").write_text(SCENARIO)
+    (tmp_path / "shock.yaml").write_text(SCENARIO)
     out = tmp_path / "run"
     options = ("--in-process", "--record", "npz", "--json", "--out", str(out))
-    summary = json.loads(tree.run("-m", "gcs", "fly", str(tmp_path / "drift.yaml"), *options))
+    summary = json.loads(tree.run("-m", "gcs", "fly", str(tmp_path / "shock.yaml"), *options))
     assert summary["loss"] is None
     with np.load(out / "trajectory.npz") as flown:
-        drift = flown["applied"][:, 2, 2] - flown["held"][:, 2, 2]
-        expected = np.radians(4.0) * np.maximum(flown["time_s"] - 0.1, 0.0)
-    assert drift == pytest.approx(expected, abs=1e-6)
+        shock = flown["applied"][:, 2, 2] - flown["held"][:, 2, 2]
+        since = flown["time_s"] - 0.1
+        expected = np.where(since < -1e-9, 0.0, np.radians(4.0) / (1.0 + since))
+    assert shock == pytest.approx(expected, abs=1e-6)
 
 
 def test_forms_commands_texts_and_campaigns_know_it(tree: ScratchTree) -> None:
     assert tree.run("-c", USES).splitlines() == [
-        "throttle at 50 % drifting by -2 N/s after 3 s, until cleared",
+        "throttle at 50 % shocked by -2 N after 3 s, until cleared",
         "-2.0",
     ]
-    assert "--drift-deg-s" in tree.run("-m", "gcs", "fault", "set", "--help")
+    assert "--shock" in tree.run("-m", "gcs", "fault", "set", "--help")

@@ -77,6 +77,8 @@ def _of_fault(column: str, fault: DrawnFault, uav_ids: Sequence[int]) -> Iterato
 
     sizes = {len(by.values) for by in fault.kinds.values() if isinstance(by, Choice)}
     yield Dimension(f"{column}.severity", max(sizes, default=None), severity)
+    if fault.frequency_hz is not None:
+        yield _drawn(f"{column}.frequency_hz", fault.frequency_hz)
 
 
 def _chosen(column: str, values: Sequence[Any]) -> Dimension:

@@ -108,6 +108,8 @@ class Flights:
         drawn = {key: row[f"fault.{name}.{key}"] for key in ("uav", "actuator", "start_s")}
         if (end_s := row[f"fault.{name}.end_s"]) is not None:
             drawn["end_s"] = end_s
+        if (frequency := row.get(f"fault.{name}.frequency_hz")) is not None:
+            drawn["frequency_hz"] = frequency
         actuator, severity = drawn["actuator"], row[f"fault.{name}.severity"]
         if (drawn_kind := row[f"fault.{name}.kind"]) == LOSS:
             return drawn | {"effectiveness": 1.0 - abs(severity)}

@@ -27,7 +27,7 @@ from mavlink_defs.config.models import (
 )
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, Actuator
-from mavlink_defs.fault_kinds import FAULT_KINDS
+from mavlink_defs.fault_kinds import FAULT_KINDS, MAX_FREQUENCY_HZ
 from mavlink_defs.visible import visible
 
 Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
@@ -75,6 +75,9 @@ class DrawnFault(Model):
     lasts_s: Distribution | None = Field(
         default=None, description="Length of the fault [s]; none: for good."
     )
+    frequency_hz: Distribution | None = Field(
+        default=None, description="Frequency of the value, or of on and off [Hz]; none: constant."
+    )
 
     @model_validator(mode="after")
     def _numbers_in_range(self) -> "DrawnFault":
@@ -89,6 +92,7 @@ class DrawnFault(Model):
             *((("kinds", kind), by, -1.0, 1.0, "") for kind, by in self.kinds.items()),
             (("start_s",), self.start_s, 0.0, float("inf"), " s"),
             (("lasts_s",), self.lasts_s, 1e-6, float("inf"), " s"),
+            (("frequency_hz",), self.frequency_hz, 0.0, MAX_FREQUENCY_HZ, " Hz"),
         ]
         for loc, distribution, low, high, unit in drawn:
             for value in () if distribution is None else support(distribution):
@@ -159,6 +163,8 @@ class Campaign(Model):
             found[*place, "start_s"] = fault.start_s
             if fault.lasts_s is not None:
                 found[*place, "lasts_s"] = fault.lasts_s
+            if fault.frequency_hz is not None:
+                found[*place, "frequency_hz"] = fault.frequency_hz
             found |= {(*place, "kinds", kind): by for kind, by in fault.kinds.items()}
         return found
 

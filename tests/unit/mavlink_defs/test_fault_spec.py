@@ -34,7 +34,8 @@ def test_keys_are_reported_under_other_names() -> None:
         "--bias: cannot be combined with '--stuck'"
     ]
     assert problems(actuator="rudder") == [
-        "expected 'effectiveness', '--bias' or '--stuck', got none of them"
+        "expected 'effectiveness', '--bias', '--stuck', 'drift_deg_s', 'hardover_deg' or"
+        " 'intermittent_deg', got none of them"
     ]
     assert problems(actuator="rudder", bias_n=1.0) == [
         "bias_n: does not fit the rudder; did you mean '--bias'?"

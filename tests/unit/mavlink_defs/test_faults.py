@@ -9,7 +9,7 @@ from lossy_network import GCS, over_the_wire
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_command_long_message
-from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.fault_kinds import CODES, HARDOVER, STUCK, FaultLimits
 from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
 from mavlink_defs.services.command import command_params
 
@@ -29,9 +29,12 @@ def decimals(low: float, high: float, places: int) -> st.SearchStrategy[float]:
 @st.composite
 def faults(draw: st.DrawFn) -> Fault:
     actuator = draw(st.integers(0, 3))
-    effectiveness = draw(decimals(0.0, 1.0, 4))
+    code = draw(st.sampled_from(sorted(CODES)))
+    hardover = code == HARDOVER.code
+    effectiveness = 0.0 if hardover else draw(decimals(0.0, 1.0, 4))
+    replaces = hardover or (code == STUCK.code and effectiveness == 0.0)
     limit = 4000.0 if actuator == 3 else 25.0
-    low = 0.0 if actuator == 3 and effectiveness == 0.0 else -limit
+    low = 0.0 if actuator == 3 and replaces else -limit
     start = draw(st.just(NAN) | decimals(0.0, 500.0, 2))
     earliest = 0.0 if math.isnan(start) else start
     return Fault(
@@ -41,6 +44,7 @@ def faults(draw: st.DrawFn) -> Fault:
         draw(decimals(0.0, 500.0, 2)),
         start,
         draw(st.just(NAN) | decimals(earliest + 0.01, 1000.0, 2)),
+        code,
     )
 
 
@@ -85,7 +89,9 @@ def test_any_parameters_give_a_fault_within_limits_or_are_refused(params: list[f
         ((0, 1, 1, 0, INF, NAN, 0), 5, "Fault: Start is inf s, must be NaN or at least 0 s"),
         ((0, 1, 1, 0, 5, 5, 0), 6, "Fault: End is 5 s, must be NaN or more than 5 s"),
         ((0, 1, 1, 0, NAN, 0, 0), 6, "Fault: End is 0 s, must be NaN or more than 0 s"),
-        ((0, 1, 1, 0, NAN, NAN, 200), 7, "Fault: Kind is 200, must be 0"),
+        ((0, 1, 1, 0, NAN, NAN, 200), 7, "Fault: Kind is 200, must be 0 or 1 or 2 or 3"),
+        ((0, 0.5, 9, 0, 0, NAN, 2), 2, "Fault: Effectiveness is 0.5, must be 0"),
+        ((0, 0.5, 26, 0, 0, NAN, 1), 3, "Fault: Value is 26 deg/s, must be -25 to 25 deg/s"),
     ],
 )
 def test_bad_parameter_is_named(params: tuple[float, ...], index: int, text: str) -> None:

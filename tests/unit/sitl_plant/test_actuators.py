@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mavlink_defs.fault_kinds import DRIFT, HARDOVER, INTERMITTENT
 from mavlink_defs.faults import MAX_FAULTS, Fault
 from sitl_plant.actuators import (
     add_fault,
@@ -12,6 +13,7 @@ from sitl_plant.actuators import (
     clear_faults,
     in_wire_units,
     no_faults,
+    servo_command,
 )
 
 COMMAND = (0.1, -0.2, 0.3, 150.0)
@@ -59,6 +61,42 @@ def test_a_stuck_value_can_vary_in_time(t: float, frequency: float, nominal: np.
     row = row_with(Fault(RUDDER, 0.0, 5.0, frequency, 2.0, 10.0))
     expected = math.radians(5.0) * math.cos(2.0 * math.pi * frequency * (t - 2.0))
     assert applied(row, t, nominal)[2] == pytest.approx(expected, abs=1e-12)
+
+
+@given(t=st.floats(2.0, 9.0), frequency=st.floats(0.0, 5.0), effectiveness=st.floats(0.0, 1.0))
+def test_a_drift_grows_from_its_start(
+    t: float, frequency: float, effectiveness: float, nominal: np.void
+) -> None:
+    row = row_with(Fault(RUDDER, effectiveness, -0.4, frequency, 2.0, 10.0, DRIFT.code))
+    wave = math.cos(2.0 * math.pi * frequency * (t - 2.0))
+    expected = effectiveness * COMMAND[RUDDER] - math.radians(0.4) * (t - 2.0) * wave
+    assert applied(row, t, nominal)[RUDDER] == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_drift_ends_at_the_stop(nominal: np.void) -> None:
+    row = row_with(Fault(RUDDER, 1.0, 10.0, 0.0, 0.0, NAN, DRIFT.code))
+    assert applied(row, 9.0, nominal)[RUDDER] == nominal["surface_limit"]
+
+
+@given(since_s=st.integers(0, 7_999).map(lambda n: n / 1000), half_s=st.sampled_from([0.25, 2.0]))
+def test_an_intermittent_fault_comes_and_goes(
+    since_s: float, half_s: float, nominal: np.void
+) -> None:
+    row = row_with(Fault(RUDDER, 0.5, 3.0, 0.5 / half_s, 2.0, 10.0, INTERMITTENT.code))
+    is_on = int(since_s / half_s) % 2 == 0
+    expected = 0.5 * COMMAND[RUDDER] + math.radians(3.0) if is_on else COMMAND[RUDDER]
+    assert applied(row, 2.0 + since_s, nominal)[RUDDER] == pytest.approx(expected)
+
+
+def test_a_hard_over_is_the_servo_s(nominal: np.void) -> None:
+    """Then the actuator is where its servo is, which follows other commands than it receives."""
+    row = row_with(Fault(RUDDER, 0.0, -12.0, 0.0, 2.0, 10.0, HARDOVER.code))
+    assert applied(row, 5.0, nominal) == COMMAND
+    commands = {
+        t: [servo_command(0.1, channel, row, t) for channel in range(4)] for t in (1.9, 2.0, 9.9)
+    }
+    assert commands[1.9] == [0.1, 0.1, 0.1, 0.1]
+    assert commands[2.0] == commands[9.9] == [0.1, 0.1, math.radians(-12.0), 0.1]
 
 
 @pytest.mark.parametrize(

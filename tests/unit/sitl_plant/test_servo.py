@@ -10,6 +10,9 @@ from scipy import integrate, signal
 
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario, scenario_of
+from mavlink_defs.fault_kinds import HARDOVER
+from mavlink_defs.faults import Fault
+from sitl_plant.actuators import add_fault, no_faults
 from sitl_plant.hardware import ActuatorServos, EngineServo, SurfaceServo
 from sitl_plant.servo import begin_period, end_period, new_servos, positions, sent_commands
 
@@ -27,7 +30,7 @@ def moved(servo: SurfaceServo | EngineServo, commands: np.ndarray, channel: int)
     controls, flown = np.zeros(4), []
     for step, command in enumerate(commands):
         controls[channel] = command * unit
-        begin_period(servos, sent, controls, step, True)
+        begin_period(servos, sent, controls, no_faults(1)[0], step, step * DT, True)
         end_period(servos, DT)
         flown.append(servos["output"][channel] / unit)
     return np.array(flown)
@@ -100,7 +103,8 @@ def test_positions_within_a_period_lead_to_its_end(
     servos = new_servos(ActuatorServos(elevator=servo), STEP_US)
     sent = sent_commands(np.array([servos]))[0]
     for step, angle in enumerate((start, target)):
-        begin_period(servos, sent, np.array([0.0, math.radians(angle), 0.0, 0.0]), step, True)
+        controls = np.array([0.0, math.radians(angle), 0.0, 0.0])
+        begin_period(servos, sent, controls, no_faults(1)[0], step, step * DT, True)
         path = np.degrees([positions(servos, k * DT / 8.0)[ELEVATOR] for k in range(9)])
         end_period(servos, DT)
         assert math.degrees(servos["output"][ELEVATOR]) == path[-1]
@@ -127,3 +131,20 @@ def test_a_stuck_surface_is_there_at_once_and_stays(scenario1: Scenario) -> None
     assert abs(rudder[400] + 9.0) > 1.0
     free = np.delete(rudder, np.s_[199:401])
     assert np.abs(np.diff(free)[np.arange(len(free) - 1) != 198]).max() <= 0.4 + 1e-9
+
+
+def test_a_hard_over_runs_away_and_comes_back_at_the_rate_of_the_servo() -> None:
+    """From 3 ms to 43 ms at 400 deg/s, whatever is commanded meanwhile."""
+    servo = SurfaceServo(rate_limit_deg_s=400.0)
+    servos = new_servos(ActuatorServos(elevator=servo), STEP_US)
+    sent = sent_commands(np.array([servos]))[0]
+    faults: np.ndarray = no_faults(1)[0]
+    add_fault(faults, Fault(ELEVATOR, 0.0, -20.0, 0.0, 0.003, 0.043, HARDOVER.code), now_s=0.0)
+    flown = []
+    for step in range(80):
+        begin_period(servos, sent, np.zeros(4), faults, step, step * DT, True)
+        end_period(servos, DT)
+        flown.append(math.degrees(servos["output"][ELEVATOR]))
+    after = np.arange(1, 81)
+    expected = np.maximum(np.minimum(-0.4 * (after - 3), 0.0), -0.4 * np.maximum(83 - after, 0))
+    assert flown == pytest.approx(expected)

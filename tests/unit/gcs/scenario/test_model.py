@@ -186,7 +186,8 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"faults.0": RUDDER},
-        "faults[0]: expected 'effectiveness', 'bias_deg' or 'stuck_deg', got none of them",
+        "faults[0]: expected 'effectiveness', 'bias_deg', 'stuck_deg', 'drift_deg_s',"
+        " 'hardover_deg' or 'intermittent_deg', got none of them",
     ),
     ({"faults.0.end_s": 19}, "faults[0].end_s: expected > start_s = 19.0 s, got 19.0"),
     ({"faults.0.effectiveness": 1.1}, "faults[0].effectiveness: expected [0, 1], got 1.1"),

@@ -107,6 +107,12 @@ def test_a_choice_of_whole_numbers_stays_whole() -> None:
         ({"kinds": {"bias": at(-0.2)}, "actuators": ["throttle"]}, {"bias_n": -400.0}),
         ({"kinds": {"stuck": at(-0.2)}, "actuators": ["throttle"]}, {"stuck_n": 400.0}),
         ({"lasts_s": at(2.5)}, {"effectiveness": 0.75, "end_s": 7.5}),
+        ({"kinds": {"drift": at(-0.2)}}, {"drift_deg_s": -7.0}),
+        ({"kinds": {"hardover": at(-0.2)}, "actuators": ["throttle"]}, {"hardover_n": 400.0}),
+        (
+            {"kinds": {"intermittent": at(0.2)}, "frequency_hz": at(1.5)},
+            {"intermittent_deg": 7.0, "frequency_hz": 1.5},
+        ),
     ],
 )
 def test_a_drawn_fault_is_a_fault_of_the_scenario(
