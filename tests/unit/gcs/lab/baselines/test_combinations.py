@@ -121,10 +121,10 @@ def test_fault_files_that_lose_the_aircraft_are_counted(
     degraded = fly_faults(one, partial(pool.map, fly))
     lost = degraded.faults_lost
     assert lost is not None
-    assert len(fault_files()) == 27
+    assert len(fault_files()) == 30
     assert {"stuck_zero_aileron", "thrust_loss"} <= set(lost)
     assert not {"loe_aileron", "bias_rudder"} & set(lost)
-    assert section([degraded])[2].endswith(f"| {len(lost)} of 27 |")
+    assert section([degraded])[2].endswith(f"| {len(lost)} of 30 |")
 
 
 def test_the_table_has_a_line_for_each_uav(scenario1: Scenario) -> None:
