@@ -130,7 +130,7 @@ INTERMITTENT = FaultKind(
     FTC_FAULT_KIND_INTERMITTENT,
     "Bias of a surface in every first half of a period.",
     "Bias of the throttle in every first half of a period.",
-    choice="loss and bias, on and off",
+    choice="intermittent",
     label="bias",
     template="{sign} {size} on and off{wave}",
     wave=" at {:g} Hz",
