@@ -100,7 +100,7 @@ def ports_of(folder: Path) -> Iterator[int]:
 
 
 def test_a_lockstep_flight_is_the_same_bit_for_bit(tmp_path: Path) -> None:
-    scenario = write_scenario(tmp_path, duration_s=10.0)
+    scenario = write_scenario(tmp_path, duration_s=30.0)
     expected = event_table(fly_in_process(load_scenario(scenario)))
     folder = tmp_path / "run"
     with flying(folder, scenario, "--quiet", "--record=npz") as popen:
@@ -110,7 +110,7 @@ def test_a_lockstep_flight_is_the_same_bit_for_bit(tmp_path: Path) -> None:
         with Hail(ports, plant_port) as hail:
             wait_until(lambda: popen.poll() is not None or not processes_of(folder), "the end")
         assert popen.wait(TIMEOUT_S) == 0, popen.communicate()
-    assert min(hail.sent.values()) > 100
+    assert min(hail.sent.values()) > 50
     flown = arrays_of(folder / "events.npz")
     assert flown.keys() == expected.keys()
     for name, values in expected.items():
