@@ -18,7 +18,7 @@ _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to t
 _OFFSETS_S = 0.05  # no offset earlier: the filters are filling
 _LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
 _LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
-_WEAK, _WEAKEST = 0.75, 0.35  # effectiveness taken into account below the first, not below the last
+_WEAK, _WEAKEST = 0.75, 0.1  # effectiveness taken into account below the first, not below the last
 _EFFECTIVENESS_S = 0.2
 _TRANSIENT_S = 0.25  # after a decision about one surface, in which nothing is learnt of the others
 

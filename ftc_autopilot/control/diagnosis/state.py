@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ftc_autopilot.control.diagnosis.instrument import TERMS
 from mavlink_defs.constants import N_CHANNELS
 
 ACTUATOR = np.dtype(
@@ -25,6 +26,15 @@ ACTUATOR = np.dtype(
         ("long_var_u", "f8"),  # their means over the longer memory
         ("long_cov", "f8"),
         ("long_var_y", "f8"),
+        # by the dither alone
+        ("dither", "f8"),  # what the present command has of it
+        ("z_position", "f8"),  # it through the model of the servo
+        ("z", "f8"),  # and through the filter of the measurement
+        ("z_s", "f8"),  # time since the suspicion
+        ("z_samples", "f8"),
+        ("z_y", "f8"),  # y and u when it was raised
+        ("z_u", "f8"),
+        ("moments", "f8", (TERMS, TERMS)),  # lower half
         # timers [s]
         ("blanking_s", "f8"),  # left until the window restarts after a jump
         ("holdoff_s", "f8"),  # left until the next jump counts

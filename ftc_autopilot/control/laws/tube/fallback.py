@@ -4,8 +4,11 @@ That is, after the loss of more than the rudder, with a large error of roll or p
 channel has more events than the tube law should need.
 """
 
+import math
+
 import numpy as np
 
+from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -34,6 +37,11 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
     lost, actuators = False, state["fallback"]["diagnosis"]["actuators"]
     for j in range(N_CHANNELS):
         lost = lost or actuators[j]["lost"] != 0
+        limits = limits_of(gains["fallback"]["diagnosis"], j)
+        swings = math.sqrt(actuators[j]["variance"]) > 0.5 * limits.jump
+        checked = state["fallback"]["diagnosis"]["age"] > limits.check + limits.suspicion
+        if swings or (checked and actuators[j]["suspect_s"] > 0.0):
+            state["taken_over"] = max(state["taken_over"], now.dt)
     large = max(abs(now.errors.e[0]), abs(now.errors.e[1])) > gains["rescue_rad"]
     if large or (lost and not only_rudder_lost(gains, state)):
         state["taken_over"] = max(state["taken_over"], gains["takeover_s"])

@@ -19,6 +19,7 @@ from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import inlined
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import clamp
 
 
 @inlined
@@ -50,10 +51,15 @@ def tube_law(
     model = state["model"]
     observe(now, positions, model, gains, state)
     mask = 0
+    for j in range(N_CHANNELS):
+        commands[j] -= state["dither"][j]
     if fallback_flies(now, gains, state):
+        for j in range(N_CHANNELS):
+            commands[j] += state["dither"][j]
         for j in range(N_CHANNELS):
             if triggered(now, j, surviving, thresholds, aircraft, commands):
                 mask |= 1 << j
+                state["dither"][j] = actuators[j]["dither"]
             state["exit"][j] = math.nan
     else:
         if no_rudder and triggered(now, RUDDER, surviving, thresholds, aircraft, commands):
@@ -65,6 +71,7 @@ def tube_law(
             mask |= check(now, positions, no_rudder, model, gains, state, commands)
             if no_rudder:
                 commands[RUDDER] = rudder
+        mask |= _dither(actuators, aircraft, state, commands)
     for j in range(N_CHANNELS):
         if mask & (1 << j):
             state["sent"][j] = state["step"]
@@ -72,3 +79,30 @@ def tube_law(
     state["step"] += 1
     delta = commands[AILERON], commands[ELEVATOR], commands[RUDDER]
     return Command(delta, commands[THROTTLE], mask)
+
+
+@inlined
+def _dither(
+    actuators: np.ndarray, aircraft: AircraftRecord, state: np.void, commands: np.ndarray
+) -> int:
+    """Add the dithers of suspect actuators to what was planned, as far as the stops allow.
+
+    Args:
+        actuators: Of the diagnosis, which chose the dithers.
+        aircraft: Nominal aircraft, with its stops.
+        state: Record of dtype `Tube.STATE`, updated in place.
+        commands: Without dither [rad, rad, rad, N], shape (4,), updated.
+
+    Returns:
+        Bit mask of the channels whose dither has changed.
+    """
+    mask = 0
+    for j in range(N_CHANNELS):
+        highest = aircraft["thrust_limit"] if j == THROTTLE else aircraft["surface_limit"]
+        lowest = 0.0 if j == THROTTLE else -highest
+        within = clamp(actuators[j]["dither"], lowest - commands[j], highest - commands[j])
+        if within != state["dither"][j]:
+            mask |= 1 << j
+        state["dither"][j] = within
+        commands[j] += within
+    return mask

@@ -29,6 +29,7 @@ LIMITS = Limits(
     suspicion=0.6,
     ahead=0.005,
     quiet=0.52,
+    check=math.inf,
 )
 GAINS = np.zeros(1, record_dtype(DiagnosisParameters))[0]
 fill(GAINS, DiagnosisParameters(smooth_jump_sigma=4.2).with_servos(ActuatorServos()))
