@@ -59,8 +59,10 @@ def test_a_stopped_member_is_named_and_the_others_are_left_alone(tmp_path: Path)
     with up(tmp_path / "fleet") as fleet:
         before = held(fleet)
         with stopped(fleet, 3):
-            for command in COMMANDS.values():
-                done = fleet.gcs(*command, "--timeout", "2")
+            waiting = [fleet.begin(*command, "--timeout", "2") for command in COMMANDS.values()]
+            for popen in waiting:
+                texts = popen.communicate(timeout=TIMEOUT_S)
+                done = subprocess.CompletedProcess(popen.args, popen.returncode, *texts)
                 assert "UAV 3 of the fleet not heard within 2 s" in failed(done, NO_ANSWER)
                 assert "no command was sent; --uav 1,2 chooses" in done.stderr
                 assert done.stdout == ""
