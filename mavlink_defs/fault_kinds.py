@@ -44,6 +44,7 @@ class FaultKind:
         replaces: Whether the value replaces the command, so that the effectiveness is 0.
         per: Denominator of the value's unit, such as "/s".
         wave: How a text has the frequency [Hz].
+        switches: Whether it comes and goes with the frequency, which then is not 0.
     """
 
     name: str
@@ -56,6 +57,7 @@ class FaultKind:
     replaces: bool = False
     per: str = ""
     wave: str = " · cos 2π {:g} Hz"
+    switches: bool = False
 
     def unit(self, actuator: Actuator) -> str:
         """Return the unit of the value."""
@@ -134,6 +136,7 @@ INTERMITTENT = FaultKind(
     label="bias",
     template="{sign} {size} on and off{wave}",
     wave=" at {:g} Hz",
+    switches=True,
 )
 
 FAULT_KINDS: Mapping[str, FaultKind] = {

@@ -17,7 +17,11 @@ from mavlink_defs.faults import Fault
 class _WithoutValue(Model):
     actuator: Actuator = Field(description="The actuator that fails.")
     effectiveness: float | None = quantity(
-        "", ge=0.0, le=1.0, default=None, doc="Share of the command that remains; 1 unless stuck."
+        "",
+        ge=0.0,
+        le=1.0,
+        default=None,
+        doc="Share of the command that remains; 1, or 0 where a value replaces it.",
     )
 
 
@@ -75,10 +79,10 @@ class FaultSpec(_WithValue):
             other_key = (keys[other.name],)
             yield Problem((keys[kind.name],), "cannot be combined with '{0}'", keys=other_key)
         stuck = (keys[STUCK.name],)
-        if any(kind.replaces for kind in kinds):
+        if replacing := [(keys[kind.name],) for kind in kinds if kind.replaces]:
             if self.effectiveness:
                 text = f"expected 0 or none with '{{0}}', got {self.effectiveness!r}"
-                yield Problem(("effectiveness",), text, keys=stuck)
+                yield Problem(("effectiveness",), text, keys=replacing[0])
         elif BIAS in kinds and self.effectiveness == 0.0:
             text = "nothing is left to be biased; did you mean '{0}'?"
             yield Problem((keys[BIAS.name],), text, keys=stuck)
@@ -86,6 +90,10 @@ class FaultSpec(_WithValue):
             *others, last = (f"'{{{i}}}'" for i in range(1 + len(keys)))
             text = f"expected {', '.join(others)} or {last}, got none of them"
             yield Problem((), text, keys=("effectiveness", *keys.values()))
+        for kind in kinds:
+            if kind.switches and self.frequency_hz == 0.0:
+                text = "expected > 0 Hz with '{0}', got 0.0"
+                yield Problem(("frequency_hz",), text, keys=(keys[kind.name],))
         if self.end_s is not None and self.start_s is not None and self.end_s <= self.start_s:
             text = f"expected > {{0}} = {self.start_s!r} s, got {self.end_s!r}"
             yield Problem(("end_s",), text, keys=("start_s",))

@@ -66,7 +66,7 @@ class Fault(NamedTuple):
         parts: list[str] = [self.actuator_name]
         if not kind.replaces:
             parts.append(f"at {100.0 * self.effectiveness:g} %")
-        if kind.replaces or self.value or kind is not BIAS:
+        if self.value or kind is not BIAS:
             parts.append(kind.describe(self.value, f" {kind.unit(self.actuator_name)}", wave))
         return " ".join((*parts, self._window()))
 
@@ -159,6 +159,8 @@ def fault_from_params(params: Sequence[float], limits: FaultLimits) -> Fault:
     _check(2, "Effectiveness", effectiveness, (0.0, 0.0 if kind.replaces else 1.0))
     _check(3, "Value", value, kind.bounds(name, limits), kind.unit(name))
     _check(4, "Frequency", frequency, (0.0, MAX_FREQUENCY_HZ), "Hz")
+    if kind.switches and frequency == 0.0:
+        raise _invalid(4, "Frequency", 0.0, "more than 0 Hz", "Hz")
     if not math.isnan(start) and not 0.0 <= start < math.inf:
         raise _invalid(5, "Start", start, "NaN or at least 0 s", "s")
     earliest = 0.0 if math.isnan(start) else start

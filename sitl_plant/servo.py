@@ -107,15 +107,17 @@ def begin_period(
             sent[:, c] = controls[c]
         sent[step % depth, c] = controls[c]
         received = sent[(step - servos["dead_steps"][c]) % depth, c]
-        target = servo_command(received, c, faults, t)
         resolution = servos["resolution"][c]
-        if resolution > 0.0:
-            target = round(target / resolution) * resolution
-        servos["target"][c] = target
+        servos["target"][c] = _rounded(servo_command(received, c, faults, t), resolution)
         if not settled:
-            servos["shaft"][c] = target
-            servos["output"][c] = target
+            servos["shaft"][c] = servos["output"][c] = _rounded(received, resolution)
     servos["settled"] = settled or commanded
+
+
+@compiled
+def _rounded(command: float, resolution: float) -> float:
+    """Return a command rounded to a resolution; 0: none."""
+    return round(command / resolution) * resolution if resolution > 0.0 else command
 
 
 @compiled

@@ -75,7 +75,7 @@ def set_(
         typer.Option(metavar="S", help="Duration in simulated time [s], instead of --end-s."),
     ] = None,
 ) -> None:
-    """Set an actuator fault: applied = effectiveness · commanded + bias, or another kind.
+    """Set an actuator fault: applied = effectiveness · commanded + bias, or another value.
 
     A fault replaces older ones of the same actuator that overlap it in time.
     """

@@ -5,6 +5,7 @@ import itertools
 import json
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
@@ -89,9 +90,10 @@ def run(
     env: dict[str, str] | None = None,
     cwd: Path | None = None,
     timeout_s: float = TIMEOUT_S,
+    file_size: int = resource.RLIM_INFINITY,
 ) -> subprocess.CompletedProcess[str]:
-    """Run one of the console scripts to its end."""
-    popen = start(program, *arguments, env=env, cwd=cwd)
+    """Run one of the console scripts to its end, with files no larger than a size [bytes]."""
+    popen = start(program, *arguments, env=env, cwd=cwd, file_size=file_size)
     try:
         texts = popen.communicate(timeout=timeout_s)
     except subprocess.TimeoutExpired:
@@ -107,12 +109,13 @@ def start(
     env: dict[str, str] | None = None,
     cwd: Path | None = None,
     output: Path | None = None,
+    file_size: int = resource.RLIM_INFINITY,
 ) -> subprocess.Popen[str]:
     """Start one of the console scripts; its standard output goes to a pipe, or to a file."""
     env = env or environment()
     if program == "gcs" and can_be_warm(env):
         given = [str(argument) for argument in arguments]
-        return cast("subprocess.Popen[str]", WarmCommand(given, env, cwd, output))
+        return cast("subprocess.Popen[str]", WarmCommand(given, env, cwd, output, file_size))
     with output.open("w") if output else contextlib.nullcontext() as file:
         return subprocess.Popen(
             [BIN / program, *arguments],
@@ -122,6 +125,7 @@ def start(
             text=True,
             env=env,
             cwd=cwd,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size)),  # noqa: PLW1509 - no thread holds a lock here
         )
 
 

@@ -1,7 +1,6 @@
 """Places that cannot be written: one message with the name, and what was there is kept."""
 
 import re
-import resource
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +16,6 @@ from flying import (
     write_scenario,
 )
 from station import Up, up
-from warm import WarmCommand, can_be_warm
 
 from gcs.lab.campaigns.store import read_results
 
@@ -30,22 +28,7 @@ def limited(
     size: int, *arguments: str | Path, cwd: Path | None = None, **changes: str
 ) -> subprocess.CompletedProcess[str]:
     """Run `gcs` with files that cannot grow beyond a size [bytes], as on a full disk."""
-    env = environment(**changes)
-    given = [str(argument) for argument in arguments]
-    if can_be_warm(env):
-        warm = WarmCommand(given, env, cwd, file_size=size)
-        texts = warm.communicate(TIMEOUT_S)
-        return subprocess.CompletedProcess(warm.args, warm.wait(), *texts)
-    return subprocess.run(
-        [BIN / "gcs", *given],
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)),
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        env=env,
-        cwd=cwd,
-        check=False,
-    )
+    return run("gcs", *arguments, env=environment(**changes), cwd=cwd, file_size=size)
 
 
 def cannot_write(done: subprocess.CompletedProcess[str], path: Path, status: int = 1) -> None:

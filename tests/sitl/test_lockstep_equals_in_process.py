@@ -30,6 +30,17 @@ FAULTS = [
         "start_s": 3.5,
         "end_s": 5.0,
     },
+    {"uav": 2, "actuator": "elevator", "drift_deg_s": 0.7, "start_s": 1.0, "end_s": 3.0},
+    {"uav": 1, "actuator": "rudder", "hardover_deg": 25.0, "start_s": 2.0, "end_s": 2.2},
+    {
+        "uav": 2,
+        "actuator": "rudder",
+        "effectiveness": 0.7,
+        "intermittent_deg": 1.0,
+        "frequency_hz": 3.3,
+        "start_s": 1.0,
+        "end_s": 4.0,
+    },
 ]
 
 

@@ -9,7 +9,7 @@ from lossy_network import GCS, over_the_wire
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_command_long_message
-from mavlink_defs.fault_kinds import CODES, HARDOVER, STUCK, FaultLimits
+from mavlink_defs.fault_kinds import CODES, HARDOVER, INTERMITTENT, STUCK, FaultLimits
 from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
 from mavlink_defs.services.command import command_params
 
@@ -41,7 +41,7 @@ def faults(draw: st.DrawFn) -> Fault:
         actuator,
         effectiveness,
         draw(decimals(low, limit, 2)),
-        draw(decimals(0.0, 500.0, 2)),
+        draw(decimals(0.01 if code == INTERMITTENT.code else 0.0, 500.0, 2)),
         start,
         draw(st.just(NAN) | decimals(earliest + 0.01, 1000.0, 2)),
         code,
@@ -91,6 +91,7 @@ def test_any_parameters_give_a_fault_within_limits_or_are_refused(params: list[f
         ((0, 1, 1, 0, NAN, 0, 0), 6, "Fault: End is 0 s, must be NaN or more than 0 s"),
         ((0, 1, 1, 0, NAN, NAN, 200), 7, "Fault: Kind is 200, must be 0 or 1 or 2 or 3"),
         ((0, 0.5, 9, 0, 0, NAN, 2), 2, "Fault: Effectiveness is 0.5, must be 0"),
+        ((0, 1, 1, 0, 0, NAN, 3), 4, "Fault: Frequency is 0 Hz, must be more than 0 Hz"),
         ((0, 0.5, 26, 0, 0, NAN, 1), 3, "Fault: Value is 26 deg/s, must be -25 to 25 deg/s"),
     ],
 )

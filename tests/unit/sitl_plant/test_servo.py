@@ -148,3 +148,13 @@ def test_a_hard_over_runs_away_and_comes_back_at_the_rate_of_the_servo() -> None
     after = np.arange(1, 81)
     expected = np.maximum(np.minimum(-0.4 * (after - 3), 0.0), -0.4 * np.maximum(83 - after, 0))
     assert flown == pytest.approx(expected)
+
+
+def test_a_hard_over_from_the_start_begins_where_the_first_command_is() -> None:
+    servos = new_servos(ActuatorServos(elevator=SurfaceServo(rate_limit_deg_s=400.0)), STEP_US)
+    sent = sent_commands(np.array([servos]))[0]
+    faults: np.ndarray = no_faults(1)[0]
+    add_fault(faults, Fault(ELEVATOR, 0.0, -20.0, 0.0, 0.0, math.nan, HARDOVER.code), now_s=0.0)
+    begin_period(servos, sent, np.zeros(4), faults, 0, 0.0, True)
+    end_period(servos, DT)
+    assert math.degrees(servos["output"][ELEVATOR]) == pytest.approx(-0.4)

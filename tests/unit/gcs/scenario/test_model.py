@@ -181,6 +181,14 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
         "faults[0].effectiveness: expected 0 or none with 'stuck_deg', got 0.5",
     ),
     (
+        {"faults.0": {**RUDDER, "hardover_deg": 1, "effectiveness": 0.5}},
+        "faults[0].effectiveness: expected 0 or none with 'hardover_deg', got 0.5",
+    ),
+    (
+        {"faults.0": {**RUDDER, "intermittent_deg": 1}},
+        "faults[0].frequency_hz: expected > 0 Hz with 'intermittent_deg', got 0.0",
+    ),
+    (
         {"faults.0": {**RUDDER, "bias_deg": 1, "effectiveness": 0}},
         "faults[0].bias_deg: nothing is left to be biased; did you mean 'stuck_deg'?",
     ),
