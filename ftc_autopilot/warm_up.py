@@ -15,7 +15,7 @@ from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
 from ftc_autopilot.guidance.path import locate, path_record, point_at
 from ftc_autopilot.hot.checkpoint import save
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import new_link
+from ftc_autopilot.hot.link import AutopilotLink, new_link
 from ftc_autopilot.hot.loop import Loop, new_loops, run
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
@@ -38,21 +38,35 @@ def call_controller(config: AutopilotConfig) -> None:
 
 
 def call_everything(config: AutopilotConfig) -> None:
-    """Make every message, and let the compiled loop poll for a state that does not come."""
-    controllers = new_controllers([config])
-    link = new_link(config.id, config.neighbours, config.step_us, 1.0, 1)
+    """Call all that a process calls."""
+    call_loop(config)
+    call_messages(config)
+
+
+def call_loop(config: AutopilotConfig) -> None:
+    """Let the compiled loop poll for a state that does not come."""
+    link = _new_link(config)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         fd = sock.fileno()
-        run(new_loops([Loop(link, controllers)], [(fd, fd, fd)]))
+        run(new_loops([Loop(link, new_controllers([config]))], [(fd, fd, fd)]))
     save(link.checkpoint)
+
+
+def call_messages(config: AutopilotConfig) -> None:
+    """Make every message."""
     path = endless_path()
     locate(path, 0.0, 0.0, 0.0)
     point_at(path, 0.0)
     for part_of in (state_of, cause_of, policy_of):
         part_of(0)
-    (telemetry, *_) = Vehicle(config, HotState(link), controllers).telemetry
+    state = HotState(_new_link(config))
+    (telemetry, *_) = Vehicle(config, state, new_controllers([config])).telemetry
     for message_id in telemetry.available:
         telemetry.make(message_id)
+
+
+def _new_link(config: AutopilotConfig) -> AutopilotLink:
+    return new_link(config.id, config.neighbours, config.step_us, 1.0, 1)
 
 
 def endless_path() -> np.void:

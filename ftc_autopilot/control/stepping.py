@@ -71,35 +71,27 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
     Returns:
         Bit mask of the channels that had an event; the actuator message is due unless it is 0.
     """
-    delay = controllers.delays[i]
-    if controllers.states[i]["started"] != 0:
-        for _ in range(state_predictor.lost_states(delay, measured, step_us)):
-            _step(controllers, i, state_predictor.interpolate(delay, measured), step_us, False)
-    mask = _step(controllers, i, measured, step_us, True)
+    delay, aircraft, state = controllers.delays[i], controllers.aircraft[i], controllers.states[i]
+    known_s = controllers.parameters[i]["common"]["delay_s"]
+    mask = lost = 0
+    if state["started"] != 0:
+        lost = state_predictor.lost_states(delay, measured, step_us)
+    for k in range(lost + 1):
+        may_send = k == lost
+        now = measured if may_send else state_predictor.interpolate(delay, measured)
+        motion = motion_of(
+            state_predictor.predicted(delay, now, known_s, step_us, aircraft), aircraft
+        )
+        fill_neighbour_state(motion, now["step"], controllers.own_states[i])
+        if controllers.guidance[i]["active"] != 0:
+            mask = _control(controllers, i, now, motion, step_us, may_send)
+        elif may_send:
+            mask = _cut_thrust(controllers, i, motion)
+        state_predictor.note_commands(delay, int(np.int64(now["step"])), state["held"])
     state_predictor.note_state(delay, measured)
     if mask != 0:
-        count_events(mask, int(measured["step"]), controllers.states[i])
+        count_events(mask, int(measured["step"]), state)
         controllers.actuators[i]["time_usec"] = measured["time_usec"]
-    return mask
-
-
-@inlined
-def _step(controllers: Controllers, i: int, measured: np.void, step_us: int, may_send: bool) -> int:
-    """Make one step of UAV i; return the mask of events, which are made only if it may send."""
-    known_s = controllers.parameters[i]["common"]["delay_s"]
-    delay, aircraft = controllers.delays[i], controllers.aircraft[i]
-    motion = motion_of(
-        state_predictor.predicted(delay, measured, known_s, step_us, aircraft), aircraft
-    )
-    fill_neighbour_state(motion, measured["step"], controllers.own_states[i])
-    mask = 0
-    if controllers.guidance[i]["active"] != 0:
-        mask = _control(controllers, i, measured, motion, step_us, may_send)
-    elif may_send:
-        mask = _cut_thrust(controllers, i, motion)
-    state_predictor.note_commands(
-        delay, int(np.int64(measured["step"])), controllers.states[i]["held"]
-    )
     return mask
 
 

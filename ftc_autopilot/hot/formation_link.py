@@ -146,21 +146,21 @@ def reset_formation_link(link: FormationLink) -> None:
     link.edges[:] = link.silent[:] = link.misses[:] = 0
 
 
-@inlined
-def send_own_state(fd: int, link: FormationLink, controllers: Controllers) -> None:
+@compiled
+def send_own_state(fd: int, link: FormationLink, own_states: np.ndarray) -> None:
     """Send the own state, as `announce` or `controller_step` left it, to every neighbour.
 
     Args:
         fd: Socket bound to the own formation port.
         link: The link.
-        controllers: The controllers of one UAV.
+        own_states: `Controllers.own_states` of one UAV.
     """
     if len(link.neighbours) == 0:
         return
     state = link.state[0]
     length = pack(
         link.sent,
-        controllers.own_states,
+        own_states,
         MessageId.NEIGHBOUR,
         link.system,
         MAV_COMP_ID_AUTOPILOT1,

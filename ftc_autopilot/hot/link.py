@@ -17,8 +17,6 @@ from ftc_autopilot.control.config import Neighbour
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.stepping import (
-    broadcast_if_triggered,
-    controller_step,
     publish_own_state,
 )
 from ftc_autopilot.hot.acknowledgement import ACKNOWLEDGEMENT, NONE, note_delay, note_events
@@ -198,37 +196,34 @@ def reset_link(link: AutopilotLink) -> None:
 
 
 @inlined
-def handle_plant_datagram(
-    length: int, fds: tuple[int, int], link: AutopilotLink, controllers: Controllers
-) -> Outcome:
-    """Handle a datagram of the plant, which lies in `SimulatorLink.received`.
+def receive_states(length: int, plant_fd: int, link: AutopilotLink) -> Outcome:
+    """Take a datagram of the plant, which lies in `SimulatorLink.received`; a state is due then.
 
     In real time the newest state of all datagrams that wait in the socket.
 
     Args:
         length: Its length [bytes].
-        fds: Socket connected to the plant; socket bound to the own formation port, with a short
-            receive timeout.
+        plant_fd: Socket connected to the plant.
         link: The link.
-        controllers: The controllers of one UAV.
 
     Returns:
-        NONE; SERVICE, OVER or RESTARTED if Python is needed.
+        NONE; SERVICE or RESTARTED if Python is needed.
     """
-    state, simulator = link.state[0], link.simulator
     outcome = _receive(length, link)
-    while outcome == Outcome.NONE and _is_real_time(state):
-        length = receive_now(fds[0], simulator.received)
+    while outcome == Outcome.NONE and _is_real_time(link.state[0]):
+        length = receive_now(plant_fd, link.simulator.received)
         if length < 0:
             break
         outcome = _receive(length, link)
-    if outcome == Outcome.RESTARTED or state["due"] == 0:
-        return outcome
-    if outcome == Outcome.SERVICE and waits(fds[0], simulator.sent):
-        return outcome  # and there may be a newer state behind
-    state["due"] = 0
-    _answer_state(fds[0], fds[1], link, controllers)
-    return Outcome.OVER if state["flags"] & FTC_SIM_FLAGS_ENDED else outcome
+    return outcome
+
+
+@inlined
+def is_due(outcome: Outcome, plant_fd: int, link: AutopilotLink) -> bool:
+    """Return whether a state is due to be answered after `receive_states`."""
+    if outcome == Outcome.RESTARTED or link.state[0]["due"] == 0:
+        return False  # else there may be a newer state behind what Python is needed for
+    return not (outcome == Outcome.SERVICE and waits(plant_fd, link.simulator.sent))
 
 
 @inlined
@@ -304,61 +299,106 @@ def _is_of_another_run(link: AutopilotLink) -> bool:
 
 
 @inlined
-def _answer_state(
-    plant_fd: int, formation_fd: int, link: AutopilotLink, controllers: Controllers
-) -> None:
-    """Answer the state that is due; in lockstep nothing is left to send after FTC_STEP_DONE.
+def prepare_step(
+    formation_fd: int, plant_fd: int, link: AutopilotLink, controllers: Controllers
+) -> bool:
+    """Exchange states with the neighbours for the state that is due.
 
-    So when the next state comes, every neighbour has been sent the message of this step, if there
-    is one; whether there is, the plant hears with FTC_STEP_DONE and passes on with the next state.
-    A step that was not flown is never reported done.
+    Args:
+        formation_fd: Socket bound to the own formation port, with a short receive timeout.
+        plant_fd: Socket connected to the plant.
+        link: The link.
+        controllers: The controllers of one UAV.
+
+    Returns:
+        Whether a control step has to be made before `answer`.
     """
     state, sim_state = link.state[0], link.simulator.measured[0]
     formation, step, flags = link.formation, int(sim_state["step"]), int(sim_state["flags"])
     running, ended = flags & FTC_SIM_FLAGS_RUNNING, flags & FTC_SIM_FLAGS_ENDED
     lockstep = (flags & FTC_SIM_FLAGS_LOCKSTEP) != 0
-    if running and state["step"] < 0:  # the first step needs neighbour states of step 0
+    state["due"] = 0
+    frozen = not running and not ended
+    if frozen or (running and state["step"] < 0):  # the first step needs states of step 0
         publish_own_state(controllers, 0, sim_state)
-        send_own_state(formation_fd, formation, controllers)
-    fresh = running and step > state["step"]
+        send_own_state(formation_fd, formation, controllers.own_states)
+    fresh = running != 0 and step > state["step"]
+    away = fresh and lockstep and state["away"] > 0
     ahead = passed_over = 0
     if fresh and not lockstep:
         ahead = note_age(state, plant_fd, step, 1_000_000 // state["step_us"])
         passed_over = step - state["step"] - 1 if state["step"] >= 0 else 0
     note_plant(formation, lockstep, passed_over, step + ahead, state["heard_s"])
-    if fresh and lockstep and state["away"] > 0:
+    if fresh:
+        note_silent_neighbours(formation, sim_state["silent"])
+    if frozen or away:
+        receive_neighbour_states(formation_fd, formation, controllers, step - 1 if away else 0)
+    if away:
         state["away"] -= 1
         state["step"] = step
-        note_silent_neighbours(formation, sim_state["silent"])
-        receive_neighbour_states(formation_fd, formation, controllers, step - 1)
         link.simulator.step_done[0]["silent"] = 1
     elif fresh:
-        note_silent_neighbours(formation, sim_state["silent"])
         collect_neighbour_states(formation_fd, formation, controllers, step, lockstep)
         if not lockstep:
             controllers.delays[0]["periods"] = note_delay(state, sim_state)
-        mask = controller_step(controllers, 0, sim_state, state["step_us"])
-        broadcasts = broadcast_if_triggered(controllers, 0, step, state["step_us"])
-        state["step"] = step
-        row = state["recorded"]
-        if row < len(link.record):
-            link.record[row]["step"] = step
-            copy_record(link.record[row]["signals"], controllers.signals[0])
-            state["recorded"] = row + 1
-        due = note_events(state, sim_state, controllers, mask, lockstep)
-        save(link.checkpoint)
-        if due:
-            _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)
-        if broadcasts:
-            send_own_state(formation_fd, formation, controllers)
-        link.simulator.step_done[0]["silent"] = 0 if broadcasts else 1
-    elif not running and not ended:  # frozen: neighbours learn of each other
-        publish_own_state(controllers, 0, sim_state)
-        send_own_state(formation_fd, formation, controllers)
-        receive_neighbour_states(formation_fd, formation, controllers, 0)
-    if ended or (running and lockstep and step == state["step"]):
+    return fresh and not away
+
+
+@inlined
+def send_step(
+    formation_fd: int,
+    plant_fd: int,
+    mask: int,
+    broadcasts: bool,
+    link: AutopilotLink,
+    controllers: Controllers,
+) -> None:
+    """Record and send what a control step has made, if it has made anything to send.
+
+    Args:
+        formation_fd: Socket bound to the own formation port.
+        plant_fd: Socket connected to the plant.
+        mask: Channels that had an event, as `controller_step` returns it.
+        broadcasts: Whether the own state is sent to the neighbours.
+        link: The link.
+        controllers: The controllers of one UAV.
+    """
+    state, sim_state = link.state[0], link.simulator.measured[0]
+    lockstep = (int(sim_state["flags"]) & FTC_SIM_FLAGS_LOCKSTEP) != 0
+    state["step"] = sim_state["step"]
+    row = state["recorded"]
+    if row < len(link.record):
+        link.record[row]["step"] = state["step"]
+        copy_record(link.record[row]["signals"], controllers.signals[0])
+        state["recorded"] = row + 1
+    due = note_events(state, sim_state, controllers, mask, lockstep)
+    save(link.checkpoint)
+    if due:
+        _send(plant_fd, link, controllers.actuators, MessageId.ACTUATORS)
+    if broadcasts:
+        send_own_state(formation_fd, link.formation, controllers.own_states)
+    link.simulator.step_done[0]["silent"] = 0 if broadcasts else 1
+
+
+@inlined
+def report_done(plant_fd: int, link: AutopilotLink) -> bool:
+    """Tell a plant in lockstep that its state was answered; return whether the flight is over.
+
+    Nothing is left to send after FTC_STEP_DONE: when the next state comes, every neighbour has
+    been sent the message of this step, if there is one; whether there is, the plant hears with
+    FTC_STEP_DONE and passes on with the next state. A step that was not flown is never reported.
+
+    Args:
+        plant_fd: Socket connected to the plant.
+        link: The link.
+    """
+    sim_state, both = link.simulator.measured[0], FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
+    step, flags = int(sim_state["step"]), int(sim_state["flags"])
+    ended = (flags & FTC_SIM_FLAGS_ENDED) != 0
+    if ended or (flags & both == both and step == link.state[0]["step"]):
         link.simulator.step_done[0]["step"] = step
         _send(plant_fd, link, link.simulator.step_done, MessageId.STEP_DONE)
+    return ended
 
 
 @inlined

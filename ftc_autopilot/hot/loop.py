@@ -10,7 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.hot.link import AutopilotLink, handle_plant_datagram
+from ftc_autopilot.control.stepping import broadcast_if_triggered, controller_step
+from ftc_autopilot.hot.link import (
+    AutopilotLink,
+    is_due,
+    prepare_step,
+    receive_states,
+    report_done,
+    send_step,
+)
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -35,6 +43,7 @@ LOOP_STATE = np.dtype(
         ("formation_fd", "i4"),  # bound to the own formation port, with a short receive timeout
         ("gcs_fd", "i4"),  # of the ground stations
         ("outcome", "i4"),  # why Python is needed, an `Outcome`
+        ("at_once", "i4"),  # whether a ground station is answered at once
         ("until_step", "i8"),  # step after which it is
         ("until_s", "f8"),  # and the time, as `monotonic_s` gives it [s]
     ]
@@ -92,39 +101,48 @@ def run(loops: Loops) -> None:
     poll_s, spin_until_s = now_s + _GCS_POLL_S, now_s + SPIN_S
     while True:
         spins, heard = False, False
-        for i in range(len(state)):
-            received = load_tuple(loops.table, i, loops.first).link.simulator.received
-            length = receive_now(state[i]["plant_fd"], received)
-            if length >= 0:
-                heard = True
-                loop = load_tuple(loops.table, i, loops.first)
-                fds = state[i]["plant_fd"], state[i]["formation_fd"]
-                state[i]["outcome"] = handle_plant_datagram(
-                    length, fds, loop.link, loop.controllers
-                )
-        now_s = monotonic_s()
         polls = now_s >= poll_s
         if polls:
             poll_s = now_s + _GCS_POLL_S
         for i in range(len(state)):
-            link = load_tuple(loops.table, i, loops.first).link
+            loop = load_tuple(loops.table, i, loops.first)
+            link, now = loop.link, state[i]
+            plant_fd, formation_fd = now["plant_fd"], now["formation_fd"]
+            length = receive_now(plant_fd, link.simulator.received)
+            if length >= 0:
+                heard = True
+                outcome = receive_states(length, plant_fd, link)
+                if is_due(outcome, plant_fd, link):
+                    if prepare_step(formation_fd, plant_fd, link, loop.controllers):
+                        measured, step_us = link.simulator.measured[0], link.state[0]["step_us"]
+                        mask = controller_step(loop.controllers, 0, measured, step_us)
+                        broadcasts = broadcast_if_triggered(
+                            loop.controllers, 0, measured["step"], step_us
+                        )
+                        send_step(formation_fd, plant_fd, mask, broadcasts, link, loop.controllers)
+                    if report_done(plant_fd, link):
+                        outcome = Outcome.OVER
+                now["outcome"] = outcome
+            now_s = monotonic_s()
             lockstep = _is_lockstep(link)
             spins |= lockstep
-            if state[i]["outcome"] == Outcome.NONE and (
-                now_s >= state[i]["until_s"]
-                or link.state[0]["step"] >= state[i]["until_step"]
+            if now["outcome"] == Outcome.NONE and (
+                now_s >= now["until_s"]
+                or link.state[0]["step"] >= now["until_step"]
                 or 0 < len(link.record) == link.state[0]["recorded"]
-                or (polls and lockstep and waits(state[i]["gcs_fd"], link.simulator.received))
+                or (polls and lockstep and waits(now["gcs_fd"], link.simulator.received))
             ):
-                state[i]["outcome"] = Outcome.TICK
+                now["outcome"] = Outcome.TICK
+            now["at_once"] = _answers_at_once(link)
         if _some_need_python(state):
             return
         if heard:
             spin_until_s = now_s + SPIN_S
         elif spins and now_s < spin_until_s:
             let_others_run()
-        elif _sleep(loops):
+        elif _sleep(state, loops.polled):
             return
+        now_s = monotonic_s()
 
 
 @inlined
@@ -142,15 +160,13 @@ def _some_need_python(state: np.ndarray) -> bool:
 
 
 @inlined
-def _sleep(loops: Loops) -> bool:
+def _sleep(state: np.ndarray, polled: np.ndarray) -> bool:
     """Sleep until a datagram comes or a time has come; return whether a ground station waits."""
-    state, polled = loops.state, loops.polled
     until_s = state[0]["until_s"]
     for i in range(len(state)):
         until_s = min(until_s, state[i]["until_s"])
-        answers = _answers_at_once(load_tuple(loops.table, i, loops.first).link)
         polled[2 * i]["fd"] = state[i]["plant_fd"]
-        polled[2 * i + 1]["fd"] = state[i]["gcs_fd"] if answers else -1
+        polled[2 * i + 1]["fd"] = state[i]["gcs_fd"] if state[i]["at_once"] else -1
     for k in range(len(polled)):
         polled[k]["events"] = READABLE
     wait_for_any(polled, max(until_s - monotonic_s(), 0.0))

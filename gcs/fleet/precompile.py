@@ -14,8 +14,7 @@ from types import FrameType
 import llvmlite
 import numpy as np
 
-from ftc_autopilot.warm_up import call_controller, endless_path
-from ftc_autopilot.warm_up import call_everything as call_autopilot
+from ftc_autopilot.warm_up import call_controller, call_loop, call_messages, endless_path
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.path_following import PathFollowing
 from gcs.results.summary import summarise
@@ -102,15 +101,16 @@ def _call_everything(scenario: Scenario) -> None:
     with _other_process(short):
         call_plant(short.plant_config(speed=None))
         _call_relay()
-        call_autopilot(short.autopilot_config(short.uavs[0].id))
-    _call_in_process(short)
+        call_loop(short.autopilot_config(short.uavs[0].id))
+    _call_rest(short)
 
 
 @contextlib.contextmanager
 def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
-    """Compile the flight in process elsewhere meanwhile; what fails is left to the caller.
+    """Compile the rest elsewhere meanwhile: the flight in process, messages.
 
-    It begins with the controller, which the caller needs last and then finds in the cache.
+    What fails there is left to the caller. It begins with the controller, which the caller needs
+    last and then finds in the cache.
     """
     command = [sys.executable, "-m", __spec__.name if __spec__ else __name__]
     quiet = subprocess.DEVNULL
@@ -127,7 +127,8 @@ def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
             child.kill()
 
 
-def _call_in_process(scenario: Scenario) -> None:
+def _call_rest(scenario: Scenario) -> None:
+    call_messages(scenario.autopilot_config(scenario.uavs[0].id))
     flight = fly_in_process(scenario)
     summarise(flight, scenario)
     paths = np.stack([endless_path()] * len(scenario.uavs))
@@ -151,4 +152,4 @@ if __name__ == "__main__":
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with _seldom_collected():
         call_controller(given.autopilot_config(given.uavs[0].id))
-        _call_in_process(given)
+        _call_rest(given)

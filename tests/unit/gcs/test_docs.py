@@ -14,6 +14,7 @@ import pytest
 from pydantic import BaseModel, RootModel
 
 import ftc_autopilot.hot.link
+import ftc_autopilot.hot.loop
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.guidance.path import MAX_LEGS
@@ -277,14 +278,18 @@ def test_exit_statuses_match_the_errors(page: Path) -> None:
         assert [n for n, text in meaning.items() if word in text] == [str(error.exit_status)]
 
 
+def assert_in_order(text: str, *parts: str) -> None:
+    places = [text.rindex(part) for part in parts]
+    assert places == sorted(places)
+
+
 def test_the_order_of_a_step_matches_the_code() -> None:
-    source = inspect.getsource(ftc_autopilot.hot.link._answer_state)
-    step = (
-        source.partition("collect_neighbour_states(")[2].partition("elif")[0]
-        + source.rpartition("elif")[2]
-    )
-    calls = ("save(", "MessageId.ACTUATORS", "send_own_state(", "MessageId.STEP_DONE")
-    assert [step.index(call) for call in calls] == sorted(step.index(call) for call in calls)
+    loop = inspect.getsource(ftc_autopilot.hot.loop)
+    assert_in_order(loop, "prepare_step(", "controller_step(", "send_step(", "report_done(")
+    step = inspect.getsource(ftc_autopilot.hot.link.send_step)
+    assert_in_order(step, "save(", "MessageId.ACTUATORS", "send_own_state(")
+    done = inspect.getsource(ftc_autopilot.hot.link.report_done)
+    assert "MessageId.STEP_DONE" in done
     documented = (
         (DOCS / "explanation" / "method.md").read_text().partition("## Order of operations")[2]
     )
