@@ -5,13 +5,17 @@ from typing import Any
 
 import numpy as np
 
+from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.controller import SIGNALS, Inputs, Records, control_step
+from ftc_autopilot.control.controllers import GUIDANCE
 from ftc_autopilot.control.reference import Reference
 from ftc_autopilot.control.step import Step, Thresholds
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.framing.codec import NEIGHBOUR
+from mavlink_defs.runtime.jit import compiled
 
 NOTHING = (0.0, 0.0, 0.0)
+NOBODY = np.zeros(0, NEIGHBOUR)
 COMMANDS = np.array([0.05, 0.08, 0.3, 900.0])  # in force [rad, rad, rad, N]
 
 
@@ -41,10 +45,28 @@ def step_alone(
     aircraft: np.void,
     parameters: np.void,
     state: np.void,
-    controls: np.ndarray,
+    actuators: np.void,
 ) -> np.void:
     """Make one control step of a UAV without neighbours; gives its signals."""
     signals: np.void = np.zeros(1, SIGNALS)[0]
-    inputs = Inputs(0.0, 1e-3, motion, np.array(command), np.zeros(0, NEIGHBOUR), np.zeros(0))
-    control_step(inputs, Records(aircraft, parameters, state, controls, signals))
+    guidance: np.void = np.zeros(1, GUIDANCE)[0]
+    guidance["command"] = command
+    _step_alone(motion, guidance, NOBODY, aircraft, parameters, state, actuators, signals)
     return signals
+
+
+@compiled
+def _step_alone(
+    motion: Motion,
+    guidance: np.void,
+    neighbours: np.ndarray,
+    aircraft: np.void,
+    parameters: np.void,
+    state: np.void,
+    actuators: np.void,
+    signals: np.void,
+) -> None:
+    """Call `control_step` with the types that a flight has: its machine code is in the cache."""
+    inputs = Inputs(0.0, 1e-3, motion, guidance["command"], neighbours, np.zeros(0))
+    records = Records(aircraft, parameters, state, actuators["controls"], signals)
+    control_step(inputs, records, True)

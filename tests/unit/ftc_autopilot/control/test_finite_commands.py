@@ -108,7 +108,7 @@ def test_no_law_sends_what_is_not_finite(
     scenario = Scenario.model_validate(tree)
     controllers = new_controllers([scenario.autopilot_config(1)])
     aircraft, parameters = controllers.aircraft[0], controllers.parameters[0]
-    state, controls = controllers.states[0], controllers.actuators[0]["controls"]
+    state, actuators = controllers.states[0], controllers.actuators[0]
     for measured in motions:
         message = np.zeros(1, SIM_STATE)[0]
         for name, value in measured.items():
@@ -117,7 +117,8 @@ def test_no_law_sends_what_is_not_finite(
             message["velocity"] = (3.0, 0.0, 0.0)
         command = (45.0, 0.3, -0.1, 1.0)
         motion_now = motion_of(message, aircraft)
-        signals = step_alone(motion_now, command, aircraft, parameters, state, controls)
+        signals = step_alone(motion_now, command, aircraft, parameters, state, actuators)
+        controls = actuators["controls"]
         assert np.isfinite(controls).all()
         assert (np.abs(controls) <= 1.0).all()
         assert np.isfinite(state["held"]).all()

@@ -23,7 +23,7 @@ from ftc_autopilot.control.triggers.periodic import Periodic
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.models import Model
-from mavlink_defs.framing.codec import SIM_STATE
+from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
 from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration, gravity_body
 from sitl_plant.vec3 import Vec3, mat3
 
@@ -47,8 +47,8 @@ class Pilot:
         message["attitude"], message["rates"] = phi, omega
         message["specific_force"] = -np.array(gravity_body(phi, self.nominal["g"]))
         self.motion = motion_of(message, self.nominal)
-        level, controls = (45.0, 0.0, 0.0, 0.0), np.zeros(16, np.float32)
-        return step_alone(self.motion, level, self.nominal, self.parameters, self.state, controls)
+        level, actuators = (45.0, 0.0, 0.0, 0.0), np.zeros(1, ACTUATORS)[0]
+        return step_alone(self.motion, level, self.nominal, self.parameters, self.state, actuators)
 
 
 @given(st.tuples(rate, rate, rate))
