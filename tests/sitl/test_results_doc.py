@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from gcs.cli import app
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.reproduce import load_all, paper_chapter
+from gcs.lab import reproduce
 from gcs.reports.flight import flight_tables
 
 pytestmark = pytest.mark.sitl
@@ -96,10 +96,17 @@ def test_a_table_is_what_its_command_gives(command: str, shown: str, tmp_path: P
         assert_alike(ours, expected, head)
 
 
-def test_the_papers_tables_come_from_gcs_reproduce(tmp_path: Path) -> None:
-    """One flight of each for all: results.md, the README's table, what the first flight prints."""
-    scenarios = load_all(SCENARIO_1.parent)
-    chapter = paper_chapter(
+def test_the_papers_tables_come_from_gcs_reproduce(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One flight of each for all: results.md, the README's table, what the first flight prints.
+
+    Without figures and checks of the theory, which have tests of their own and take far longer.
+    """
+    monkeypatch.setattr(reproduce, "_draw", lambda *_: None)
+    monkeypatch.setattr(reproduce, "theory_section", lambda *_: "")
+    scenarios = reproduce.load_all(SCENARIO_1.parent)
+    chapter = reproduce.paper_chapter(
         scenarios, lambda _, scenario: fly_in_process(scenario), 1, tmp_path, lambda _: None
     )
     report = chapter.text
