@@ -19,6 +19,7 @@ from flying import (
     environment,
     free_links,
     run,
+    start,
     wait_until,
 )
 
@@ -28,8 +29,8 @@ from gcs.lab.campaigns.store import read_results
 pytestmark = pytest.mark.sitl
 
 ROOT = Path(__file__).parents[2]
-LONG = {"draws": 30, "variants": {"long": {}}}
-"""Flights that take seconds together."""
+LONG = {"draws": 20, "variants": {"long": {}}}
+"""Flights that take one process several seconds together; results are stored after two."""
 
 
 def campaign(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -45,17 +46,22 @@ def parts(folder: Path) -> list[Path]:
 
 
 @contextlib.contextmanager
-def flying(folder: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
-    """A campaign that has stored some flights and flies on, in a process group of its own."""
-    popen = subprocess.Popen(
-        [BIN / "gcs", "campaign", *arguments, "--out", folder],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(),
-        start_new_session=True,
-    )
+def flying(
+    folder: Path, *arguments: str | Path, own_group: bool = False
+) -> Iterator[subprocess.Popen[str]]:
+    """A campaign that has stored some flights and flies on, maybe in a process group of its own."""
+    if own_group:
+        popen = subprocess.Popen(
+            [BIN / "gcs", "campaign", *arguments, "--out", folder],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment(),
+            start_new_session=True,
+        )
+    else:
+        popen = start("gcs", "campaign", *arguments, "--out", folder)
     try:
         wait_until(lambda: bool(parts(folder)) or popen.poll() is not None, "flights are stored")
         yield popen
@@ -126,24 +132,25 @@ def test_rows_are_flights_that_fly_again_bit_for_bit(tmp_path: Path) -> None:
 def test_the_same_command_continues_after_any_end(tmp_path: Path, end: signal.Signals) -> None:
     """Killed without a word, or by Ctrl-C, which a terminal sends to all of its processes."""
     path, folder = write_campaign(tmp_path, **LONG), tmp_path / "out"
-    with flying(folder, path, "--jobs", "2") as popen:
-        send = os.killpg if end == signal.SIGINT else os.kill
+    to_all = end == signal.SIGINT
+    with flying(folder, path, "--jobs", "1", own_group=to_all) as popen:
+        send = os.killpg if to_all else os.kill
         send(popen.pid, end)
         _, text = popen.communicate(timeout=TIMEOUT_S)
     before = results(folder)
     if end == signal.SIGINT:
         assert popen.returncode == 130
         assert_one_message(text)
-        assert f"{len(before)} of 30 flights in {folder}" in text
+        assert f"{len(before)} of 20 flights in {folder}" in text
     kept = {path: path.read_bytes() for path in parts(folder)}
     done = campaign(path, "--out", folder, "--jobs", "1")
     assert done.returncode == 0, done.stderr
-    assert f"{len(before)} of 30 flights already flown" in done.stderr
+    assert f"{len(before)} of 20 flights already flown" in done.stderr
     assert {path: path.read_bytes() for path in kept} == kept
     rows = results(folder)
-    assert list(rows) == list(range(30))
+    assert list(rows) == list(range(20))
     assert {n: rows[n] for n in before} == before
-    assert read_results(folder, ["row"]).num_rows == 30
+    assert read_results(folder, ["row"]).num_rows == 20
 
 
 @contextlib.contextmanager
@@ -151,7 +158,7 @@ def scheduler(tmp_path: Path, workers: int, **changes: str) -> Iterator[Any]:
     """A dask scheduler and workers as processes of their own; yields address and processes."""
     with contextlib.ExitStack() as stack:
 
-        def start(*arguments: str | Path) -> subprocess.Popen[bytes]:
+        def begin(*arguments: str | Path) -> subprocess.Popen[bytes]:
             popen = subprocess.Popen(
                 [BIN / "dask", *arguments],
                 env=environment(**changes),
@@ -165,17 +172,17 @@ def scheduler(tmp_path: Path, workers: int, **changes: str) -> Iterator[Any]:
 
         file = tmp_path / "scheduler.json"
         where = ("--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", file)
-        processes = [start("scheduler", "--port", "0", *where)]
+        processes = [begin("scheduler", "--port", "0", *where)]
         wait_until(lambda: file.exists() and file.read_text().endswith("}"), "a scheduler")
         address = json.loads(file.read_text())["address"]
         options = ("--nthreads", "1", "--no-dashboard", "--local-directory", tmp_path)
-        processes += [start("worker", address, *options) for _ in range(workers)]
+        processes += [begin("worker", address, *options) for _ in range(workers)]
         yield address, processes
 
 
 def test_a_cluster_elsewhere(tmp_path: Path) -> None:
     """A worker dies, then the scheduler: nothing that is stored is lost or flown twice."""
-    path, folder = write_campaign(tmp_path, **LONG), tmp_path / "out"
+    path, folder = write_campaign(tmp_path, **LONG | {"draws": 30}), tmp_path / "out"
     with scheduler(tmp_path, workers=2) as (address, processes):
         with flying(folder, path, "--scheduler", address) as popen:
             processes[1].kill()

@@ -141,6 +141,7 @@ def _main(
     from gcs.__main__ import main
     from gcs.commands.progress import Work
     from gcs.fleet.fork_server import _set_command_line
+    from gcs.lab.campaigns import workers
 
     os.environ.clear()
     os.environ.update(env)
@@ -161,6 +162,7 @@ def _main(
         return _FlightServer()
 
     forked._start_server = start_warm
+    workers._PROCESSES = multiprocessing.get_context("fork")  # its server would import all again
     try:
         main()
     finally:

@@ -1,9 +1,20 @@
-"""What the process that forks warm commands imports, and calls once for its machine code."""
+"""What the process that forks warm commands imports, and calls once for its machine code.
 
+Sweeps and campaigns would import statistics and figures for a second each.
+"""
+
+import matplotlib.backends.backend_agg
+import matplotlib.backends.backend_svg  # noqa: F401
+import pandas  # noqa: F401 - pyarrow imports it
 import typer
 
 import gcs.fleet.flight
-import gcs.lab.campaigns.preload  # noqa: F401 - flies once
+import gcs.lab.campaigns.preload  # flies once
+import gcs.lab.figures.campaign
+import gcs.lab.figures.sweep
+import gcs.lab.reports.campaign
+import gcs.lab.reports.sweep
+import gcs.lab.reproduce  # noqa: F401
 from gcs.cli import COMMANDS, app
 from gcs.fleet.fork_server import _load_compiled_code
 
