@@ -37,7 +37,8 @@ def test_every_command_is_rendered_or_has_no_table() -> None:
 
 
 def shown(arguments: list[str], monkeypatch: pytest.MonkeyPatch, columns: str) -> str:
-    """What a command prints at a width; without one in a pipe."""
+    """What a command prints at a width; without one in a pipe. No figures: nobody looks at them."""
+    monkeypatch.setenv("FTC_SITL_NO_FIGURES", "1")
     if columns:
         monkeypatch.setenv("COLUMNS", columns)
     else:
