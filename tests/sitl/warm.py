@@ -1,7 +1,7 @@
 """`gcs` forked from a process that has imported it: most of a short command's time is imports.
 
 Each command is a process of its own all the same, with its environment, folder and output, and so
-are the server of a flight and what that forks. Linux only.
+are the server of a flight and what that forks, and the workers of a campaign. Linux only.
 """
 
 import atexit
