@@ -21,6 +21,7 @@ from ftc_autopilot.control.step import (
     Command,
     ControllerRecord,
     ParametersRecord,
+    Seen,
     SignalsRecord,
     Step,
     Thresholds,
@@ -112,6 +113,7 @@ SIGNALS = np.dtype(
         ("offset", "f8", (N_CHANNELS,)),  # of an actuator in service; where a lost one stands
         ("confidence", "f8", (N_CHANNELS,)),  # 1 - standard error of the effectiveness
         ("predicted_exit", "f8", (N_CHANNELS,)),  # time until its output leaves the tube [s]
+        ("dead_steps", "u1"),  # dead time that it has found [control periods]
         ("phase", "u1", (N_CHANNELS,)),  # as `ftc_autopilot.control.diagnosis` numbers them
     ]
 )
@@ -184,6 +186,7 @@ class Inputs(NamedTuple):
     t: float  # time that the parameters' schedules run on [s]
     dt: float  # control period [s]
     motion: Motion  # own motion
+    seen: Seen
     command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad], shape (4,)
     neighbours: np.ndarray  # last FTC_NEIGHBOUR payload of each neighbour, shape (degree,)
     weights: np.ndarray  # a_ij of each neighbour, 0 while it is silent, shape (degree,)
@@ -236,7 +239,7 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
 @inlined
 def _step(inputs: Inputs, parameters: ParametersRecord, state: ControllerRecord) -> Step:
     """Return the step as the law sees it."""
-    t, dt, motion, command, neighbours, weights = inputs
+    t, dt, motion, seen, command, neighbours, weights = inputs
     first = state["started"] == 0
     if state["steps"] == 0:
         start_filter(command, state["reference"])
@@ -253,6 +256,7 @@ def _step(inputs: Inputs, parameters: ParametersRecord, state: ControllerRecord)
         dt,
         first,
         motion,
+        seen,
         command,
         reference,
         state["reference"],

@@ -17,18 +17,20 @@ from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import STILL_AIR, State, advance, specific_force, state_derivative
-from sitl_plant.vec3 import Vec3, add, sub, vec3
+from sitl_plant.vec3 import add, sub, vec3
 
 LONGEST_S = 0.1
 """Longest delay that is predicted over, and longest gap that is interpolated [s]."""
-_HISTORY = 128  # periods whose commands are remembered
+_HISTORY = 128  # periods that are remembered
 
 DELAY = np.dtype(
     [
         ("periods", "i8"),  # delay of the links [control periods]
+        ("found", "i8"),  # dead time that the law has found besides [control periods]
         ("step", "i8"),  # last step whose commands are noted
         ("started", "i8"),  # 0: nothing is noted yet
-        ("commands", "f8", (_HISTORY, N_CHANNELS)),  # in force after each of the last steps
+        ("commands", "f8", (N_CHANNELS,)),  # of the last step noted
+        ("positions", "f8", (_HISTORY, N_CHANNELS)),  # of the servos' model after the last steps
         ("measured", SIM_STATE),  # last state received
         ("between", SIM_STATE),  # in place of a lost one
         ("predicted", SIM_STATE),
@@ -46,10 +48,27 @@ def lost_states(delay: np.void, measured: np.void, step_us: int) -> int:
         measured: FTC_SIM_STATE payload.
         step_us: Control period [µs].
     """
+    return 0 if is_after_gap(delay, measured, step_us) else _missing(delay, measured)
+
+
+@compiled
+def is_after_gap(delay: np.void, measured: np.void, step_us: int) -> bool:
+    """Return whether states before this one were lost, too many to be interpolated.
+
+    Args:
+        delay: Record of dtype `DELAY`.
+        measured: FTC_SIM_STATE payload.
+        step_us: Control period [µs].
+    """
+    return _missing(delay, measured) > _periods(LONGEST_S, step_us)
+
+
+@compiled
+def _missing(delay: np.void, measured: np.void) -> int:
+    """Return the number of states between the last step noted and this one."""
     if delay["started"] == 0:
         return 0
-    lost = np.int64(measured["step"]) - delay["step"] - 1
-    return lost if lost <= _periods(LONGEST_S, step_us) else 0
+    return int(np.int64(measured["step"]) - delay["step"] - 1)
 
 
 @compiled
@@ -93,25 +112,46 @@ def note_state(delay: np.void, measured: np.void) -> None:
 
 
 @compiled
-def note_commands(delay: np.void, step: int, held: np.ndarray) -> None:
-    """Note the commands in force after a step; before it, the ones of the last step noted.
+def note_commands(delay: np.void, step: int, held: np.ndarray, lag_s: float, step_us: int) -> None:
+    """Note where servos are a period after a step: surfaces by a lag, the throttle at once.
 
-    Before the first step noted, its own were: after a restart the aircraft holds them.
+    Over steps that were not noted the commands of the last one noted were in force; before the
+    first, its own: after a restart the aircraft holds them.
 
     Args:
         delay: Record of dtype `DELAY`, updated in place.
         step: The step.
-        held: Aileron, elevator, rudder [rad], thrust [N], shape (4,).
+        held: Commands in force after it: aileron, elevator, rudder [rad], thrust [N], shape (4,).
+        lag_s: The lag [s].
+        step_us: Control period [µs].
     """
-    commands = delay["commands"]
+    positions, commands, lagged = delay["positions"], delay["commands"], 1.0
+    if lag_s > 0.0:
+        lagged = 1.0 - math.exp(-step_us / 1e6 / lag_s)
     since = delay["step"] if delay["started"] != 0 else step - _HISTORY
-    for s in range(max(since + 1, step - _HISTORY + 1), step):
+    for s in range(max(since + 1, step - _HISTORY + 1), step + 1):
         for c in range(N_CHANNELS):
-            before = commands[since % _HISTORY, c] if delay["started"] != 0 else held[c]
-            commands[s % _HISTORY, c] = before
-    for c in range(N_CHANNELS):
-        commands[step % _HISTORY, c] = held[c]
+            if s == step or delay["started"] == 0:
+                commands[c] = held[c]
+            share = 1.0 if c == THROTTLE else lagged
+            before = held[c] if delay["started"] == 0 else positions[(s - 1) % _HISTORY, c]
+            positions[s % _HISTORY, c] = before + share * (commands[c] - before)
     delay["step"], delay["started"] = step, 1
+
+
+@compiled
+def periods_known(delay: np.void, known_s: float, step_us: int) -> int:
+    """Return the delay of the links and the one besides, without that which was found.
+
+    Args:
+        delay: Record of dtype `DELAY`.
+        known_s: Delay besides the delay of the links [s].
+        step_us: Control period [µs].
+    """
+    if delay["started"] == 0:
+        return 0
+    longest = min(_periods(LONGEST_S, step_us), _HISTORY - 1)
+    return max(min(int(delay["periods"]) + _periods(known_s, step_us), longest), 0)
 
 
 @compiled
@@ -120,7 +160,8 @@ def predicted(
 ) -> np.void:
     """Return the state at which the commands of this step will act; the measured one if at once.
 
-    What the nominal model does not explain of the specific force is taken to stay.
+    What the nominal model does not explain of the specific force is taken to stay. The thrust has
+    the delay of the links alone: what is known besides is that of surfaces and gyro.
 
     Args:
         delay: Record of dtype `DELAY`; its field `predicted` is written.
@@ -129,19 +170,21 @@ def predicted(
         step_us: Control period [µs].
         aircraft: Nominal aircraft.
     """
-    longest = min(_periods(LONGEST_S, step_us), _HISTORY - 1)
-    ahead = min(delay["periods"] + _periods(known_s, step_us), longest)
-    if ahead <= 0 or delay["started"] == 0:
+    ahead = periods_known(delay, known_s, step_us) + delay["found"]
+    if ahead == 0:
         return measured
     step, dt = int(np.int64(measured["step"])), step_us / 1e6
     wind = vec3(measured["wind"])
     v, omega = sub(vec3(measured["velocity"]), wind), vec3(measured["rates"])
     state: State = (vec3(measured["position"]), v, vec3(measured["attitude"]), omega)
-    thrust, _ = _acting(delay, step - ahead - 1)
+    links, positions = periods_known(delay, 0.0, step_us), delay["positions"]
+    thrust = float(positions[(step - links - 1) % _HISTORY, THROTTLE])
     air = aerodynamics(v, omega, aircraft)
     d_v = sub(vec3(measured["specific_force"]), specific_force(air, thrust, aircraft))
     for k in range(ahead):
-        thrust, delta = _acting(delay, step - ahead + k)
+        row = positions[(step - ahead + k) % _HISTORY]
+        delta = row[AILERON], row[ELEVATOR], row[RUDDER]
+        thrust = float(positions[min(step - links + k, step - 1) % _HISTORY, THROTTLE])
         derivative = state_derivative(
             state, thrust, delta, d_v, (0.0, 0.0, 0.0), STILL_AIR, aircraft
         )
@@ -161,13 +204,6 @@ def predicted(
         result["rates"][i] = state[3][i]
         result["specific_force"][i] = force[i]
     return result
-
-
-@compiled
-def _acting(delay: np.void, step: int) -> tuple[float, Vec3]:
-    """Return thrust [N] and surfaces [rad] that were sent last at a step."""
-    row = delay["commands"][step % _HISTORY]
-    return row[THROTTLE], (row[AILERON], row[ELEVATOR], row[RUDDER])
 
 
 @compiled

@@ -28,13 +28,23 @@ class Thresholds(NamedTuple):
     b: tuple[float, float]  # b1 [-], b2 [rad] of (29)
 
 
+class Seen(NamedTuple):
+    """What a measurement shows, which a known delay makes older than the step."""
+
+    motion: Motion  # as measured; a step's is predicted from it
+    ahead: int  # by how many control periods it is older, of surfaces
+    links: int  # the same without what is known of servos and sensors
+    after_gap: bool  # whether states before it were lost, and not replaced
+
+
 class Step(NamedTuple):
     """One control step, the same for every law."""
 
     t: float  # time that schedules run on [s]
     dt: float  # control period [s]
     first: bool  # whether this is the law's first step
-    motion: Motion  # own motion
+    motion: Motion  # own motion, when the commands of this step will act
+    seen: Seen
     command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad]
     reference: Reference  # filtered reference
     filtered: np.ndarray  # the same and its two derivatives [m/s, rad], shape (4, 3); read only

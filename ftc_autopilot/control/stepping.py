@@ -23,6 +23,7 @@ from ftc_autopilot.control.neighbour_messages import (
     refer_to_reference,
 )
 from ftc_autopilot.control.reference import profile_value
+from ftc_autopilot.control.step import Seen
 from ftc_autopilot.guidance.coordination import no_coordination
 from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
 from ftc_autopilot.guidance.laws import guide
@@ -72,7 +73,7 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
         Bit mask of the channels that had an event; the actuator message is due unless it is 0.
     """
     delay, aircraft, state = controllers.delays[i], controllers.aircraft[i], controllers.states[i]
-    known_s = controllers.parameters[i]["common"]["delay_s"]
+    common = controllers.parameters[i]["common"]
     mask = lost = 0
     if state["started"] != 0:
         lost = state_predictor.lost_states(delay, measured, step_us)
@@ -80,19 +81,37 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
         may_send = k == lost
         now = measured if may_send else state_predictor.interpolate(delay, measured)
         motion = motion_of(
-            state_predictor.predicted(delay, now, known_s, step_us, aircraft), aircraft
+            state_predictor.predicted(delay, now, common["delay_s"], step_us, aircraft), aircraft
         )
         fill_neighbour_state(motion, now["step"], controllers.own_states[i])
         if controllers.guidance[i]["active"] != 0:
-            mask = _control(controllers, i, now, motion, step_us, may_send)
+            seen = _seen(controllers, i, now, motion, step_us)
+            mask = _control(controllers, i, now, motion, seen, step_us, may_send)
+            delay["found"] = controllers.signals[i]["dead_steps"]
         elif may_send:
             mask = _cut_thrust(controllers, i, motion)
-        state_predictor.note_commands(delay, int(np.int64(now["step"])), state["held"])
+        step, held = int(np.int64(now["step"])), state["held"]
+        state_predictor.note_commands(delay, step, held, common["predicted_lag_s"], step_us)
     state_predictor.note_state(delay, measured)
     if mask != 0:
         count_events(mask, int(measured["step"]), state)
         controllers.actuators[i]["time_usec"] = measured["time_usec"]
     return mask
+
+
+@inlined
+def _seen(
+    controllers: Controllers, i: int, measured: np.void, motion: Motion, step_us: int
+) -> Seen:
+    """Return what a measured state shows; the motion is the one predicted from it."""
+    known_s = controllers.parameters[i]["common"]["delay_s"]
+    delay = controllers.delays[i]
+    ahead = state_predictor.periods_known(delay, known_s, step_us)
+    if ahead + delay["found"] > 0:
+        motion = motion_of(measured, controllers.aircraft[i])
+    after_gap = state_predictor.is_after_gap(delay, measured, step_us)
+    links = state_predictor.periods_known(delay, 0.0, step_us)
+    return Seen(motion, ahead, links, after_gap)
 
 
 @inlined
@@ -160,6 +179,7 @@ def _control(
     i: int,
     measured: np.void,
     motion: Motion,
+    seen: Seen,
     step_us: int,
     may_send: bool,
 ) -> int:
@@ -176,7 +196,7 @@ def _control(
     elif on_path:
         _guide(controllers, i, measured, motion, neighbours, clock, dt)
     weights = controllers.weights[i]
-    inputs = Inputs(clock, dt, motion, guidance["command"], neighbours, weights)
+    inputs = Inputs(clock, dt, motion, seen, guidance["command"], neighbours, weights)
     records = Records(
         controllers.aircraft[i],
         controllers.parameters[i],

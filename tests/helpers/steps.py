@@ -9,7 +9,7 @@ from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.controller import SIGNALS, Inputs, Records, control_step
 from ftc_autopilot.control.controllers import GUIDANCE
 from ftc_autopilot.control.reference import Reference
-from ftc_autopilot.control.step import Step, Thresholds
+from ftc_autopilot.control.step import Seen, Step, Thresholds
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.framing.codec import NEIGHBOUR
 from mavlink_defs.runtime.jit import compiled
@@ -26,6 +26,7 @@ def step_of(motion: Any, first: bool = False, **changes: Any) -> Step:
         dt=1e-3,
         first=first,
         motion=motion,
+        seen=Seen(motion, 0, 0, False),
         command=np.array([45.0, 0.0, 0.0, 0.0]),
         reference=Reference(45.0, 0.0, NOTHING, NOTHING),
         filtered=np.array([[45.0, 0.0, 0.0], NOTHING, NOTHING, NOTHING]),
@@ -67,6 +68,7 @@ def _step_alone(
     signals: np.void,
 ) -> None:
     """Call `control_step` with the types that a flight has: its machine code is in the cache."""
-    inputs = Inputs(0.0, 1e-3, motion, guidance["command"], neighbours, np.zeros(0))
+    seen = Seen(motion, 0, 0, False)
+    inputs = Inputs(0.0, 1e-3, motion, seen, guidance["command"], neighbours, np.zeros(0))
     records = Records(aircraft, parameters, state, actuators["controls"], signals)
     control_step(inputs, records, True)

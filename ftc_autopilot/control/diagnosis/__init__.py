@@ -8,7 +8,7 @@ the commands over a short window (`regression`), and a phase: healthy, suspect, 
 
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.diagnose import diagnose
-from ftc_autopilot.control.diagnosis.excitation import dithered, probe, probed
+from ftc_autopilot.control.diagnosis.excitation import dithered, dithered_thrust, probe, probed
 from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters
 from ftc_autopilot.control.diagnosis.state import DIAGNOSIS
 
@@ -20,6 +20,7 @@ __all__ = [
     "DiagnosisParameters",
     "diagnose",
     "dithered",
+    "dithered_thrust",
     "probe",
     "probed",
 ]

@@ -1,14 +1,17 @@
 """Decisions about one actuator: suspect, lost, back in service.
 
-Fault detection and isolation by the residual r = y - u of each actuator, in four tests:
+Fault detection and isolation by the residual r = y - u of each actuator, in five tests:
 
 - Jump test, of the kind of a CUSUM with a short memory: r, or r smoothed, is farther from its mean
   (EWMA) than a threshold and than a multiple of its standard deviation. Most of the gyro's noise in
   r is fast, as y has the rates' derivative in it: smoothed, r shows jumps several times smaller.
 - Drift test: r is far from a slower mean. Either one raises a suspicion: the surface is dithered.
-- Excitation test (persistent excitation), then regression: the command moved enough, and ρ with
-  its standard error is too small: lost; large enough: not suspect any more.
-- Return test: a lost actuator follows its probe again.
+- Control check: soon after the start each actuator is suspected once, as what has failed before
+  shows by no jump.
+- Excitation test (persistent excitation), then regression on the command, and on the dither alone
+  (`instrument`): the command moved enough, and ρ with its standard error is too small: lost; large
+  enough: not suspect any more.
+- Return test: a lost actuator follows its probe again, or has a share of its power after all.
 
 Timers keep one event from counting twice: a blanking time in which the filters pass the step, a
 hold-off between two jumps, a cooldown between two suspicions, a confirmation time of a decision.
@@ -16,10 +19,19 @@ All numbers are fields of `DiagnosisParameters`.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
+from ftc_autopilot.control.diagnosis.instrument import (
+    LAGS,
+    LONGEST_DEAD_S,
+    estimate_by_dither,
+    lag_steps,
+    learn_instrument,
+    restart_instrument,
+)
 from ftc_autopilot.control.diagnosis.parameters import Limits
 from ftc_autopilot.control.diagnosis.regression import estimate, learn, long_estimate, restart
 from mavlink_defs.runtime.jit import compiled
@@ -50,7 +62,7 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
         gains: Parameters, record made of `DiagnosisParameters`.
     """
     in_service = actuator["lost"] == 0
-    r = actuator["measured"] - actuator["commanded"]
+    r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
     away = r - actuator["mean"]
     jump = max(limits.jump, gains["jump_sigma"] * math.sqrt(actuator["variance"]))
     actuator["smooth"] += dt / gains["smooth_s"] * (r - actuator["smooth"])
@@ -81,10 +93,12 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
             actuator["long_cov"] *= gains["remembered"]
         actuator["mean"] += dt / gains["mean_s"] * away
         if actuator["suspect_s"] == 0.0:  # else r moves because the commands do
-            memory_s = clamp(age, gains["first_sigma_s"], gains["sigma_s"])
-            _learn_variances(
-                actuator, min(abs(away), jump), min(abs(smooth_away), smooth_jump), dt / memory_s
-            )
+            share = dt / clamp(age, gains["first_sigma_s"], gains["sigma_s"])
+            moved = min(abs(smooth_away), smooth_jump)
+            actuator["smooth_variance"] += share * (moved**2 - actuator["smooth_variance"])
+            if age > limits.check:  # a fault from before the start would pass for noise
+                moved = min(abs(away), jump)
+                actuator["variance"] += share * (moved**2 - actuator["variance"])
         learn(actuator, limits.window, dt)
     actuator["suspect_s"] = max(actuator["suspect_s"] - dt, 0.0)
     blanking_s = actuator["blanking_s"]
@@ -101,13 +115,9 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
     drifted = abs(drift) > gains["drift"] * jump and age > gains["drift_start_s"]
     if in_service and drifted:
         _suspect(actuator, limits, drift, 0.0, gains)
-
-
-@compiled
-def _learn_variances(actuator: np.void, away: float, smooth_away: float, share: float) -> None:
-    """Follow the variances of the residual and the smoothed one, at first their means so far."""
-    actuator["variance"] += share * (away**2 - actuator["variance"])
-    actuator["smooth_variance"] += share * (smooth_away**2 - actuator["smooth_variance"])
+    if age - dt < limits.check <= age:  # what failed before the start shows by no jump
+        restart(actuator)  # y and u have risen together with their filters
+        _suspect(actuator, limits, -1.0 if r < 0.0 else 1.0, 0.0, gains)
 
 
 @compiled
@@ -124,47 +134,59 @@ def _suspect(
         actuator["dither_s"] = 0.0
         actuator["suspect_s"] = limits.suspicion
         actuator["cooldown_s"] = limits.suspicion + gains["cooldown_s"]
+        restart_instrument(actuator)
 
 
 @compiled
 def decide(
     actuator: np.void,
+    dither: float,
     limits: Limits,
     age: float,
     dt: float,
     gains: np.void,
     is_throttle: bool,
-) -> None:
+) -> int:
     """Declare an actuator lost, not suspect any more, or back in service; write its confidence.
 
     Args:
         actuator: Record of dtype `ACTUATOR`, updated in place.
+        dither: The one that is measured now [rad or N].
         limits: Its limits.
         age: Time since the law's first step [s].
         dt: Control period [s].
         gains: Parameters, record made of `DiagnosisParameters`.
         is_throttle: Whether it is the throttle, whose thrust is measured directly.
+
+    Returns:
+        Dead time of a surface that the control check has just found [control periods]; else 0.
     """
-    rho, error = estimate(actuator, limits.prior, limits.window, gains["filter_s"], dt)
-    actuator["confidence"] = max(0.0, 1.0 - error)
+    is_new = actuator["decided_s"] < gains["trial_s"]
+    on_trial = is_new and actuator["lost"] != 0 and not is_throttle
+    is_check = age < limits.check + limits.suspicion
+    lags, dead = LAGS if is_check else 1, 0
+    found = _estimates(actuator, dither, lags, limits, on_trial, dt, gains, is_throttle)
+    actuator["confidence"] = max(0.0, 1.0 - found.error)
     actuator["decided_s"] += dt
     if actuator["lost"] == 0:
         enough = max(limits.excitation, gains["excitation_sigma"] * math.sqrt(actuator["variance"]))
         long_enough = actuator["samples"] * dt > gains["least_window_s"]
-        excited = long_enough and actuator["var_u"] > enough * enough
-        follows = excited and rho - error > gains["following"]
-        actuator["followed_s"] = actuator["followed_s"] + dt if follows else 0.0
+        moved = math.sqrt(actuator["var_u"]) if long_enough else 0.0
+        if _is_cleared(found, moved > gains["cleared_excitation"] * enough, actuator, gains):
+            actuator["followed_s"] += dt
+        else:
+            actuator["followed_s"] = 0.0
         if actuator["followed_s"] > limits.confirm and actuator["suspect_s"] > 0.0:
             actuator["suspect_s"] = 0.0
             actuator["holdoff_s"] = min(actuator["holdoff_s"], gains["cleared_holdoff_s"])
-        lost = gains["lost_effectiveness"]
-        seen = (
-            age > gains["loss_start_s"]
-            and excited
-            and rho < lost
-            and rho + 1.5 * error < lost + gains["lost_margin"]
-            and actuator["var_y"] < gains["min_response_ratio"] * actuator["var_u"]
+            if is_check:
+                actuator["cooldown_s"], dead = 0.0, lag_steps(found.lag, dt)
+        may_be = age > gains["loss_start_s"] and not (
+            is_check and actuator["z_s"] < LONGEST_DEAD_S + limits.confirm
         )
+        later = is_check and found.by_dither > gains["following"] * actuator["effectiveness"]
+        excited = moved > enough and not later  # after a dead time that is not known yet
+        seen = may_be and _is_lost(found, excited, actuator, limits, gains)
         confirm = limits.confirm
     else:
         actuator["stuck"] += dt / gains["mean_s"] * (actuator["measured"] - actuator["stuck"])
@@ -174,17 +196,90 @@ def decide(
         may_return = actuator["decided_s"] > gains["return_start_s"]
         seen = may_return and _follows(actuator, limits, gains, is_throttle)
         confirm = gains["return_confirm_s"]
+        least = max(gains["weak_effectiveness"], gains["weak_sigma"] * found.dither_error)
+        if on_trial and actuator["decided_s"] > gains["trial_least_s"] and found.by_dither > least:
+            _change(actuator)
+            actuator["effectiveness"] = min(found.by_dither, 1.0)
+            actuator["offset"] = actuator["measured"] - found.by_dither * actuator["commanded"]
+            seen = False
     actuator["confirmed_s"] = actuator["confirmed_s"] + dt if seen else 0.0
     if actuator["confirmed_s"] > confirm:
         _change(actuator)
+    return dead
+
+
+class _Estimates(NamedTuple):
+    """Effectiveness of an actuator and its standard error."""
+
+    rho: float  # by the regression on the command
+    error: float
+    by_dither: float  # by the dither alone
+    dither_error: float  # infinite if that is not known
+    lag: int  # number of the dead time with which it is that
+
+
+@compiled
+def _estimates(
+    actuator: np.void,
+    dither: float,
+    lags: int,
+    limits: Limits,
+    on_trial: bool,
+    dt: float,
+    gains: np.void,
+    is_throttle: bool,
+) -> _Estimates:
+    """Return what is known of the effectiveness; learn from the dither of one that has some."""
+    rho, error = estimate(actuator, limits.prior, limits.window, gains["filter_s"], dt)
+    if actuator["suspect_s"] == 0.0 and not on_trial:
+        return _Estimates(rho, error, 1.0, math.inf, 0)
+    lag_s = gains["throttle_lag_s"] if is_throttle else gains["servo_lag_s"]
+    memory_s = gains["trial_s"] if on_trial else gains["dither_memory_s"]
+    learn_instrument(actuator, dither, lags, lag_s, gains["filter_s"], memory_s, dt)
+    by_dither, dither_error, lag = estimate_by_dither(actuator, lags, gains["filter_s"], dt)
+    return _Estimates(rho, error, by_dither, dither_error, lag)
+
+
+@compiled
+def _is_cleared(found: _Estimates, moved: bool, actuator: np.void, gains: np.void) -> bool:
+    """Return whether an actuator has been seen to follow."""
+    following = gains["following"] * actuator["effectiveness"]
+    by_command = moved and found.rho - found.error > following
+    by_dither = found.by_dither - gains["cleared_sigma"] * found.dither_error > following
+    return bool(by_command or by_dither)
+
+
+@compiled
+def _is_lost(
+    found: _Estimates, excited: bool, actuator: np.void, limits: Limits, gains: np.void
+) -> bool:
+    """Return whether an actuator does not follow, or with a smaller share than it is known to have.
+
+    Either by the dither alone, which nothing fools but takes some periods; or at once, if the
+    actuator does not move at all while the command does, in a dither. Else a loop that counteracts
+    a swinging offset of a working actuator would look the same.
+    """
+    lost = min(gains["lost_effectiveness"], 0.5 * actuator["effectiveness"])
+    surely = lost + gains["lost_margin"] * lost / gains["lost_effectiveness"]
+    if found.by_dither < lost and found.by_dither + 1.5 * found.dither_error < surely:
+        return True
+    noise = min(actuator["variance"], (gains["flat_noise"] * limits.jump) ** 2)
+    flat = gains["flat_sigma"] ** 2 * noise + gains["flat"] ** 2 * actuator["var_u"]
+    return bool(
+        excited
+        and found.rho < lost
+        and found.rho + 1.5 * found.error < surely
+        and actuator["var_y"] < min(flat, gains["min_response_ratio"] * actuator["var_u"])
+        and actuator["suspect_s"] > 0.0
+    )
 
 
 @compiled
 def _follows(actuator: np.void, limits: Limits, gains: np.void, is_throttle: bool) -> bool:
     """Return whether a lost actuator follows its command again.
 
-    Its moments over the longer memory say so, or its residual has been small for so long that the
-    probe has moved, or the thrust is the commanded one.
+    Its moments over the longer memory say so, or the residual of a surface has been small for so
+    long that the probe has moved.
     """
     cov, var_u = actuator["long_cov"], actuator["long_var_u"]
     follows: bool = (
@@ -195,11 +290,8 @@ def _follows(actuator: np.void, limits: Limits, gains: np.void, is_throttle: boo
     )
     if not is_throttle:
         return follows or float(actuator["quiet_s"]) > limits.quiet
-    u: float = actuator["commanded"]
-    near = abs(actuator["measured"] - u) < 0.5 * limits.jump + 0.1 * u
-    gives = bool(near) and u > 0.25 * limits.jump
     settled = float(actuator["decided_s"]) > gains["throttle_return_start_s"]
-    return gives or (follows and settled)
+    return follows and settled
 
 
 @compiled
@@ -212,6 +304,7 @@ def _change(actuator: np.void) -> None:
         actuator["stuck"] = actuator["measured"]
         actuator["offset"], actuator["effectiveness"] = 0.0, 1.0
         actuator["long_var_u"], actuator["long_cov"], actuator["long_var_y"] = 0.0, 0.0, 0.0
+        restart_instrument(actuator)
     else:
         actuator["lost"] = 0
         actuator["offset"] = actuator["measured"] - actuator["commanded"]

@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from ftc_autopilot.control.diagnosis.decisions import decide, monitor, phase_of
-from ftc_autopilot.control.diagnosis.measurement import measure
+from ftc_autopilot.control.diagnosis.instrument import restart_instrument
+from ftc_autopilot.control.diagnosis.measurement import measure, past_dither, restart_command
 from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.diagnosis.regression import long_estimate
 from ftc_autopilot.control.step import SignalsRecord, Step
@@ -18,8 +19,10 @@ _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to t
 _OFFSETS_S = 0.05  # no offset earlier: the filters are filling
 _LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
 _LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
-_WEAK, _WEAKEST = 0.75, 0.35  # effectiveness taken into account below the first, not below the last
+_WEAK, _WEAKEST = 0.75, 0.1  # effectiveness taken into account below the first, not below the last
 _EFFECTIVENESS_S = 0.2
+_LARGE_CHANGE_S = 0.003  # of the delay
+_GAP_FILTERS = 5.0  # of the measurement, in its time constants, after a gap
 _TRANSIENT_S = 0.25  # after a decision about one surface, in which nothing is learnt of the others
 
 
@@ -38,17 +41,27 @@ def diagnose(
     """
     dt, held = now.dt, now.held
     measure(now, aircraft, gains, state)
+    signals["dead_steps"] = 0
     state["age"] += dt
     actuators = state["actuators"]
+    if abs(now.seen.ahead - state["ahead"]) * dt > _LARGE_CHANGE_S:
+        for j in range(N_CHANNELS):
+            restart_command(j, now, gains, state)
+    state["ahead"] = now.seen.ahead
     changed = -1
     for j in range(N_CHANNELS):
         actuator, limits = actuators[j], limits_of(gains, j)
         before = actuator["lost"]
+        if now.seen.after_gap:
+            actuator["blanking_s"] = max(actuator["blanking_s"], _GAP_FILTERS * gains["filter_s"])
         if now.first:
             actuator["effectiveness"] = 1.0
             actuator["variance"] = (_FIRST_SIGMA * limits.jump) ** 2
         monitor(actuator, limits, state["age"], dt, gains)
-        decide(actuator, limits, state["age"], dt, gains, j == THROTTLE)
+        dither = past_dither(j, now, gains, state)
+        found = decide(actuator, dither, limits, state["age"], dt, gains, j == THROTTLE)
+        if found > 0:
+            _note_dead_time(j, found, now, gains, state)
         if j < THROTTLE and actuator["lost"] != before:
             changed = j
         if actuator["lost"] == 0 and state["age"] > _OFFSETS_S:
@@ -64,8 +77,22 @@ def diagnose(
         signals["offset"][j] = actuator["stuck"] if actuator["lost"] != 0 else actuator["offset"]
         signals["confidence"][j] = actuator["confidence"]
         signals["phase"][j] = phase_of(actuator)
+        if j < THROTTLE:
+            signals["dead_steps"] = max(signals["dead_steps"], actuator["dead_steps"])
     if changed >= 0:
         _wait_for_transient(actuators, changed)
+
+
+@compiled
+def _note_dead_time(j: int, steps: int, now: Step, gains: np.void, state: np.void) -> None:
+    """Note the dead time that actuator j has shown; all surfaces have the first that one shows."""
+    actuators = state["actuators"]
+    for k in range(N_CHANNELS):
+        one = k == j or (k < THROTTLE and j < THROTTLE)
+        if one and actuators[k]["dead_steps"] == 0:
+            actuators[k]["dead_steps"] = steps
+            restart_command(k, now, gains, state)
+            restart_instrument(actuators[k])
 
 
 @compiled

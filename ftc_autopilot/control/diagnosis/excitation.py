@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 
-from mavlink_defs.constants import RUDDER
+from mavlink_defs.constants import RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import clamp
 
-_HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S = 0.035, 0.05
+_HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S, _THRUST_HALF_PERIOD_S = 0.035, 0.05, 0.06
 
 
 @compiled
@@ -33,26 +33,59 @@ def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) 
     """
     actuator = state["actuators"][j]
     half = _RUDDER_HALF_PERIOD_S if j == RUDDER else _HALF_PERIOD_S
-    if actuator["lost"] != 0 or actuator["suspect_s"] == 0.0 or actuator["dither_s"] == 0.0:
+    if actuator["lost"] != 0:
+        return delta
+    actuator["dither"] = 0.0
+    if actuator["suspect_s"] == 0.0 or actuator["dither_s"] == 0.0:
         return delta
     delta = clamp(delta, -stop, stop)
     size, sign = gains["dither_rad"][j], actuator["dither_sign"]
     if abs(delta + sign * size) > stop:
         sign = -math.copysign(1.0, delta)
     if actuator["dither_s"] % (2.0 * half) < half:
-        delta += sign * size
-    return delta
+        actuator["dither"] = sign * size
+    return delta + float(actuator["dither"])
+
+
+@compiled
+def dithered_thrust(thrust: float, limit: float, gains: np.void, state: np.void) -> float:
+    """Return the commanded thrust [N], moved up and down if the throttle is suspect.
+
+    Args:
+        thrust: Command of the law [N].
+        limit: Largest thrust [N].
+        gains: Parameters, record made of `DiagnosisParameters`.
+        state: Record of dtype `DIAGNOSIS`.
+    """
+    throttle = state["actuators"][THROTTLE]
+    throttle["dither"] = 0.0
+    if throttle["lost"] == 0 and throttle["suspect_s"] > 0.0 and throttle["dither_s"] > 0.0:
+        size: float = gains["dither_n"]
+        thrust = clamp(thrust, size, limit - size)
+        is_first_half = throttle["dither_s"] % (2.0 * _THRUST_HALF_PERIOD_S) < _THRUST_HALF_PERIOD_S
+        throttle["dither"] = size if is_first_half else -size
+    return thrust + float(throttle["dither"])
 
 
 @compiled
 def probe(j: int, gains: np.void, state: np.void) -> float:
-    """Return the square wave that is added to what the lost surface j is sent [rad]."""
-    size: float = gains["probe_rad"][j]
+    """Return the square wave that is added to what the lost actuator j is sent [rad or N]."""
+    size: float = gains["probe_n"] if j == THROTTLE else gains["probe_rad"][j]
     return size if state["age"] % (2.0 * gains["probe_s"]) < gains["probe_s"] else -size
 
 
 @compiled
 def probed(j: int, gains: np.void, state: np.void) -> float:
-    """Return a command for the lost surface j: its position plus the probe [rad]."""
-    command: float = state["actuators"][j]["stuck"] + probe(j, gains, state)
-    return command
+    """Return a command for the lost surface j: its position plus a movement [rad].
+
+    At first it is moved far and fast, to find out whether it still has a share of its power.
+    """
+    actuator = state["actuators"][j]
+    move = probe(j, gains, state)
+    actuator["dither"] = 0.0
+    if actuator["decided_s"] < gains["trial_s"]:
+        half = _RUDDER_HALF_PERIOD_S if j == RUDDER else _HALF_PERIOD_S
+        size: float = gains["trial_rad"][j]
+        move = size if actuator["decided_s"] % (2.0 * half) < half else -size
+        actuator["dither"] = move
+    return float(actuator["stuck"]) + move

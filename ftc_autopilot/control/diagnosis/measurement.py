@@ -9,20 +9,22 @@ C0 is square, so every surface has a measurement of its own. The thrust's follow
 
     y_T = m (V̇ - vᵀ(R1ᵀg + F0/m)/V) V/v_x
 
-Commands pass through a model of the servos and the same filter, so that y = u while all is
-well. All filters start at rest together with the law, and the servos at their first commands.
+Commands, as old as those that the measurement shows, pass through a model of the servos and the
+same filter, so that y = u while all is well. All filters start at rest together with the law, and
+the servos at their first commands.
 """
 
 import math
 
 import numpy as np
 
+from ftc_autopilot.control.diagnosis.state import HISTORY
 from ftc_autopilot.control.inversion import surfaces_for, thrust_for
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.vec3 import add, clamp, cross, mat3, mul, scale, sub, vec3
+from sitl_plant.vec3 import Vec3, add, clamp, cross, mat3, mul, scale, sub, vec3
 
 
 @compiled
@@ -38,42 +40,113 @@ def servo_step(position: float, command: float, lag_s: float, limit: float, dt: 
 def measure(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -> None:
     """Advance the filters; write `position`, `commanded` and `measured` of every actuator.
 
+    After a gap the filters start where what is known of the actuators would have them.
+
     Args:
         now: The present step; in the law's first one the filters start.
         aircraft: Nominal aircraft.
         gains: Parameters, record made of `DiagnosisParameters`.
         state: Record of dtype `DIAGNOSIS`, updated in place.
     """
-    motion, dt, held = now.motion, now.dt, now.held
+    motion, dt = now.seen.motion, now.dt
     omega_filtered, moment_filtered = state["omega_filtered"], state["moment_filtered"]
+    _note_commands(now, state)
     if now.first:
         for i in range(3):
             omega_filtered[i] = motion.omega[i]
         return
-    settled = state["age"] > 1.5 * dt
+    settled = state["age"] > 1.5 * dt and not now.seen.after_gap
     tau = gains["filter_s"]
     share = dt / tau
     J = mat3(aircraft["J"])
-    change = sub(motion.omega, vec3(omega_filtered))
     moment = sub(cross(motion.omega, mul(J, motion.omega)), motion.air.N)
+    actuators = state["actuators"]
+    if now.seen.after_gap:
+        _start_as_known(now, moment, tau, aircraft, state)
+    change = sub(motion.omega, vec3(omega_filtered))
     for i in range(3):
         omega_filtered[i] += share * change[i]
         moment_filtered[i] += share * (moment[i] - moment_filtered[i])
     turning = mul(J, scale(1.0 / tau, change))
     y = surfaces_for(add(turning, vec3(moment_filtered)), motion.air.C)
-    actuators = state["actuators"]
     for j in range(N_CHANNELS):
         actuator = actuators[j]
+        lag, limit = gains["servo_lag_s"], gains["servo_rate_limit_rad_s"]
         if j == THROTTLE:
             lag, limit = gains["throttle_lag_s"], math.inf
         else:
-            lag, limit = gains["servo_lag_s"], gains["servo_rate_limit_rad_s"]
             actuator["measured"] = y[j]
+        command = state["held"][_row(steps_back(j, now, gains, state), state), j]
         if settled:
-            actuator["position"] = servo_step(actuator["position"], held[j], lag, limit, dt)
+            actuator["position"] = servo_step(actuator["position"], command, lag, limit, dt)
         else:
-            actuator["position"] = held[j]
+            actuator["position"] = command
         actuator["commanded"] += share * (actuator["position"] - actuator["commanded"])
     throttle = actuators[THROTTLE]
     thrust = thrust_for(motion.V_dot, motion, aircraft)
     throttle["measured"] += share * (thrust - throttle["measured"])
+
+
+@compiled
+def steps_back(j: int, now: Step, gains: np.void, state: np.void) -> int:
+    """Return how many periods ago the command of actuator j was sent that is measured now."""
+    before, dead = now.seen.ahead, int(state["actuators"][j]["dead_steps"])
+    if j == THROTTLE:
+        before = now.seen.links + int(gains["throttle_dead_time_s"] / now.dt + 0.5)
+    return min(before + dead, HISTORY - 1)
+
+
+@compiled
+def restart_command(j: int, now: Step, gains: np.void, state: np.void) -> None:
+    """Let the filters of the command of actuator j begin again, as a dead time was found."""
+    actuator = state["actuators"][j]
+    command = state["held"][_row(steps_back(j, now, gains, state), state), j]
+    actuator["position"] = actuator["commanded"] = command
+    actuator["blanking_s"] = max(actuator["blanking_s"], 3.0 * gains["filter_s"])
+
+
+@compiled
+def past_dither(j: int, now: Step, gains: np.void, state: np.void) -> float:
+    """Return the dither of actuator j that is measured now [rad or N]."""
+    dither: float = state["dithers"][_row(steps_back(j, now, gains, state), state), j]
+    return dither
+
+
+@compiled
+def _note_commands(now: Step, state: np.void) -> None:
+    """Note the commands in force; the first ones, and those after a gap, were before, too."""
+    starts = now.first or state["age"] <= 1.5 * now.dt or now.seen.after_gap
+    before = _row(0, state)
+    state["step"] += 1
+    for j in range(N_CHANNELS):
+        dither = state["dithers"][before, j]
+        if now.held[j] != state["held"][before, j]:  # it was sent, perhaps later than made
+            dither = state["actuators"][j]["dither"]
+        for k in range(HISTORY if starts else 1):
+            row = _row(k, state)
+            state["held"][row, j] = now.held[j]
+            state["dithers"][row, j] = dither if k == 0 else 0.0
+
+
+@compiled
+def _row(back: int, state: np.void) -> int:
+    return int((state["step"] - back) % HISTORY)
+
+
+@compiled
+def _start_as_known(
+    now: Step, moment: Vec3, tau: float, aircraft: AircraftRecord, state: np.void
+) -> None:
+    """Start all filters as if the aircraft had rested in what is commanded and known of faults."""
+    actuators, y = state["actuators"], (0.0, 0.0, 0.0)
+    for j in range(N_CHANNELS):
+        actuator = actuators[j]
+        actuator["commanded"] = now.held[j]
+        known = actuator["effectiveness"] * now.held[j] + actuator["offset"]
+        actuator["measured"] = actuator["stuck"] if actuator["lost"] != 0 else known
+    y = actuators[0]["measured"], actuators[1]["measured"], actuators[2]["measured"]
+    turning = sub(mul(now.seen.motion.air.C, y), moment)
+    change = mul(mat3(aircraft["J_inv"]), scale(tau, turning))
+    for i in range(3):
+        state["omega_filtered"][i] = now.seen.motion.omega[i] - change[i]
+        state["moment_filtered"][i] = moment[i]

@@ -18,6 +18,7 @@ _Angles = tuple[_Angle, _Angle, _Angle]
 _Times = tuple[_Time, _Time, _Time]
 
 _UNLIMITED_DEG_S = 1e6
+_LONGEST_DEAD_TIME_S = 0.1
 
 
 def _time(default: float, doc: str) -> Any:
@@ -48,6 +49,9 @@ class DiagnosisParameters(Model):
     )
     throttle_lag_s: float | None = quantity(
         "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust; the same."
+    )
+    throttle_dead_time_s: float | None = quantity(
+        "s", ge=0.0, le=_LONGEST_DEAD_TIME_S, default=None, doc="Dead time of the thrust; the same."
     )
     filter_s: float = quantity(
         "s", gt=0.0, le=1.0, default=0.01, doc="Filter of measurement and command."
@@ -92,13 +96,30 @@ class DiagnosisParameters(Model):
     dither_deg: _Angles = Field(
         default=(4.0, 10.0, 12.0), description="Movements of a suspect surface [deg]."
     )
+    dither_n: float = quantity(
+        "N", gt=0.0, default=120.0, doc="Movements of a suspect throttle, up and down."
+    )
     probe_deg: _Angles = Field(
         default=(2.0, 2.5, 4.0), description="Movements of a lost surface [deg]."
     )
+    trial_deg: _Angles = Field(
+        default=(10.0, 10.0, 12.0),
+        description="Movements of a surface that has just been lost, to either side [deg].",
+    )
+    trial_least_s: float = _time(
+        0.14, "Return test: inhibited until it has moved to and fro twice."
+    )
+    trial_s: float = _time(0.6, "How long it is moved so.")
+    probe_n: float = quantity("N", gt=0.0, default=100.0, doc="Movements of a lost throttle.")
     probe_s: float = _time(0.5, "Half period of these movements.")
 
+    check_s: _Times = Field(
+        default=(0.06, 0.06, 0.15),
+        description="Control check: times since the start at which the surfaces are moved [s].",
+    )
+    throttle_check_s: float = _time(0.3, "Control check: the throttle's.")
     jump_start_s: float = _time(
-        0.3, "Jump test: inhibited at first, while the aircraft is trimmed."
+        0.1, "Jump test: inhibited at first, while the aircraft is trimmed."
     )
     mean_s: float = _time(0.15, "Jump test: memory of the residual's mean (EWMA).")
     smooth_s: float = _time(
@@ -119,17 +140,25 @@ class DiagnosisParameters(Model):
     drift: float = _number(1.6, "Drift test: threshold, relative to the jump test's.")
     drift_mean_s: float = _time(4.0, "Drift test: memory of the residual's slower mean (EWMA).")
     drift_start_s: float = _time(1.5, "Drift test: inhibited at first, while that mean settles.")
-    loss_start_s: float = _time(0.5, "Loss: inhibited at first, while the filters settle.")
+    loss_start_s: float = _time(0.06, "Loss: inhibited at first, while the filters settle.")
     excitation_sigma: float = _number(2.1, "Persistent excitation: least, relative to noise.")
     least_window_s: float = _time(0.006, "Persistent excitation: shortest window.")
     min_response_ratio: float = _number(0.4, "Loss: variance of response over command below this.")
+    flat: float = _number(0.17, "Loss: a flat response, relative to the command's movement.")
+    flat_sigma: float = _number(2.5, "Loss: the same, in standard deviations of the noise.")
+    flat_noise: float = _number(0.25, "Loss: most noise there, relative to the jump threshold.")
     lost_margin: float = _number(0.4, "Loss: room for 1.5 standard errors of the effectiveness.")
+    dither_memory_s: float = _time(0.15, "Regression on the dither: memory of a suspicion.")
+    cleared_sigma: float = _number(2.0, "Cleared: standard errors of that regression.")
+    cleared_excitation: float = _number(0.7, "Cleared: excitation, relative to a loss's.")
     following: float = _number(0.5, "Cleared: effectiveness less its standard error above this.")
     return_start_s: float = _time(0.25, "Return test: inhibited until the probe has moved.")
     throttle_return_start_s: float = _time(0.3, "Return test: the same of the throttle.")
     return_confirm_s: float = _time(0.05, "Return test: confirmation time.")
     quiet: float = _number(0.75, "Return test: a small residual, relative to the jump threshold.")
     return_effectiveness: float = _number(0.6, "Return test: least effectiveness, long memory.")
+    weak_effectiveness: float = _number(0.13, "Return test: an actuator with less stays lost.")
+    weak_sigma: float = _number(5.5, "Return test: standard errors between it and none.")
     return_r2: float = _number(0.6, "Return test: least coefficient of determination.")
 
     def with_servos(self, servos: ActuatorServos) -> Self:
@@ -140,6 +169,7 @@ class DiagnosisParameters(Model):
             "servo_lag_s": max(servo.lag_s for servo in surfaces),
             "servo_rate_limit_deg_s": min(limits, default=_UNLIMITED_DEG_S),
             "throttle_lag_s": servos.throttle.lag_s,
+            "throttle_dead_time_s": min(servos.throttle.dead_time_s, _LONGEST_DEAD_TIME_S),
         }
         left_open = {key: value for key, value in known.items() if getattr(self, key) is None}
         return self.model_copy(update=left_open)
@@ -158,6 +188,7 @@ class Limits(NamedTuple):
     suspicion: float  # how long one lasts
     ahead: float  # of the end of the blanking time, when the dither of a suspect surface begins
     quiet: float  # for which a small residual has lasted through a movement of the probe
+    check: float  # time since the start at which it is checked
 
 
 _MORE_THAN_HALF = 1.04  # a period of the probe
@@ -180,6 +211,7 @@ def limits_of(gains: np.void, j: int) -> Limits:
             _SUSPICION_S,
             0.0,
             math.inf,
+            gains["throttle_check_s"],
         )
     return Limits(
         gains["jump_rad"][j],
@@ -192,4 +224,5 @@ def limits_of(gains: np.void, j: int) -> Limits:
         _RUDDER_SUSPICION_S if j == RUDDER else _SUSPICION_S,
         math.inf if j == RUDDER else _AHEAD_S,
         _MORE_THAN_HALF * gains["probe_s"],
+        gains["check_s"][j],
     )

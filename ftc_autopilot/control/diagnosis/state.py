@@ -2,7 +2,11 @@
 
 import numpy as np
 
+from ftc_autopilot.control.diagnosis.instrument import PAST, TERMS
 from mavlink_defs.constants import N_CHANNELS
+
+HISTORY = 128
+"""Control periods whose commands are remembered."""
 
 ACTUATOR = np.dtype(
     [
@@ -25,6 +29,18 @@ ACTUATOR = np.dtype(
         ("long_var_u", "f8"),  # their means over the longer memory
         ("long_cov", "f8"),
         ("long_var_y", "f8"),
+        ("dead_steps", "i8"),  # dead time that the control check has found [control periods]
+        # by the dither alone
+        ("dither", "f8"),  # what the present command has of it
+        ("z_position", "f8"),  # it, when it acts, through the model of the servo
+        ("z", "f8"),  # and through the filter of the measurement
+        ("z_s", "f8"),  # time since the suspicion
+        ("z_samples", "f8"),
+        ("z_y", "f8"),  # y and u when it was raised
+        ("z_u", "f8"),
+        ("z_past", "f8", (PAST,)),  # z and u of the last steps
+        ("u_past", "f8", (PAST,)),
+        ("moments", "f8", (TERMS, TERMS)),  # lower half
         # timers [s]
         ("blanking_s", "f8"),  # left until the window restarts after a jump
         ("holdoff_s", "f8"),  # left until the next jump counts
@@ -49,6 +65,10 @@ ACTUATOR = np.dtype(
 DIAGNOSIS = np.dtype(
     [
         ("age", "f8"),  # time since the law's first step [s]
+        ("step", "i8"),  # steps made
+        ("ahead", "i8"),  # delay of the last step [control periods]
+        ("held", "f8", (HISTORY, N_CHANNELS)),  # commands in force over the last steps
+        ("dithers", "f8", (HISTORY, N_CHANNELS)),  # their dithers
         ("omega_filtered", "f8", (3,)),  # rad/s
         ("moment_filtered", "f8", (3,)),  # of ω × Jω - N0 [N m]
         ("actuators", ACTUATOR, (N_CHANNELS,)),  # in the order of FTC_ACTUATOR

@@ -94,6 +94,13 @@ class LawParameters(Model):
     delay_s: float = quantity(
         "s", ge=0.0, le=0.1, default=0.0, doc="Known delay of sensors and servos, predicted over."
     )
+    predicted_lag_s: float | None = quantity(
+        "s",
+        ge=0.0,
+        le=10.0,
+        default=None,
+        doc="Lag of the servos in that prediction; from `servos` unless given.",
+    )
 
     @classmethod
     def goes_with(cls, mode: str) -> bool:
@@ -110,8 +117,8 @@ class LawParameters(Model):
         return (self,)
 
     def with_servos(self, servos: ActuatorServos) -> Self:
-        """Return the parameters of an aircraft with these servos: the same.
-
-        A law that has a model of the servos takes what its own parameters leave open.
-        """
-        return self
+        """Return the parameters of an aircraft with these servos, where none are given."""
+        if self.predicted_lag_s is not None:
+            return self
+        surfaces = (servos.aileron, servos.elevator, servos.rudder)
+        return self.model_copy(update={"predicted_lag_s": max(one.lag_s for one in surfaces)})

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis import diagnose, dithered, probe, probed
+from ftc_autopilot.control.diagnosis import diagnose, dithered, dithered_thrust, probe, probed
 from ftc_autopilot.control.inversion import surfaces_for, thrust_for_speed
 from ftc_autopilot.control.laws.surviving.healthy import commanded_acceleration, commanded_rates
 from ftc_autopilot.control.laws.surviving.lateral import (
@@ -90,13 +90,15 @@ def reconfigured(
             thrust = thrust_for_pitch(now, level, gains, state)
     else:
         state["gave_up_speed"], state["pitch_integral"] = 0, 0.0
+    if no_throttle:
+        thrust += probe(THROTTLE, gains["diagnosis"], diagnosis)
     return Command(
         (
             dithered(aileron, AILERON, stop, gains["diagnosis"], diagnosis),
             dithered(elevator, ELEVATOR, stop, gains["diagnosis"], diagnosis),
             dithered(rudder, RUDDER, stop, gains["diagnosis"], diagnosis),
         ),
-        thrust,
+        dithered_thrust(thrust, aircraft["thrust_limit"], gains["diagnosis"], diagnosis),
         ALL,
     )
 

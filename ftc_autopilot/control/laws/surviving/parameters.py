@@ -106,7 +106,8 @@ class FaultTolerant(LawParameters):
 
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters with a diagnosis that knows the servos."""
-        return self.model_copy(update={"diagnosis": self.diagnosis.with_servos(servos)})
+        diagnosis = self.diagnosis.with_servos(servos)
+        return super().with_servos(servos).model_copy(update={"diagnosis": diagnosis})
 
 
 class Surviving(FaultTolerant):

@@ -4,8 +4,11 @@ That is, after the loss of more than the rudder, with a large error of roll or p
 channel has more events than the tube law should need.
 """
 
+import math
+
 import numpy as np
 
+from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -13,6 +16,7 @@ from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
 _MOST_DOUBLINGS = 4
+_SWING = 0.3  # standard deviation of a smoothed residual, relative to a jump
 
 
 @inlined
@@ -34,6 +38,11 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
     lost, actuators = False, state["fallback"]["diagnosis"]["actuators"]
     for j in range(N_CHANNELS):
         lost = lost or actuators[j]["lost"] != 0
+        limits = limits_of(gains["fallback"]["diagnosis"], j)
+        noise = math.sqrt(max(actuators[j]["variance"] - actuators[j]["smooth_variance"], 0.0))
+        swings = math.sqrt(actuators[j]["smooth_variance"]) > max(_SWING * limits.jump, noise)
+        if swings:
+            state["taken_over"] = max(state["taken_over"], now.dt)
     large = max(abs(now.errors.e[0]), abs(now.errors.e[1])) > gains["rescue_rad"]
     if large or (lost and not only_rudder_lost(gains, state)):
         state["taken_over"] = max(state["taken_over"], gains["takeover_s"])

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.control.diagnosis.measurement import servo_step
+from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.laws.surviving.law import reaching_stops, reconfigured
 from ftc_autopilot.control.laws.tube.adaptation import adapt
 from ftc_autopilot.control.laws.tube.check import check
@@ -17,8 +19,12 @@ from ftc_autopilot.control.laws.tube.observer import observe
 from ftc_autopilot.control.step import Command, SignalsRecord, Step
 from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
-from mavlink_defs.runtime.jit import inlined
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.vec3 import clamp
+
+_LONGEST_PERIOD_S = 0.03
+"""Of a clock that can send a dither."""
 
 
 @inlined
@@ -41,7 +47,8 @@ def tube_law(
     positions, commands = state["positions"], state["commands"]
     actuators = state["fallback"]["diagnosis"]["actuators"]
     for j in range(N_CHANNELS):
-        positions[j], commands[j] = actuators[j]["position"], now.held[j]
+        positions[j] = _position(now, j, gains["fallback"]["diagnosis"], state)
+        commands[j] = now.held[j]
     if no_rudder:
         positions[RUDDER] = actuators[RUDDER]["stuck"]
     checked = state["step"] % in_steps(gains["check_s"], now.dt) == 0
@@ -50,10 +57,15 @@ def tube_law(
     model = state["model"]
     observe(now, positions, model, gains, state)
     mask = 0
+    for j in range(N_CHANNELS):
+        commands[j] -= state["dither"][j]
     if fallback_flies(now, gains, state):
+        for j in range(N_CHANNELS):
+            commands[j] += state["dither"][j]
         for j in range(N_CHANNELS):
             if triggered(now, j, surviving, thresholds, aircraft, commands):
                 mask |= 1 << j
+                state["dither"][j] = actuators[j]["dither"]
             state["exit"][j] = math.nan
     else:
         if no_rudder and triggered(now, RUDDER, surviving, thresholds, aircraft, commands):
@@ -65,6 +77,7 @@ def tube_law(
             mask |= check(now, positions, no_rudder, model, gains, state, commands)
             if no_rudder:
                 commands[RUDDER] = rudder
+        mask |= _dither(now, gains["fallback"]["diagnosis"], aircraft, state, commands)
     for j in range(N_CHANNELS):
         if mask & (1 << j):
             state["sent"][j] = state["step"]
@@ -72,3 +85,51 @@ def tube_law(
     state["step"] += 1
     delta = commands[AILERON], commands[ELEVATOR], commands[RUDDER]
     return Command(delta, commands[THROTTLE], mask)
+
+
+@compiled
+def _position(now: Step, j: int, diagnosis: np.void, state: np.void) -> float:
+    """Return where the model of servo j is when the present state is: after a known delay."""
+    if state["step"] <= 1:
+        return float(now.held[j])
+    lag, limit = diagnosis["servo_lag_s"], diagnosis["servo_rate_limit_rad_s"]
+    if j == THROTTLE:
+        lag, limit = diagnosis["throttle_lag_s"], math.inf
+    return servo_step(state["positions"][j], now.held[j], lag, limit, now.dt)
+
+
+@inlined
+def _dither(
+    now: Step, gains: np.void, aircraft: AircraftRecord, state: np.void, commands: np.ndarray
+) -> int:
+    """Add the dithers of the control check to what was planned, as far as the stops allow.
+
+    A clock that is too slow for a dither would hold it, and sends none. Later suspicions are left
+    to the movements of the plans: a dither would leave the tube.
+
+    Args:
+        now: The present step.
+        gains: Of the diagnosis, record made of `DiagnosisParameters`.
+        aircraft: Nominal aircraft, with its stops.
+        state: Record of dtype `Tube.STATE`, updated in place.
+        commands: Without dither [rad, rad, rad, N], shape (4,), updated.
+
+    Returns:
+        Bit mask of the channels whose dither has changed.
+    """
+    mask, diagnosis = 0, state["fallback"]["diagnosis"]
+    for j in range(N_CHANNELS):
+        actuator, limits = diagnosis["actuators"][j], limits_of(gains, j)
+        highest = aircraft["thrust_limit"] if j == THROTTLE else aircraft["surface_limit"]
+        lowest = 0.0 if j == THROTTLE else -highest
+        is_check = diagnosis["age"] < limits.check + limits.suspicion
+        moves = (is_check or actuator["lost"] != 0) and now.clock_s[j] < _LONGEST_PERIOD_S
+        dither = actuator["dither"] if moves else 0.0
+        within = clamp(dither, lowest - commands[j], highest - commands[j])
+        if now.clock_s[j] > 0.0 and not now.due & (1 << j):
+            within = state["dither"][j]
+        if within != state["dither"][j]:
+            mask |= 1 << j
+        state["dither"][j] = actuator["dither"] = within
+        commands[j] += within
+    return mask

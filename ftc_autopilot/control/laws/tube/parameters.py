@@ -54,6 +54,7 @@ class Tube(FaultTolerant):
             ("sent", "i8", (N_CHANNELS,)),  # step of a channel's last event
             ("exit", "f8", (N_CHANNELS,)),  # time until the output's predicted exit [s]
             # the fallback
+            ("dither", "f8", (N_CHANNELS,)),  # in the commands in force
             ("taken_over", "f8"),  # time for which it still flies [s]
             ("recent", "f8", (N_CHANNELS,)),  # events that are forgotten within a second
             ("crowded", "i8"),  # times that there were too many

@@ -54,7 +54,7 @@ def test_the_prediction_is_what_the_aircraft_then_does(calm: Scenario, delay: in
         memory = np.zeros(1, DELAY)[0]
         memory["periods"] = delay
         for step in range(now - 100, now):  # a command acts `delay` periods after its step
-            note_commands(memory, step, flight.applied[step + delay, 1])
+            note_commands(memory, step, flight.applied[step + delay, 1], 0.0, STEP_US)
         x = flight.states[now, 1]
         v_dot = np.gradient(flight.states[now - 1 : now + 1, 1, 3:6], axis=0)[0] * 1e6 / STEP_US
         gravity = calm.aircraft.gravity_m_s2 * down_in_body_axes(x[6:9])
@@ -96,20 +96,20 @@ def test_lost_states_lie_on_the_line_between_their_neighbours(
     for name in names:
         first[name], last[name] = before, after
     note_state(memory, first)
-    note_commands(memory, begin, np.zeros(4))
+    note_commands(memory, begin, np.zeros(4), 0.0, STEP_US)
     assert lost_states(memory, last, STEP_US) == gap
     for k in range(1, gap + 1):
         between = interpolate(memory, last)
         assert between["step"] == begin + k
         for name in names:
             assert between[name] == pytest.approx(before + k / (gap + 1) * (after - before))
-        note_commands(memory, begin + k, np.zeros(4))
+        note_commands(memory, begin + k, np.zeros(4), 0.0, STEP_US)
 
 
 @pytest.mark.parametrize(("step", "lost"), [(1, 0), (101, 100), (102, 0), (0, 0)])
 def test_a_long_gap_is_not_compensated(step: int, lost: int) -> None:
     memory, measured = np.zeros(1, DELAY)[0], np.zeros(1, SIM_STATE)[0]
-    note_commands(memory, 0, np.zeros(4))
+    note_commands(memory, 0, np.zeros(4), 0.0, STEP_US)
     measured["step"] = step
     assert max(lost_states(memory, measured, STEP_US), 0) == lost
 
@@ -122,12 +122,23 @@ def test_commands_stay_in_force_until_the_next_ones(steps: list[int], values: li
     memory, step, said = np.zeros(1, DELAY)[0], 0, {}
     for after, value in zip(steps, values, strict=False):
         step += after
-        note_commands(memory, step, np.full(4, value))
+        note_commands(memory, step, np.full(4, value), 0.0, STEP_US)
         said[step] = value
-    rows = len(memory["commands"])
+    rows = len(memory["positions"])
     for earlier in range(max(step - rows + 1, 0), step + 1):
         known = [value for at, value in said.items() if at <= earlier]
-        assert (memory["commands"][earlier % rows] == (known[-1] if known else values[0])).all()
+        assert memory["positions"][earlier % rows] == pytest.approx(
+            known[-1] if known else values[0]
+        )
+
+
+def test_a_servo_with_a_lag_comes_later() -> None:
+    memory, command = np.zeros(1, DELAY)[0], np.array([0.1, -0.2, 0.3, 900.0])
+    note_commands(memory, 0, np.zeros(4), 0.02, STEP_US)
+    for step in range(1, 21):  # a time constant
+        note_commands(memory, step, command, 0.02, STEP_US)
+    reached = memory["positions"][20] / command
+    assert reached == pytest.approx([*np.full(3, 1.0 - np.exp(-1.0)), 1.0])
 
 
 def new_controller_of(scenario: Scenario) -> Controllers:

@@ -15,6 +15,7 @@ from ftc_autopilot.control.controller import (
     parameter_record,
 )
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.step import Seen
 from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
@@ -88,7 +89,7 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     state["steps"] = state["started"] = 1  # not the first step: filters stand as given
     signals = np.zeros(1, SIGNALS)[0]
     command = state["reference"][:, 0].copy()
-    inputs = Inputs(0.0, DT, motions[i], command, reports, weights)
+    inputs = Inputs(0.0, DT, motions[i], Seen(motions[i], 0, 0, False), command, reports, weights)
     controls = np.zeros(16, np.float32)
     control_step(inputs, Records(nominal, parameters, state, controls, signals))
     return signals

@@ -29,6 +29,7 @@ LIMITS = Limits(
     suspicion=0.6,
     ahead=0.005,
     quiet=0.52,
+    check=-10.0,
 )
 GAINS = np.zeros(1, record_dtype(DiagnosisParameters))[0]
 fill(GAINS, DiagnosisParameters(smooth_jump_sigma=4.2).with_servos(ActuatorServos()))
@@ -47,12 +48,13 @@ def noise(steps: int) -> np.ndarray:
 def diagnosed(u: np.ndarray, y: np.ndarray) -> list[int]:
     """Phases of an actuator that is commanded u and does y."""
     actuator = np.zeros(1, ACTUATOR)[0]
+    actuator["effectiveness"] = 1.0
     phases = []
     for k in range(len(u)):
         actuator["commanded"], actuator["measured"] = u[k], y[k]
         age = (k + 1) * DT
         monitor(actuator, LIMITS, age, DT, GAINS)
-        decide(actuator, LIMITS, age, DT, GAINS, False)
+        decide(actuator, 0.0, LIMITS, age, DT, GAINS, False)
         phases.append(int(phase_of(actuator)))
     return phases
 
@@ -85,6 +87,7 @@ def jump_at_3_s(size_deg: float, steps: int = 4000) -> np.ndarray:
 def first_moved(y: np.ndarray) -> tuple[int, int]:
     """Steps at which a quiet actuator becomes suspect, and is moved."""
     actuator = np.zeros(1, ACTUATOR)[0]
+    actuator["effectiveness"] = 1.0
     suspect = -1
     for k in range(len(y)):
         actuator["measured"] = y[k]

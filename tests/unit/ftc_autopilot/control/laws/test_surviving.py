@@ -27,10 +27,17 @@ SEEN_LATER = {  # it stands where the flight wants it: nothing shows until somet
     "stuck_at_elevator": 0.12,
     "stuck_oscillating_aileron": 0.25,
     "stuck_trim_aileron_for_good": 1.2,
+    "thrust_loss": 0.16,  # until the engine's last thrust has left the window
+    "thrust_loss_for_good": 0.16,
 }
 
 
-BACK_LATER = {"hardover_rudder": 0.8}  # its servo has to run back first
+BACK_LATER = {
+    "hardover_rudder": 0.8,  # its servo has to run back first
+    "stuck_at_throttle": 1.8,  # never before the thrust has followed three movements of the probe
+    "thrust_loss": 2.1,
+}
+TRIAL_S = 0.2  # in which a lost surface shows that it has a share of its power
 
 
 class Change(NamedTuple):
@@ -63,6 +70,20 @@ def changes(flight: Recording) -> list[Change]:
     return sorted(found, key=lambda change: change.time_s)
 
 
+def without_trials(scenario: Scenario, found: list[Change]) -> list[Change]:
+    """Leave out that a weak surface is lost until its trial has shown that it is not."""
+    weak = {f.actuator for f in scenario.faults if 0.1 < f.command().effectiveness < 0.35}
+    kept, rest = [], found
+    while rest:
+        lost, *rest = rest
+        if lost.actuator in weak and lost.lost and rest and not rest[0].lost:
+            assert rest[0].time_s - lost.time_s < TRIAL_S
+            rest = rest[1:]
+        else:
+            kept.append(lost)
+    return kept
+
+
 def largest_errors_deg(flight: Recording, after_s: float = 0.0) -> np.ndarray:
     """Largest roll and pitch error of each UAV, shape (n, 2)."""
     errors = flight.error("reference")[flight.time_s >= after_s][..., 1:3]
@@ -82,8 +103,7 @@ def test_every_fault_is_survived_and_found(name: str, hardware: str) -> None:
     healthy = [i for i, uav in enumerate(flight.uav_ids) if uav not in _faulty(scenario)]
     assert errors[healthy].max() < 1.5
 
-    found = changes(flight)
-    expected = []
+    found, expected = without_trials(scenario, changes(flight)), []
     for fault in scenario.faults:
         if fault.command().effectiveness <= 0.1:  # the others are corrected, not given up
             expected.append((fault.uav, fault.actuator, True))
@@ -136,7 +156,7 @@ def test_without_reconfiguration_the_aircraft_is_lost() -> None:
     flight = fly_in_process(
         scenario_with(
             "faults/stuck_zero_aileron",
-            {"diagnosis": {"jump_deg": [30.0] * 3, "excitation_deg": [30.0] * 3}},
+            {"diagnosis": {"loss_start_s": 100.0}},
         )
     )
     assert changes(flight) == []
@@ -145,7 +165,7 @@ def test_without_reconfiguration_the_aircraft_is_lost() -> None:
 
 @pytest.mark.parametrize(
     ("hardware", "seeds", "limits"),
-    [("ideal", 1, (560, 12.5, 14.7, 14.4, 13.8)), ("realistic", 10, (600, 12.5, 14.1, 13.2, 13.7))],
+    [("ideal", 1, (615, 12.5, 14.7, 14.4, 13.8)), ("realistic", 10, (680, 12.5, 14.1, 13.2, 13.7))],
 )
 @pytest.mark.parametrize("faults", [{}, {"faults": []}])
 def test_scenario_1_stays_within_its_budget(

@@ -21,7 +21,7 @@ from mavlink_defs.constants import THROTTLE
 pytestmark = pytest.mark.slow
 
 NOT_OF_THE_LAW = {
-    *("command", "effectiveness", "offset", "confidence", "phase"),
+    *("command", "effectiveness", "offset", "confidence", "phase", "dead_steps"),
     *("neighbour_message", "predicted_exit", "path_position", "slot", "report_size"),
     "not_finite",  # of the trigger, and 0 in every flight that has a proof
 }

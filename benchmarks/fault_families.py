@@ -1,0 +1,264 @@
+"""Families of faults, drawn and flown: what is found, what is blamed wrongly, what is lost.
+
+    python -m benchmarks.fault_families
+    python -m benchmarks.fault_families swinging dead_time --seed 7 --laws tube
+
+A line for each family, law and hardware; another seed draws other faults.
+"""
+
+import argparse
+import math
+import multiprocessing
+import os
+import random
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from ftc_autopilot.common.phases import LOST
+from gcs.fleet.in_process import fly_in_process
+from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from mavlink_defs.config.inherit import merged
+from mavlink_defs.constants import ACTUATORS, THROTTLE
+
+UAV = 3
+"""Follower 2 has the faults."""
+HARDWARE = ("ideal", "realistic", "turbulent")
+SURFACES = ACTUATORS[:THROTTLE]
+_BALANCED = {"aileron": (-2.0, 10.0), "elevator": (-5.0, 5.0), "rudder": (6.0, 34.0)}  # deg
+_OVERTURNED_DEG, _LARGE_DEG, _HEADING_LOST_DEG = 90.0, 5.0, 15.0
+
+Fault: TypeAlias = dict[str, Any]
+Keys: TypeAlias = dict[str, Any]
+
+
+def from_the_start(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """Stuck before or soon after the start."""
+    actuator = rng.choice(ACTUATORS)
+    if actuator == "throttle":
+        stuck = {"stuck_n": rng.uniform(700.0, 900.0)}
+    else:
+        stuck = {"stuck_deg": rng.uniform(*_BALANCED[actuator])}
+    return [_of(actuator, rng.choice([0.0, rng.uniform(0.0, 0.6)]), **stuck)], {"duration_s": 10.0}
+
+
+def swinging(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """A surface that works, with an oscillating bias."""
+    bias = {"bias_deg": rng.uniform(3.0, 10.0), "frequency_hz": _log_uniform(rng, 0.1, 10.0)}
+    return [_of(rng.choice(SURFACES), rng.uniform(2.0, 16.0), **bias)], {}
+
+
+def stuck_swinging(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """A surface that does not work, and oscillates."""
+    stuck = {"stuck_deg": 5.0, "frequency_hz": _log_uniform(rng, 0.1, 10.0)}
+    return [_of(rng.choice(SURFACES), 10.0, **stuck)], {}
+
+
+def weak_aileron(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """An aileron with little of its effectiveness, for good."""
+    return [_of("aileron", rng.uniform(5.0, 19.0), effectiveness=rng.uniform(0.05, 0.4))], {}
+
+
+def intermittent(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """Faults that come and go, each for 0.2 to 3 s."""
+    actuator, effectiveness = rng.choice(SURFACES), rng.choice([0.0, 0.3, 0.6])
+    bias = rng.uniform(*_BALANCED[actuator]) if effectiveness == 0.0 else rng.uniform(-5.0, 5.0)
+    return [
+        _of(
+            actuator,
+            8.0,
+            effectiveness=effectiveness,
+            intermittent_deg=bias,
+            frequency_hz=0.5 / rng.uniform(0.2, 3.0),
+            end_s=20.0,
+        )
+    ], {}
+
+
+def drift(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """Slow drifts to 4 to 9 deg."""
+    rate = _log_uniform(rng, 0.2, 5.0)
+    end_s = 8.0 + min(rng.uniform(4.0, 9.0) / rate, 14.0)
+    return [_of(rng.choice(SURFACES), 8.0, drift_deg_s=rate * rng.choice([1, -1]), end_s=end_s)], {}
+
+
+def hardover(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """A surface that runs away at its servo's rate."""
+    actuator = rng.choice(SURFACES)
+    angle = rng.uniform(*_BALANCED[actuator])
+    return [_of(actuator, rng.uniform(2.0, 20.0), hardover_deg=angle)], {}
+
+
+def constant(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """Any actuator stuck, biased or weak, for a while or for good."""
+    actuator, start_s = rng.choice(ACTUATORS), rng.uniform(2.0, 22.0)
+    throttle = actuator == "throttle"
+    kinds: tuple[Fault, ...] = (
+        {"stuck_n": rng.uniform(300.0, 1500.0)}
+        if throttle
+        else {"stuck_deg": rng.uniform(-15, 20)},
+        {"bias_n": rng.uniform(-500, 500)} if throttle else {"bias_deg": rng.uniform(-10, 10)},
+        {"effectiveness": rng.uniform(0.05, 0.95)},
+    )
+    fault = _of(actuator, start_s, **rng.choice(kinds))
+    if rng.random() < 0.5:
+        fault["end_s"] = start_s + rng.uniform(0.5, 6.0)
+    return [fault], {}
+
+
+def wrong_model(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """No fault; mass, inertia and coefficients up to 30 % off."""
+    tree = scenario_tree("paper/scenario1")
+
+    def share() -> float:
+        return rng.uniform(0.7, 1.3)
+
+    inertia = {name: share() for name in ("Jxx", "Jyy", "Jzz", "Jxz")}
+    coefficients = {name: share() for name in tree["aircraft"]["coefficients"]}
+    return [], {"uncertainty": {"mass": share(), "inertia": inertia, "coefficients": coefficients}}
+
+
+def dead_time(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """No fault; servos or gyro come up to 20 ms later than anybody has said."""
+    if rng.random() < 0.5:
+        return [], {"servos": {"surfaces": {"dead_time_s": _steps(rng.uniform(0.005, 0.02))}}}
+    return [], {"sensors": {"gyro_deg_s": {"latency_s": _steps(rng.uniform(0.005, 0.02))}}}
+
+
+def known_delay(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """No fault; servos come up to 40 ms later, as `delay_s` says."""
+    delay_s = _steps(rng.uniform(0.02, 0.04))
+    return [], {
+        "servos": {"surfaces": {"dead_time_s": delay_s}},
+        "controller": {"delay_s": delay_s},
+    }
+
+
+FAMILIES: dict[str, Callable[[random.Random], tuple[list[Fault], Keys]]] = {
+    family.__name__: family
+    for family in (
+        from_the_start,
+        swinging,
+        stuck_swinging,
+        weak_aileron,
+        intermittent,
+        drift,
+        hardover,
+        constant,
+        wrong_model,
+        dead_time,
+        known_delay,
+    )
+}
+
+
+class Flown(NamedTuple):
+    """What one flight came to."""
+
+    overturned: bool  # or lost
+    off_heading: bool
+    large: bool  # an attitude error of more than 5 deg
+    blamed: bool  # an actuator without a fault was declared lost, of any UAV
+    found_s: float  # after the fault's start; NaN if never
+    messages: int
+
+
+def fly(law: str, hardware: str, drawn: tuple[list[Fault], Keys]) -> Flown:
+    """Fly scenario 1 with what was drawn."""
+    faults, keys = drawn
+    flight = fly_in_process(scenario_with(law, hardware, faults, keys))
+    i = flight.uav_ids.index(UAV)
+    start_s = min((fault["start_s"] for fault in faults), default=0.0)
+    later = flight.time_s > max(start_s, 1.0)  # control check and trim come before
+    errors = np.degrees(np.abs(flight.error("reference")[later, i, 1:])).max(axis=0)
+    lost = flight.signals["phase"] == LOST
+    guilty = [ACTUATORS.index(fault["actuator"]) for fault in faults]
+    innocent = np.ones(lost.shape[1:], bool)
+    innocent[i, guilty] = False
+    found = flight.time_s[lost[:, i, guilty].any(axis=1)] - start_s
+    return Flown(
+        bool(flight.loss) or np.degrees(np.abs(flight.states[:, i, 6])).max() > _OVERTURNED_DEG,
+        errors[2] > _HEADING_LOST_DEG,
+        errors.max() > _LARGE_DEG,
+        bool(lost[:, innocent].any()),
+        float(found[0]) if len(found) else math.nan,
+        int((flight.signals["events"][:, i] != 0).sum()),
+    )
+
+
+def line(family: str, law: str, hardware: str, flown: list[Flown]) -> str:
+    """Return a row of the table."""
+    found = [one.found_s for one in flown if not math.isnan(one.found_s)]
+    times = "" if not found else f"{np.median(found):.3f}, {np.percentile(found, 95):.3f}"
+    counts = (
+        sum(one.overturned for one in flown),
+        sum(one.off_heading for one in flown),
+        sum(one.large for one in flown),
+        sum(one.blamed for one in flown),
+        len(found),
+    )
+    cells = (family, law, hardware, len(flown), *counts, times)
+    messages = int(np.median([one.messages for one in flown]))
+    return f"| {' | '.join(map(str, cells))} | {messages} |"
+
+
+def scenario_with(law: str, hardware: str, faults: list[Fault], keys: Keys) -> Scenario:
+    """Return scenario 1 with a law, hardware, faults and other keys."""
+    tree = scenario_tree("paper/scenario1")
+    for addition in ([] if hardware == "ideal" else [hardware]) + (
+        ["tube"] if law == "tube" else []
+    ):
+        tree = merged(tree, scenario_tree(addition))
+    controller = {"kind": law} | keys.get("controller", {})
+    rest = {name: value for name, value in keys.items() if name != "controller"}
+    return scenario_of(Path(law), merged(tree, rest) | {"controller": controller, "faults": faults})
+
+
+def _of(actuator: str, start_s: float, **keys: Any) -> Fault:
+    return {"uav": UAV, "actuator": actuator, "start_s": round(start_s, 3)} | keys
+
+
+def _steps(time_s: float) -> float:
+    return round(time_s, 3)  # control periods
+
+
+def _log_uniform(rng: random.Random, low: float, high: float) -> float:
+    return math.exp(rng.uniform(math.log(low), math.log(high)))
+
+
+def rows(options: argparse.Namespace) -> Iterator[str]:
+    """Yield the rows of the table, as they are flown."""
+    with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
+        for family in options.families or FAMILIES:
+            rng = random.Random(f"{family} {options.seed}")
+            drawn = [FAMILIES[family](rng) for _ in range(options.flights)]
+            for law in options.laws:
+                for hardware in HARDWARE:
+                    flown = pool.map(partial(fly, law, hardware), drawn, chunksize=1)
+                    yield line(family, law, hardware, flown)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.fault_families", description=__doc__
+    )
+    parser.add_argument("families", nargs="*", choices=[*FAMILIES, []], help="all unless given")
+    parser.add_argument("--laws", nargs="+", default=["surviving", "tube"])
+    parser.add_argument("--flights", type=int, default=40, help="of each family")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    options = parser.parse_args()
+    print(
+        "| family | law | hardware | flights | overturned | heading > 15° off | attitude > 5° off |"
+        " wrongly blamed | found | after: median, 95 % [s] | messages |"
+    )
+    print("| --- | --- | --- |" + " ---: |" * 8)
+    for row in rows(options):
+        print(row, flush=True)
+
+
+if __name__ == "__main__":
+    main()
