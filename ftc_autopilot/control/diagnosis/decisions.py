@@ -180,7 +180,8 @@ def decide(
             actuator["suspect_s"] = 0.0
             actuator["holdoff_s"] = min(actuator["holdoff_s"], gains["cleared_holdoff_s"])
             if is_check:
-                actuator["cooldown_s"], dead = 0.0, lag_steps(found.lag, dt)
+                actuator["cooldown_s"] = 0.0
+                dead = lag_steps(found.lag, dt) if _is_cleared(found, False, actuator, gains) else 0
         may_be = age > gains["loss_start_s"] and not (
             is_check and actuator["z_s"] < LONGEST_DEAD_S + limits.confirm
         )
@@ -242,7 +243,7 @@ def _estimates(
 
 @compiled
 def _is_cleared(found: _Estimates, moved: bool, actuator: np.void, gains: np.void) -> bool:
-    """Return whether an actuator has been seen to follow."""
+    """Return whether an actuator follows: its command, if that moved, or its dither."""
     following = gains["following"] * actuator["effectiveness"]
     by_command = moved and found.rho - found.error > following
     by_dither = found.by_dither - gains["cleared_sigma"] * found.dither_error > following
