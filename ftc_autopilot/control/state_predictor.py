@@ -161,7 +161,7 @@ def predicted(
     """Return the state at which the commands of this step will act; the measured one if at once.
 
     What the nominal model does not explain of the specific force is taken to stay. The thrust has
-    the delay of the links alone: what is known besides is that of surfaces and gyro.
+    the delay of the links alone: what is known besides, surfaces and gyro have.
 
     Args:
         delay: Record of dtype `DELAY`; its field `predicted` is written.

@@ -120,7 +120,7 @@ def test_messages_of_a_formation_are_those_on_the_wire(
     scenario = scenario_of(find_scenario("missions/hexagon"), tree)
     flown, sniffer = fly_sniffed(scenario, tmp_path / "run", monkeypatch)
     computed = fly_in_process(scenario)
-    assert set(computed.signals["report_size"][-1]) == {2}  # all know of the second member
+    assert computed.signals["report_size"][-1].min() == 2  # all know of the second member
     assert np.isfinite(computed.signals["path_position"]).all()
     assert flown.signals.tobytes() == computed.signals.tobytes()
     assert np.array_equal(flown.states, computed.states)

@@ -41,7 +41,8 @@ def impaired(folder: Path, duration_s: float, **plant: Any) -> Path:
 def computed(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the signals of the autopilots as floats, steps and UAVs first."""
     of_the_plant = {"uav", "time_s", "state", "wind", "applied"}
-    whole = {"events", "phase", "neighbour_message", "report_size", "not_finite"}  # never NaN
+    # never NaN
+    whole = {"events", "phase", "neighbour_message", "report_size", "not_finite", "dead_steps"}
     others = of_the_plant | whole | {"predicted_exit", "path_position", "slot"}  # there are none
     return {name: values for name, values in arrays.items() if name not in others}
 

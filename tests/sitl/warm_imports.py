@@ -4,7 +4,7 @@ Sweeps and campaigns would import statistics and figures for a second each.
 """
 
 import matplotlib.backends.backend_agg
-import matplotlib.backends.backend_svg  # noqa: F401
+import matplotlib.backends.backend_svg  # noqa: F401 - figures need it
 import pandas  # noqa: F401 - pyarrow imports it
 import typer
 
@@ -14,7 +14,7 @@ import gcs.lab.figures.campaign
 import gcs.lab.figures.sweep
 import gcs.lab.reports.campaign
 import gcs.lab.reports.sweep
-import gcs.lab.reproduce  # noqa: F401
+import gcs.lab.reproduce  # noqa: F401 - as the others: commands that are forked need it
 from gcs.cli import COMMANDS, app
 from gcs.fleet.fork_server import _load_compiled_code
 

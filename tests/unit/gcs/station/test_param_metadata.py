@@ -21,7 +21,13 @@ from mavlink_defs import dialect
 from mavlink_defs.float32 import decimal_of_float32, float32s
 from mavlink_defs.services.param import Param
 
-_OF_THE_AIRCRAFT = {"DIAG_SERVO_LAG_S", "DIAG_THROT_LAG_S", "DI_SE_RA_LI_DE_S"}
+_OF_THE_AIRCRAFT = {
+    "DIAG_SERVO_LAG_S",
+    "DIAG_THROT_LAG_S",
+    "DI_SE_RA_LI_DE_S",
+    "DI_THR_DEA_TIM_S",
+    "PREDICTED_LAG_S",
+}
 """What a law takes from the aircraft's servos if its own key is left out."""
 
 _PAIRS = [(law, mode) for law in LAWS for mode in MODES if LAWS[law].goes_with(mode)]
