@@ -224,6 +224,7 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
     now = _step(inputs, parameters, state)
     for i in range(N_CHANNELS):
         signals["predicted_exit"][i] = math.nan
+    signals["dead_steps"] = 0  # of a law without diagnosis, too
     command = evaluate(now, aircraft, parameters, state, signals)
     mask = 0
     if may_send:

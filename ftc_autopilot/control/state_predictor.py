@@ -60,7 +60,8 @@ def is_after_gap(delay: np.void, measured: np.void, step_us: int) -> bool:
         measured: FTC_SIM_STATE payload.
         step_us: Control period [µs].
     """
-    return _missing(delay, measured) > _periods(LONGEST_S, step_us)
+    missing = _missing(delay, measured)
+    return missing > 0 and missing > _periods(LONGEST_S, step_us)
 
 
 @compiled
@@ -148,7 +149,7 @@ def periods_known(delay: np.void, known_s: float, step_us: int) -> int:
         known_s: Delay besides the delay of the links [s].
         step_us: Control period [µs].
     """
-    if delay["started"] == 0:
+    if delay["started"] == 0 or (delay["periods"] == 0 and known_s == 0.0):
         return 0
     longest = min(_periods(LONGEST_S, step_us), _HISTORY - 1)
     return max(min(int(delay["periods"]) + _periods(known_s, step_us), longest), 0)
@@ -170,7 +171,7 @@ def predicted(
         step_us: Control period [µs].
         aircraft: Nominal aircraft.
     """
-    ahead = periods_known(delay, known_s, step_us) + delay["found"]
+    ahead = min(periods_known(delay, known_s, step_us) + delay["found"], _HISTORY - 1)
     if ahead == 0:
         return measured
     step, dt = int(np.int64(measured["step"])), step_us / 1e6

@@ -112,13 +112,24 @@ def save(to: Checkpoint) -> None:
 def checksum(slot: np.ndarray) -> int:
     """Return the FNV-1a hash, by numbers of 32 bits, of a slot without its checksum.
 
-    A slot of zeros has another one than 0.
+    Four hashes side by side, of every fourth number, and then theirs: a processor waits for each
+    product of one. A slot of zeros has another one than 0.
     """
-    total = _FNV_START
-    for k in range(len(slot)):
-        if k // 2 != 1:
-            total = ((total ^ int(slot[k])) * _FNV_PRIME) & 0xFFFFFFFF
+    a = b = c = d = _FNV_START
+    whole = len(slot) - len(slot) % 4
+    for k in range(4, whole, 4):
+        a, b = _hashed(a, slot[k]), _hashed(b, slot[k + 1])
+        c, d = _hashed(c, slot[k + 2]), _hashed(d, slot[k + 3])
+    total = _hashed(_hashed(_FNV_START, slot[0]), slot[1])
+    total = _hashed(_hashed(_hashed(_hashed(total, a), b), c), d)
+    for k in range(whole, len(slot)):
+        total = _hashed(total, slot[k])
     return total
+
+
+@compiled
+def _hashed(total: int, number: int) -> int:
+    return ((total ^ int(number)) * _FNV_PRIME) & 0xFFFFFFFF
 
 
 def map_array(path: Path, dtype: np.dtype, length: int) -> np.ndarray:

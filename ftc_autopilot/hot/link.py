@@ -311,7 +311,7 @@ def prepare_step(
         controllers: The controllers of one UAV.
 
     Returns:
-        Whether a control step has to be made before `answer`.
+        Whether a control step has to be made before `report_done`.
     """
     state, sim_state = link.state[0], link.simulator.measured[0]
     formation, step, flags = link.formation, int(sim_state["step"]), int(sim_state["flags"])

@@ -41,7 +41,6 @@ def diagnose(
     """
     dt, held = now.dt, now.held
     measure(now, aircraft, gains, state)
-    signals["dead_steps"] = 0
     state["age"] += dt
     actuators = state["actuators"]
     if abs(now.seen.ahead - state["ahead"]) * dt > _LARGE_CHANGE_S:

@@ -28,9 +28,20 @@ from sitl_plant.vec3 import Vec3, add, clamp, cross, mat3, mul, scale, sub, vec3
 
 
 @compiled
-def servo_step(position: float, command: float, lag_s: float, limit: float, dt: float) -> float:
-    """Return the position of a servo after a period; lag 0: no lag, limit in units per second."""
+def servo_step(position: float, command: float, j: int, gains: np.void, dt: float) -> float:
+    """Return the position of servo j after a period, by the model of the diagnosis.
+
+    Args:
+        position: Before [rad or N].
+        command: Held over the period [rad or N].
+        j: The actuator, number as FTC_ACTUATOR.
+        gains: Parameters, record made of `DiagnosisParameters`; lag 0: no lag.
+        dt: The period [s].
+    """
     change = command - position
+    lag_s, limit = gains["servo_lag_s"], gains["servo_rate_limit_rad_s"]
+    if j == THROTTLE:
+        lag_s, limit = gains["throttle_lag_s"], math.inf
     if lag_s > 0.0:
         change *= 1.0 - math.exp(-dt / lag_s)
     return position + clamp(change, -limit * dt, limit * dt)
@@ -71,14 +82,11 @@ def measure(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void)
     y = surfaces_for(add(turning, vec3(moment_filtered)), motion.air.C)
     for j in range(N_CHANNELS):
         actuator = actuators[j]
-        lag, limit = gains["servo_lag_s"], gains["servo_rate_limit_rad_s"]
-        if j == THROTTLE:
-            lag, limit = gains["throttle_lag_s"], math.inf
-        else:
+        if j < THROTTLE:
             actuator["measured"] = y[j]
         command = state["held"][_row(steps_back(j, now, gains, state), state), j]
         if settled:
-            actuator["position"] = servo_step(actuator["position"], command, lag, limit, dt)
+            actuator["position"] = servo_step(actuator["position"], command, j, gains, dt)
         else:
             actuator["position"] = command
         actuator["commanded"] += share * (actuator["position"] - actuator["commanded"])
@@ -138,7 +146,7 @@ def _start_as_known(
     now: Step, moment: Vec3, tau: float, aircraft: AircraftRecord, state: np.void
 ) -> None:
     """Start all filters as if the aircraft had rested in what is commanded and known of faults."""
-    actuators, y = state["actuators"], (0.0, 0.0, 0.0)
+    actuators = state["actuators"]
     for j in range(N_CHANNELS):
         actuator = actuators[j]
         actuator["commanded"] = now.held[j]

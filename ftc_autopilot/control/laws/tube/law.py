@@ -92,10 +92,7 @@ def _position(now: Step, j: int, diagnosis: np.void, state: np.void) -> float:
     """Return where the model of servo j is when the present state is: after a known delay."""
     if state["step"] <= 1:
         return float(now.held[j])
-    lag, limit = diagnosis["servo_lag_s"], diagnosis["servo_rate_limit_rad_s"]
-    if j == THROTTLE:
-        lag, limit = diagnosis["throttle_lag_s"], math.inf
-    return servo_step(state["positions"][j], now.held[j], lag, limit, now.dt)
+    return servo_step(state["positions"][j], now.held[j], j, diagnosis, now.dt)
 
 
 @inlined

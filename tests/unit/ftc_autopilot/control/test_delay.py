@@ -81,6 +81,28 @@ def test_without_a_delay_the_state_is_the_measured_one(calm: Scenario) -> None:
     assert found.tobytes() == measured.tobytes()
 
 
+def test_no_delay_is_longer_than_what_is_remembered(calm: Scenario) -> None:
+    """A delay of the links and a dead time that was found add up to more periods than are noted."""
+    aircraft, results = aircraft_record(calm.aircraft), []
+    for dead in (27, 40):
+        memory, measured = np.zeros(1, DELAY)[0], np.zeros(1, SIM_STATE)[0]
+        measured["velocity"], measured["step"] = (40.0, 0.0, 1.0), 300
+        for step in range(300):
+            command = np.array([1e-4 * step, 0.0, 0.0, 900.0])
+            note_commands(memory, step, command, 0.0, STEP_US)
+        memory["periods"], memory["found"] = 100, dead
+        results.append(predicted(memory, measured, 0.0, STEP_US, aircraft).tobytes())
+    assert results[0] == results[1]
+
+
+def test_a_law_without_diagnosis_predicts_over_no_dead_time_of_another(calm: Scenario) -> None:
+    controllers, measured = new_controller_of(calm), np.zeros(1, SIM_STATE)[0]
+    measured["velocity"] = 40.0, 0.0, 1.0
+    controllers.signals[0]["dead_steps"] = 16  # as the law before has left it
+    controller_step(controllers, 0, measured, STEP_US)
+    assert controllers.delays[0]["found"] == 0
+
+
 @given(
     gap=st.integers(1, 100),
     begin=st.integers(0, 10**6),

@@ -13,6 +13,7 @@ from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
 from ftc_autopilot.control.diagnosis.measurement import measure, servo_step
 from gcs.scenario.model import Scenario
+from mavlink_defs.constants import RUDDER, THROTTLE
 from mavlink_defs.faults import Fault
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import fly, new_plant_state, observe
@@ -81,13 +82,21 @@ def test_measured_shows_a_fault_of_its_own_actuator_alone(
     assert np.allclose(late, expected, atol=0.002 if channel < 3 else 1.0)
 
 
+def servo(lag_s: float, rate_limit_deg_s: float = 1e6) -> np.void:
+    """Parameters of the diagnosis with this model of the surfaces' servos."""
+    gains: np.void = np.zeros(1, record_dtype(DiagnosisParameters))[0]
+    given = DiagnosisParameters(servo_lag_s=lag_s, servo_rate_limit_deg_s=rate_limit_deg_s)
+    fill(gains, given.with_servos(ActuatorServos()))
+    return gains
+
+
 @pytest.mark.parametrize("lag", [0.005, 0.02, 0.1])
 def test_a_servo_has_its_lag(lag: float) -> None:
     time = np.arange(0.0, 0.2, DT)
     command = np.where((time // 0.04) % 2 == 0, 1.0, -0.5)
     position = [0.0]
     for u in command[:-1]:
-        position.append(servo_step(position[-1], u, lag, 1e9, DT))
+        position.append(servo_step(position[-1], u, RUDDER, servo(lag), DT))
     continuous = signal.TransferFunction([1.0], [lag, 1.0]).to_ss()
     sampled = signal.cont2discrete(
         (continuous.A, continuous.B, continuous.C, continuous.D), DT, "zoh"
@@ -97,8 +106,9 @@ def test_a_servo_has_its_lag(lag: float) -> None:
 
 
 def test_a_servo_is_no_faster_than_its_limit() -> None:
-    position = 0.0
+    position, limited = 0.0, servo(0.0, 400.0)
     for _ in range(10):
-        position = servo_step(position, 1.0, 0.0, 7.0, DT)
-    assert position == pytest.approx(0.07)
-    assert servo_step(0.0, 1.0, 0.0, 1e9, DT) == 1.0
+        position = servo_step(position, 1.0, RUDDER, limited, DT)
+    assert position == pytest.approx(np.radians(4.0))
+    assert servo_step(0.0, 1.0, RUDDER, servo(0.0), DT) == 1.0
+    assert servo_step(0.0, 900.0, THROTTLE, limited, DT) == 900.0  # which has none
