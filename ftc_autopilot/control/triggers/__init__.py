@@ -15,6 +15,7 @@ from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
 from ftc_autopilot.control.triggers.dynamic import Dynamic, dynamic
 from ftc_autopilot.control.triggers.periodic import Periodic, Times, clock, periodic
 from ftc_autopilot.control.triggers.periodic_event import PeriodicEvent, periodic_event
+from ftc_autopilot.control.triggers.scaled import Scaled, scaled
 from ftc_autopilot.control.triggers.self_triggered import SelfTriggered, self_triggered
 from mavlink_defs.runtime.jit import compiled
 
@@ -32,7 +33,8 @@ Trigger: TypeAlias = Annotated[
     | Annotated[Dynamic, Tag("dynamic")]
     | Annotated[PeriodicEvent, Tag("periodic_event")]
     | Annotated[SelfTriggered, Tag("self")]
-    | Annotated[static.Consequence, Tag("consequence")],
+    | Annotated[static.Consequence, Tag("consequence")]
+    | Annotated[Scaled, Tag("scaled")],
     Discriminator(_mode),
 ]
 """The parameters of any trigger, discriminated by `mode`."""
@@ -47,6 +49,7 @@ _DYNAMIC = MODES.index("dynamic")
 _PERIODIC_EVENT = MODES.index("periodic_event")
 _SELF = MODES.index("self")
 _CONSEQUENCE = MODES.index("consequence")
+_SCALED = MODES.index("scaled")
 
 
 @compiled
@@ -90,4 +93,6 @@ def decide(now: Candidates, mode: int, parameters: np.void, states: np.void) -> 
         return self_triggered(now, parameters["self"], states["self"])
     if mode == _CONSEQUENCE:
         return static.consequence(now)
+    if mode == _SCALED:
+        return scaled(now, parameters["scaled"], states["scaled"])
     return static.per_channel(now)

@@ -102,6 +102,58 @@ def test_self_by_hand() -> None:
     ]
 
 
+def test_scaled_by_hand() -> None:
+    # P is 4 steps, P/4 one, threshold 1, share 1/2 in all of these steps. The ramp changes by 1
+    # and by 1/4. Medians of steps 4 to 8: 0.05, 0.1, 0.15, 0.225, 0.3375 for both. So the limit at
+    # step 4 is the threshold, at step 8 1.4826 3 0.3375 = 1.5, though the command has moved by 1;
+    # at step 9 the medians are 0.50625 and 0.16875, and the limit is 1.03, below 1.25
+    ramp = [0.25 * k for k in range(10)]
+    assert events(made("scaled", within_s=0.004), ramp, 0.0, 1.0) == [0, 4, 9]
+    # what stands still is never sent again
+    assert events(made("scaled"), [2.0] * 200, 0.0, 1.0) == [0]
+
+
+@given(demand=commands, absolute=st.floats(0.01, 3.0), within=st.integers(1, 64))
+def test_scaled_never_fires_before_the_threshold(
+    demand: list[float], absolute: float, within: int
+) -> None:
+    at, held = events(made("scaled", within_s=within * DT), demand, 0.0, absolute), demand[0]
+    for k in at[1:]:
+        assert abs(demand[k] - held) >= absolute
+        held = demand[k]
+
+
+def test_scaled_does_not_count_noise() -> None:
+    """White noise of ten thresholds: one sample in 370 and not nine in ten; 100 ms are not."""
+    noise = 10.0 * np.random.default_rng(1).standard_normal(20_000)
+    every = events(made("per_channel"), noise.tolist(), 0.0, 1.0)
+    scaled = events(made("scaled"), noise.tolist(), 0.0, 1.0)
+    assert len(every) > 18_000
+    assert len([k for k in scaled if k >= 100]) < 20_000 / 370 * 2
+    assert len([k for k in scaled if k < 100]) < 50
+
+
+@pytest.mark.parametrize("size", [0.5, 5.0, 50.0])
+def test_scaled_is_a_third_of_the_clock_whose_error_it_has(size: float) -> None:
+    """A random walk, as gusts make it, of any size: every 3 P at the mean square error of P."""
+    walk = np.cumsum(size * np.random.default_rng(2).standard_normal(40_000))
+    steps = np.arange(len(walk))
+    sent = np.isin(steps, events(made("scaled", within_s=64 * DT), walk.tolist(), 0.0, 0.1))
+    held, by_clock = walk[np.maximum.accumulate(sent * steps)], walk[steps // 64 * 64]
+    late = slice(1000, None)
+    assert len(walk[late]) / sent[late].sum() == pytest.approx(3 * 64, rel=0.2)
+    error, of_clock = np.mean((walk - held)[late] ** 2), np.mean((walk - by_clock)[late] ** 2)
+    assert error == pytest.approx(of_clock, rel=0.2)
+
+
+def test_scaled_finds_its_threshold_again_after_noise() -> None:
+    """Where noise ends, the medians fall by their time constant, until σ rules again."""
+    noise = 10.0 * np.random.default_rng(3).standard_normal(5_000)
+    calm = np.repeat(np.arange(10.0) * 1.5, 1000)
+    at = events(made("scaled"), [*noise.tolist(), *calm.tolist()], 0.0, 1.0)
+    assert [k for k in at if k >= 11_000] == [11_000, 12_000, 13_000, 14_000]
+
+
 @given(demand=commands, absolute=st.floats(0.0, 3.0), relative=st.floats(0.0, 0.5))
 def test_per_channel_keeps_the_command_within_its_threshold(
     demand: list[float], absolute: float, relative: float

@@ -82,6 +82,7 @@ def test_without_a_trigger_there_is_no_bound() -> None:
         ({"mode": "per_channel"}, True),
         ({"mode": "dynamic"}, True),
         ({"mode": "periodic_event", "check_s": 0.003}, True),
+        ({"mode": "scaled"}, True),
         ({"mode": "self"}, False),
         ({"mode": "periodic", "period_s": 0.004}, False),
     ],

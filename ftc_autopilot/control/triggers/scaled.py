@@ -1,0 +1,104 @@
+"""Trigger `scaled`: thresholds that grow with the noise and the gusts in a command.
+
+A trigger on a noisy command counts noise. Two changes of the command u are watched, over a time P
+and over a quarter of it, each by its running median: turns and faults are brief and hardly move it.
+With S and s the standard deviations that these medians mean, of normal changes, an event is
+
+    |u - u₀| >= max(rel |u₀| + abs, sqrt(S² + 8 s²)).
+
+Where gusts make the command a random walk, s² = S²/4, and the square root is √3 S. A random walk
+that is sent when it has moved by √3 S has the mean square error of one that is sent every P, and is
+sent every 3 P (Åström and Bernhardsson, "Comparison of Riemann and Lebesgue sampling for first
+order stochastic systems", CDC 2002). White noise has s = S, so the root is 3 S, three standard
+deviations of the difference of two samples: one sample in 370 is beyond it.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps, threshold
+from mavlink_defs.config.models import Loc
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.constants import N_CHANNELS
+from mavlink_defs.runtime.jit import compiled
+
+_DEPTH = 64
+"""Control periods that are remembered, at least P."""
+_DEVIATION = 1.4826
+"""Standard deviation of a normal variable by the median of its absolute value."""
+_LEAST = 0.1
+"""By which share of the paper's threshold a median of 0 begins to move."""
+
+
+class Scaled(TriggerParameters):
+    """Thresholds of the trigger `scaled`, and the time over which changes are watched."""
+
+    STATE: ClassVar[np.dtype] = np.dtype(
+        [
+            ("steps", "i8"),  # made so far
+            ("past", "f8", (N_CHANNELS, _DEPTH)),  # commands [rad, rad, rad, N]
+            ("slow", "f8", (N_CHANNELS,)),  # median of |change| over P
+            ("fast", "f8", (N_CHANNELS,)),  # the same over P/4
+        ]
+    )
+
+    mode: Literal["scaled"] = Field(default="scaled", description="Name of the trigger.")
+
+    within_s: float = quantity(
+        "s",
+        gt=0.0,
+        default=0.02,
+        doc="Time P over which changes are watched: about the period of a clock at which the law "
+        "tracks as well as at the control rate, and at most a tenth of its loops' oscillation.",
+    )
+    memory_s: float = quantity("s", gt=0.0, default=1.0, doc="Time constant of the medians.")
+
+    def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
+        """Yield a time longer than what is remembered, in control periods [µs]."""
+        longest_s = _DEPTH * step_us / 1e6
+        if self.within_s > longest_s * (1.0 + 1e-9):
+            text = f"expected <= {longest_s:g} s, {_DEPTH} control periods, got {self.within_s!r}"
+            yield ("within_s",), text
+
+
+@compiled
+def scaled(now: Candidates, parameters: np.void, state: np.void) -> int:
+    """Return the mask of the channels that transmit.
+
+    Args:
+        now: The present step.
+        parameters: Record made of `Scaled`.
+        state: Record of dtype `Scaled.STATE`, updated in place.
+    """
+    n = state["steps"]
+    state["steps"] = n + 1
+    lag = in_steps(parameters["within_s"], now.dt)
+    short = max(lag // 4, 1)
+    # large at first, so that medians are found in some 20 steps, whatever they are
+    share = max(now.dt / parameters["memory_s"], min(3.0 / max(n - lag + 1, 1), 0.5))
+    mask = 0
+    for i in range(N_CHANNELS):
+        u, past = now.commanded[i], state["past"][i]
+        least = threshold(now, i, now.held[i])
+        if n >= lag:
+            change, brief = u - past[(n - lag) % _DEPTH], u - past[(n - short) % _DEPTH]
+            floor = _LEAST * least
+            state["slow"][i] = _moved(state["slow"][i], abs(change), share, floor)
+            state["fast"][i] = _moved(state["fast"][i], abs(brief), share, floor)
+        past[n % _DEPTH] = u
+        S, s = _DEVIATION * state["slow"][i], _DEVIATION * state["fast"][i]
+        limit = max(least, math.sqrt(S * S + 8.0 * s * s))
+        if now.first or abs(u - now.held[i]) >= limit:
+            mask |= 1 << i
+    return mask
+
+
+@compiled
+def _moved(median: float, sample: float, share: float, floor: float) -> float:
+    """Return a running median after a sample, a share of itself nearer to it."""
+    step = share * max(median, floor)
+    return median + step if sample > median else max(median - step, 0.0)
