@@ -1,5 +1,6 @@
 """Imports go one way, as [tool.importlinter] says; the core runs without the extra `lab`."""
 
+import json
 import os
 import re
 import subprocess
@@ -27,6 +28,20 @@ class Without(PathFinder):
 
 sys.meta_path[sys.meta_path.index(PathFinder)] = Without
 """
+IN_TURN = """
+import json, sys
+from gcs.__main__ import main
+
+for command in json.loads(sys.argv[1]):
+    sys.argv = ["gcs", *command]
+    try:
+        main()
+        status = 0
+    except SystemExit as end:
+        status = end.code or 0
+    print(f"{status} from {command}", file=sys.stderr, flush=True)
+"""
+"""Commands in one interpreter: importing takes longer than most of them."""
 
 
 def test_imports_go_one_way() -> None:
@@ -37,13 +52,13 @@ def test_imports_go_one_way() -> None:
 def run_without(
     absent: Iterable[str], folder: Path, *arguments: str
 ) -> subprocess.CompletedProcess[str]:
-    """Run ``gcs`` where modules are missing, in it and in every process that it starts."""
+    """Run Python where modules are missing, in it and in every process that it starts."""
     site = folder / "site"
     site.mkdir(exist_ok=True)
     (site / "sitecustomize.py").write_text(WITHOUT.replace("{absent!r}", repr(tuple(absent))))
     path = os.pathsep.join([str(site), str(ROOT), os.environ.get("PYTHONPATH", "")])
     return subprocess.run(
-        [sys.executable, "-m", "gcs", *arguments],
+        [sys.executable, *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": path},
         capture_output=True,
@@ -57,7 +72,7 @@ def run_without(
 def test_the_core_runs_without_the_lab(tmp_path: Path) -> None:
     absent = (*LAB_PACKAGES, "dask", "gcs.lab")
     short = ("paper/scenario1", "--set", "duration_s=0.05", "--quiet")
-    for command in (
+    commands = (
         ("--help",),
         ("scenarios",),
         ("fly", *short, "--out", "wire", "--free-ports"),
@@ -66,14 +81,18 @@ def test_the_core_runs_without_the_lab(tmp_path: Path) -> None:
         ("new", "my.yaml"),
         ("mission", "show", "missions/race_track"),
         ("config", "paper/scenario1", "--out", "hosts"),
-    ):
-        done = run_without(absent, tmp_path, *command)
-        assert done.returncode == 0, (command, done.stderr)
-    for command in (("status", "--timeout", "0.1"), ("fault", "list", "--timeout", "0.1")):
-        address = "udpin:127.0.0.1:0"
-        done = run_without(absent, tmp_path, *command, "--connect", address)
-        assert done.returncode != 70, (command, done.stderr)
-        assert "lab" not in done.stderr
+    )
+    nobody = ("--timeout", "0.1", "--connect", "udpin:127.0.0.1:0")
+    unheard = (("status", *nobody), ("fault", "list", *nobody))
+    done = run_without(absent, tmp_path, "-c", IN_TURN, json.dumps([*commands, *unheard]))
+    assert done.returncode == 0, done.stderr
+    ends = re.findall(r"^(\d+) from (.*)$", done.stderr, re.MULTILINE)
+    assert [command for _, command in ends] == [str([*c]) for c in (*commands, *unheard)]
+    assert {status for status, _ in ends[: len(commands)]} == {"0"}, done.stderr
+    assert "70" not in {status for status, _ in ends}, done.stderr
+    said_last = done.stderr.partition(f"from {[*commands[-1]]}\n")[2]
+    assert said_last
+    assert "lab" not in said_last
 
 
 @pytest.mark.parametrize(
@@ -87,7 +106,7 @@ def test_the_core_runs_without_the_lab(tmp_path: Path) -> None:
 def test_a_missing_package_is_one_line(
     package: str, command: tuple[str, ...], tmp_path: Path
 ) -> None:
-    done = run_without([package], tmp_path, *command)
+    done = run_without([package], tmp_path, "-m", "gcs", *command)
     assert done.returncode == 2
     first, hint = done.stderr.splitlines()
     assert package in first
