@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -12,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flying import free_links, recorded_by
+from flying import BIN, free_links, recorded_by
 
+from gcs.fleet.forked import FORKS, Forked, ForkServer
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
@@ -29,21 +29,21 @@ STARTS = "simulated time starts"
 
 
 class Processes:
-    """Plant and autopilots of a scenario, each with its own log."""
+    """Plant and autopilots of a scenario, each with its own log; forked where that is possible."""
 
-    def __init__(self, scenario: Scenario, folder: Path) -> None:
-        self.scenario, self._folder = scenario, folder
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
+    def __init__(self, scenario: Scenario, folder: Path, server: ForkServer) -> None:
+        self.scenario, self._folder, self._server = scenario, folder, server
+        self._running: dict[str, subprocess.Popen[bytes] | Forked] = {}
 
     def start_plant(self, **changes: object) -> None:
         config = self.scenario.plant_config().model_copy(update=changes)
         dump(config, self._folder / "plant.yaml")
-        self._start("plant", "sitl_plant.process", record=config.duration_s is not None)
+        self._start("plant", "sitl-plant", record=config.duration_s is not None)
 
     def start_autopilot(self, uav: int, **changes: object) -> None:
         config = self.scenario.autopilot_config(uav).model_copy(update=changes)
         dump(config, self._folder / f"uav{uav}.yaml")
-        self._start(f"uav{uav}", "ftc_autopilot.process", record=True)
+        self._start(f"uav{uav}", "ftc-autopilot", record=True)
 
     def log(self, name: str) -> str:
         return (self._folder / f"{name}.log").read_text()
@@ -53,7 +53,7 @@ class Processes:
 
     def kill(self, name: str) -> None:
         self._running[name].kill()
-        self._running.pop(name).wait()
+        self._running.pop(name).wait(PATIENCE_S)
 
     def end(self, name: str, ask: bool = False) -> int:
         """Exit status of a process that ends by itself, or when asked to."""
@@ -65,25 +65,29 @@ class Processes:
         for name in list(self._running):
             self.kill(name)
 
-    def _start(self, name: str, module: str, record: bool) -> None:
-        command = [
-            sys.executable,
-            "-P",
-            "-c",
-            f"from {module} import main; main()",
-            str(self._folder / f"{name}.yaml"),
-            "--exit-with-parent",
-            str(os.getpid()),
-        ]
+    def _start(self, name: str, program: str, record: bool) -> None:
+        arguments = [str(self._folder / f"{name}.yaml")]
         if record:
-            command += ["--record", str(self._folder / name)]
-        with (self._folder / f"{name}.log").open("ab") as output:
+            arguments += ["--record", str(self._folder / name)]
+        log = self._folder / f"{name}.log"
+        if FORKS:
+            self._running[name] = self._server.start(program, arguments, log)
+            return
+        command = [str(BIN / program), *arguments, "--exit-with-parent", str(os.getpid())]
+        with log.open("ab") as output:
             self._running[name] = subprocess.Popen(command, stdout=output, stderr=output)
 
 
+@pytest.fixture(scope="module")
+def server() -> Iterator[ForkServer]:
+    server = ForkServer()
+    yield server
+    server.close()
+
+
 @contextlib.contextmanager
-def processes_of(scenario: Scenario, folder: Path) -> Iterator[Processes]:
-    processes = Processes(scenario, folder)
+def processes_of(scenario: Scenario, folder: Path, server: ForkServer) -> Iterator[Processes]:
+    processes = Processes(scenario, folder, server)
     try:
         yield processes
     finally:
@@ -117,7 +121,9 @@ def scenario(scenario1: Scenario) -> Scenario:
     return scenario1.model_copy(update={"links": links, "duration_s": 2.0, "faults": ()})
 
 
-def test_an_autopilot_that_was_started_again_flies_on(scenario: Scenario, tmp_path: Path) -> None:
+def test_an_autopilot_that_was_started_again_flies_on(
+    scenario: Scenario, tmp_path: Path, server: ForkServer
+) -> None:
     """The plant waits for it, and holds the last command."""
     alone = scenario.model_copy(update={"uavs": scenario.uavs[:1]})
 
@@ -139,7 +145,7 @@ def test_an_autopilot_that_was_started_again_flies_on(scenario: Scenario, tmp_pa
             await until(lambda: client.vehicle(1).state.tells_private)
             await client.vehicle(1).arm()
 
-    with processes_of(alone, tmp_path) as processes:
+    with processes_of(alone, tmp_path, server) as processes:
         processes.start_plant(wait_for_restart=True, silence_timeout_s=0.5, duration_s=None)
         asyncio.run(fly(processes))
         assert processes.end("plant", ask=True) == 0
@@ -149,7 +155,7 @@ def test_an_autopilot_that_was_started_again_flies_on(scenario: Scenario, tmp_pa
 
 @pytest.mark.parametrize("speed", [None, 1.0])
 def test_a_plant_that_was_started_again_flies_only_when_all_are_armed_again(
-    scenario: Scenario, tmp_path: Path, speed: float | None
+    scenario: Scenario, tmp_path: Path, server: ForkServer, speed: float | None
 ) -> None:
     ids = [uav.id for uav in scenario.uavs]
     steps = round(scenario.duration_s * 1e6 / scenario.step_us)
@@ -179,7 +185,7 @@ def test_a_plant_that_was_started_again_flies_only_when_all_are_armed_again(
             assert all(processes.end(f"uav{i}") == 0 for i in ids)
         assert processes.end("plant") == 0
 
-    with processes_of(scenario, tmp_path) as processes:
+    with processes_of(scenario, tmp_path, server) as processes:
         processes.start_plant(speed=speed, duration_s=None)
         asyncio.run(fly(processes))
         flown = [processes.record(f"uav{i}")["signals"] for i in ids]
