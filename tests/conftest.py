@@ -12,7 +12,7 @@ from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.code_cache import cache_is_cold
 from sitl_plant.aircraft import aircraft_record
 
-pytest_plugins = ["leftovers", "needs", "pytester"]
+pytest_plugins = ["leftovers", "needs", "pytester", "warm_flights"]
 
 # the first call of a function compiles it; few examples and always the same, but by `make explore`
 settings.register_profile("ftc-sitl", deadline=None, derandomize=True, max_examples=40)

@@ -227,3 +227,40 @@ class _FlightServer:
             pid, status = os.waitpid(self.pid, options)
             self._status = os.waitstatus_to_exitcode(status) if pid else None
         return self._status
+
+
+class _DistantFlightServer(_FlightServer):
+    """The same for a test's own process, which has threads and more open than a fork should get."""
+
+    def __init__(self) -> None:
+        _start_server()
+        (requests, to_requests), (from_reports, reports) = (
+            multiprocessing.Pipe(duplex=False) for _ in range(2)
+        )
+        given = (dict(os.environ), Path.cwd(), requests, reports)
+        self._process = _PROCESSES.Process(target=_serve_flights, args=given)
+        self._process.start()
+        self.pid = self._process.pid
+        self.stdin = open(os.dup(to_requests.fileno()), "wb")  # noqa: SIM115 - as there
+        self.stdout = open(os.dup(from_reports.fileno()), "rb")  # noqa: SIM115 - as there
+        for pipe in (requests, to_requests, from_reports, reports):
+            pipe.close()
+
+    def _wait(self, options: int) -> int | None:
+        self._process.join(0.0 if options else None)
+        status: int | None = self._process.exitcode
+        return status
+
+
+def _serve_flights(
+    env: dict[str, str], cwd: Path, requests: Connection, reports: Connection
+) -> None:
+    os.environ.clear()
+    os.environ.update(env)
+    os.chdir(cwd)
+    _FlightServer._serve(requests.fileno(), reports.fileno())
+
+
+def start_warm_flight_server(errors: int | IO[bytes]) -> Any:
+    """Start what `gcs.fleet.forked` starts as an interpreter of its own."""
+    return _DistantFlightServer()
