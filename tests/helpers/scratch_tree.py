@@ -27,7 +27,7 @@ class ScratchTree:
 
     def __init__(self, folder: Path, edits: Edits) -> None:
         self.folder = folder
-        skipped = shutil.ignore_patterns("__pycache__")
+        skipped = shutil.ignore_patterns("*.pyc.*")
         for package in PACKAGES:
             shutil.copytree(ROOT / package, folder / package, ignore=skipped)
         (folder / "scenarios").symlink_to(ROOT / "scenarios")

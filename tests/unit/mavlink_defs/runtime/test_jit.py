@@ -78,7 +78,7 @@ print(product(x, x)[0].ravel().tolist(), product(x, x)[1])
 def project(tmp_path: Path) -> Path:
     """A copy of the package with three compiled modules more."""
     package = tmp_path / "mavlink_defs"
-    shutil.copytree(ROOT / "mavlink_defs", package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "mavlink_defs", package, ignore=shutil.ignore_patterns("*.pyc.*"))
     for name, text in MODULES.items():
         (package / name).write_text(text)
     return tmp_path
