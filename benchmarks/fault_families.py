@@ -36,13 +36,22 @@ Keys: TypeAlias = dict[str, Any]
 
 
 def from_the_start(rng: random.Random) -> tuple[list[Fault], Keys]:
-    """Stuck before or soon after the start."""
+    """Stuck before the start."""
+    return _stuck_at(0.0, rng)
+
+
+def soon_after_start(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """Stuck while the control check is made, or soon after it."""
+    return _stuck_at(rng.uniform(0.0, 0.6), rng)
+
+
+def _stuck_at(start_s: float, rng: random.Random) -> tuple[list[Fault], Keys]:
     actuator = rng.choice(ACTUATORS)
     if actuator == "throttle":
         stuck = {"stuck_n": rng.uniform(700.0, 900.0)}
     else:
         stuck = {"stuck_deg": rng.uniform(*_BALANCED[actuator])}
-    return [_of(actuator, rng.choice([0.0, rng.uniform(0.0, 0.6)]), **stuck)], {"duration_s": 10.0}
+    return [_of(actuator, start_s, **stuck)], {"duration_s": 10.0}
 
 
 def swinging(rng: random.Random) -> tuple[list[Fault], Keys]:
@@ -141,6 +150,7 @@ FAMILIES: dict[str, Callable[[random.Random], tuple[list[Fault], Keys]]] = {
     family.__name__: family
     for family in (
         from_the_start,
+        soon_after_start,
         swinging,
         stuck_swinging,
         weak_aileron,

@@ -121,6 +121,31 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
 
 
 @compiled
+def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gains: np.void) -> None:
+    """Suspect an actuator whose command has been at its stop for a time, with a large residual.
+
+    A law that counteracts what a lost surface does ends there, and as the command stands still, no
+    other test sees it. The cooldown does not hold: the aircraft may be overturning.
+
+    Args:
+        actuator: Record of dtype `ACTUATOR`, updated in place.
+        limits: Its limits.
+        at_stop: Whether the command in force is at the actuator's stop.
+        dt: Control period [s].
+        gains: Parameters, record made of `DiagnosisParameters`.
+    """
+    r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
+    undecided = actuator["lost"] == 0 and actuator["suspect_s"] == 0.0
+    if not (at_stop and undecided and abs(r) > limits.jump):
+        actuator["stop_s"] = 0.0
+        return
+    actuator["stop_s"] += dt
+    if actuator["stop_s"] > gains["stop_s"]:
+        actuator["stop_s"] = 0.0
+        _suspect(actuator, limits, r, math.inf, gains)
+
+
+@compiled
 def _suspect(
     actuator: np.void, limits: Limits, away: float, early_s: float, gains: np.void
 ) -> None:

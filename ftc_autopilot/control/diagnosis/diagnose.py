@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis.decisions import decide, monitor, phase_of
+from ftc_autopilot.control.diagnosis.decisions import decide, monitor, phase_of, watch_stop
 from ftc_autopilot.control.diagnosis.instrument import restart_instrument
 from ftc_autopilot.control.diagnosis.measurement import measure, past_dither, restart_command
 from ftc_autopilot.control.diagnosis.parameters import limits_of
@@ -16,6 +16,7 @@ from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
 _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to the jump threshold
+_AT_STOP = 0.98  # of the stop
 _OFFSETS_S = 0.05  # no offset earlier: the filters are filling
 _LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
 _LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
@@ -57,6 +58,9 @@ def diagnose(
             actuator["effectiveness"] = 1.0
             actuator["variance"] = (_FIRST_SIGMA * limits.jump) ** 2
         monitor(actuator, limits, state["age"], dt, gains)
+        if j < THROTTLE:
+            at_stop = abs(held[j]) > _AT_STOP * aircraft["surface_limit"]
+            watch_stop(actuator, limits, at_stop, dt, gains)
         dither = past_dither(j, now, gains, state)
         found = decide(actuator, dither, limits, state["age"], dt, gains, j == THROTTLE)
         if found > 0:

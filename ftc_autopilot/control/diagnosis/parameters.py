@@ -140,6 +140,7 @@ class DiagnosisParameters(Model):
     drift: float = _number(1.6, "Drift test: threshold, relative to the jump test's.")
     drift_mean_s: float = _time(4.0, "Drift test: memory of the residual's slower mean (EWMA).")
     drift_start_s: float = _time(1.5, "Drift test: inhibited at first, while that mean settles.")
+    stop_s: float = _time(0.2, "Stop test: the command at its stop, the residual large, so long.")
     loss_start_s: float = _time(0.06, "Loss: inhibited at first, while the filters settle.")
     excitation_sigma: float = _number(2.1, "Persistent excitation: least, relative to noise.")
     least_window_s: float = _time(0.006, "Persistent excitation: shortest window.")

@@ -51,6 +51,7 @@ ACTUATOR = np.dtype(
         ("confirmed_s", "f8"),  # for which the condition of a decision has held
         ("followed_s", "f8"),  # for which a suspect actuator has been seen to follow
         ("decided_s", "f8"),  # since the last decision
+        ("stop_s", "f8"),  # for which the command has been at the stop, the residual large
         ("quiet_s", "f8"),  # for which the residual has been small
         # results
         ("lost", "i8"),
