@@ -1,11 +1,12 @@
 """Decisions about one actuator: suspect, lost, back in service.
 
-Fault detection and isolation by the residual r = y - u of each actuator, in five tests:
+Fault detection and isolation by the residual r = y - u of each actuator, in six tests:
 
 - Jump test, of the kind of a CUSUM with a short memory: r, or r smoothed, is farther from its mean
   (EWMA) than a threshold and than a multiple of its standard deviation. Most of the gyro's noise in
   r is fast, as y has the rates' derivative in it: smoothed, r shows jumps several times smaller.
 - Drift test: r is far from a slower mean. Either one raises a suspicion: the surface is dithered.
+- Stop test: the command has been at its stop for a time, and r is large.
 - Control check: soon after the start each actuator is suspected once, as what has failed before
   shows by no jump.
 - Excitation test (persistent excitation), then regression on the command, and on the dither alone
@@ -71,6 +72,8 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
         math.sqrt(actuator["smooth_variance"]),
     )
     smooth_jump = max(limits.smooth_jump, gains["smooth_jump_sigma"] * smooth_sigma)
+    if age > gains["drift_start_s"]:
+        _count_sides(actuator, smooth_away, smooth_jump, dt, gains)
     slight_jump = gains["slight"] * smooth_jump
     slight = abs(away) <= jump and abs(smooth_away) < slight_jump < gains["slight"] * jump
     rest_of_blanking = (gains["blanking"] - gains["slight_blanking"]) * gains["filter_s"]
@@ -121,6 +124,15 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
 
 
 @compiled
+def _count_sides(actuator: np.void, away: float, jump: float, dt: float, gains: np.void) -> None:
+    """Count how often the residual has jumped to the other side, with exponential forgetting."""
+    actuator["swings"] -= dt / gains["swings_s"] * actuator["swings"]
+    if abs(away) > jump and away * actuator["side"] <= 0.0:
+        actuator["side"] = math.copysign(1.0, away)
+        actuator["swings"] += 1.0
+
+
+@compiled
 def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gains: np.void) -> None:
     """Suspect an actuator whose command has been at its stop for a time, with a large residual.
 
@@ -134,15 +146,22 @@ def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gain
         dt: Control period [s].
         gains: Parameters, record made of `DiagnosisParameters`.
     """
-    r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
-    undecided = actuator["lost"] == 0 and actuator["suspect_s"] == 0.0
-    if not (at_stop and undecided and abs(r) > limits.jump):
-        actuator["stop_s"] = 0.0
+    if actuator["suspect_s"] > 0.0:
         return
-    actuator["stop_s"] += dt
-    if actuator["stop_s"] > gains["stop_s"]:
+    r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
+    counts = at_stop and actuator["lost"] == 0 and abs(r) > limits.jump
+    if not counts or stop_suspected(actuator, gains):
         actuator["stop_s"] = 0.0
-        _suspect(actuator, limits, r, math.inf, gains)
+    if counts:
+        actuator["stop_s"] += dt
+        if stop_suspected(actuator, gains):
+            _suspect(actuator, limits, r, math.inf, gains)
+
+
+@compiled
+def stop_suspected(actuator: np.void, gains: np.void) -> bool:
+    """Return whether the stop test has raised the last suspicion."""
+    return bool(actuator["stop_s"] > gains["stop_s"])
 
 
 @compiled
@@ -188,7 +207,7 @@ def decide(
     """
     is_new = actuator["decided_s"] < gains["trial_s"]
     on_trial = is_new and actuator["lost"] != 0 and not is_throttle
-    is_check = age < limits.check + limits.suspicion
+    is_check = age - actuator["z_s"] < limits.check + limits.suspicion  # raised by it
     lags, dead = LAGS if is_check else 1, 0
     found = _estimates(actuator, dither, lags, limits, on_trial, dt, gains, is_throttle)
     actuator["confidence"] = max(0.0, 1.0 - found.error)
@@ -287,14 +306,15 @@ def _is_lost(
     """
     lost = min(gains["lost_effectiveness"], 0.5 * actuator["effectiveness"])
     surely = lost + gains["lost_margin"] * lost / gains["lost_effectiveness"]
-    if found.by_dither < lost and found.by_dither + 1.5 * found.dither_error < surely:
+    at_most = found.by_dither + gains["lost_sigma"] * found.dither_error
+    if found.by_dither < lost and at_most < surely:
         return True
     noise = min(actuator["variance"], (gains["flat_noise"] * limits.jump) ** 2)
     flat = gains["flat_sigma"] ** 2 * noise + gains["flat"] ** 2 * actuator["var_u"]
     return bool(
         excited
         and found.rho < lost
-        and found.rho + 1.5 * found.error < surely
+        and found.rho + gains["lost_command_sigma"] * found.error < surely
         and actuator["var_y"] < min(flat, gains["min_response_ratio"] * actuator["var_u"])
         and actuator["suspect_s"] > 0.0
     )

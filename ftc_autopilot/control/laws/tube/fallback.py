@@ -1,13 +1,15 @@
 """Fallback: the surviving law flies after the loss of an actuator, with a large error, or events.
 
-That is, after the loss of more than the rudder, with a large error of roll or pitch, or while a
-channel has more events than the tube law should need.
+That is, after the loss of more than the rudder, with a large error of roll or pitch, while an
+actuator swings or is suspect at its stop, or a channel has more events than the tube law should
+need.
 """
 
 import math
 
 import numpy as np
 
+from ftc_autopilot.control.diagnosis.decisions import stop_suspected
 from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
@@ -16,6 +18,7 @@ from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
 _MOST_DOUBLINGS = 4
+_SWINGS = 1.5  # jumps to the other side, so two within a second
 _SWING = 0.3  # standard deviation of a smoothed residual, relative to a jump
 
 
@@ -36,13 +39,16 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
         return False
     state["taken_over"] = max(state["taken_over"] - now.dt, 0.0)
     lost, actuators = False, state["fallback"]["diagnosis"]["actuators"]
+    diagnosis = gains["fallback"]["diagnosis"]
     for j in range(N_CHANNELS):
         lost = lost or actuators[j]["lost"] != 0
-        limits = limits_of(gains["fallback"]["diagnosis"], j)
+        limits = limits_of(diagnosis, j)
         noise = math.sqrt(max(actuators[j]["variance"] - actuators[j]["smooth_variance"], 0.0))
         swings = math.sqrt(actuators[j]["smooth_variance"]) > max(_SWING * limits.jump, noise)
-        if swings:
+        if swings or actuators[j]["swings"] > _SWINGS:
             state["taken_over"] = max(state["taken_over"], now.dt)
+        if actuators[j]["suspect_s"] > 0.0 and stop_suspected(actuators[j], diagnosis):
+            state["taken_over"] = max(state["taken_over"], actuators[j]["suspect_s"])
     large = max(abs(now.errors.e[0]), abs(now.errors.e[1])) > gains["rescue_rad"]
     if large or (lost and not only_rudder_lost(gains, state)):
         state["taken_over"] = max(state["taken_over"], gains["takeover_s"])

@@ -73,6 +73,22 @@ def test_a_surface_that_works_and_swings_is_not_given_up(
     assert attitude_errors(flight).max() < 5.0
 
 
+@pytest.mark.parametrize(
+    ("law", "surface", "frequency_hz"),
+    [("surviving", "aileron", 3.456), ("tube", "aileron", 6.715), ("tube", "elevator", 5.084)],
+)
+def test_what_is_stuck_and_swings_is_found_before_it_overturns_the_aircraft(
+    law: str, surface: str, frequency_hz: float
+) -> None:
+    """It may pass for a surface that works; then the law's command ends at its stop."""
+    fault = {"uav": UAV, "actuator": surface, "stuck_deg": 5.0, "start_s": 3.0}
+    fault["frequency_hz"] = frequency_hz
+    flight = fly_in_process(scenario_with(law, "ideal", [fault], {"duration_s": 10.0}))
+    assert flight.loss is None
+    assert declared(flight) == [(UAV, surface)]
+    assert attitude_errors(flight)[:, :2].max() < 90.0
+
+
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("hardware", HARDWARE)
 @pytest.mark.parametrize(
