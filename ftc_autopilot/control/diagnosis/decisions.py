@@ -12,7 +12,8 @@ Fault detection and isolation by the residual r = y - u of each actuator, in six
 - Excitation test (persistent excitation), then regression on the command, and on the dither alone
   (`instrument`): the command moved enough, and ρ with its standard error is too small: lost; large
   enough: not suspect any more.
-- Return test: a lost actuator follows its probe again, or has a share of its power after all.
+- Return test: a lost actuator follows its probe again, or has a share of its power after all. A
+  surface that jumps from where it was stuck is tried as one just lost.
 
 Timers keep one event from counting twice: a blanking time in which the filters pass the step, a
 hold-off between two jumps, a cooldown between two suspicions, a confirmation time of a decision.
@@ -234,7 +235,11 @@ def decide(
         seen = may_be and _is_lost(found, excited, actuator, limits, gains)
         confirm = limits.confirm
     else:
-        actuator["stuck"] += dt / gains["mean_s"] * (actuator["measured"] - actuator["stuck"])
+        moved = actuator["measured"] - actuator["stuck"]
+        if not is_throttle and not is_new and abs(moved) > limits.jump:  # it may be free again
+            actuator["decided_s"] = 0.0
+            restart_instrument(actuator)
+        actuator["stuck"] += dt / gains["mean_s"] * moved
         r = actuator["measured"] - actuator["commanded"]
         small = abs(r) < gains["quiet"] * limits.jump
         actuator["quiet_s"] = actuator["quiet_s"] + dt if small else 0.0

@@ -106,9 +106,7 @@ class DiagnosisParameters(Model):
         default=(10.0, 10.0, 12.0),
         description="Movements of a surface that has just been lost, to either side [deg].",
     )
-    trial_least_s: float = _time(
-        0.14, "Return test: inhibited until it has moved to and fro twice."
-    )
+    trial_least_s: float = _time(0.2, "Return test: inhibited until it has moved to and fro twice.")
     trial_s: float = _time(0.6, "How long it is moved so.")
     probe_n: float = quantity("N", gt=0.0, default=100.0, doc="Movements of a lost throttle.")
     probe_s: float = _time(0.5, "Half period of these movements.")

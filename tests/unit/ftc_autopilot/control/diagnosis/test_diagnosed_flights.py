@@ -132,3 +132,15 @@ def test_an_autopilot_that_stood_still_blames_nobody(
         scenario_with(law, "realistic", [], {"duration_s": 4.5}), Impairment()
     )
     assert declared(flight) == []
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_rudder_that_is_free_again_is_back_at_once(law: str) -> None:
+    """Each tenth of a second costs two degrees of heading."""
+    fault = {"uav": UAV, "actuator": "rudder", "stuck_deg": 0.0, "start_s": 4.0, "end_s": 5.0}
+    flight = fly_in_process(scenario_with(law, "realistic", [fault], {"duration_s": 8.0}))
+    i, c = flight.uav_ids.index(UAV), ACTUATORS.index("rudder")
+    lost = flight.time_s[flight.signals["phase"][:, i, c] == LOST]
+    assert lost[0] < 4.3
+    assert 5.0 < lost[-1] < 5.35
+    assert attitude_errors(flight)[i, 2] < 60.0
