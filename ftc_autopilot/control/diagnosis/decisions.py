@@ -151,8 +151,10 @@ def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gain
         return
     r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
     counts = at_stop and actuator["lost"] == 0 and abs(r) > limits.jump
-    if not counts or stop_suspected(actuator, gains):
-        actuator["stop_s"] = 0.0
+    if stop_suspected(actuator, gains):
+        actuator["stop_s"] = -gains["stop_holdoff_s"]
+    elif not counts:
+        actuator["stop_s"] = min(actuator["stop_s"], 0.0)
     if counts:
         actuator["stop_s"] += dt
         if stop_suspected(actuator, gains):

@@ -140,6 +140,7 @@ class DiagnosisParameters(Model):
     drift_start_s: float = _time(1.5, "Drift test: inhibited at first, while that mean settles.")
     swings_s: float = _time(1.5, "Swings: memory of the jumps to the other side.")
     stop_s: float = _time(0.1, "Stop test: the command at its stop, the residual large, so long.")
+    stop_holdoff_s: float = _time(0.2, "Stop test: hold-off after a suspicion that it has raised.")
     loss_start_s: float = _time(0.06, "Loss: inhibited at first, while the filters settle.")
     excitation_sigma: float = _number(2.1, "Persistent excitation: least, relative to noise.")
     least_window_s: float = _time(0.006, "Persistent excitation: shortest window.")
