@@ -181,10 +181,11 @@ def test_versions(programs: Path, folder: Path) -> None:
 def test_bundled_scenarios_are_listed_one_per_line(programs: Path, folder: Path) -> None:
     rows = run_well(programs, folder, "gcs", "scenarios").splitlines()
     scenarios = ROOT / "scenarios"
-    names = sorted(
-        str(path.relative_to(scenarios).with_suffix("")) for path in scenarios.rglob("*.yaml")
+    whole, additions = (
+        sorted(str(path.relative_to(scenarios).with_suffix("")) for path in scenarios.glob(pattern))
+        for pattern in ("*/*.yaml", "*.yaml")
     )
-    assert [row.split()[0] for row in rows] == names
+    assert [row.split()[0] for row in rows] == whole + additions
     assert all(len(row.split()) > 3 for row in rows)
 
 

@@ -74,7 +74,7 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
     )
     smooth_jump = max(limits.smooth_jump, gains["smooth_jump_sigma"] * smooth_sigma)
     if age > gains["drift_start_s"]:
-        _count_sides(actuator, smooth_away, smooth_jump, dt, gains)
+        _count_sides(actuator, smooth_away, limits.swing, dt, gains)
     slight_jump = gains["slight"] * smooth_jump
     slight = abs(away) <= jump and abs(smooth_away) < slight_jump < gains["slight"] * jump
     rest_of_blanking = (gains["blanking"] - gains["slight_blanking"]) * gains["filter_s"]
@@ -125,10 +125,10 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
 
 
 @compiled
-def _count_sides(actuator: np.void, away: float, jump: float, dt: float, gains: np.void) -> None:
-    """Count how often the residual has jumped to the other side, with exponential forgetting."""
+def _count_sides(actuator: np.void, away: float, far: float, dt: float, gains: np.void) -> None:
+    """Count how often the residual has come to the other side, with exponential forgetting."""
     actuator["swings"] -= dt / gains["swings_s"] * actuator["swings"]
-    if abs(away) > jump and away * actuator["side"] <= 0.0:
+    if abs(away) > far and away * actuator["side"] <= 0.0:
         actuator["side"] = math.copysign(1.0, away)
         actuator["swings"] += 1.0
 

@@ -138,7 +138,8 @@ class DiagnosisParameters(Model):
     drift: float = _number(1.6, "Drift test: threshold, relative to the jump test's.")
     drift_mean_s: float = _time(4.0, "Drift test: memory of the residual's slower mean (EWMA).")
     drift_start_s: float = _time(1.5, "Drift test: inhibited at first, while that mean settles.")
-    swings_s: float = _time(1.5, "Swings: memory of the jumps to the other side.")
+    swings_s: float = _time(1.5, "Swings: memory of the changes to the other side.")
+    swing: float = _number(0.75, "Swings: least residual, relative to the jump test's threshold.")
     stop_s: float = _time(0.1, "Stop test: the command at its stop, the residual large, so long.")
     stop_holdoff_s: float = _time(0.2, "Stop test: hold-off after a suspicion that it has raised.")
     loss_start_s: float = _time(0.06, "Loss: inhibited at first, while the filters settle.")
@@ -183,6 +184,7 @@ class Limits(NamedTuple):
 
     jump: float
     smooth_jump: float
+    swing: float  # residual of an actuator that swings, to either side
     excitation: float
     prior: float
     window: float
@@ -206,6 +208,7 @@ def limits_of(gains: np.void, j: int) -> Limits:
         return Limits(
             gains["jump_n"],
             math.inf,
+            math.inf,
             gains["excitation_n"],
             gains["prior_n"],
             gains["throttle_window_s"],
@@ -219,6 +222,7 @@ def limits_of(gains: np.void, j: int) -> Limits:
     return Limits(
         gains["jump_rad"][j],
         gains["smooth_jump_rad"][j],
+        gains["swing"] * gains["jump_rad"][j],
         gains["excitation_rad"][j],
         gains["prior_rad"][j],
         gains["window_s"][j],

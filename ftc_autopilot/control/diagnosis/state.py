@@ -18,7 +18,7 @@ ACTUATOR = np.dtype(
         ("variance", "f8"),  # of r about that mean
         ("smooth", "f8"),  # r through another filter
         ("smooth_variance", "f8"),  # of the smoothed r about the mean
-        ("side", "f8"),  # on which that was last beyond the jump test's threshold
+        ("side", "f8"),  # on which that was last far
         ("swings", "f8"),  # how often it changed, with forgetting
         ("drift_mean", "f8"),  # slower mean of r, from which r may drift
         # regression y = ρ u + f over the window

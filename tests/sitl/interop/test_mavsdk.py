@@ -209,7 +209,7 @@ def test_parameters(leader: System) -> None:
     [
         (lambda param: param.get_param_float("NO_SUCH"), ParamResult.DOES_NOT_EXIST),
         (lambda param: param.set_param_float("K1_ROLL", -1.0), ParamResult.VALUE_OUT_OF_RANGE),
-        (lambda param: param.set_param_int("TRIG_MODE", 7), ParamResult.VALUE_OUT_OF_RANGE),
+        (lambda param: param.set_param_int("TRIG_MODE", 8), ParamResult.VALUE_OUT_OF_RANGE),
         (lambda param: param.set_param_int("SYSID_THISMAV", 9), ParamResult.READ_ONLY),
         (lambda param: param.set_param_int("K1_ROLL", 9), ParamResult.WRONG_TYPE),
     ],

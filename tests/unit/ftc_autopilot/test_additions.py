@@ -133,7 +133,7 @@ def test_a_trigger_is_one_file_and_its_registration(copy: Path) -> None:
             "    Discriminator(_mode),",
             '    | Annotated[EveryNth, Tag("every_nth")],\n    Discriminator(_mode),',
         ),
-        ('Tag("consequence")],', 'Tag("consequence")]'),
+        ('Tag("scaled")],', 'Tag("scaled")]'),
         (
             "    return static.per_channel(now)",
             '    if mode == MODES.index("every_nth"):\n'

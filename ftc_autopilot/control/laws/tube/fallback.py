@@ -18,7 +18,7 @@ from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
 _MOST_DOUBLINGS = 4
-_SWINGS = 1.5  # jumps to the other side, so two within a second
+_SWINGS = 2.6  # changes to the other side: four within two seconds, or three within less
 _SWING = 0.3  # standard deviation of a smoothed residual, relative to a jump
 
 

@@ -86,7 +86,7 @@ def test_the_papers_parameters_are_there(bench: Bench) -> None:
         ("K1_ROLL", 1e30, "is 1e+30, must be in (0, 500] 1/s"),
         ("LAMBDA3", 50.5, "is 50.5, must be in (0, 50]"),
         ("TRIG_A1", 1.0, "is 1, must be in [0, 1)"),
-        ("TRIG_MODE", 7, "is 7, must be in [0, 6]"),
+        ("TRIG_MODE", 8, "is 8, must be in [0, 7]"),
         ("TRIG_MODE", 6, "is 6, which does not go with the law proposed"),
         ("RBF_NEURONS", 65, "is 65, must be in [1, 64]"),
     ],

@@ -21,6 +21,7 @@ DEGREE = math.radians(1.0)
 LIMITS = Limits(
     jump=2.0 * DEGREE,
     smooth_jump=0.15 * DEGREE,
+    swing=1.5 * DEGREE,
     excitation=1.2 * DEGREE,
     prior=0.4 * DEGREE,
     window=0.06,
