@@ -27,6 +27,7 @@ lint: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+MUTANTS_SEED := $(or $(SEED),1)
 ifeq ($(origin SEED), undefined)
 SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
@@ -39,9 +40,8 @@ explore: $(READY)  ## the property tests with new examples, 25 times as many; SE
 	$(BIN)/pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile=explore \
 	  --hypothesis-seed=$(SEED) tests/unit
 
-mutants: $(READY)  ## changes to MODULE=ftc_autopilot/control/speed.py that no test of TESTS=... notices
-	$(BIN)/pip install --quiet --disable-pip-version-check "cosmic-ray>=8.7"
-	scripts/find-mutants $(MODULE) $(TESTS)
+mutants: $(READY)  ## small changes to the equations, 25 of each module, that no test notices; MODULE=..., NUMBER=0 (all), SEED=...
+	NUMBA_DISABLE_JIT=1 $(BIN)/python scripts/find_mutants.py $(MODULE) --number $(or $(NUMBER),25) --seed $(MUTANTS_SEED)
 
 docs: $(READY)  ## the documentation as a site in site/; every warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
