@@ -279,7 +279,7 @@ class Trials:
 
     @pytest.hookimpl
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """Time all tests unchanged, then run those of each module with each of its mutants."""
+        """Time all tests unchanged, then run the ones of each module with each of its mutants."""
         for item in {item.path: item for item in session.items}.values():  # what they import late
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=None)
         for item in session.items:
