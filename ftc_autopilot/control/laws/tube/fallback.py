@@ -18,8 +18,8 @@ from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import clamp
 
 _MOST_DOUBLINGS = 4
-_SWINGS = 2.6  # changes to the other side: four within two seconds, or three within less
-_SWING = 0.3  # standard deviation of a smoothed residual, relative to a jump
+_CHANGES_OF_SIDE = 2.6  # changes to the other side: four within two seconds, or three within less
+_SWING_SIGMA = 0.3  # standard deviation of a smoothed residual, relative to a jump
 
 
 @inlined
@@ -44,8 +44,8 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
         lost = lost or actuators[j]["lost"] != 0
         limits = limits_of(diagnosis, j)
         noise = math.sqrt(max(actuators[j]["variance"] - actuators[j]["smooth_variance"], 0.0))
-        swings = math.sqrt(actuators[j]["smooth_variance"]) > max(_SWING * limits.jump, noise)
-        if swings or actuators[j]["swings"] > _SWINGS:
+        swings = math.sqrt(actuators[j]["smooth_variance"]) > max(_SWING_SIGMA * limits.jump, noise)
+        if swings or actuators[j]["swings"] > _CHANGES_OF_SIDE:
             state["taken_over"] = max(state["taken_over"], now.dt)
         if actuators[j]["suspect_s"] > 0.0 and stop_suspected(actuators[j], diagnosis):
             state["taken_over"] = max(state["taken_over"], actuators[j]["suspect_s"])
