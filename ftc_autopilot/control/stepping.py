@@ -118,6 +118,9 @@ def _seen(
 def broadcast_if_triggered(controllers: Controllers, i: int, step: int, step_us: int) -> bool:
     """Return whether UAV i sends `own_states` to its neighbours after a step; it is noted then.
 
+    After step 0 it sends nothing: the neighbours know that state from before the start, and one
+    that is slower than this UAV would take the message for that one.
+
     Args:
         controllers: Arrays over UAVs; last broadcast, counter and signals of UAV i are updated.
         i: Index of the UAV.
@@ -127,6 +130,9 @@ def broadcast_if_triggered(controllers: Controllers, i: int, step: int, step_us:
     parameters, own = controllers.parameters[i], controllers.own_states[i]
     last = controllers.last_broadcast[i]
     formation = controllers.formations[i]
+    if step == 0:
+        controllers.signals[i]["neighbour_message"] = 0
+        return False
     if parameters["formation_triggered"] != 0:
         dt, extrapolated = step_us / 1e6, controllers.extrapolated[i, -1]
         extrapolate(last, step, dt, extrapolated)
@@ -138,9 +144,8 @@ def broadcast_if_triggered(controllers: Controllers, i: int, step: int, step_us:
     copy_record(last, own)
     if own["relayed"][0] != 0:
         note_relayed(own, controllers.layouts[i], formation)
-    counted = 1 if step > 0 else 0  # the first message is known before the start
-    controllers.signals[i]["neighbour_message"] = counted
-    controllers.states[i]["neighbour_messages"] += counted
+    controllers.signals[i]["neighbour_message"] = 1
+    controllers.states[i]["neighbour_messages"] += 1
     return True
 
 

@@ -43,6 +43,8 @@ from mavlink_defs.runtime.sockaddr import sockaddr
 
 _NEIGHBOUR_WAIT_S = 0.05
 """Longest wait of a lockstep step for a neighbour state in transit, over a slow relay, say [s]."""
+_START_WAIT_S = 2.0
+"""The same of the first step, for whose state a neighbour may still wait for the processor [s]."""
 _NEIGHBOUR_MISSES = 5
 """Messages of a neighbour missed in a row before later steps stop waiting for them."""
 _NEVER_HEARD = -1
@@ -221,7 +223,7 @@ def collect_neighbour_states(
     if not lockstep or _some_given_up(link):
         receive_neighbour_states(fd, link, controllers, newest)
     if lockstep and _some_missing(link, newest):
-        end_s = monotonic_s() + _NEIGHBOUR_WAIT_S
+        end_s = monotonic_s() + (_NEIGHBOUR_WAIT_S if step > 0 else _START_WAIT_S)
         while _some_missing(link, newest):
             length = receive_from_soon(fd, link.received, link.sender)
             if length >= 0:

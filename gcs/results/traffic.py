@@ -61,12 +61,11 @@ class Traffic:
     def _silent_before(self, steps: Steps) -> np.ndarray:
         """Return FTC_SIM_STATE.silent of each step: who sent no message in the step before."""
         silent = np.zeros((steps.length + 1, len(self._silent)), np.uint8)
-        if self._triggered:
-            silent[0] = self._silent
-            for j, system in enumerate(self._ids):
-                quiet = steps.signals["neighbour_message"][:, j] == 0
-                silent[1:, system // 8] |= quiet.astype(np.uint8) << system % 8
-            self._silent = silent[-1]
+        silent[0] = self._silent
+        for j, system in enumerate(self._ids):
+            quiet = steps.signals["neighbour_message"][:, j] == 0
+            silent[1:, system // 8] |= quiet.astype(np.uint8) << system % 8
+        self._silent = silent[-1]
         return silent[:-1]
 
     def _state_bytes(self, steps: Steps, i: int, silent: np.ndarray) -> int:

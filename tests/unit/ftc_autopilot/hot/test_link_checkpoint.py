@@ -38,6 +38,7 @@ def test_an_event_that_was_counted_but_not_sent_is_sent_after_the_restart(
     first: Rig, scenario1: Scenario, tmp_path: Path
 ) -> None:
     """The process died between the two: the plant has seen nothing of step 0."""
+    first.send_neighbour_state(0)
     first.state(0)
     assert ACTUATORS in first.heard(first.plant)
     counted = first.controllers.states["events"].tolist()
@@ -86,6 +87,7 @@ def test_after_a_restart_the_next_step_is_as_without_one(
 
 
 def test_a_step_is_never_flown_twice(first: Rig, scenario1: Scenario, tmp_path: Path) -> None:
+    first.send_neighbour_state(0)
     for step in range(5):
         first.state(step)
     second = rig_with_file(scenario1, tmp_path / "checkpoint")
@@ -98,6 +100,7 @@ def test_a_step_is_never_flown_twice(first: Rig, scenario1: Scenario, tmp_path: 
 
 
 def test_in_lockstep_a_restarted_autopilot_stays_away_for_a_while(first: Rig) -> None:
+    first.send_neighbour_state(0)
     first.state(0)
     first.link.state["away"] = 3
     before = first.controllers.states.copy()
@@ -112,6 +115,7 @@ def test_in_lockstep_a_restarted_autopilot_stays_away_for_a_while(first: Rig) ->
 
 def test_after_fifty_thousand_seconds_steps_and_times_are_exact(first: Rig) -> None:
     step = 50_000 * 1000 + 1
+    first.send_neighbour_state(0)
     first.state(0)
     first.controllers.states["held"][:, :3] += 1.0  # far from any demand: events of the surfaces
     first.state(step, LOCKSTEP, applied_usec=0)
@@ -130,6 +134,7 @@ def test_what_a_member_knows_of_its_formation_stays(
 ) -> None:
     state = first.controllers.formations[0]
     state["table"][1], state["commanded"], state["virtual"] = 27, (-60.0, 5.0, 10.0), 800.0
+    first.send_neighbour_state(0)
     first.state(0)
     second = rig_with_file(scenario1, tmp_path / "checkpoint")
     try:

@@ -3,6 +3,7 @@
 import inspect
 import itertools
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from ftc_autopilot.hot.link import FORMATION
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import FormationLinks
 from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
+from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
 
 
@@ -84,6 +86,26 @@ def test_lockstep_uses_its_only_neighbour_again_after_a_lost_state(rig: Rig) -> 
     rig.send_neighbour_state(2)
     rig.state(3)
     assert rig.controllers.neighbour_states[0, 0]["step"] == 2
+
+
+def test_the_first_step_waits_for_a_neighbour_that_has_no_processor_yet(rig: Rig) -> None:
+    late = threading.Timer(0.3, rig.send_neighbour_state, (0,))
+    late.start()
+    rig.state(0)
+    late.join()
+    assert rig.link.formation.heard_step[0] == 0
+    assert rig.controllers.weights[0, 0] == 1.0
+
+
+def test_a_state_of_step_0_is_sent_once_before_that_step(rig: Rig) -> None:
+    """A neighbour that is not yet so far would take a second one for it."""
+    rig.send_neighbour_state(0)
+    rig.state(0)
+    assert rig.heard(rig.neighbour) == [codec.MessageId.NEIGHBOUR]
+    assert rig.link.simulator.step_done[0]["silent"] == 1
+    rig.state(1)
+    assert rig.heard(rig.neighbour) == [codec.MessageId.NEIGHBOUR]
+    assert rig.link.simulator.step_done[0]["silent"] == 0
 
 
 def test_a_state_in_the_socket_is_taken_even_if_the_process_is_late(
