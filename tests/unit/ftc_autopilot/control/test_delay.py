@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from steps import NOTHING
 
 from ftc_autopilot.control.controllers import Controllers, Source, new_controllers
 from ftc_autopilot.control.reference import profile_record
@@ -91,7 +92,8 @@ def test_the_prediction_solves_the_equations(nominal: np.void) -> None:
         note_commands(memory, step, sent[step], 0.0, STEP_US)
     memory["periods"] = links
     x = np.array([0.0, 0.0, -90.0, 44.0, 2.0, 3.0, 0.2, 0.1, 3.0, 0.5, -0.4, 0.2])
-    unexplained = np.array([0.7, -0.4, 1.2])
+    force_0 = (0.7, -0.4, 1.2)
+    unexplained = np.array(force_0)
 
     def force(x: np.ndarray, thrust: float) -> np.ndarray:
         air = aerodynamics(vec3(x[3:6] - wind), vec3(x[9:12]), nominal)
@@ -108,17 +110,10 @@ def test_the_prediction_solves_the_equations(nominal: np.void) -> None:
             _: float, y: np.ndarray, d: tuple[float, ...] = (da, de, dr), T: float = thrusts[k + 1]
         ) -> np.ndarray:
             y = np.concatenate([y[:3], y[3:6] - wind, y[6:]])
-            return np.ravel(
-                state_derivative(
-                    load_state(y),
-                    T,
-                    vec3(d),
-                    vec3(unexplained),
-                    (0.0, 0.0, 0.0),
-                    STILL_AIR,
-                    nominal,
-                )
+            parts = state_derivative(
+                load_state(y), T, (d[0], d[1], d[2]), force_0, NOTHING, STILL_AIR, nominal
             )
+            return np.concatenate([*parts])
 
         x = solve_ivp(slope, (0.0, STEP_US / 1e6), x, rtol=1e-9, atol=1e-12).y[:, -1]
     assert result["velocity"] == pytest.approx(x[3:6], abs=1e-5)

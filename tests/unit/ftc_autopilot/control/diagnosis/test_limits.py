@@ -4,6 +4,7 @@ All amounts are in degrees here; the numbers are the defaults of `DiagnosisParam
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,7 +70,7 @@ def shown(
 def test_a_jump_counts_beyond_threshold_and_noise(
     side: float, sigma: float, threshold: float
 ) -> None:
-    known = {"mean": 0.7, "smooth": 0.7, "drift_mean": 0.7, "variance": sigma**2}
+    known: dict[str, Any] = {"mean": 0.7, "smooth": 0.7, "drift_mean": 0.7, "variance": sigma**2}
     assert phase_of(shown(0.7 + side * 0.99 * threshold, **known)) == HEALTHY
     raised = shown(0.7 + side * 1.01 * threshold, long_var_u=9.0, long_cov=-5.0, **known)
     assert phase_of(raised) == SUSPECT
@@ -99,7 +100,7 @@ def test_the_residual_is_smoothed_over_15_ms() -> None:
     ("fields", "age"),
     [({"lost": 1}, 3.0), ({"holdoff_s": 1e-4}, 3.0), ({"blanking_s": 0.004}, 3.0), ({}, 0.0999)],
 )
-def test_a_jump_that_may_not_count(fields: dict[str, float], age: float) -> None:
+def test_a_jump_that_may_not_count(fields: dict[str, Any], age: float) -> None:
     found = shown(3.0, age, **fields)
     assert found["suspect_s"] == 0.0
     assert found["holdoff_s"] == 0.0
@@ -140,7 +141,7 @@ def test_a_jump_blanks_the_measurement_until_its_filter_has_passed() -> None:
 
 @pytest.mark.parametrize(("age", "memory_s"), [(0.05, 0.1), (2.0, 2.0), (9.0, 5.0)])
 def test_mean_and_variance_of_the_residual(age: float, memory_s: float) -> None:
-    known = {"mean": 0.2, "smooth": 0.8, "drift_mean": 0.5}
+    known: dict[str, Any] = {"mean": 0.2, "smooth": 0.8, "drift_mean": 0.5}
     found = shown(1.7, age, variance=0.5, smooth_variance=0.25, **known)
     smooth = 0.8 + DT / 0.015 * 0.9
     assert found["mean"] == pytest.approx(0.2 + DT / 0.15 * 1.5)
@@ -166,7 +167,7 @@ def test_what_a_suspect_actuator_shows_is_no_noise() -> None:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_drift_counts_beyond_1_6_thresholds(side: float) -> None:
-    def drifted(by: float, age: float = 3.0, **fields: float) -> np.void:
+    def drifted(by: float, age: float = 3.0, **fields: Any) -> np.void:
         r = 0.4 + side * by * 2.0
         return shown(r, age, drift_mean=0.4, mean=r, smooth=r, **fields)
 
