@@ -32,16 +32,24 @@ _CONTROL = tuple(
     for name in ("test_vectors_controller", "test_successive_steps", "laws/test_courses")
 )
 _PLANT = tuple(
-    f"{_P}/{name}" for name in ("test_vectors_plant", "test_successive_steps", "test_courses")
+    f"{_P}/{name}"
+    for name in ("test_vectors_plant", "test_successive_steps", "test_plant", "test_courses")
 )
 _TRIGGERS = (*_CONTROL, f"{_C}/triggers/test_triggers", f"{_C}/test_trigger")
-_DIAGNOSIS = (*_CONTROL, f"{_C}/diagnosis/test_decisions", f"{_C}/diagnosis/test_courses")
-_SURVIVING = (*_CONTROL, f"{_C}/laws/test_surviving_gains")
+_DIAGNOSIS = (
+    *_CONTROL,
+    *(f"{_C}/diagnosis/{name}" for name in ("test_decisions", "test_limits", "test_courses")),
+)
+_SURVIVING = (
+    *_CONTROL,
+    *(f"{_C}/laws/{name}" for name in ("test_surviving_gains", "test_surviving_trims")),
+    f"{_C}/diagnosis/test_courses",
+)
 _TUBE = (*_CONTROL, f"{_C}/laws/test_tube_parts")
 TESTS = {
     f"{_C}/speed.py": _CONTROL,
     f"{_C}/attitude.py": _CONTROL,
-    f"{_C}/inversion.py": (*_CONTROL, f"{_C}/test_laws"),
+    f"{_C}/inversion.py": (*_CONTROL, f"{_C}/test_laws", f"{_C}/test_finite_commands"),
     f"{_C}/rbf.py": _CONTROL,
     f"{_C}/reference.py": (*_CONTROL, f"{_C}/test_reference"),
     f"{_C}/synchronisation_errors.py": (*_CONTROL, f"{_C}/test_formation"),
@@ -75,7 +83,7 @@ TESTS = {
     f"{_C}/diagnosis/instrument.py": (f"{_C}/diagnosis/test_instrument", *_DIAGNOSIS),
     f"{_C}/diagnosis/decisions.py": _DIAGNOSIS,
     f"{_C}/diagnosis/diagnose.py": _DIAGNOSIS,
-    f"{_C}/diagnosis/excitation.py": _DIAGNOSIS,
+    f"{_C}/diagnosis/excitation.py": (f"{_C}/diagnosis/test_excitation", *_DIAGNOSIS),
     f"{_P}/aerodynamics.py": (*_PLANT, f"{_P}/test_aerodynamics"),
     f"{_P}/rigid_body.py": (*_PLANT, f"{_P}/test_rigid_body"),
     f"{_P}/servo.py": (*_PLANT, f"{_P}/test_servo"),

@@ -14,6 +14,7 @@ from sitl_plant.aerodynamics import (
     balanced_alpha,
     carried,
     carried_linearly,
+    control_effectiveness,
     drag,
     lateral,
     longitudinal,
@@ -79,6 +80,15 @@ def test_the_longitudinal_model_is_the_models_slope(nominal: np.void) -> None:
     assert air.moment_by_alpha == pytest.approx(by_alpha[1], rel=1e-5)
     assert air.moment_by_q == pytest.approx(by_q[1], rel=1e-5)
     assert rate_damping(V, nominal) == pytest.approx((by_p[0], by_q[1]), rel=1e-5)
+
+
+def test_the_effect_of_the_surfaces_grows_with_the_square_of_the_airspeed(nominal: np.void) -> None:
+    per_V2 = control_effectiveness(nominal)
+    for omega, beta in (((0.0, 0.0, 0.0), 0.0), ((0.5, -0.3, 0.2), 0.1)):
+        air, still = flown(nominal, beta, 0.1, omega), flown(nominal, beta, 0.1)
+        assert nominal["J_inv"] @ np.array(air.C) == pytest.approx(V**2 * per_V2)
+        turned = np.subtract(moment(still, (0.1, -0.2, 0.3)), still.N)
+        assert nominal["J_inv"] @ turned == pytest.approx(V**2 * per_V2 @ (0.1, -0.2, 0.3))
 
 
 def test_an_elevator_has_its_balanced_angle_of_attack(nominal: np.void) -> None:

@@ -22,7 +22,7 @@ from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS
 from mavlink_defs.framing.codec import SIM_STATE
-from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.aerodynamics import aerodynamics, control_effectiveness
 from sitl_plant.aircraft import COEFFICIENTS, aircraft_record
 from sitl_plant.config import Aircraft
 
@@ -168,7 +168,7 @@ def test_an_aircraft_without_a_rudder_is_refused_with_the_reason(
     [
         ({"cm_de": 0.0}, "by its elevator"),
         ({"cl_da": 0.0, "cn_da": 1e-9}, "by its aileron"),
-        (dict.fromkeys(surfaces, 0.0), "by its"),
+        (dict.fromkeys(surfaces, 0.0), "of the surfaces is 0,"),
     ],
 )
 def test_the_weak_surface_is_named(
@@ -188,6 +188,45 @@ def test_surfaces_that_do_the_same_are_named_together(scenario1: Scenario) -> No
     assert problem is not None
     assert "aileron and rudder" in problem
     assert ACTUATORS[1] not in problem
+
+
+def with_rudder_like_aileron(scenario: Scenario, times: float) -> Aircraft:
+    """An aircraft whose rudder does what its aileron does, so many times as strongly."""
+    tree = scenario.model_dump()["aircraft"]
+    for axis in "ln":
+        tree["coefficients"][f"c{axis}_dr"] = times * tree["coefficients"][f"c{axis}_da"]
+    return Aircraft.model_validate(tree)
+
+
+@pytest.mark.parametrize(
+    ("times", "names"),
+    [(0.1, "by its rudder:"), (0.5, "by its aileron and rudder:"), (10.0, "by its aileron:")],
+)
+def test_a_surface_is_named_if_it_has_a_share_in_what_is_weak(
+    times: float, names: str, scenario1: Scenario
+) -> None:
+    problem = inversion_problem(with_rudder_like_aileron(scenario1, times))
+    assert problem is not None
+    assert names in problem
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3, 1e4])
+def test_an_effect_is_judged_relative_to_the_largest_one(size: float, scenario1: Scenario) -> None:
+    """Of an aircraft of any size, even if no surface makes 1 rad/s² at 1 m/s."""
+    tree = scenario1.model_dump()["aircraft"]
+    tree["wing_area_m2"] *= size
+    effect = control_effectiveness(aircraft_record(Aircraft.model_validate(tree)))
+    elevator = tree["coefficients"]["cm_de"] / effect[1, 1]
+    largest = float(np.linalg.norm(effect[np.ix_([0, 2], [0, 2])], 2))
+    for ratio in (1.01e-3, 0.9e-3, 0.2e-3):
+        tree["coefficients"]["cm_de"] = elevator * ratio * largest
+        problem = inversion_problem(Aircraft.model_validate(tree))
+        if ratio > 1e-3:
+            assert problem is None
+        else:
+            assert problem is not None
+            assert "by its elevator: ratio of least to largest effect" in problem
+            assert f"of the surfaces is {ratio:.3g}," in problem
 
 
 def test_a_law_whose_gains_do_not_exist_says_so(scenario1: Scenario) -> None:

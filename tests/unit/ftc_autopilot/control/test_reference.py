@@ -51,6 +51,13 @@ def test_a_ramp_goes_from_the_values_before_to_its_own_the_short_way_round() -> 
     assert wrap(middle[3]) == pytest.approx(math.pi)
 
 
+def test_the_filter_starts_at_rest() -> None:
+    x = np.full((4, 3), 7.0)
+    start_filter(np.array([40.0, 0.1, -0.2, 3.0]), x)
+    assert x[:, 0].tolist() == [40.0, 0.1, -0.2, 3.0]
+    assert not x[:, 1:].any()
+
+
 def test_the_filter_settles_on_the_command_without_overshoot() -> None:
     x = np.zeros((4, 3))
     start_filter(np.array([40.0, 0.0, 0.0, math.radians(170.0)]), x)

@@ -82,6 +82,29 @@ def test_measured_shows_a_fault_of_its_own_actuator_alone(
     assert np.allclose(late, expected, atol=0.002 if channel < 3 else 1.0)
 
 
+@pytest.mark.parametrize("ahead", [0, 1, 5, 127, 128, 500])
+def test_the_commands_are_as_old_as_the_measurement(ahead: int, scenario1: Scenario) -> None:
+    """Up to 127 periods, over which they are remembered; older ones count as that old."""
+    gains, state = servo(0.0), np.zeros(1, DIAGNOSIS)[0]
+    plant = new_plant_state(scenario1.plant_config())
+    observe(plant, 0, 0, STEP_US)
+    motion = motion_of(plant.messages[0], plant.aircraft[0])
+    found, steps = [], 300
+    for step in range(steps):
+        now = step_of(motion, step == 0, held=1e-3 * step * np.array([1.0, 2.0, 3.0, 4.0]))
+        now = now._replace(seen=now.seen._replace(ahead=ahead, links=max(ahead - 2, 0)))
+        measure(now, plant.aircraft[0], gains, state)
+        state["age"] += DT
+        found.append(state["actuators"]["position"].copy())
+    sent = steps - 1 - min(ahead, 127)
+    assert found[-1][:3] == pytest.approx(1e-3 * sent * np.array([1.0, 2.0, 3.0]))
+    assert found[-1][THROTTLE] == pytest.approx(4e-3 * (steps - 1 - min(max(ahead - 2, 0), 127)))
+    state["actuators"]["dead_steps"] = 3
+    measure(now, plant.aircraft[0], gains, state)
+    sent = steps - min(ahead + 3, 127)
+    assert state["actuators"]["position"][RUDDER] == pytest.approx(3e-3 * min(sent, steps - 1))
+
+
 def servo(lag_s: float, rate_limit_deg_s: float = 1e6) -> np.void:
     """Parameters of the diagnosis with this model of the surfaces' servos."""
     gains: np.void = np.zeros(1, record_dtype(DiagnosisParameters))[0]

@@ -13,7 +13,7 @@ from steps import COMMANDS, NOTHING, step_of
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.control.controller import parameter_record
 from ftc_autopilot.control.laws.tube import Tube
-from ftc_autopilot.control.laws.tube.check import trim
+from ftc_autopilot.control.laws.tube.check import check, trim
 from ftc_autopilot.control.laws.tube.fallback import (
     coarser,
     fallback_flies,
@@ -248,6 +248,28 @@ def test_of_the_changes_that_stay_in_the_least_squares_one_is_taken() -> None:
     assert plan.leaves == 2
     at_the_stop = best_change(error, influence, width, 0, 1.0, -0.1, 9.0)
     assert at_the_stop.change == pytest.approx(-0.1)
+
+
+@pytest.mark.parametrize(("settle_s", "row"), [(0.3, 20), (0.585, 39), (9.0, 39)])
+def test_a_plan_without_room_meets_the_path_when_it_has_settled(
+    settle_s: float, row: int, nominal: np.void
+) -> None:
+    """At the end of what is predicted if that is sooner; pitch is planned last."""
+    gains, state = gains_of(settle_s=(settle_s,) * 4, plan_share=(0.0,) * 4), new_state()
+    state["omega"] = STATE[3]
+    errors = FormationErrors(0.0, (0.0, 0.001, 0.0), 0.0, (0.0, 0.005, 0.0), 1.0, 5.0, 0.0, NOTHING)
+    motion, commands = measured(nominal), COMMANDS.copy()
+    command, filtered = np.array([motion.V, 0.05, 0.099, 0.3]), np.zeros((4, 3))
+    filtered[:, 0] = command
+    now = on_the_way(errors, command, filtered)._replace(motion=motion, first=True)
+    assert check(now, commands.copy(), False, nominal, gains, state, commands) == ALL
+    path, width, outputs = (np.empty((4, 40)) for _ in range(3))
+    start = Start(STATE, commands, IDEAL, np.zeros(6), np.zeros(6), 0.13)
+    predict(start, commands, 0.015, 40, nominal, outputs)
+    build_tube(now, 40, gains, path, width)
+    to_errors(outputs, path, 40)
+    assert int(np.abs(outputs[2, 10:]).argmin()) + 10 == row
+    assert abs(outputs[2, row]) < 0.05 * np.abs(np.diff(outputs[2]))[row - 1]
 
 
 # the observer and the trim

@@ -1,0 +1,523 @@
+"""Each condition of a suspicion or a decision, just inside and just outside its limit.
+
+All amounts are in degrees here; the numbers are the defaults of `DiagnosisParameters`.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
+from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.control.diagnosis import DiagnosisParameters
+from ftc_autopilot.control.diagnosis.decisions import (
+    decide,
+    monitor,
+    phase_of,
+    stop_suspected,
+    watch_stop,
+)
+from ftc_autopilot.control.diagnosis.parameters import Limits
+from ftc_autopilot.control.diagnosis.state import ACTUATOR
+from sitl_plant.hardware import ActuatorServos
+
+DT, FILTER_S = 1e-3, 0.01
+LIMITS = Limits(
+    jump=2.0,
+    smooth_jump=math.inf,
+    swing=1.5,
+    excitation=1.2,
+    prior=0.4,
+    window=0.06,
+    confirm=0.008,
+    offset=0.06,
+    suspicion=0.6,
+    ahead=0.005,
+    quiet=0.52,
+    check=-10.0,
+)
+SMOOTH = LIMITS._replace(jump=50.0, smooth_jump=0.5)
+"""Of an actuator whose jumps only the smoothed residual shows."""
+GAINS = np.zeros(1, record_dtype(DiagnosisParameters))[0]
+fill(GAINS, DiagnosisParameters().with_servos(ActuatorServos()))
+
+
+def actuator_with(**fields: float) -> np.void:
+    actuator: np.void = np.zeros(1, ACTUATOR)[0]
+    actuator["effectiveness"], actuator["decided_s"] = 1.0, 9.0
+    for name, value in fields.items():
+        actuator[name] = value
+    return actuator
+
+
+def shown(
+    r: float, age: float = 3.0, limits: Limits = LIMITS, steps: int = 1, **fields: float
+) -> np.void:
+    """An actuator with half of its effect, of which some steps show this residual."""
+    actuator = actuator_with(effectiveness=0.5, commanded=0.6, measured=0.3 + r, **fields)
+    for k in range(steps):
+        monitor(actuator, limits, age + k * DT, DT, GAINS)
+    return actuator
+
+
+# suspicions
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("sigma", "threshold"), [(0.0, 2.0), (0.3, 2.0), (0.5, 2.5)])
+def test_a_jump_counts_beyond_threshold_and_noise(
+    side: float, sigma: float, threshold: float
+) -> None:
+    known: dict[str, Any] = {"mean": 0.7, "smooth": 0.7, "drift_mean": 0.7, "variance": sigma**2}
+    assert phase_of(shown(0.7 + side * 0.99 * threshold, **known)) == HEALTHY
+    raised = shown(0.7 + side * 1.01 * threshold, long_var_u=9.0, long_cov=-5.0, **known)
+    assert phase_of(raised) == SUSPECT
+    assert raised["dither_sign"] == -side
+    times = [raised[name] for name in ("suspect_s", "holdoff_s", "cooldown_s", "blanking_s")]
+    assert times == pytest.approx([0.6 - DT, 0.25 - DT, 3.1 - DT, 0.015])
+    forgotten = 0.1 * (1.0 - DT / 0.3)
+    assert [raised["long_var_u"], raised["long_cov"]] == pytest.approx(
+        [9.0 * forgotten, -5.0 * forgotten]
+    )
+
+
+@pytest.mark.parametrize(("sigma", "threshold"), [(0.0, 0.5), (0.1, 0.5), (0.2, 0.7)])
+def test_a_smoothed_jump_counts_beyond_threshold_and_noise(sigma: float, threshold: float) -> None:
+    for side in (1.0, -1.0):
+        for share, phase in ((0.99, HEALTHY), (1.01, SUSPECT)):
+            away = side * share * threshold
+            found = shown(away, limits=SMOOTH, smooth=away, smooth_variance=sigma**2)
+            assert phase_of(found) == phase
+
+
+def test_the_residual_is_smoothed_over_15_ms() -> None:
+    assert shown(1.5, smooth=0.3)["smooth"] == pytest.approx(0.3 + DT / 0.015 * 1.2)
+
+
+@pytest.mark.parametrize(
+    ("fields", "age"),
+    [({"lost": 1}, 3.0), ({"holdoff_s": 1e-4}, 3.0), ({"blanking_s": 0.004}, 3.0), ({}, 0.0999)],
+)
+def test_a_jump_that_may_not_count(fields: dict[str, Any], age: float) -> None:
+    found = shown(3.0, age, **fields)
+    assert found["suspect_s"] == 0.0
+    assert found["holdoff_s"] == 0.0
+    assert phase_of(shown(3.0, 0.1001)) == SUSPECT
+
+
+@pytest.mark.parametrize(
+    ("smoothed", "cooldown_s", "phase"),
+    [
+        (0.6, 0.0, SUSPECT),
+        (0.6, 1e-3, HEALTHY),  # slight: the whole cooldown
+        (1.2, 0.499, SUSPECT),  # clear: 0.5 s less
+        (1.2, 0.501, HEALTHY),
+    ],
+)
+def test_no_suspicion_is_raised_in_a_cooldown(
+    smoothed: float, cooldown_s: float, phase: int
+) -> None:
+    found = shown(smoothed, limits=SMOOTH, smooth=smoothed, cooldown_s=cooldown_s)
+    assert phase_of(found) == phase
+    assert found["blanking_s"] == pytest.approx(0.015)  # of the measurement, all the same
+
+
+def test_a_jump_blanks_the_measurement_until_its_filter_has_passed() -> None:
+    for r, limits, steps in ((9.0, LIMITS, 15), (0.6, SMOOTH, 5)):  # clear, and slight
+        actuator = shown(r, limits=limits, smooth=r)
+        left = 0
+        while actuator["blanking_s"] > 0.0:
+            assert actuator["mean"] != pytest.approx(r, rel=1e-3)
+            monitor(actuator, limits, 3.0, DT, GAINS)
+            assert (actuator["samples"], actuator["var_u"]) == (0.0, 0.0)
+            left += 1
+        assert left in {steps, steps + 1}
+        assert actuator["mean"] == actuator["smooth"] == pytest.approx(r)
+        monitor(actuator, limits, 3.0, DT, GAINS)
+        assert actuator["samples"] == 1.0
+
+
+@pytest.mark.parametrize(("age", "memory_s"), [(0.05, 0.1), (2.0, 2.0), (9.0, 5.0)])
+def test_mean_and_variance_of_the_residual(age: float, memory_s: float) -> None:
+    known: dict[str, Any] = {"mean": 0.2, "smooth": 0.8, "drift_mean": 0.5}
+    found = shown(1.7, age, variance=0.5, smooth_variance=0.25, **known)
+    smooth = 0.8 + DT / 0.015 * 0.9
+    assert found["mean"] == pytest.approx(0.2 + DT / 0.15 * 1.5)
+    assert found["variance"] == pytest.approx(0.5 + DT / memory_s * (1.5**2 - 0.5))
+    by_smooth = 0.25 + DT / memory_s * ((smooth - 0.2) ** 2 - 0.25)
+    assert found["smooth_variance"] == pytest.approx(by_smooth)
+
+
+def test_a_jump_counts_as_noise_up_to_its_threshold() -> None:
+    far = shown(-9.0, lost=1, variance=1.0)
+    assert far["variance"] == pytest.approx(1.0 + DT / 3.0 * (5.0**2 - 1.0))
+    far = shown(-9.0, limits=SMOOTH, smooth=-9.0, lost=1, smooth_variance=1.0)
+    assert far["smooth_variance"] == pytest.approx(1.0 + DT / 3.0 * (3.5**2 - 1.0))
+
+
+def test_what_a_suspect_actuator_shows_is_no_noise() -> None:
+    found = shown(1.5, variance=0.5, smooth_variance=0.25, suspect_s=0.3)
+    assert (found["variance"], found["smooth_variance"]) == (0.5, 0.25)
+    before = shown(1.5, variance=0.5, smooth_variance=0.25, limits=LIMITS._replace(check=3.1))
+    assert before["variance"] == 0.5
+    assert before["smooth_variance"] < 0.25
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_drift_counts_beyond_1_6_thresholds(side: float) -> None:
+    def drifted(by: float, age: float = 3.0, **fields: Any) -> np.void:
+        r = 0.4 + side * by * 2.0
+        return shown(r, age, drift_mean=0.4, mean=r, smooth=r, **fields)
+
+    assert phase_of(drifted(1.59)) == HEALTHY
+    raised = drifted(1.61)
+    assert phase_of(raised) == SUSPECT
+    assert raised["dither_sign"] == -side
+    assert raised["drift_mean"] == pytest.approx(0.4 + DT / 4.0 * side * 3.22)
+    assert phase_of(drifted(1.61, lost=1)) == LOST
+    assert drifted(1.61, lost=1)["suspect_s"] == 0.0
+    assert phase_of(drifted(1.61, 1.499)) == HEALTHY
+    assert phase_of(drifted(1.61, cooldown_s=0.01)) == HEALTHY
+
+
+def test_the_slow_mean_follows_at_once_for_a_second() -> None:
+    for age, known in ((0.999, 1.0), (1.001, DT / 4.0)):
+        found = shown(1.5, age, drift_mean=-0.5)
+        assert found["drift_mean"] == pytest.approx(-0.5 + known * 2.0)
+
+
+def test_swings_are_counted_when_the_side_changes() -> None:
+    limits = LIMITS._replace(jump=50.0)
+    actuator = actuator_with()
+    counted = 0.0
+    for k, (r, more) in enumerate([(1.6, 1), (1.7, 0), (-1.4, 0), (-1.6, 1), (-9.0, 0), (1.51, 1)]):
+        actuator["measured"] = actuator["smooth"] = r
+        actuator["mean"] = 0.0
+        monitor(actuator, limits, 3.0 + k * DT, DT, GAINS)
+        counted += more - DT / 1.5 * counted
+        assert actuator["swings"] == pytest.approx(counted)
+        assert actuator["side"] == (1.0 if k in {0, 1, 2, 5} else -1.0)
+    early = actuator_with(measured=2.0, smooth=2.0)
+    monitor(early, limits, 1.499, DT, GAINS)
+    assert early["swings"] == 0.0
+
+
+def test_each_actuator_is_checked_once_after_the_start() -> None:
+    limits = LIMITS._replace(check=0.06)
+    for r, sign in ((0.5, -1.0), (0.0, -1.0), (-0.5, 1.0)):
+        actuator, suspected = actuator_with(measured=r), []
+        for k in range(1, 100):
+            monitor(actuator, limits, k * DT, DT, GAINS)
+            suspected.append(phase_of(actuator) == SUSPECT)
+            if k == 60:
+                assert actuator["samples"] == 0.0
+                assert actuator["suspect_s"] == pytest.approx(0.6)
+        assert suspected.index(True) in {59, 60}
+        assert actuator["dither_sign"] == sign
+        assert actuator["suspect_s"] == pytest.approx(0.6 - 0.039, abs=1.1e-3)
+
+
+# the stop test
+
+
+def stopped(
+    r: float, steps: int, at_stop: bool = True, limits: Limits = LIMITS, **fields: float
+) -> np.void:
+    actuator = actuator_with(effectiveness=0.5, commanded=30.0, measured=15.0 + r, **fields)
+    for _ in range(steps):
+        watch_stop(actuator, limits, at_stop, DT, GAINS)
+    return actuator
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_large_residual_at_the_stop_is_suspected_after_100_ms(side: float) -> None:
+    """Whatever the cooldown."""
+    assert phase_of(stopped(side * 2.01, 99, cooldown_s=2.0)) == HEALTHY
+    raised = stopped(side * 2.01, 101, cooldown_s=2.0)
+    assert phase_of(raised) == SUSPECT
+    assert stop_suspected(raised, GAINS)
+    assert raised["dither_sign"] == -side
+    assert raised["suspect_s"] == 0.6
+    raised["suspect_s"] = 0.0  # it has ended
+    for more, phase in ((299, HEALTHY), (3, SUSPECT)):
+        for _ in range(more):
+            watch_stop(raised, LIMITS, True, DT, GAINS)
+        assert phase_of(raised) == phase
+
+
+def test_the_time_at_the_stop_is_counted_without_a_break() -> None:
+    assert stopped(1.99, 200)["stop_s"] == 0.0
+    assert stopped(9.0, 200, at_stop=False)["stop_s"] == 0.0
+    assert stopped(9.0, 200, lost=1)["stop_s"] == 0.0
+    assert stopped(9.0, 200, suspect_s=0.1)["stop_s"] == 0.0
+    actuator = stopped(9.0, 90)
+    watch_stop(actuator, LIMITS, False, DT, GAINS)
+    assert actuator["stop_s"] == 0.0
+    actuator["stop_s"] = -0.15
+    watch_stop(actuator, LIMITS, False, DT, GAINS)
+    assert actuator["stop_s"] == -0.15
+
+
+# decisions
+
+
+def decided(
+    actuator: np.void,
+    steps: int,
+    age: float = 3.0,
+    limits: Limits = LIMITS,
+    is_throttle: bool = False,
+) -> int:
+    """Phase after decisions whose window and long memory stay as they are."""
+    for k in range(steps):
+        decide(actuator, 0.0, limits, age + k * DT, DT, GAINS, is_throttle)
+    return int(phase_of(actuator))
+
+
+def flat(**changes: float) -> np.void:
+    """A suspect actuator that has not moved while its command did, ρ = 0.09."""
+    fields = {"suspect_s": 0.5, "samples": 100.0, "var_u": 1.3**2, "variance": 0.1**2}
+    return actuator_with(**fields | changes)
+
+
+def cov_for(rho: float, var_u: float = 1.3**2, prior: float = 0.4**2) -> float:
+    """Covariance with which ρ is found."""
+    return rho * (var_u + prior) - prior
+
+
+LOST_BY: dict[str, tuple[dict[str, float], dict[str, float]]] = {
+    "excited enough": ({"var_u": 1.21**2}, {"var_u": 1.19**2}),
+    "more than the noise": ({"variance": 0.61**2}, {"variance": 0.63**2}),
+    "after 6 ms": ({"samples": 7.0}, {"samples": 5.0}),
+    "little effect": ({"cov": cov_for(0.199)}, {"cov": cov_for(0.201)}),
+    "less than half of what it had": (
+        {"cov": cov_for(0.149), "effectiveness": 0.3},
+        {"cov": cov_for(0.151), "effectiveness": 0.3},
+    ),
+    "surely": (
+        {"samples": 15.0, "variance": 0.46**2},
+        {"samples": 15.0, "variance": 0.47**2},
+    ),
+    "surely less than half": (  # ρ + 1.5 σ below 0.1 + 0.2
+        {"samples": 15.0, "variance": 0.193**2, "effectiveness": 0.2},
+        {"samples": 15.0, "variance": 0.194**2, "effectiveness": 0.2},
+    ),
+    "flat": ({"var_y": 0.111}, {"var_y": 0.112}),  # 2.5² · 0.01 + 0.17² · 1.69
+    "flat for its command": (
+        {"var_y": 0.67, "variance": 0.4**2},
+        {"var_y": 0.68, "variance": 0.4**2},
+    ),
+    "flat in any noise": (  # that counts up to 0.5°
+        {"var_y": 1.82, "variance": 0.6**2, "var_u": 9.0},
+        {"var_y": 1.83, "variance": 0.6**2, "var_u": 9.0},
+    ),
+    "suspect": ({}, {"suspect_s": 0.0}),
+}
+
+
+@pytest.mark.parametrize("name", LOST_BY)
+def test_an_actuator_is_lost_within_each_limit(name: str) -> None:
+    inside, outside = LOST_BY[name]
+    assert decided(flat(**inside), 10) == LOST
+    assert decided(flat(**outside), 10) != LOST
+
+
+def test_a_loss_is_confirmed_for_8_ms_without_a_break() -> None:
+    actuator = flat()
+    assert decided(actuator, 7) == SUSPECT
+    actuator["var_u"] = 0.5
+    assert decided(actuator, 1) == SUSPECT
+    actuator["var_u"] = 1.3**2
+    assert decided(actuator, 7) == SUSPECT
+    assert decided(actuator, 2) == LOST
+    assert decided(flat(), 10, 0.045) == SUSPECT  # too soon after the start
+    assert decided(flat(), 10, 0.0605) == LOST
+
+
+def test_a_lost_actuator_is_stuck_where_it_is() -> None:
+    fields = {"measured": 4.0, "commanded": 1.0, "offset": 0.5, "effectiveness": 0.8}
+    fields |= {"long_var_u": 3.0, "long_cov": 2.0, "long_var_y": 1.0, "quiet_s": 1.0}
+    actuator = flat(**fields)
+    steps = 0
+    while decided(actuator, 1) != LOST:
+        steps += 1
+    assert steps in {8, 9}
+    assert actuator["stuck"] == 4.0
+    assert (actuator["offset"], actuator["effectiveness"]) == (0.0, 1.0)
+    names = ("decided_s", "confirmed_s", "quiet_s", "suspect_s", "z_s")
+    assert [actuator[name] for name in names] == [0.0] * 5
+    assert [actuator[f"long_{name}"] for name in ("var_u", "cov", "var_y")] == [0.0] * 3
+
+
+def following(**changes: float) -> np.void:
+    """A suspect actuator that moves as its command does."""
+    return flat(cov=1.3**2, var_y=1.3**2, **changes)
+
+
+CLEARED_BY: dict[str, tuple[dict[str, float], dict[str, float]]] = {
+    "moved enough": ({"var_u": 0.85**2, "cov": 0.85**2}, {"var_u": 0.83**2, "cov": 0.83**2}),
+    "half, less its error": ({"cov": cov_for(0.544)}, {"cov": cov_for(0.541)}),
+    "half of what it had": (
+        {"cov": cov_for(0.344), "effectiveness": 0.6},
+        {"cov": cov_for(0.341), "effectiveness": 0.6},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CLEARED_BY)
+def test_a_suspicion_ends_within_each_limit(name: str) -> None:
+    inside, outside = CLEARED_BY[name]
+    for changes, phase in ((inside, HEALTHY), (outside, SUSPECT)):
+        fields = {"suspect_s": 0.5, "samples": 100.0, "var_u": 1.3**2, "variance": 0.1**2}
+        actuator = actuator_with(**fields | {"var_y": 1.3**2} | changes)
+        assert decided(actuator, 10) == phase
+
+
+def test_a_suspicion_ends_after_8_ms_without_a_break() -> None:
+    actuator = following(holdoff_s=0.2, cooldown_s=2.0)
+    assert decided(actuator, 7) == SUSPECT
+    actuator["cov"] = 0.0
+    decided(actuator, 1)
+    actuator["cov"] = 1.3**2
+    assert decided(actuator, 7) == SUSPECT
+    assert decided(actuator, 2) == HEALTHY
+    assert actuator["holdoff_s"] == 0.05
+    assert actuator["cooldown_s"] == 2.0
+    sooner = following(holdoff_s=0.02)
+    assert decided(sooner, 10) == HEALTHY
+    assert sooner["holdoff_s"] == 0.02
+
+
+def test_confidence_is_what_the_standard_error_leaves() -> None:
+    for variance, left in ((0.0, 1.0), (0.1, None), (100.0, 0.0)):
+        actuator = flat(variance=variance)
+        decided(actuator, 1)
+        expected = 1.0 - math.sqrt(variance / 1.85 / 3.0) if left is None else left
+        assert actuator["confidence"] == pytest.approx(expected)
+
+
+# back in service
+
+
+def gone(**changes: float) -> np.void:
+    """A lost actuator that has followed its probe for long, offset by 9°."""
+    fields = {"lost": 1.0, "stuck": 10.0, "measured": 10.0, "commanded": 1.0}
+    return actuator_with(
+        **fields | {f"long_{x}": 10.0 for x in ("var_u", "cov", "var_y")} | changes
+    )
+
+
+def of_long(var_u: float, cov: float, var_y: float) -> dict[str, float]:
+    return {"long_var_u": var_u, "long_cov": cov, "long_var_y": var_y}
+
+
+RETURNS_BY: dict[str, tuple[dict[str, float], dict[str, float]]] = {
+    "excited": (of_long(0.37, 0.37, 0.37), of_long(0.35, 0.35, 0.35)),  # 0.25 · 1.2²
+    "effect": (of_long(10.0, 5.81, 3.5), of_long(10.0, 5.80, 3.5)),  # 3 · 0.4² of the prior
+    "without the prior": (of_long(0.5, 0.2755, 0.2), of_long(0.5, 0.2745, 0.2)),
+    "explained": (of_long(10.0, 10.0, 16.6), of_long(10.0, 10.0, 16.7)),  # 60 %
+}
+
+
+@pytest.mark.parametrize("name", RETURNS_BY)
+def test_an_actuator_returns_within_each_limit(name: str) -> None:
+    inside, outside = RETURNS_BY[name]
+    assert decided(gone(**inside), 60) == HEALTHY
+    assert decided(gone(**outside), 60) == LOST
+
+
+def steps_until_returned(actuator: np.void, is_throttle: bool = False) -> int:
+    limits = LIMITS._replace(jump=50.0) if is_throttle else LIMITS
+    for k in range(1000):
+        if decided(actuator, 1, limits=limits, is_throttle=is_throttle) != LOST:
+            return k + 1
+    return -1
+
+
+def test_a_return_is_confirmed_for_50_ms() -> None:
+    actuator = gone()
+    assert steps_until_returned(actuator) in {50, 51}
+    assert (actuator["effectiveness"], actuator["offset"]) == pytest.approx((1.0, 9.0))
+    assert (actuator["decided_s"], actuator["samples"]) == (0.0, 0.0)
+    assert steps_until_returned(gone(decided_s=0.0)) in {299, 300, 301}
+    assert steps_until_returned(gone(decided_s=0.0), True) in {349, 350, 351}
+
+
+def test_a_small_residual_for_half_a_second_is_a_return_of_a_surface() -> None:
+    still = of_long(0.0, 0.0, 0.0)
+    for side in (1.0, -1.0):
+        near = gone(**still, commanded=10.0 + side * 1.49)
+        assert steps_until_returned(near) in {569, 570, 571}
+        assert steps_until_returned(gone(**still, commanded=10.0 + side * 1.51)) == -1
+    assert steps_until_returned(gone(**still, commanded=10.0), True) == -1
+    once = gone(**still, commanded=10.0)
+    decided(once, 500)
+    once["commanded"] = 13.0
+    decided(once, 1)
+    once["commanded"] = 10.0
+    assert steps_until_returned(once) in {569, 570, 571}
+
+
+def test_where_a_lost_actuator_is_stuck_is_a_mean() -> None:
+    actuator = gone(**of_long(0.0, 0.0, 0.0), measured=11.5)
+    decided(actuator, 1)
+    assert actuator["stuck"] == pytest.approx(10.0 + DT / 0.15 * 1.5)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_stuck_surface_that_jumps_is_tried_again(side: float) -> None:
+    still = of_long(0.0, 0.0, 0.0)
+    for measured, is_throttle, decided_s in (
+        (10.0 + side * 2.01, False, DT * 0.0),
+        (10.0 + side * 1.99, False, 9.0 + DT),
+        (10.0 + side * 2.01, True, 9.0 + DT),
+    ):
+        actuator = gone(**still, measured=measured)
+        decided(actuator, 1, is_throttle=is_throttle)
+        assert actuator["decided_s"] == pytest.approx(decided_s)
+
+
+def tried(rho: float, seconds: float, noise: float = 0.02, suspect_s: float = 0.0) -> np.void:
+    """An actuator that is moved to and fro by 5°, lost just now or suspect; it rests at 3°."""
+    lost = suspect_s == 0.0
+    actuator = actuator_with(decided_s=0.0, lost=float(lost), suspect_s=suspect_s, measured=3.0)
+    actuator["variance"], actuator["stuck"] = noise**2, 3.0
+    random, u, dither = np.random.default_rng(4), 0.0, 0.0
+    before = phase_of(actuator)
+    for k in range(round(seconds / DT)):
+        u += DT / FILTER_S * (dither - u)
+        actuator["commanded"] = u
+        actuator["measured"] = 3.0 + rho * u + noise * random.standard_normal()
+        decide(actuator, dither, LIMITS, 3.0 + k * DT, DT, GAINS, False)
+        if phase_of(actuator) != before:
+            break
+        dither = 5.0 if k * DT % 0.07 < 0.035 else -5.0 * lost
+    return actuator
+
+
+@pytest.mark.parametrize(("rho", "found"), [(0.15, 0.15), (0.5, 0.5), (1.3, 1.0)])
+def test_what_is_left_of_an_actuator_just_lost_is_used(rho: float, found: float) -> None:
+    actuator = tried(rho, 0.5)
+    assert phase_of(actuator) == HEALTHY
+    assert actuator["effectiveness"] == pytest.approx(found, abs=0.02)
+    assert actuator["offset"] == pytest.approx(3.0, abs=0.4)
+    if rho < 1.0:
+        by_effect = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
+        assert actuator["offset"] == pytest.approx(by_effect)
+    assert phase_of(tried(rho, 0.19)) == LOST  # it has not been moved twice yet
+
+
+@pytest.mark.parametrize(("rho", "noise"), [(0.0, 0.02), (0.1, 0.02), (0.2, 1.5)])
+def test_an_actuator_with_less_than_is_sure_stays_lost(rho: float, noise: float) -> None:
+    actuator = tried(rho, 0.6, noise)
+    assert phase_of(actuator) == LOST
+    assert actuator["decided_s"] == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(
+    ("rho", "phase"), [(0.0, LOST), (0.17, LOST), (0.25, SUSPECT), (0.45, SUSPECT), (0.6, HEALTHY)]
+)
+def test_a_dither_decides_by_what_it_moves(rho: float, phase: int) -> None:
+    assert phase_of(tried(rho, 0.3, suspect_s=0.6)) == phase
